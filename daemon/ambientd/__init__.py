@@ -1,0 +1,1 @@
+"""Sensors -> estimate -> consumers; standard library and ambient_model only."""

@@ -1,0 +1,352 @@
+"""A model file is JSON, taken whole or refused with every fault and its path in one message.
+
+The unknown is refused: a key, a version, a shape. So is what cannot run: numbers that are not finite, an unstable A,
+inputs without a range. Version 1 files are read for ever; a file without a version is not a model file.
+"""
+
+import itertools
+import json
+import math
+from typing import Any
+
+from ambient_model.atomic import replacing
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.model import LEVELS_PERCENT, Band, Conformance, Discrete, Estimator, Input, Matrix, Model, Quantiles
+from ambient_model.recursion import spectral_norms
+
+FORMAT = "ambient-model"
+VERSION = 1
+_ESTIMATOR_KEYS = ("inputs", "states", "discrete", "offset", "initial", "interval")
+_KEYS = ("format", "version", "name", "created", "output", *_ESTIMATOR_KEYS, "fallbacks", "provenance", "conformance")
+_LARGEST_BYTES = 16 * 2**20
+
+
+def load_model(path: str) -> Model:
+    """The model in the file at ``path``; raises :class:`Refused` with every fault."""
+    try:
+        with open(path, "rb") as stream:
+            content = stream.read(_LARGEST_BYTES + 1)
+    except OSError as error:
+        raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+    return decode(content, path)
+
+
+def decode(content: bytes, source: str) -> Model:
+    """The model in ``content``; ``source`` names it in messages. Raises :class:`Refused` with every fault."""
+    if len(content) > _LARGEST_BYTES:
+        raise refuse(source, "", "larger than 16 MiB", "a model file is some kilobytes: is this one?")
+    if not content.strip():
+        raise refuse(source, "", "the file is empty", "export the model again with 'ambient-trainer fit'")
+    try:
+        data = json.loads(content.decode("utf-8"), object_pairs_hook=_without_doubles, parse_constant=float)
+    except json.JSONDecodeError as error:
+        raise refuse(
+            source,
+            f"line {error.lineno}, column {error.colno}",
+            f"not JSON ({error.msg})",
+            "is it cut off? export the model again",
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise refuse(source, "", f"not JSON ({error})", "export the model again with 'ambient-trainer fit'") from error
+    reading = _Reading()
+    model = reading.model(data)
+    if model is None or reading.faults:
+        raise Refused(source, reading.faults)
+    return model
+
+
+def encode(model: Model) -> str:
+    """The model as JSON text that :func:`decode` takes back to an equal model."""
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "name": model.name,
+        "created": model.created,
+        "output": model.output,
+        **_estimator_data(model.main),
+        "fallbacks": [{"without": name, **_estimator_data(fallback)} for name, fallback in model.fallbacks.items()],
+        "provenance": model.provenance,
+        "conformance": {
+            "inputs": model.conformance.inputs,
+            "outputs": [
+                {"period_s": period_s, "values": values} for period_s, values in model.conformance.outputs.items()
+            ],
+        },
+    }
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def save_model(path: str, model: Model) -> None:
+    """Write ``model`` to ``path``, whole or not at all. What :func:`load_model` would refuse is refused here."""
+    text = encode(model)
+    decode(text.encode(), path)
+    with replacing(path) as stream:
+        stream.write(text)
+
+
+def _estimator_data(estimator: Estimator) -> dict[str, Any]:
+    return {
+        "inputs": [each._asdict() for each in estimator.inputs],
+        "states": estimator.states,
+        "discrete": [each._asdict() for each in estimator.discrete],
+        "offset": estimator.offset,
+        "initial": estimator.initial,
+        "interval": {str(level): band for level, band in estimator.interval.items()},
+    }
+
+
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise ValueError(f"key {next(name for name in names if names.count(name) > 1)!r} stands twice in one object")
+    return found
+
+
+class _Reading:
+    """One pass over the decoded JSON that notes every fault and goes on."""
+
+    def __init__(self) -> None:
+        self.faults: list[Fault] = []
+
+    def fault(self, place: str, problem: str, mend: str) -> None:
+        self.faults.append(Fault(place, problem, mend))
+
+    def model(self, data: Any) -> Model | None:
+        if not isinstance(data, dict):
+            self.fault("", f"holds {_kind(data)}, not an object", "is this a model file?")
+            return None
+        if data.get("format") != FORMAT:
+            self.fault("format", f"is {_short(data.get('format'))}, not '{FORMAT}'", "is this a model file?")
+            return None
+        if type(data.get("version")) is not int or data["version"] != VERSION:
+            self.fault(
+                "version",
+                f"is {_short(data.get('version'))}, and only {VERSION} is known",
+                "export the model again, or update ambientd",
+            )
+            return None
+        self.keys("", data, _KEYS)
+        model = Model(
+            name=self.text("name", data.get("name")),
+            created=self.text("created", data.get("created")),
+            output=self.text("output", data.get("output")),
+            main=self.estimator("", data),
+            fallbacks=self.fallbacks(data.get("fallbacks")),
+            provenance=self.object("provenance", data.get("provenance")),
+            conformance=self.conformance(data.get("conformance")),
+        )
+        if not self.faults:
+            self.agreement(model)
+        return model
+
+    def keys(self, place: str, data: dict[str, Any], known: tuple[str, ...]) -> None:
+        for key in data:
+            if key not in known:
+                self.fault(_join(place, key), "unknown key", f"known are {', '.join(known)}")
+        for key in known:
+            if key not in data:
+                self.fault(_join(place, key), "missing", "export the model again with 'ambient-trainer fit'")
+
+    def text(self, place: str, value: Any) -> str:
+        if not isinstance(value, str) or not value:
+            self.fault(place, f"is {_short(value)}", "a text is wanted")
+            return ""
+        return value
+
+    def object(self, place: str, value: Any) -> dict[str, Any]:
+        if not isinstance(value, dict):
+            self.fault(place, f"is {_kind(value)}", "an object is wanted")
+            return {}
+        return value
+
+    def items(self, place: str, value: Any) -> list[Any]:
+        if not isinstance(value, list):
+            self.fault(place, f"is {_kind(value)}", "a list is wanted")
+            return []
+        return value
+
+    def each(self, place: str, value: Any) -> list[tuple[str, Any]]:
+        return [(f"{place}[{index}]", item) for index, item in enumerate(self.items(place, value))]
+
+    def number(self, place: str, value: Any) -> float:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not _finite(value):
+            self.fault(place, f"is {_short(value)}", "a finite number is wanted")
+            return 0.0
+        return float(value)
+
+    def vector(self, place: str, value: Any, length: int) -> tuple[float, ...]:
+        found = tuple(self.number(where, each) for where, each in self.each(place, value))
+        if isinstance(value, list) and len(found) != length:
+            self.fault(place, f"has {len(found)} numbers, not {length}", "one per column is wanted")
+        return found
+
+    def matrix(self, place: str, value: Any, rows: int | None, columns: int) -> Matrix:
+        found = tuple(self.vector(where, row, columns) for where, row in self.each(place, value))
+        if isinstance(value, list) and rows is not None and len(found) != rows:
+            self.fault(place, f"has {len(found)} rows, not {rows}", f"the shape {rows} x {columns} is wanted")
+        return found
+
+    def estimator(self, place: str, data: dict[str, Any]) -> Estimator:
+        inputs = tuple(self.input(where, each) for where, each in self.each(_join(place, "inputs"), data.get("inputs")))
+        states = tuple(self.text(where, each) for where, each in self.each(_join(place, "states"), data.get("states")))
+        for what, names in (("inputs", [each.name for each in inputs]), ("states", list(states))):
+            for name in sorted({name for name in names if name and names.count(name) > 1}):
+                self.fault(_join(place, what), f"{name!r} stands twice", "each needs a name of its own")
+        if not inputs:
+            self.fault(_join(place, "inputs"), "none", "a model reads at least one sensor")
+        discrete = self.discretes(_join(place, "discrete"), data.get("discrete"), len(states), len(inputs))
+        return Estimator(
+            inputs=inputs,
+            states=states,
+            discrete=discrete,
+            offset=self.number(_join(place, "offset"), data.get("offset")),
+            initial=self.matrix(_join(place, "initial"), data.get("initial"), len(states), len(inputs)),
+            interval=self.interval(_join(place, "interval"), data.get("interval")),
+        )
+
+    def input(self, place: str, value: Any) -> Input:
+        data = self.object(place, value)
+        self.keys(place, data, Input._fields)
+        low, high = self.number(f"{place}.min", data.get("min")), self.number(f"{place}.max", data.get("max"))
+        if data and not low < high:
+            self.fault(
+                f"{place}.min", f"is {low:g}, not below max {high:g}", "give the range in which a reading is believed"
+            )
+        name, unit, zone = (self.text(f"{place}.{key}", data.get(key)) for key in ("name", "unit", "zone"))
+        return Input(name, unit, zone, low, high)
+
+    def discretes(self, place: str, value: Any, states: int, inputs: int) -> tuple[Discrete, ...]:
+        found = tuple(self.discrete(where, each, states, inputs) for where, each in self.each(place, value))
+        if isinstance(value, list) and not found:
+            self.fault(place, "none", "a model has coefficients for at least one period")
+        periods = [each.period_s for each in found]
+        for period_s in sorted({period_s for period_s in periods if periods.count(period_s) > 1}):
+            self.fault(place, f"period {period_s:g} s stands twice", "keep one")
+        return found
+
+    def discrete(self, place: str, value: Any, states: int, inputs: int) -> Discrete:
+        data = self.object(place, value)
+        self.keys(place, data, Discrete._fields)
+        before = len(self.faults)
+        period_s = self.number(f"{place}.period_s", data.get("period_s"))
+        if len(self.faults) == before and period_s <= 0:
+            self.fault(f"{place}.period_s", f"is {period_s:g}", "a period is above 0 s")
+        A = self.matrix(f"{place}.A", data.get("A"), states, states)
+        found = Discrete(
+            period_s,
+            A,
+            B=self.matrix(f"{place}.B", data.get("B"), states, inputs),
+            C=self.matrix(f"{place}.C", data.get("C"), 1, states),
+            D=self.matrix(f"{place}.D", data.get("D"), 1, inputs),
+        )
+        if len(self.faults) == before and not min(spectral_norms(A, 50), default=0.0) < 1:
+            self.fault(
+                f"{place}.A",
+                "is unstable: an eigenvalue lies on or outside the unit circle",
+                "fit again; a passive circuit is stable",
+            )
+        return found
+
+    def interval(self, place: str, value: Any) -> Quantiles:
+        data = self.object(place, value)
+        self.keys(place, data, tuple(str(level) for level in LEVELS_PERCENT))
+        bands: Quantiles = {}
+        for level in LEVELS_PERCENT:
+            if str(level) in data:
+                bands[level] = self.band(_join(place, str(level)), data[str(level)])
+        for narrow, wide in itertools.pairwise(LEVELS_PERCENT):
+            if (
+                narrow in bands
+                and wide in bands
+                and not (bands[wide][0] <= bands[narrow][0] and bands[narrow][1] <= bands[wide][1])
+            ):
+                self.fault(
+                    _join(place, str(wide)), f"does not contain the {narrow} % interval", "a higher level is wider"
+                )
+        return bands
+
+    def band(self, place: str, value: Any) -> Band:
+        values = self.vector(place, value, 2)
+        if len(values) != 2:
+            return (0.0, 0.0)
+        if values[0] > values[1]:
+            self.fault(place, f"{values[0]:g} lies above {values[1]:g}", "the lower end stands first")
+        return (values[0], values[1])
+
+    def fallbacks(self, value: Any) -> dict[str, Estimator]:
+        found: dict[str, Estimator] = {}
+        for place, each in self.each("fallbacks", value):
+            data = self.object(place, each)
+            self.keys(place, data, ("without", *_ESTIMATOR_KEYS))
+            without = self.text(f"{place}.without", data.get("without"))
+            if without in found:
+                self.fault(f"{place}.without", f"{without!r} stands twice", "keep one")
+            found[without] = self.estimator(place, data)
+        return found
+
+    def conformance(self, value: Any) -> Conformance:
+        data = self.object("conformance", value)
+        self.keys("conformance", data, Conformance._fields)
+        inputs = self.items("conformance.inputs", data.get("inputs"))
+        width = len(inputs[0]) if inputs and isinstance(inputs[0], list) else 0
+        outputs: dict[float, tuple[float, ...]] = {}
+        for place, each in self.each("conformance.outputs", data.get("outputs")):
+            entry = self.object(place, each)
+            self.keys(place, entry, ("period_s", "values"))
+            outputs[self.number(f"{place}.period_s", entry.get("period_s"))] = self.vector(
+                f"{place}.values", entry.get("values"), len(inputs)
+            )
+        return Conformance(self.matrix("conformance.inputs", data.get("inputs"), None, width), outputs)
+
+    def agreement(self, model: Model) -> None:
+        """What can only be said of the parts together."""
+        main = model.main
+        names = [each.name for each in main.inputs]
+        for without, fallback in model.fallbacks.items():
+            if without not in names:
+                self.fault("fallbacks", f"without {without!r}, which is no input", f"inputs are {', '.join(names)}")
+            strangers = [each.name for each in fallback.inputs if each not in main.inputs or each.name == without]
+            if strangers:
+                self.fault(
+                    "fallbacks",
+                    f"without {without!r} reads {', '.join(strangers)}",
+                    "a fallback reads the other inputs, unchanged",
+                )
+            if {each.period_s for each in fallback.discrete} != {each.period_s for each in main.discrete}:
+                self.fault(
+                    "fallbacks", f"without {without!r} has other periods", "a fallback runs at the model's periods"
+                )
+        if set(model.conformance.outputs) != {each.period_s for each in main.discrete}:
+            self.fault(
+                "conformance.outputs", "the periods are not those of 'discrete'", "one sequence per period is wanted"
+            )
+        if model.conformance.inputs and len(model.conformance.inputs[0]) != len(main.inputs):
+            self.fault(
+                "conformance.inputs",
+                f"{len(model.conformance.inputs[0])} columns for {len(main.inputs)} inputs",
+                "one per input is wanted",
+            )
+        if not model.conformance.inputs:
+            self.fault("conformance.inputs", "none", "a model file carries the sequence that proves a port of it right")
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer beyond the largest float
+        return False
+
+
+def _join(place: str, key: str) -> str:
+    return f"{place}.{key}" if place else key
+
+
+def _kind(value: Any) -> str:
+    names = {dict: "an object", list: "a list", str: "a text", bool: "true or false", type(None): "nothing"}
+    return names.get(type(value), "a number")
+
+
+def _short(value: Any) -> str:
+    text = _kind(value) if isinstance(value, (dict, list)) or value is None else repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."

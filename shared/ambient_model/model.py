@@ -1,0 +1,78 @@
+"""A model is discrete A, B, C, D at one or several periods, with what its inputs are and how wrong it tends to be.
+
+    x[k+1] = A x[k] + B u[k]
+    y[k]   = C x[k] + D u[k] + offset
+    x[0]   = X0 u[0]
+
+X0 is the thermal equilibrium with the first sample and the same at every period: the trainer chooses the state's
+coordinates so (see ``ambient_trainer.identify.discretise``).
+"""
+
+from typing import Any, NamedTuple
+
+Matrix = tuple[tuple[float, ...], ...]
+Band = tuple[float, float]
+Quantiles = dict[int, Band]
+
+LEVELS_PERCENT = (50, 90, 98)
+
+
+class Input(NamedTuple):
+    """One sensor that the model reads."""
+
+    name: str
+    unit: str
+    zone: str
+    """The type of the thermal zone that carries it on the device."""
+    min: float
+    max: float
+    """What lies outside is taken as missing."""
+
+    @property
+    def column(self) -> str:
+        """Its column in a trace."""
+        return f"{self.name}_{self.unit}"
+
+
+class Discrete(NamedTuple):
+    """The recursion at one period: A (n x n), B (n x m), C (1 x n), D (1 x m)."""
+
+    period_s: float
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+
+
+class Estimator(NamedTuple):
+    """One set of inputs and the recursion from them to the ambient."""
+
+    inputs: tuple[Input, ...]
+    states: tuple[str, ...]
+    discrete: tuple[Discrete, ...]
+    offset: float
+    initial: Matrix
+    """X0 (n x m)."""
+    interval: Quantiles
+    """Per level in percent the error (true minus estimate, degC) it lies between."""
+
+
+class Conformance(NamedTuple):
+    """An input sequence and what the recursion must make of it."""
+
+    inputs: Matrix
+    outputs: dict[float, tuple[float, ...]]
+    """Per period in s, one output per input row."""
+
+
+class Model(NamedTuple):
+    """A model file."""
+
+    name: str
+    created: str
+    output: str
+    main: Estimator
+    fallbacks: dict[str, Estimator]
+    """Per input that may be missing, the estimator that does without it."""
+    provenance: dict[str, Any]
+    conformance: Conformance

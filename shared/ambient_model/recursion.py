@@ -1,0 +1,53 @@
+"""One step of the recursion is defined here and nowhere else."""
+
+from collections.abc import Sequence
+from operator import mul
+
+from ambient_model.model import Discrete, Matrix
+
+Vector = Sequence[float]
+
+
+def equilibrium(initial: Matrix, u: Vector) -> list[float]:
+    """The state in thermal equilibrium with the inputs ``u``: x0 = X0 u."""
+    return [sum(map(mul, row, u)) for row in initial]
+
+
+def output(discrete: Discrete, offset: float, x: Vector, u: Vector) -> float:
+    """The ambient in degC: y = C x + D u + offset."""
+    y: float = sum(map(mul, discrete.C[0], x)) + sum(map(mul, discrete.D[0], u)) + offset
+    return y
+
+
+def advance(discrete: Discrete, x: Vector, u: Vector) -> list[float]:
+    """The state one period later: A x + B u."""
+    return [sum(map(mul, a, x)) + sum(map(mul, b, u)) for a, b in zip(discrete.A, discrete.B)]
+
+
+def spectral_norms(A: Matrix, doublings: int) -> list[float]:
+    """The maximum row sums of abs(A^(2^k)) for k = 0 .. ``doublings``; stops early at one that is no longer finite.
+
+    One of them below 1 proves that A is stable (its spectral radius is below 1); none below 1 after 2^50 steps is
+    a time constant beyond anything that is ever simulated.
+    """
+    power = [list(row) for row in A]
+    norms: list[float] = []
+    for _ in range(doublings + 1):
+        norms.append(max((sum(map(abs, row)) for row in power), default=0.0))
+        if norms[-1] > 1e100 or norms[-1] == 0.0:
+            break
+        power = _product(power, power)
+    return norms
+
+
+def settling_steps(A: Matrix, remainder: float) -> int:
+    """The number of steps, a power of two, after which a wrong initial state has decayed to ``remainder`` of itself."""
+    for doubling, norm in enumerate(spectral_norms(A, 50)):
+        if norm <= remainder:
+            return 2**doubling if A else 0
+    return 2**50
+
+
+def _product(left: list[list[float]], right: list[list[float]]) -> list[list[float]]:
+    columns = list(zip(*right))
+    return [[sum(map(mul, row, column)) for column in columns] for row in left]

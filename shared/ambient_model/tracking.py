@@ -1,0 +1,171 @@
+"""Sensor samples at any times become estimates: the rule for gaps, missing inputs and starts. It knows no clock.
+
+The recursion runs on whole periods. A sample that comes n periods after the last complete one is reached in n exact
+steps along the straight line between the two. A gap, or an input that stays away, is bridged so for at most
+:func:`bridge_limit_s`; beyond it the estimate is no longer trusted and starts again from equilibrium.
+"""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from ambient_model.model import Discrete, Estimator
+from ambient_model.recursion import advance, equilibrium, output, settling_steps
+
+WARMING_UP = "warming_up"
+TRACKING = "tracking"
+DEGRADED = "degraded"
+COASTING = "coasting"
+FAULTED = "faulted"
+
+_SETTLED = 0.05
+
+Readings = Sequence[float | None]
+
+
+class Estimate(NamedTuple):
+    """What is said of the ambient at one moment."""
+
+    ambient_degC: float | None
+    low_degC: float | None
+    high_degC: float | None
+    status: str
+    used: tuple[float | None, ...]
+    """Each input as the recursion took it."""
+
+
+class _Anchor(NamedTuple):
+    """The last moment at which every input was there."""
+
+    step: int
+    x: list[float]
+    u: list[float]
+
+
+def bridge_limit_s(period_s: float) -> float:
+    """How long a gap is bridged: 30 s, or 10 periods where they are longer."""
+    return max(30.0, 10.0 * period_s)
+
+
+def nearest_discrete(estimator: Estimator, period_s: float) -> Discrete:
+    """The longest period of the estimator that fits into ``period_s`` a whole number of times, to 10 % of itself.
+
+    Where none does, the shortest one.
+    """
+    fitting = [
+        each
+        for each in estimator.discrete
+        if abs(period_s / each.period_s - max(1, round(period_s / each.period_s))) <= 0.1
+    ]
+    return max(fitting, key=_period) if fitting else min(estimator.discrete, key=_period)
+
+
+def _period(discrete: Discrete) -> float:
+    return discrete.period_s
+
+
+class Tracker:
+    """An estimator with its state, fed one sample at a time.
+
+    ``level`` is the interval in percent that is published as low and high.
+    """
+
+    def __init__(self, estimator: Estimator, discrete: Discrete, level: int = 90) -> None:
+        self.estimator = estimator
+        self.discrete = discrete
+        self.error_low_degC, self.error_high_degC = estimator.interval[level]
+        self.limit_steps = round(bridge_limit_s(discrete.period_s) / discrete.period_s)
+        self.settling_steps = settling_steps(discrete.A, _SETTLED)
+        self._ranges = [(each.min, each.max) for each in estimator.inputs]
+        self._restart()
+
+    def _restart(self) -> None:
+        self._anchor: _Anchor | None = None
+        self._pending: list[tuple[int, Readings]] = []
+        self._x: list[float] = []
+        self._u: list[float] = []
+        self._step = 0
+        self._start_s = 0.0
+
+    def update(self, time_s: float, readings: Readings) -> Estimate:
+        """The estimate at ``time_s`` from one reading per input (degC, A, ...; None where missing).
+
+        A reading outside its input's range counts as missing. Time that does not go forward starts again.
+        """
+        inputs = [
+            value if value is not None and low <= value <= high else None
+            for value, (low, high) in zip(readings, self._ranges)
+        ]
+        if self._anchor is not None:
+            step = round((time_s - self._start_s) / self.discrete.period_s)
+            if step < self._step or step - self._anchor.step > self.limit_steps:
+                self._restart()
+        if self._anchor is None:
+            return self._begin(time_s, inputs)
+        step = round((time_s - self._start_s) / self.discrete.period_s)
+        if None in inputs:
+            return self._coast(step, inputs)
+        return self._follow(step, [value for value in inputs if value is not None], self._anchor)
+
+    def _begin(self, time_s: float, inputs: Readings) -> Estimate:
+        u = [value for value in inputs if value is not None]
+        if len(u) < len(inputs):
+            return Estimate(None, None, None, FAULTED, tuple(inputs))
+        self._start_s = time_s
+        self._x = equilibrium(self.estimator.initial, u)
+        self._anchor = _Anchor(0, self._x, u)
+        self._u = u
+        return self._estimate(WARMING_UP if self.settling_steps else TRACKING)
+
+    def _follow(self, step: int, u: list[float], anchor: _Anchor) -> Estimate:
+        """All inputs are there: go on from the last such moment, along straight lines where some were missing."""
+        if self._pending:
+            self._x = self._bridge(anchor, step, u)
+            self._pending = []
+        else:
+            self._x = self._along_line(anchor.x, anchor.u, u, step - anchor.step)
+        self._anchor = _Anchor(step, self._x, u)
+        self._step, self._u = step, u
+        return self._estimate(TRACKING if step >= self.settling_steps else WARMING_UP)
+
+    def _coast(self, step: int, inputs: Readings) -> Estimate:
+        """Some input is missing: its last value stands in."""
+        u = [value if value is not None else last for value, last in zip(inputs, self._u)]
+        self._x = self._along_line(self._x, self._u, u, step - self._step)
+        self._pending.append((step, inputs))
+        self._step, self._u = step, u
+        return self._estimate(COASTING)
+
+    def _along_line(self, x: list[float], before: list[float], after: list[float], steps: int) -> list[float]:
+        if steps == 1:
+            return advance(self.discrete, x, before)
+        for k in range(steps):
+            x = advance(self.discrete, x, [a + (b - a) * k / steps for a, b in zip(before, after)])
+        return x
+
+    def _bridge(self, anchor: _Anchor, step: int, u: list[float]) -> list[float]:
+        """The state at ``step`` with each missing input drawn as a line between the readings around it."""
+        paths = []
+        for index, (first, last) in enumerate(zip(anchor.u, u)):
+            known = [
+                (anchor.step, first),
+                *((k, values[index]) for k, values in self._pending if values[index] is not None),
+                (step, last),
+            ]
+            paths.append(_interpolated([(k, value) for k, value in known if value is not None], anchor.step, step))
+        x = anchor.x
+        for inputs in zip(*paths):
+            x = advance(self.discrete, x, inputs)
+        return x
+
+    def _estimate(self, status: str) -> Estimate:
+        ambient = output(self.discrete, self.estimator.offset, self._x, self._u)
+        return Estimate(ambient, ambient + self.error_low_degC, ambient + self.error_high_degC, status, tuple(self._u))
+
+
+def _interpolated(points: list[tuple[int, float]], start: int, stop: int) -> list[float]:
+    """The values at start ... stop - 1 on the lines through ``points`` (step, value); the last of a step counts."""
+    values: list[float] = []
+    for (k0, v0), (k1, v1) in itertools.pairwise(points):
+        values.extend(v0 + (v1 - v0) * (k - k0) / (k1 - k0) for k in range(k0, k1))
+    return values[: stop - start]

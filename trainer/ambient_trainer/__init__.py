@@ -1,0 +1,1 @@
+"""Traces -> circuit -> fit -> evaluation and export."""
