@@ -1,0 +1,1 @@
+"""The command line: one module a command, each a thin call into the package that does the work."""

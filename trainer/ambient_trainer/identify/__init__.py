@@ -1,0 +1,1 @@
+"""From traces to parameters: discretisation, signals, separable least squares, uncertainty."""

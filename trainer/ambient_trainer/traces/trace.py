@@ -1,0 +1,80 @@
+"""A trace in memory: times and one array a column, NaN where a value is missing."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.faults import refuse
+from ambient_model.trace import REFERENCE, TraceReader, write_trace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A logged or simulated run.
+
+    ``time_s`` has shape (n,) and increases; every array in ``columns`` (by contract name, such as ``usb_degC``) has
+    shape (n,), with NaN where the value is missing.
+    """
+
+    path: str
+    time_s: Array
+    columns: dict[str, Array]
+    notes: dict[str, str] = field(default_factory=dict)
+
+    def column(self, name: str) -> Array:
+        """The column ``name``; raises :class:`Refused` where the trace has none."""
+        if name not in self.columns:
+            raise refuse(
+                self.path,
+                "line 1",
+                f"no column '{name}'",
+                f"it has {', '.join(self.columns)}; log it or map it on import",
+            )
+        return self.columns[name]
+
+    @property
+    def reference(self) -> Array:
+        """The ambient in degC."""
+        return self.column(REFERENCE)
+
+    def cut(self, from_s: float | None, to_s: float | None) -> Trace:
+        """The part with from_s <= time_s < to_s; raises :class:`Refused` where nothing is left."""
+        start = 0 if from_s is None else int(np.searchsorted(self.time_s, from_s))
+        stop = len(self.time_s) if to_s is None else int(np.searchsorted(self.time_s, to_s))
+        if stop <= start:
+            whole = f"{self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else "no samples"
+            raise refuse(
+                self.path, "", f"nothing lies between --from and --to (the trace has {whole})", "choose others"
+            )
+        kept = {name: values[start:stop] for name, values in self.columns.items()}
+        return replace(self, time_s=self.time_s[start:stop], columns=kept)
+
+
+def load_trace(path: str) -> Trace:
+    """The trace in the file at ``path``; raises :class:`Refused`, naming line and column, for anything not allowed."""
+    with TraceReader(path) as reader:
+        names = reader.header.columns
+        flat = itertools.chain.from_iterable(
+            (row.time_s, *[np.nan if value is None else value for value in row.values]) for row in reader
+        )
+        table = np.fromiter(flat, dtype=np.float64).reshape(-1, len(names) + 1)
+        if not len(table):
+            raise refuse(path, "", "no samples under the header", "log something first")
+        columns = {name: np.ascontiguousarray(table[:, index + 1]) for index, name in enumerate(names)}
+        return Trace(path, np.ascontiguousarray(table[:, 0]), columns, reader.header.notes)
+
+
+def save_trace(path: str, trace: Trace) -> None:
+    """Write ``trace`` to ``path``, whole or not at all."""
+    table = np.column_stack(list(trace.columns.values())) if trace.columns else np.empty((len(trace.time_s), 0))
+    rows = (
+        (time_s, [None if value != value else value for value in values])
+        for time_s, values in zip(trace.time_s.tolist(), table.tolist())
+    )
+    write_trace(path, list(trace.columns), rows, trace.notes)
