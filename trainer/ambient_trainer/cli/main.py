@@ -1,4 +1,4 @@
-"""No traceback reaches a user: 0 done, 1 the work failed, 2 the call was wrong, and the message says what to do next."""
+"""No traceback reaches a user: status 0 is done, 1 the work failed, 2 the call was wrong, and a message says why."""
 
 from __future__ import annotations
 
