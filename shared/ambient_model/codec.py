@@ -12,13 +12,14 @@ from typing import Any
 from ambient_model.atomic import replacing
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import LEVELS_PERCENT, Band, Conformance, Discrete, Estimator, Input, Matrix, Model, Quantiles
-from ambient_model.recursion import spectral_norms
+from ambient_model.recursion import is_stable
 
 FORMAT = "ambient-model"
 VERSION = 1
 _ESTIMATOR_KEYS = ("inputs", "states", "discrete", "offset", "initial", "interval")
 _KEYS = ("format", "version", "name", "created", "output", *_ESTIMATOR_KEYS, "fallbacks", "provenance", "conformance")
 _LARGEST_BYTES = 16 * 2**20
+_LARGEST_INTEGER_DIGITS = 300
 
 
 def load_model(path: str) -> Model:
@@ -38,7 +39,9 @@ def decode(content: bytes, source: str) -> Model:
     if not content.strip():
         raise refuse(source, "", "the file is empty", "export the model again with 'ambient-trainer fit'")
     try:
-        data = json.loads(content.decode("utf-8"), object_pairs_hook=_without_doubles, parse_constant=float)
+        data = json.loads(
+            content.decode("utf-8"), object_pairs_hook=_without_doubles, parse_constant=float, parse_int=_integer
+        )
     except json.JSONDecodeError as error:
         raise refuse(
             source,
@@ -56,7 +59,10 @@ def decode(content: bytes, source: str) -> Model:
 
 
 def encode(model: Model) -> str:
-    """The model as JSON text that :func:`decode` takes back to an equal model."""
+    """The model as JSON text that :func:`decode` takes back to an equal model.
+
+    What is not finite becomes the ``NaN`` or ``Infinity`` that :func:`decode` refuses by its place.
+    """
     data = {
         "format": FORMAT,
         "version": VERSION,
@@ -73,7 +79,7 @@ def encode(model: Model) -> str:
             ],
         },
     }
-    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+    return json.dumps(data, indent=1) + "\n"
 
 
 def save_model(path: str, model: Model) -> None:
@@ -103,14 +109,22 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
+def _integer(text: str) -> float:
+    """An integer, or the infinity that stands for one beyond any float: a later fault names its place."""
+    return int(text) if len(text) <= _LARGEST_INTEGER_DIGITS else float("-inf" if text[0] == "-" else "inf")
+
+
 class _Reading:
     """One pass over the decoded JSON that notes every fault and goes on."""
 
     def __init__(self) -> None:
         self.faults: list[Fault] = []
+        self._absent: set[str] = set()
+        """Places that a fault has already named as a whole."""
 
     def fault(self, place: str, problem: str, mend: str) -> None:
-        self.faults.append(Fault(place, problem, mend))
+        if place not in self._absent:
+            self.faults.append(Fault(place, problem, mend))
 
     def model(self, data: Any) -> Model | None:
         if not isinstance(data, dict):
@@ -133,7 +147,7 @@ class _Reading:
             output=self.text("output", data.get("output")),
             main=self.estimator("", data),
             fallbacks=self.fallbacks(data.get("fallbacks")),
-            provenance=self.object("provenance", data.get("provenance")),
+            provenance=self.provenance(data.get("provenance")),
             conformance=self.conformance(data.get("conformance")),
         )
         if not self.faults:
@@ -147,10 +161,11 @@ class _Reading:
         for key in known:
             if key not in data:
                 self.fault(_join(place, key), "missing", "export the model again with 'ambient-trainer fit'")
+                self._absent.add(_join(place, key))
 
     def text(self, place: str, value: Any) -> str:
-        if not isinstance(value, str) or not value:
-            self.fault(place, f"is {_short(value)}", "a text is wanted")
+        if not isinstance(value, str) or not value or not value.isprintable():
+            self.fault(place, f"is {_short(value)}", "a text of printable characters is wanted")
             return ""
         return value
 
@@ -159,6 +174,28 @@ class _Reading:
             self.fault(place, f"is {_kind(value)}", "an object is wanted")
             return {}
         return value
+
+    def record(self, place: str, value: Any, known: tuple[str, ...]) -> dict[str, Any]:
+        """An object with the ``known`` keys, all of them and no others."""
+        data = self.object(place, value)
+        if isinstance(value, dict):
+            self.keys(place, data, known)
+        else:
+            self._absent.update([_join(place, key) for key in known])
+        return data
+
+    def provenance(self, value: Any) -> dict[str, Any]:
+        """Any object whose numbers are finite."""
+        waiting: list[tuple[str, Any]] = [("provenance", value)]
+        while waiting:
+            place, each = waiting.pop()
+            if isinstance(each, dict):
+                waiting.extend([(_join(place, key), item) for key, item in each.items()])
+            elif isinstance(each, list):
+                waiting.extend([(f"{place}[{index}]", item) for index, item in enumerate(each)])
+            elif isinstance(each, float):
+                self.number(place, each)
+        return self.object("provenance", value)
 
     def items(self, place: str, value: Any) -> list[Any]:
         if not isinstance(value, list):
@@ -175,9 +212,9 @@ class _Reading:
             return 0.0
         return float(value)
 
-    def vector(self, place: str, value: Any, length: int) -> tuple[float, ...]:
+    def vector(self, place: str, value: Any, length: int | None) -> tuple[float, ...]:
         found = tuple(self.number(where, each) for where, each in self.each(place, value))
-        if isinstance(value, list) and len(found) != length:
+        if isinstance(value, list) and length is not None and len(found) != length:
             self.fault(place, f"has {len(found)} numbers, not {length}", "one per column is wanted")
         return found
 
@@ -206,10 +243,10 @@ class _Reading:
         )
 
     def input(self, place: str, value: Any) -> Input:
-        data = self.object(place, value)
-        self.keys(place, data, Input._fields)
+        before = len(self.faults)
+        data = self.record(place, value, Input._fields)
         low, high = self.number(f"{place}.min", data.get("min")), self.number(f"{place}.max", data.get("max"))
-        if data and not low < high:
+        if len(self.faults) == before and not low < high:
             self.fault(
                 f"{place}.min", f"is {low:g}, not below max {high:g}", "give the range in which a reading is believed"
             )
@@ -220,15 +257,16 @@ class _Reading:
         found = tuple(self.discrete(where, each, states, inputs) for where, each in self.each(place, value))
         if isinstance(value, list) and not found:
             self.fault(place, "none", "a model has coefficients for at least one period")
-        periods = [each.period_s for each in found]
-        for period_s in sorted({period_s for period_s in periods if periods.count(period_s) > 1}):
-            self.fault(place, f"period {period_s:g} s stands twice", "keep one")
+        self.once(place, [each.period_s for each in found])
         return found
 
+    def once(self, place: str, periods: list[float]) -> None:
+        for period_s in sorted({period_s for period_s in periods if period_s > 0 and periods.count(period_s) > 1}):
+            self.fault(place, f"period {period_s:g} s stands twice", "keep one")
+
     def discrete(self, place: str, value: Any, states: int, inputs: int) -> Discrete:
-        data = self.object(place, value)
-        self.keys(place, data, Discrete._fields)
         before = len(self.faults)
+        data = self.record(place, value, Discrete._fields)
         period_s = self.number(f"{place}.period_s", data.get("period_s"))
         if len(self.faults) == before and period_s <= 0:
             self.fault(f"{place}.period_s", f"is {period_s:g}", "a period is above 0 s")
@@ -240,7 +278,7 @@ class _Reading:
             C=self.matrix(f"{place}.C", data.get("C"), 1, states),
             D=self.matrix(f"{place}.D", data.get("D"), 1, inputs),
         )
-        if len(self.faults) == before and not min(spectral_norms(A, 50), default=0.0) < 1:
+        if len(self.faults) == before and not is_stable(A):
             self.fault(
                 f"{place}.A",
                 "is unstable: an eigenvalue lies on or outside the unit circle",
@@ -249,21 +287,15 @@ class _Reading:
         return found
 
     def interval(self, place: str, value: Any) -> Quantiles:
-        data = self.object(place, value)
-        self.keys(place, data, tuple(str(level) for level in LEVELS_PERCENT))
-        bands: Quantiles = {}
-        for level in LEVELS_PERCENT:
-            if str(level) in data:
-                bands[level] = self.band(_join(place, str(level)), data[str(level)])
-        for narrow, wide in itertools.pairwise(LEVELS_PERCENT):
-            if (
-                narrow in bands
-                and wide in bands
-                and not (bands[wide][0] <= bands[narrow][0] and bands[narrow][1] <= bands[wide][1])
-            ):
-                self.fault(
-                    _join(place, str(wide)), f"does not contain the {narrow} % interval", "a higher level is wider"
-                )
+        before = len(self.faults)
+        data = self.record(place, value, tuple(str(level) for level in LEVELS_PERCENT))
+        bands = {level: self.band(_join(place, str(level)), data.get(str(level))) for level in LEVELS_PERCENT}
+        if len(self.faults) == before:
+            for narrow, wide in itertools.pairwise(LEVELS_PERCENT):
+                if not (bands[wide][0] <= bands[narrow][0] and bands[narrow][1] <= bands[wide][1]):
+                    self.fault(
+                        _join(place, str(wide)), f"does not contain the {narrow} % interval", "a higher level is wider"
+                    )
         return bands
 
     def band(self, place: str, value: Any) -> Band:
@@ -277,45 +309,45 @@ class _Reading:
     def fallbacks(self, value: Any) -> dict[str, Estimator]:
         found: dict[str, Estimator] = {}
         for place, each in self.each("fallbacks", value):
-            data = self.object(place, each)
-            self.keys(place, data, ("without", *_ESTIMATOR_KEYS))
+            data = self.record(place, each, ("without", *_ESTIMATOR_KEYS))
             without = self.text(f"{place}.without", data.get("without"))
-            if without in found:
+            if without and without in found:
                 self.fault(f"{place}.without", f"{without!r} stands twice", "keep one")
             found[without] = self.estimator(place, data)
         return found
 
     def conformance(self, value: Any) -> Conformance:
-        data = self.object("conformance", value)
-        self.keys("conformance", data, Conformance._fields)
-        inputs = self.items("conformance.inputs", data.get("inputs"))
-        width = len(inputs[0]) if inputs and isinstance(inputs[0], list) else 0
-        outputs: dict[float, tuple[float, ...]] = {}
+        data = self.record("conformance", value, Conformance._fields)
+        given = data.get("inputs")
+        rows = len(given) if isinstance(given, list) else None
+        width = len(given[0]) if isinstance(given, list) and given and isinstance(given[0], list) else 0
+        inputs = self.matrix("conformance.inputs", given, None, width)
+        outputs: list[tuple[float, tuple[float, ...]]] = []
         for place, each in self.each("conformance.outputs", data.get("outputs")):
-            entry = self.object(place, each)
-            self.keys(place, entry, ("period_s", "values"))
-            outputs[self.number(f"{place}.period_s", entry.get("period_s"))] = self.vector(
-                f"{place}.values", entry.get("values"), len(inputs)
-            )
-        return Conformance(self.matrix("conformance.inputs", data.get("inputs"), None, width), outputs)
+            entry = self.record(place, each, ("period_s", "values"))
+            period_s = self.number(f"{place}.period_s", entry.get("period_s"))
+            outputs.append((period_s, self.vector(f"{place}.values", entry.get("values"), rows)))
+        self.once("conformance.outputs", [period_s for period_s, _ in outputs])
+        return Conformance(inputs, dict(outputs))
 
     def agreement(self, model: Model) -> None:
         """What can only be said of the parts together."""
         main = model.main
         names = [each.name for each in main.inputs]
-        for without, fallback in model.fallbacks.items():
+        for index, (without, fallback) in enumerate(model.fallbacks.items()):
+            place = f"fallbacks[{index}]"
             if without not in names:
-                self.fault("fallbacks", f"without {without!r}, which is no input", f"inputs are {', '.join(names)}")
+                self.fault(f"{place}.without", f"{without!r} is no input", f"inputs are {', '.join(names)}")
             strangers = [each.name for each in fallback.inputs if each not in main.inputs or each.name == without]
             if strangers:
                 self.fault(
-                    "fallbacks",
+                    f"{place}.inputs",
                     f"without {without!r} reads {', '.join(strangers)}",
                     "a fallback reads the other inputs, unchanged",
                 )
             if {each.period_s for each in fallback.discrete} != {each.period_s for each in main.discrete}:
                 self.fault(
-                    "fallbacks", f"without {without!r} has other periods", "a fallback runs at the model's periods"
+                    f"{place}.discrete", "the periods are not the model's", "a fallback runs at the model's periods"
                 )
         if set(model.conformance.outputs) != {each.period_s for each in main.discrete}:
             self.fault(

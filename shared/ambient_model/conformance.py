@@ -1,5 +1,7 @@
 """A port of the recursion is right when it turns the model file's own inputs into the model file's own outputs."""
 
+import math
+
 from ambient_model.model import Conformance, Discrete, Estimator, Matrix, Model
 from ambient_model.recursion import advance, equilibrium, output
 
@@ -22,10 +24,10 @@ def conformance_of(estimator: Estimator, inputs: Matrix) -> Conformance:
 
 
 def worst_difference_degC(model: Model) -> float:
-    """The largest difference between what the file says must come out and what does."""
+    """The largest difference between what the file says must come out and what does; infinite where nothing does."""
     worst = 0.0
     for discrete in model.main.discrete:
         given = run_recursion(model.main, discrete, model.conformance.inputs)
         wanted = model.conformance.outputs[discrete.period_s]
-        worst = max([worst, *(abs(a - b) for a, b in zip(given, wanted))])
+        worst = max([worst, *(abs(a - b) if math.isfinite(a) else math.inf for a, b in zip(given, wanted))])
     return worst

@@ -6,13 +6,33 @@ Read and written here only. A missing value is ``None``, never a number; what is
 import csv
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import IO, NamedTuple
+from typing import IO, NamedTuple, TypeVar
 
 from ambient_model.atomic import replacing
 from ambient_model.faults import Refused, refuse
 
 TIME = "time_s"
 REFERENCE = "ambient_degC"
+_UNITS_OF_TWO = ("W_m2", "m_s")
+
+_Read = TypeVar("_Read")
+
+_UNDECODED = frozenset(map(chr, range(0xDC80, 0xDD00)))
+"""What a byte that is not UTF-8 is read as, so that it is refused in its own line."""
+
+
+def split_column(column: str) -> tuple[str, str]:
+    """The name and the unit of a trace column; ("", "") where it is not ``<name>_<unit>``.
+
+    The unit is what follows the last underscore, or one of those that hold one: ``cpu_power_W`` is a cpu_power in W,
+    ``irradiance_W_m2`` an irradiance in W_m2.
+    """
+    for unit in _UNITS_OF_TWO:
+        if column.endswith(f"_{unit}"):
+            name = column[: -len(unit) - 1]
+            return (name, unit) if name else ("", "")
+    name, _, unit = column.rpartition("_")
+    return (name, unit) if name and unit else ("", "")
 
 
 class Header(NamedTuple):
@@ -42,9 +62,8 @@ class TraceReader:
     def __init__(self, path: str) -> None:
         self.path = path
         self._stream = _open(path)
+        self._line = 0
         try:
-            self._rows = csv.reader(self._stream, strict=True)
-            self._line = 0
             self.header = self._read_header()
         except BaseException:
             self._stream.close()
@@ -56,58 +75,51 @@ class TraceReader:
     def __exit__(self, *_: object) -> None:
         self._stream.close()
 
-    def _next(self) -> list[str] | None:
+    def _next(self, source: Iterator[_Read]) -> _Read | None:
         try:
-            cells = next(self._rows)
-        except StopIteration:
-            return None
-        except (csv.Error, UnicodeDecodeError, EOFError, OSError) as error:
-            # gzip raises EOFError on a cut file and OSError on one that is not gzip at all
-            raise self._refuse(
-                f"line {self._line + 1}", f"not readable as CSV text ({error})", "save it as UTF-8 CSV"
-            ) from error
-        self._line = self._rows.line_num
-        return cells
+            return next(source, None)
+        except csv.Error as error:
+            raise self._refuse(f"line {self._line + 1}", f"not CSV ({error})", "save it as UTF-8 CSV") from error
+        except _unreadable() as error:
+            place = f"after line {self._line}" if self._line else ""
+            raise self._refuse(place, f"cannot be read ({error})", "cut off or damaged? copy it again") from error
 
     def _refuse(self, place: str, problem: str, mend: str) -> Refused:
         return refuse(self.path, place, problem, mend)
 
     def _read_header(self) -> Header:
         notes: dict[str, str] = {}
-        while True:
-            cells = self._next()
-            if cells is None:
-                raise self._refuse(
-                    "", "the file is empty", f"a trace starts with a header line '{TIME},<name>_<unit>,...'"
-                )
-            if not cells:
-                continue
-            if cells[0].startswith("#"):
-                key, _, value = ",".join(cells).lstrip("# ").partition(":")
+        while (line := self._next(self._stream)) is not None:
+            if not line.isascii() and _UNDECODED & set(line):
+                raise self._refuse(f"line {self._line + 1}", "not UTF-8 text", "save it as UTF-8 CSV")
+            if line.startswith("#"):  # free text, in which a quote is only a quote
+                key, _, value = line.lstrip("# ").partition(":")
                 notes[key.strip()] = value.strip()
-                continue
-            return Header(self._check_columns([cell.strip() for cell in cells]), notes)
+            elif line.strip():
+                cells = self._next(csv.reader([line], strict=True)) or []
+                self._line += 1
+                return Header(self._check_columns([cell.strip() for cell in cells]), notes)
+            self._line += 1
+        raise self._refuse("", "the file is empty", f"a trace starts with a header line '{TIME},<name>_<unit>,...'")
 
     def _check_columns(self, names: list[str]) -> tuple[str, ...]:
         place = f"line {self._line}"
-        if names[0].lstrip("\ufeff") != TIME:
+        if names[0] != TIME:
             raise self._refuse(
                 place,
                 f"the first column is {names[0]!r}, not '{TIME}'",
                 "put the time in seconds first, or use 'ambient-trainer import'",
             )
-        for name in names[1:]:
-            stem, _, unit = name.partition("_")
-            if not stem or not unit:
-                raise self._refuse(place, f"column {name!r} names no unit", "name it <name>_<unit>, such as usb_degC")
-            if names.count(name) > 1:
-                raise self._refuse(place, f"column {name!r} stands twice", "rename or remove one")
+        _check_names(self.path, place, names)
         return tuple(names[1:])
 
     def __iter__(self) -> Iterator[Row]:
         width = len(self.header.columns) + 1
         before = -math.inf
-        while (cells := self._next()) is not None:
+        rows = csv.reader(self._stream, strict=True)
+        above = self._line
+        while (cells := self._next(rows)) is not None:
+            self._line = above + rows.line_num
             if not cells:
                 continue
             if len(cells) != width:
@@ -121,14 +133,14 @@ class TraceReader:
             except ValueError:
                 numbers = [self._number(cell, index) for index, cell in enumerate(cells)]
             if not all([math.isfinite(number) for number in numbers if number is not None]):
-                raise self._not_finite(cells)
+                raise self._not_finite(cells, numbers)
             time_s = numbers[0]
             if time_s is None:
                 raise self._refuse(f"line {self._line}, column {TIME}", "no time", "every row needs one")
             if time_s <= before:
                 raise self._refuse(
                     f"line {self._line}, column {TIME}",
-                    f"{time_s:g} s does not come after {before:g} s",
+                    f"{time_s:.15g} s does not come after {before:.15g} s",
                     "sort the rows and drop doubles: time must increase",
                 )
             before = time_s
@@ -144,8 +156,8 @@ class TraceReader:
                 "correct it, or leave the cell empty for a missing value",
             ) from None
 
-    def _not_finite(self, cells: list[str]) -> Refused:
-        index = next(index for index, cell in enumerate(cells) if cell and not math.isfinite(float(cell)))
+    def _not_finite(self, cells: list[str], numbers: list[float | None]) -> Refused:
+        index = next(k for k, number in enumerate(numbers) if number is not None and not math.isfinite(number))
         return self._refuse(
             self._place(index), f"{cells[index]!r} is not a finite number", "leave the cell empty for a missing value"
         )
@@ -159,10 +171,29 @@ def _open(path: str) -> IO[str]:
         if path.endswith(".gz"):
             import gzip
 
-            return gzip.open(path, "rt", encoding="utf-8", newline="")
-        return open(path, encoding="utf-8", newline="")
+            return gzip.open(path, "rt", encoding="utf-8-sig", errors="surrogateescape", newline="")
+        return open(path, encoding="utf-8-sig", errors="surrogateescape", newline="")
     except OSError as error:
         raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+
+
+def _unreadable() -> tuple[type[Exception], ...]:
+    """What reading raises: gzip EOFError on a cut file, OSError on one of another kind, zlib.error on a damaged one."""
+    import zlib  # asked for on failure only
+
+    return (EOFError, OSError, zlib.error)
+
+
+def _check_names(source: str, place: str, names: Sequence[str]) -> None:
+    for name in names:
+        if split_column(name) == ("", ""):
+            raise refuse(source, place, f"column {name!r} names no unit", "name it <name>_<unit>, such as usb_degC")
+        if not name.isprintable() or "," in name or '"' in name:
+            raise refuse(
+                source, place, f"column {name!r} holds a comma, a quote or a control character", "rename it without"
+            )
+        if names.count(name) > 1:
+            raise refuse(source, place, f"column {name!r} stands twice", "rename or remove one")
 
 
 def write_trace(
@@ -175,14 +206,29 @@ def write_trace(
 
     ``columns`` excludes ``time_s``; each row is its time in s and one value per column. Numbers are written with the
     fewest digits that read back as the same number. Raises :class:`~ambient_model.faults.Refused` as
-    :func:`~ambient_model.atomic.replacing` does.
+    :func:`~ambient_model.atomic.replacing` does, and for what :class:`TraceReader` would not read back.
     """
+    _check_names(path, "header", [TIME, *columns])
     count = 0
+    before = -math.inf
     with replacing(path, "gz" if path.endswith(".gz") else "w") as stream:
         for key, value in (notes or {}).items():
-            stream.write(f"# {key}: {value}\n")
+            stream.write(" ".join(f"# {key}: {value}".splitlines()) + "\n")
         stream.write(",".join([TIME, *columns]) + "\n")
         for time_s, values in rows:
-            stream.write(",".join([repr(time_s), *["" if value is None else repr(value) for value in values]]) + "\n")
+            numbers = [float(time_s), *[value if value is None else float(value) for value in values]]
+            if (
+                len(values) != len(columns)
+                or not time_s > before
+                or not all([math.isfinite(number) for number in numbers if number is not None])
+            ):
+                raise refuse(
+                    path,
+                    f"row {count + 1}",
+                    f"{numbers} is no sample of {len(columns)} values after {before:.15g} s",
+                    "time increases, and what is not a finite number is missing: nothing was written",
+                )
+            stream.write(",".join(["" if number is None else repr(number) for number in numbers]) + "\n")
+            before = time_s
             count += 1
     return count

@@ -6,6 +6,7 @@ steps along the straight line between the two. A gap, or an input that stays awa
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -90,22 +91,21 @@ class Tracker:
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input (degC, A, ...; None where missing).
 
-        A reading outside its input's range counts as missing. Time that does not go forward starts again.
+        A reading outside its input's range counts as missing. Time that goes back to an earlier period starts again.
         """
         inputs = [
             value if value is not None and low <= value <= high else None
             for value, (low, high) in zip(readings, self._ranges)
         ]
-        if self._anchor is not None:
-            step = round((time_s - self._start_s) / self.discrete.period_s)
-            if step < self._step or step - self._anchor.step > self.limit_steps:
-                self._restart()
-        if self._anchor is None:
+        periods = (time_s - self._start_s) / self.discrete.period_s
+        anchor = self._anchor
+        if anchor is None or not self._step <= periods + 0.5 < anchor.step + self.limit_steps + 1:
+            self._restart()
             return self._begin(time_s, inputs)
-        step = round((time_s - self._start_s) / self.discrete.period_s)
+        step = math.floor(periods + 0.5)
         if None in inputs:
             return self._coast(step, inputs)
-        return self._follow(step, [value for value in inputs if value is not None], self._anchor)
+        return self._follow(step, [value for value in inputs if value is not None], anchor)
 
     def _begin(self, time_s: float, inputs: Readings) -> Estimate:
         u = [value for value in inputs if value is not None]
@@ -152,7 +152,7 @@ class Tracker:
                 *((k, values[index]) for k, values in self._pending if values[index] is not None),
                 (step, last),
             ]
-            paths.append(_interpolated([(k, value) for k, value in known if value is not None], anchor.step, step))
+            paths.append(_interpolated([(k, value) for k, value in known if value is not None]))
         x = anchor.x
         for inputs in zip(*paths):
             x = advance(self.discrete, x, inputs)
@@ -163,9 +163,9 @@ class Tracker:
         return Estimate(ambient, ambient + self.error_low_degC, ambient + self.error_high_degC, status, tuple(self._u))
 
 
-def _interpolated(points: list[tuple[int, float]], start: int, stop: int) -> list[float]:
-    """The values at start ... stop - 1 on the lines through ``points`` (step, value); the last of a step counts."""
+def _interpolated(points: list[tuple[int, float]]) -> list[float]:
+    """The values on the lines through ``points`` (step, value), without the last; the last of a step counts."""
     values: list[float] = []
     for (k0, v0), (k1, v1) in itertools.pairwise(points):
         values.extend(v0 + (v1 - v0) * (k - k0) / (k1 - k0) for k in range(k0, k1))
-    return values[: stop - start]
+    return values

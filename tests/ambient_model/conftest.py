@@ -1,0 +1,104 @@
+"""Any valid model, for hypothesis: ``st.from_type(Model)`` and ``st.from_type(Estimator)``."""
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Discrete, Estimator, Input, Matrix, Model
+
+settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
+settings.load_profile("fixed")
+
+PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
+
+texts = st.text(min_size=1, max_size=12).filter(str.isprintable)
+coefficients = st.floats(-10, 10)
+temperatures_degC = st.floats(-40, 90)
+
+
+def matrices(rows: int, columns: int) -> st.SearchStrategy[Matrix]:
+    row = st.tuples(*[coefficients] * columns)
+    return st.tuples(*[row] * rows)
+
+
+@st.composite
+def contractions(draw: st.DrawFn, states: int) -> Matrix:
+    """A whose row sums stay below 1, so that it is stable whatever its signs."""
+    raw = draw(matrices(states, states))
+    largest = draw(st.floats(0, 0.999))
+    scale = largest / max([1e-3, *(sum(map(abs, row)) for row in raw)])
+    return tuple(tuple(value * scale for value in row) for row in raw)
+
+
+@st.composite
+def inputs(draw: st.DrawFn) -> tuple[Input, ...]:
+    names = draw(st.lists(texts, min_size=1, max_size=5, unique=True))
+    ranges = st.tuples(st.floats(-300, 0), st.floats(0, 300, exclude_min=True))
+    return tuple(Input(name, draw(texts), draw(texts), *draw(ranges)) for name in names)
+
+
+@st.composite
+def estimators(draw: st.DrawFn, read: tuple[Input, ...], periods_s: list[float]) -> Estimator:
+    n, m = draw(st.integers(0, 4)), len(read)
+    ends = sorted(draw(st.tuples(*[st.floats(-9, 9)] * 6)))
+    return Estimator(
+        inputs=read,
+        states=tuple(draw(st.lists(texts, min_size=n, max_size=n, unique=True))),
+        discrete=tuple(
+            Discrete(
+                period_s,
+                draw(contractions(n)),
+                draw(matrices(n, m)),
+                draw(matrices(1, n)),
+                draw(matrices(1, m)),
+            )
+            for period_s in periods_s
+        ),
+        offset=draw(coefficients),
+        initial=draw(matrices(n, m)),
+        interval={50: (ends[2], ends[3]), 90: (ends[1], ends[4]), 98: (ends[0], ends[5])},
+    )
+
+
+periods = st.lists(st.sampled_from(PERIODS_S), min_size=1, max_size=3, unique=True)
+documents = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@st.composite
+def models(draw: st.DrawFn) -> Model:
+    read, periods_s = draw(inputs()), draw(periods)
+    names = [each.name for each in read]
+    dispensable = draw(st.lists(st.sampled_from(names), unique=True)) if len(names) > 1 else []
+    main = draw(estimators(read, periods_s))
+    rows = draw(st.lists(st.tuples(*[temperatures_degC] * len(read)), min_size=1, max_size=4))
+    return Model(
+        name=draw(texts),
+        created=draw(texts),
+        output=draw(texts),
+        main=main,
+        fallbacks={
+            name: draw(estimators(tuple(each for each in read if each.name != name), periods_s)) for name in dispensable
+        },
+        provenance=draw(st.dictionaries(st.text(max_size=5), documents, max_size=3)),
+        conformance=conformance_of(main, tuple(rows)),
+    )
+
+
+@st.composite
+def lone_estimators(draw: st.DrawFn) -> Estimator:
+    return draw(estimators(draw(inputs()), draw(periods)))
+
+
+st.register_type_strategy(Model, models())
+st.register_type_strategy(Estimator, lone_estimators())
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """One folder for all examples of a property."""
+    return str(tmp_path_factory.mktemp("files"))

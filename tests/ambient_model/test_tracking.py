@@ -1,0 +1,341 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.model import Discrete, Estimator, Input
+from ambient_model.tracking import (
+    COASTING,
+    DEGRADED,
+    FAULTED,
+    TRACKING,
+    WARMING_UP,
+    Estimate,
+    Tracker,
+    bridge_limit_s,
+    nearest_discrete,
+)
+
+BANDS = {50: (-0.25, 0.25), 90: (-0.5, 0.75), 98: (-1.0, 1.25)}
+
+
+def random_estimator(period_s: float = 1.0, states: int = 3, inputs: int = 3) -> Estimator:
+    """Some coupled circuit with a time constant of about 20 periods."""
+    random = np.random.default_rng(7)
+    A = random.normal(size=(states, states))
+    A *= 0.95 / max(abs(np.linalg.eigvals(A)))
+    shapes = {"B": (states, inputs), "C": (1, states), "D": (1, inputs)}
+    matrices = {name: tuple(map(tuple, random.normal(size=shape).tolist())) for name, shape in shapes.items()}
+    return Estimator(
+        inputs=tuple(Input(f"s{k}", "degC", f"zone{k}", -50.0, 100.0) for k in range(inputs)),
+        states=tuple(f"x{k}" for k in range(states)),
+        discrete=(Discrete(period_s, tuple(map(tuple, A.tolist())), **matrices),),
+        offset=0.7,
+        initial=tuple(map(tuple, random.normal(size=(states, inputs)).tolist())),
+        interval=BANDS,
+    )
+
+
+def tracker_of(estimator: Estimator) -> Tracker:
+    return Tracker(estimator, estimator.discrete[0])
+
+
+def numpy_outputs(estimator: Estimator, path: np.ndarray) -> np.ndarray:
+    """The outputs (k,) over ``path`` (k, m), one row a period, from the equilibrium with its first row."""
+    A, B, C, D = (np.array(each) for each in estimator.discrete[0][1:])
+    x = np.array(estimator.initial) @ path[0]
+    outputs = []
+    for u in path:
+        outputs.append((C @ x + D @ u)[0] + estimator.offset)
+        x = A @ x + B @ u
+    return np.array(outputs)
+
+
+def wander(steps: int, inputs: int = 3) -> np.ndarray:
+    return 25 + np.cumsum(np.random.default_rng(1).normal(scale=0.3, size=(steps, inputs)), axis=0)
+
+
+ESTIMATOR = random_estimator()
+
+
+def test_regular_samples_are_the_plain_recursion() -> None:
+    path = wander(2000)
+    tracker = tracker_of(ESTIMATOR)
+    given = [tracker.update(float(k), u) for k, u in enumerate(path.tolist())]
+    wanted = numpy_outputs(ESTIMATOR, path)
+    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=1e-12, atol=1e-12)
+    assert [each.used for each in given] == [tuple(u) for u in path.tolist()]
+
+
+@pytest.mark.parametrize(("level", "low", "high"), [(50, -0.25, 0.25), (90, -0.5, 0.75), (98, -1.0, 1.25)])
+def test_the_band_is_that_of_the_level(level: int, low: float, high: float) -> None:
+    estimate = Tracker(ESTIMATOR, ESTIMATOR.discrete[0], level).update(0.0, (20.0, 21.0, 22.0))
+    assert estimate.ambient_degC is not None
+    assert (estimate.low_degC, estimate.high_degC) == (estimate.ambient_degC + low, estimate.ambient_degC + high)
+
+
+@pytest.mark.parametrize("start_s", [0.0, -7.3, 1.7e9])
+@pytest.mark.parametrize("periods", [2, 3, 17, 30])
+def test_a_gap_is_the_recursion_along_straight_lines(periods: int, start_s: float) -> None:
+    path = wander(10)
+    steps = np.array([*range(5), *range(4 + periods, 9 + periods)])
+    tracker = tracker_of(ESTIMATOR)
+    given = [tracker.update(start_s + float(k), u) for k, u in zip(steps, path.tolist())]
+    filled = np.column_stack([np.interp(np.arange(steps[-1] + 1), steps, path[:, k]) for k in range(3)])
+    wanted = numpy_outputs(ESTIMATOR, filled)[steps]
+    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=1e-11, atol=1e-11)
+    assert COASTING not in {each.status for each in given}
+
+
+def test_an_input_that_stays_away_is_held_and_bridged_when_it_is_back() -> None:
+    path = wander(60)
+    away = range(20, 36)
+    tracker = tracker_of(ESTIMATOR)
+    given = []
+    for k, u in enumerate(path.tolist()):
+        given.append(tracker.update(float(k), [u[0], None if k in away else u[1], u[2]]))
+
+    held = path.copy()
+    held[20:36, 1] = path[19, 1]
+    np.testing.assert_allclose(
+        [each.ambient_degC for each in given[:36]], numpy_outputs(ESTIMATOR, held)[:36], rtol=1e-11, atol=1e-11
+    )
+    assert [each.used for each in given[:36]] == [tuple(u) for u in held[:36].tolist()]
+    assert {k for k, each in enumerate(given) if each.status == COASTING} == set(away)
+
+    bridged = path.copy()
+    bridged[20:36, 1] = np.interp(range(20, 36), [19, 36], path[[19, 36], 1])
+    np.testing.assert_allclose(
+        [each.ambient_degC for each in given[36:]], numpy_outputs(ESTIMATOR, bridged)[36:], rtol=1e-11, atol=1e-11
+    )
+
+
+@given(st.data())
+@settings(max_examples=150)
+def test_after_any_holes_the_state_is_that_of_the_lines_through_what_was_read(data: st.DataObject) -> None:
+    """Samples at any whole periods with any readings missing, a whole one at least every 30 periods."""
+    times, rows, whole = [0], [[20.0, 25.0, 30.0]], 0
+    for _ in range(data.draw(st.integers(1, 25))):
+        step = times[-1] + data.draw(st.integers(1, 4))
+        row = data.draw(st.lists(st.none() | st.floats(-50, 100), min_size=3, max_size=3))
+        if step - whole > 25:
+            row = [21.0, 26.0, 31.0]
+        whole = whole if None in row else step
+        times.append(step)
+        rows.append(row)
+    tracker = tracker_of(ESTIMATOR)
+    given = [tracker.update(float(step), row) for step, row in zip(times, rows)]
+
+    last = max(k for k, row in enumerate(rows) if None not in row)
+    path = np.empty((times[last] + 1, 3))
+    for column in range(3):
+        known = [(step, row[column]) for step, row in zip(times[: last + 1], rows) if row[column] is not None]
+        path[:, column] = np.interp(np.arange(times[last] + 1), *zip(*known))
+    wanted = numpy_outputs(ESTIMATOR, path)
+    for step, row, estimate in zip(times, rows, given):
+        if None in row:
+            assert estimate.status == COASTING
+        else:
+            assert estimate.ambient_degC == pytest.approx(wanted[step], rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "limit_steps"), [(0.01, 3000), (0.1, 300), (1.0, 30), (2.5, 12), (3.0, 10), (10.0, 10), (60.0, 10)]
+)
+def test_beyond_the_limit_nothing_is_trusted_until_it_starts_again(period_s: float, limit_steps: int) -> None:
+    assert bridge_limit_s(period_s) == pytest.approx(limit_steps * period_s)
+    estimator = random_estimator(period_s)
+    tracker = tracker_of(estimator)
+    tracker.update(0.0, (20.0, 21.0, 22.0))
+    missing = (20.0, None, 22.0)
+    statuses = [tracker.update(k * period_s, missing).status for k in range(1, limit_steps + 1)]
+    assert statuses == [COASTING] * limit_steps
+    for k in range(limit_steps + 1, limit_steps + 4):
+        assert tracker.update(k * period_s, missing) == Estimate(None, None, None, FAULTED, missing)
+    path = wander(5)
+    again = [tracker.update((limit_steps + 9 + k) * period_s, u) for k, u in enumerate(path.tolist())]
+    assert [each.status for each in again] == [WARMING_UP] * 5
+    np.testing.assert_allclose(
+        [each.ambient_degC for each in again], numpy_outputs(estimator, path), rtol=1e-12, atol=1e-12
+    )
+
+
+def test_a_gap_beyond_the_limit_starts_again_at_once() -> None:
+    tracker = tracker_of(ESTIMATOR)
+    for k, u in enumerate(wander(200).tolist()):
+        tracker.update(float(k), u)
+    path = np.array([[20.0, 21.0, 22.0]])
+    within = tracker.update(199.0 + 30.0, (20.0, 21.0, 22.0))
+    assert within.status == TRACKING
+    beyond = tracker.update(199.0 + 61.0, (20.0, 21.0, 22.0))
+    assert beyond.status == WARMING_UP
+    assert beyond.ambient_degC == pytest.approx(numpy_outputs(ESTIMATOR, path)[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("value", [-50.0001, 100.0001, 1e308, -1e308, math.nan, math.inf, -math.inf])
+def test_a_reading_out_of_range_is_missing(value: float) -> None:
+    trackers = [tracker_of(ESTIMATOR), tracker_of(ESTIMATOR)]
+    for k, u in enumerate(wander(50).tolist()):
+        for tracker, stand_in in zip(trackers, (value, None)):
+            estimate = tracker.update(float(k), [u[0], stand_in if 10 <= k < 20 else u[1], u[2]])
+            assert (estimate.status == COASTING) == (10 <= k < 20)
+        assert trackers[0].update(k + 0.1, u) == trackers[1].update(k + 0.1, u)
+
+
+def test_the_ends_of_the_range_belong_to_it() -> None:
+    tracker = tracker_of(ESTIMATOR)
+    assert tracker.update(0.0, (-50.0, 100.0, 20.0)).used == (-50.0, 100.0, 20.0)
+
+
+@pytest.mark.parametrize("period_s", [0.1, 1.0, 10.0])
+def test_jitter_never_adds_up(period_s: float) -> None:
+    """20 % of a period early or late, for 20,000 samples: no step is lost or doubled."""
+    estimator = random_estimator(period_s)
+    regular, jittered = tracker_of(estimator), tracker_of(estimator)
+    late = np.random.default_rng(3).uniform(-0.2, 0.2, size=20_000).tolist()
+    for k, u in enumerate(wander(20_000).clip(-50, 100).tolist()):
+        assert jittered.update((k + late[k]) * period_s, u) == regular.update(k * period_s, u)
+
+
+def test_a_clock_that_runs_slow_loses_no_time() -> None:
+    """Samples every 1.05 periods: of 1,000 samples, 50 stand two periods after the one before."""
+    path = wander(1000)
+    tracker = tracker_of(ESTIMATOR)
+    given = [tracker.update(1.05 * k, u) for k, u in enumerate(path.tolist())]
+    steps = np.floor(1.05 * np.arange(1000) + 0.5)
+    filled = np.column_stack([np.interp(np.arange(steps[-1] + 1), steps, path[:, k]) for k in range(3)])
+    wanted = numpy_outputs(ESTIMATOR, filled)[steps.astype(int)]
+    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=1e-10, atol=1e-10)
+
+
+def test_samples_within_one_period_count_once() -> None:
+    path = wander(40)
+    tracker = tracker_of(ESTIMATOR)
+    given = []
+    for k, u in enumerate(path.tolist()):
+        tracker.update(k - 0.2, (99.0, 99.0, 99.0)) if k else None
+        given.append(tracker.update(float(k), u))
+        assert tracker.update(float(k), u) == given[-1]
+    np.testing.assert_allclose(
+        [each.ambient_degC for each in given], numpy_outputs(ESTIMATOR, path), rtol=1e-12, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("back_s", [1.0, 3.0, 1e9])
+def test_time_that_goes_back_starts_again(back_s: float) -> None:
+    tracker = tracker_of(ESTIMATOR)
+    for k, u in enumerate(wander(200).tolist()):
+        before = tracker.update(float(k), u)
+    assert before.status == TRACKING
+    path = wander(3)
+    again = [tracker.update(199.0 - back_s + k, u) for k, u in enumerate(path.tolist())]
+    assert [each.status for each in again] == [WARMING_UP] * 3
+    np.testing.assert_allclose(
+        [each.ambient_degC for each in again], numpy_outputs(ESTIMATOR, path), rtol=1e-12, atol=1e-12
+    )
+
+
+def at_periods(*periods_s: float) -> Estimator:
+    one = ESTIMATOR.discrete[0]
+    return ESTIMATOR._replace(discrete=tuple(one._replace(period_s=period_s) for period_s in periods_s))
+
+
+@pytest.mark.parametrize(
+    ("periods_s", "asked_s", "chosen_s"),
+    [
+        ((0.1, 1.0, 10.0), 1.0, 1.0),
+        ((10.0, 1.0, 0.1), 10.0, 10.0),
+        ((0.1, 1.0, 10.0), 0.1, 0.1),
+        ((0.1, 1.0, 10.0), 5.0, 1.0),
+        ((0.1, 1.0, 10.0), 0.2, 0.1),
+        ((0.1, 1.0, 10.0), 30.0, 10.0),
+        ((0.1, 1.0, 10.0), 1.09, 1.0),
+        ((0.1, 1.0, 10.0), 0.91, 1.0),
+        ((1.0, 10.0), 1.2, 1.0),
+        ((1.0, 10.0), 0.1, 1.0),
+        ((1.0, 10.0), 2.5, 1.0),
+        ((1.0, 2.5), 2.5, 2.5),
+        ((1.0,), 0.37, 1.0),
+    ],
+)
+def test_the_period_nearest_to_the_sampling(periods_s: tuple[float, ...], asked_s: float, chosen_s: float) -> None:
+    assert nearest_discrete(at_periods(*periods_s), asked_s).period_s == chosen_s
+
+
+HERE, LOST, GONE = (20.0, 30.0), (20.0, None), (None, None)
+
+
+def quick(A: float) -> Tracker:
+    """Settled after 8 steps with A = 0.5 (0.5^8 is the first doubled power below 5 %)."""
+    discrete = Discrete(1.0, ((A,),), ((0.25, 0.25),), ((1.0,),), ((0.0, 0.0),))
+    inputs = tuple(Input(name, "degC", name, -20.0, 80.0) for name in ("usb", "battery"))
+    return tracker_of(Estimator(inputs, ("case",), (discrete,), 0.0, ((0.5, 0.5),), BANDS))
+
+
+@pytest.mark.parametrize(
+    ("samples", "statuses"),
+    [
+        ([(k, HERE) for k in range(11)], [WARMING_UP] * 8 + [TRACKING] * 3),
+        ([(0, HERE), (7, HERE), (8, HERE)], [WARMING_UP, WARMING_UP, TRACKING]),
+        ([(0, HERE), (25, HERE), (26, LOST), (27, HERE)], [WARMING_UP, TRACKING, COASTING, TRACKING]),
+        ([(0, HERE), (3, LOST), (5, HERE), (9, HERE)], [WARMING_UP, COASTING, WARMING_UP, TRACKING]),
+        ([(0, HERE), (9, GONE), (30, GONE), (31, GONE)], [WARMING_UP, COASTING, COASTING, FAULTED]),
+        (
+            [(0, LOST), (1, GONE), (2, HERE), (9, HERE), (10, HERE)],
+            [FAULTED, FAULTED, WARMING_UP, WARMING_UP, TRACKING],
+        ),
+        ([(0, HERE), (20, LOST), (35, HERE)], [WARMING_UP, COASTING, WARMING_UP]),
+        ([(0, HERE), (9, HERE), (8, LOST), (9, HERE)], [WARMING_UP, TRACKING, FAULTED, WARMING_UP]),
+        ([(0, HERE), (9, HERE), (12, LOST), (10, HERE)], [WARMING_UP, TRACKING, COASTING, WARMING_UP]),
+        ([(0, HERE), (9, HERE), (9, LOST), (9, HERE)], [WARMING_UP, TRACKING, COASTING, TRACKING]),
+        ([(0, HERE), (9, HERE), (math.nan, HERE), (18, HERE)], [WARMING_UP, TRACKING, WARMING_UP, WARMING_UP]),
+    ],
+)
+def test_the_statuses_in_order(samples: list, statuses: list[str]) -> None:
+    tracker = quick(0.5)
+    assert [tracker.update(time_s, readings).status for time_s, readings in samples] == statuses
+
+
+def test_what_settles_at_once_never_warms_up() -> None:
+    stateless = Estimator(
+        (Input("usb", "degC", "usb", -20.0, 80.0),), (), (Discrete(1.0, (), (), ((),), ((1.0,),)),), -2.0, (), BANDS
+    )
+    tracker = tracker_of(stateless)
+    assert tracker.update(0.0, (20.0,)) == Estimate(18.0, 17.5, 18.75, TRACKING, (20.0,))
+    assert tracker.update(1.0, (None,)) == Estimate(18.0, 17.5, 18.75, COASTING, (20.0,))
+    assert tracker.update(2.0, (30.0,)) == Estimate(28.0, 27.5, 28.75, TRACKING, (30.0,))
+
+
+def test_the_words_of_the_contract() -> None:
+    assert (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED) == (
+        "warming_up",
+        "tracking",
+        "degraded",
+        "coasting",
+        "faulted",
+    )
+
+
+times_s = st.floats() | st.floats(-50, 50) | st.sampled_from([0.0, 1.0, 1e300, -1e308, 1e308])
+readings = st.none() | st.floats(-300, 300) | st.floats()
+
+
+@given(st.from_type(Estimator), st.data())
+@settings(max_examples=150)
+def test_nothing_raises_and_nothing_is_not_finite(estimator: Estimator, data: st.DataObject) -> None:
+    tracker = Tracker(estimator, data.draw(st.sampled_from(estimator.discrete)))
+    time_s = 0.0
+    for _ in range(data.draw(st.integers(1, 15))):
+        forward = st.floats(0, 12).map(lambda more, now=time_s: now + more)
+        time_s = data.draw(forward | forward | times_s)
+        row = data.draw(st.tuples(*[readings] * len(estimator.inputs)))
+        estimate = tracker.update(time_s, row)
+        numbers = estimate[:3]
+        if estimate.status == FAULTED:
+            assert numbers == (None, None, None)
+            assert None in estimate.used
+        else:
+            assert estimate.status in (WARMING_UP, TRACKING, COASTING)
+            assert all(math.isfinite(number) for number in (*numbers, *estimate.used))

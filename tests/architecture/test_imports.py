@@ -1,0 +1,83 @@
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {"asyncio", "dataclasses", "logging", "pathlib", "subprocess", "tempfile"}
+COST = "on the device every import costs start-up time and memory (asyncio 10 MB, dataclasses 27 ms): do without"
+FOREIGN = ("numpy", "scipy", "yaml", "serial", "pydantic", "click", "rich", "jinja2", "plotly", "threadpoolctl")
+CONFIG = ("daemon/ambientd/config.py", "daemon/ambientd/config/")
+
+
+def test_there_is_something_to_look_at(sources) -> None:
+    for package in sources.trees:
+        assert len(sources.modules(package)) > 5
+        assert sources.imports(package)
+
+
+def test_the_model_package_needs_only_the_standard_library(sources) -> None:
+    allowed = {"ambient_model", *sys.stdlib_module_names}
+    assert [str(each) for each in sources.imports("ambient_model") if each.top not in allowed] == []
+
+
+def test_the_daemon_needs_only_the_standard_library_and_the_model(sources) -> None:
+    allowed = {"ambientd", "ambient_model", "yaml", *sys.stdlib_module_names}
+    assert [str(each) for each in sources.imports("ambientd") if each.top not in allowed] == []
+
+
+def test_yaml_is_imported_late_and_by_the_configuration_alone(sources) -> None:
+    found = [each for each in sources.imports("ambientd") if each.top == "yaml"]
+    wrong = [str(each) for each in found if not each.in_function or not each.importer.startswith(CONFIG)]
+    assert wrong == [], "a device with a JSON configuration has no PyYAML, and does not pay for it"
+
+
+def test_the_trainer_never_imports_the_daemon(sources) -> None:
+    wrong = [str(each) for each in sources.imports("ambient_trainer") if each.top == "ambientd"]
+    assert wrong == [], "the two share ambient_model and its files; what has to run the daemon starts it as a process"
+
+
+@pytest.mark.parametrize("package", ["ambient_model", "ambientd"])
+def test_no_heavy_import_on_the_device(sources, package: str) -> None:
+    assert [str(each) for each in sources.imports(package) if each.top in HEAVY] == [], COST
+
+
+IMPORT_ALL = """
+import sys
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {foreign!r}:
+            raise ImportError("blocked: " + name)
+
+sys.meta_path.insert(0, Blocker())
+sys.path[:0] = {path!r}
+before = set(sys.modules)
+for name in {modules!r}:
+    __import__(name)
+print(*sorted(set(sys.modules) - before), sep="\\n")
+"""
+
+
+def imported_by(sources, *packages: str) -> set[str]:
+    """What a bare interpreter, without site-packages and the libraries of the host, loads for all modules."""
+    script = IMPORT_ALL.format(
+        foreign=FOREIGN,
+        path=[str(sources.root / "shared"), str(sources.root / "daemon")],
+        modules=[name for package in packages for name in sources.modules(package) if not name.endswith("__main__")],
+    )
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", script], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return set(done.stdout.split())
+
+
+@pytest.mark.parametrize("packages", [("ambient_model",), ("ambient_model", "ambientd")])
+def test_a_bare_interpreter_imports_every_module_of_the_device(sources, packages: tuple[str, ...]) -> None:
+    loaded = imported_by(sources, *packages)
+    assert {name.partition(".")[0] for name in loaded} >= set(packages)
+    assert loaded & {*HEAVY, *FOREIGN} == set(), COST
+
+
+def test_the_blocker_blocks(sources) -> None:
+    script = IMPORT_ALL.format(foreign=FOREIGN, path=[], modules=["numpy"])
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    assert "ImportError: blocked: numpy" in done.stderr
