@@ -1,0 +1,175 @@
+"""The command line: status 0 is done, 1 the work failed, 2 the call was wrong, and a message says why.
+
+Each command imports what it needs when it runs: a replay pays neither memory nor time for sockets.
+"""
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+
+from ambient_model import __version__
+from ambient_model.faults import Refused
+from ambientd.config import RATE_RANGE_HZ, Settings
+from ambientd.publish.spec import KINDS, Spec, parse
+
+
+def call(arguments: Sequence[str]) -> int:
+    """Run the command that ``arguments`` name; returns the exit status. Raises SystemExit(2) for a wrong call."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    try:
+        options.command(parser, options)
+        sys.stdout.flush()
+        return 0
+    except Refused as refused:
+        return _failed(str(refused))
+    except BrokenPipeError:
+        # what is still buffered has no reader: let the interpreter's last flush go nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        return _failed("stopped")
+    except OSError as error:
+        return _failed(f"{error.filename or 'output'}: {error.strerror or error}")
+
+
+def _failed(message: str) -> int:
+    print(f"ambientd: {message}", file=sys.stderr)
+    return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="ambientd", description="Tell a device how warm the air around it is, from the temperatures inside it."
+    )
+    parser.add_argument("--version", action="version", version=f"ambientd {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_run(commands)
+    _add_replay(commands)
+    _add_check(commands)
+    watch = commands.add_parser("watch", help="follow a running daemon's socket, one line a tick")
+    watch.add_argument("socket", metavar="SOCKET")
+    watch.set_defaults(command=_watch)
+    return parser
+
+
+_Commands = argparse._SubParsersAction  # argparse has no public name for what add_subparsers returns
+
+
+def _add_run(commands: "_Commands[argparse.ArgumentParser]") -> None:
+    run = commands.add_parser("run", help="estimate from the thermal zones, or from a replayed trace, and publish")
+    _add_origin(run)
+    run.add_argument(
+        "--publish",
+        metavar="KIND:PATH",
+        type=_spec,
+        action="append",
+        help=f"where to; repeatable; kinds: {', '.join(KINDS)} (default: stdout)",
+    )
+    run.add_argument("--replay", metavar="TRACE", help="read this trace, at its own pace, instead of the thermal zones")
+    pace = run.add_mutually_exclusive_group()
+    pace.add_argument(
+        "--rate",
+        metavar="HZ",
+        type=_number(*RATE_RANGE_HZ),
+        help="samples a second (default: 1); with --replay, rows a second instead of the trace's own pace",
+    )
+    pace.add_argument(
+        "--speed",
+        metavar="N",
+        type=_number(0, 1e6),
+        help="with --replay: N times as fast as the trace; 0 is as fast as it goes (default: 1)",
+    )
+    run.set_defaults(command=_run)
+
+
+def _add_replay(commands: "_Commands[argparse.ArgumentParser]") -> None:
+    replay = commands.add_parser("replay", help="run a trace through a model, as fast as it goes, into a file")
+    replay.add_argument("model", metavar="MODEL.json")
+    replay.add_argument("trace", metavar="TRACE.csv")
+    replay.add_argument("-o", "--output", metavar="OUT.csv", required=True)
+    replay.add_argument("--from", dest="from_s", metavar="S", type=float, help="leave out what is earlier")
+    replay.add_argument("--to", dest="to_s", metavar="S", type=float, help="leave out this time and what is later")
+    replay.set_defaults(command=_replay)
+
+
+def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
+    check = commands.add_parser("check", help="prove a model file right and find its sensors on this device")
+    _add_origin(check)
+    check.add_argument("--no-sensors", action="store_true", help="check the files alone, as on a host")
+    check.set_defaults(command=_check)
+
+
+def _add_origin(command: argparse.ArgumentParser) -> None:
+    origin = command.add_mutually_exclusive_group(required=True)
+    origin.add_argument("--config", metavar="FILE", help="a YAML configuration, or JSON where it ends with .json")
+    origin.add_argument("--model", metavar="MODEL.json", help="a model file, with every setting at its default")
+    command.add_argument("--sysfs-root", metavar="DIR", help="where sysfs is (default: /sys)")
+
+
+def _number(low: float, high: float) -> Callable[[str], float]:
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not between {low:g} and {high:g}")
+        return value
+
+    return number
+
+
+def _spec(text: str) -> Spec:
+    try:
+        return parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    from ambientd.config import load_settings, settings_for_model
+
+    settings = load_settings(options.config) if options.config else settings_for_model(options.model)
+    if options.sysfs_root is not None:
+        settings = settings._replace(sysfs_root=options.sysfs_root)
+    return settings
+
+
+def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    if options.speed is not None and options.replay is None:
+        parser.error("--speed goes with --replay")
+    from ambientd.run import run_replayed, run_zones
+
+    settings = _settings(options)
+    if options.publish:
+        settings = settings._replace(publish=tuple(options.publish))
+    if options.replay is not None:
+        run_replayed(settings, options.replay, options.rate, 1.0 if options.speed is None else options.speed)
+    else:
+        run_zones(settings._replace(rate_hz=options.rate or settings.rate_hz))
+
+
+def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    from ambientd.replay import replay
+
+    count = replay(options.model, options.trace, options.output, options.from_s, options.to_s)
+    print(f"{options.output}: {count} estimates")
+
+
+def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    if options.no_sensors and options.sysfs_root is not None:
+        parser.error("--sysfs-root says where the sensors are, and --no-sensors that none are wanted")
+    from ambientd.check import check_files, check_sensors
+
+    settings = _settings(options)
+    check_files(settings)
+    if not options.no_sensors:
+        check_sensors(settings)
+
+
+def _watch(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    from ambientd.watch import watch
+
+    watch(options.socket)

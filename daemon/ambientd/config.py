@@ -1,0 +1,222 @@
+"""A configuration is YAML, or JSON where the file ends with .json; it is taken whole or refused with every fault.
+
+Paths that are not absolute are taken from the configuration's own folder.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.model import LEVELS_PERCENT
+from ambientd.publish.spec import MILLIDEGREES_LIMIT, MODES, Spec, parse
+
+RATE_RANGE_HZ = (0.1, 20.0)
+_KEYS = ("model", "rate_hz", "sysfs_root", "publish", "level_percent", "zones")
+_PUBLISH_KEYS = ("kind", "path", "mode", "poison_millidegC")
+
+
+class Settings(NamedTuple):
+    """How the daemon is to run."""
+
+    source: str
+    """The file that says so, for messages."""
+    model: str
+    rate_hz: float = 1.0
+    sysfs_root: str = "/sys"
+    publish: tuple[Spec, ...] = (Spec("stdout"),)
+    level_percent: int = 90
+    """The interval that is published as low and high."""
+    zones: Mapping[str, str] = MappingProxyType({})
+    """Per input name the type of its thermal zone, where it is not the model's."""
+
+
+def settings_for_model(path: str) -> Settings:
+    """The defaults around the model file at ``path``."""
+    return Settings(source=path, model=path)
+
+
+def load_settings(path: str) -> Settings:
+    """The settings in the file at ``path``; raises :class:`Refused` with every fault."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            text = stream.read()
+    except OSError as error:
+        raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+    except UnicodeDecodeError as error:
+        raise refuse(path, "", f"not text ({error})", "save it as UTF-8") from error
+    data = _json(path, text) if path.endswith(".json") else _yaml(path, text)
+    reading = _Reading(path)
+    settings = reading.settings(data)
+    if reading.faults:
+        raise Refused(path, reading.faults)
+    return settings
+
+
+def _json(path: str, text: str) -> Any:
+    import json
+
+    try:
+        return json.loads(text, object_pairs_hook=_without_doubles)
+    except json.JSONDecodeError as error:
+        place = f"line {error.lineno}, column {error.colno}"
+        raise refuse(path, place, f"not JSON ({error.msg})", "correct it there") from error
+    except (ValueError, RecursionError) as error:
+        raise refuse(path, "", str(error), "correct it") from error
+
+
+def _yaml(path: str, text: str) -> Any:
+    import importlib
+
+    try:
+        yaml: Any = importlib.import_module("yaml")
+    except ImportError as error:
+        raise refuse(
+            path,
+            "",
+            "is YAML, and PyYAML is not installed",
+            "install 'ambientd[yaml]', or write the same keys as JSON into a file that ends with .json",
+        ) from error
+    try:
+        _refuse_doubles(yaml.compose(text, yaml.SafeLoader))
+        return yaml.safe_load(text)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise refuse(path, place, f"not YAML ({error.problem})", "correct it there") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise refuse(path, "", str(error), "correct it") from error
+
+
+def _refuse_doubles(node: Any) -> None:
+    """YAML lets a later key silently win over its double."""
+    if node is not None and node.id == "mapping":
+        _without_doubles([(str(key.value), value) for key, value in node.value])
+        for _, value in node.value:
+            _refuse_doubles(value)
+    elif node is not None and node.id == "sequence":
+        for item in node.value:
+            _refuse_doubles(item)
+
+
+def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    names = [name for name, _ in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"key {name!r} stands twice in one mapping")
+    return dict(pairs)
+
+
+class _Reading:
+    """One pass over the decoded configuration that notes every fault and goes on."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.faults: list[Fault] = []
+
+    def fault(self, place: str, problem: str, mend: str) -> None:
+        self.faults.append(Fault(place, problem, mend))
+
+    def settings(self, data: Any) -> Settings:
+        settings = Settings(source=self.path, model="")
+        if not isinstance(data, dict):
+            self.fault("", "holds no keys", f"start with 'model: MODEL.json'; known keys are {', '.join(_KEYS)}")
+            return settings
+        self.unknown("", data, _KEYS)
+        readers: dict[str, Callable[[str, Any], Any]] = {
+            "model": self.file,
+            "rate_hz": self.rate,
+            "sysfs_root": self.file,
+            "publish": self.publish,
+            "level_percent": self.level,
+            "zones": self.zones,
+        }
+        if "model" not in data:
+            self.fault("model", "missing", "name the model file")
+        return settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
+
+    def unknown(self, place: str, data: dict[Any, Any], known: tuple[str, ...]) -> None:
+        for key in data:
+            if key not in known:
+                self.fault(f"{place}{key}", "unknown key", f"known are {', '.join(known)}")
+
+    def text(self, place: str, value: Any) -> str:
+        if not isinstance(value, str) or not value:
+            self.fault(place, f"is {value!r}", "a text is wanted")
+            return ""
+        return value
+
+    def file(self, place: str, value: Any) -> str:
+        return os.path.join(os.path.dirname(self.path), self.text(place, value))
+
+    def rate(self, place: str, value: Any) -> float:
+        low, high = RATE_RANGE_HZ
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            self.fault(place, f"is {value!r}", f"a number between {low:g} and {high:g} is wanted")
+            return 1.0
+        return float(value)
+
+    def level(self, place: str, value: Any) -> int:
+        if type(value) is not int or value not in LEVELS_PERCENT:
+            self.fault(place, f"is {value!r}", f"one of {', '.join(map(str, LEVELS_PERCENT))} is wanted")
+            return 90
+        return value
+
+    def zones(self, place: str, value: Any) -> dict[str, str]:
+        if not isinstance(value, dict):
+            self.fault(place, f"is {value!r}", "a mapping from input name to thermal zone type is wanted")
+            return {}
+        return {str(name): self.text(f"{place}.{name}", zone) for name, zone in value.items()}
+
+    def publish(self, place: str, value: Any) -> tuple[Spec, ...]:
+        if not isinstance(value, list) or not value:
+            self.fault(place, f"is {value!r}", "a list of KIND:PATH or of mappings is wanted")
+            return ()
+        specs = [self.spec(f"{place}[{index}]", item) for index, item in enumerate(value)]
+        targets = [spec.path for spec in specs if spec and spec.path]
+        for target in sorted({target for target in targets if targets.count(target) > 1}):
+            self.fault(place, f"{target} stands twice", "publish each to a path of its own")
+        return tuple(spec for spec in specs if spec)
+
+    def spec(self, place: str, value: Any) -> Spec | None:
+        if isinstance(value, str):
+            return self.parsed(place, value)
+        if not isinstance(value, dict):
+            self.fault(place, f"is {value!r}", "KIND:PATH or a mapping is wanted")
+            return None
+        self.unknown(f"{place}.", value, _PUBLISH_KEYS)
+        kind = self.text(f"{place}.kind", value.get("kind"))
+        path = self.text(f"{place}.path", value["path"]) if "path" in value else ""
+        spec = self.parsed(place, f"{kind}:{path}" if path else kind) if kind else None
+        if spec is None:
+            return None
+        for key in ("mode", "poison_millidegC"):
+            if key in value and spec.kind != "file":
+                self.fault(f"{place}.{key}", f"says nothing for kind {spec.kind!r}", "only 'file' takes it: remove it")
+        if "mode" in value:
+            spec = spec._replace(mode=self.mode(f"{place}.mode", value["mode"]))
+        if "poison_millidegC" in value:
+            spec = spec._replace(poison_millidegC=self.poison(f"{place}.poison_millidegC", value["poison_millidegC"]))
+        return spec
+
+    def parsed(self, place: str, text: str) -> Spec | None:
+        try:
+            spec = parse(text)
+        except ValueError as error:
+            problem, _, mend = str(error).partition("; ")
+            self.fault(place, problem, mend)
+            return None
+        return spec._replace(path=self.file(place, spec.path)) if spec.path else spec
+
+    def mode(self, place: str, value: Any) -> str:
+        if value not in MODES:
+            self.fault(place, f"is {value!r}", f"one of {', '.join(MODES)} is wanted")
+            return MODES[0]
+        return str(value)
+
+    def poison(self, place: str, value: Any) -> int:
+        if type(value) is not int or abs(value) >= MILLIDEGREES_LIMIT:
+            self.fault(place, f"is {value!r}", "an integer in millidegrees, of at most 12 digits, is wanted")
+            return 0
+        return value

@@ -1,0 +1,103 @@
+"""While one input is away, the estimator that does without it speaks: the rule for taking over without a jump.
+
+Every fallback runs beside the main estimator all the time, so that it has settled when it is needed. Where the voice
+changes, the difference to what was last said is added to what the new one says, and fades as a thermal state does.
+It knows no clock: time comes in as an argument.
+"""
+
+import math
+
+from ambient_model.model import Estimator, Model
+from ambient_model.tracking import (
+    DEGRADED,
+    TRACKING,
+    WARMING_UP,
+    Estimate,
+    Readings,
+    Tracker,
+    bridge_limit_s,
+    nearest_discrete,
+)
+
+_FRESH = (TRACKING, WARMING_UP)
+
+
+class _Voice:
+    """An estimator at work, fed from the readings of all the model's inputs."""
+
+    def __init__(self, model: Model, estimator: Estimator, period_s: float, level: int) -> None:
+        self.tracker = Tracker(estimator, nearest_discrete(estimator, period_s), level)
+        self._picks = [model.main.inputs.index(each) for each in estimator.inputs]
+        self._width = len(model.main.inputs)
+
+    def update(self, time_s: float, readings: Readings) -> Estimate:
+        return self.tracker.update(time_s, [readings[index] for index in self._picks])
+
+    def used(self, estimate: Estimate) -> tuple[float | None, ...]:
+        """What it used, per input of the model: None for the one that it does without."""
+        values: list[float | None] = [None] * self._width
+        for index, value in zip(self._picks, estimate.used):
+            values[index] = value
+        return tuple(values)
+
+
+class FallbackTracker:
+    """A model's main estimator and its fallbacks, fed one sample at a time; the interval is that of ``level`` percent.
+
+    ``period_s`` is how far apart the samples will lie. Two missing inputs leave no fallback: the main one coasts.
+    """
+
+    def __init__(self, model: Model, period_s: float, level: int = 90) -> None:
+        self._main = _Voice(model, model.main, period_s, level)
+        self._fallbacks = [_Voice(model, each, period_s, level) for each in model.fallbacks.values()]
+        self.period_s = self._main.tracker.discrete.period_s
+        self.limit_s = bridge_limit_s(self.period_s)
+        settling_steps = max(voice.tracker.settling_steps for voice in (self._main, *self._fallbacks))
+        # down to 5 % when the slowest has settled; a static model has no time of its own
+        self._fading_s = max(self.limit_s, settling_steps * self.period_s / 3)
+        self._speaking = self._main
+        self._difference_degC = 0.0
+        self._said_degC: float | None = None
+        self._said_s = 0.0
+
+    def update(self, time_s: float, readings: Readings) -> Estimate:
+        """The estimate at ``time_s`` from one reading per input of the model (degC, A, ...; None where missing)."""
+        if not self._fallbacks:
+            return self._main.tracker.update(time_s, readings)
+        main = self._main.update(time_s, readings)
+        others = [(voice, voice.update(time_s, readings)) for voice in self._fallbacks]
+        voice, estimate = self._choose(main, others)
+        ambient, low, high = estimate[:3]
+        if ambient is None or low is None or high is None:
+            self._speaking, self._said_degC = voice, None
+            return estimate
+        self._difference_degC = difference = self._bridge(time_s, voice, ambient)
+        self._speaking, self._said_degC, self._said_s = voice, ambient + difference, time_s
+        # the interval holds both ends of the bridge
+        return estimate._replace(
+            ambient_degC=self._said_degC,
+            low_degC=low + min(0.0, difference),
+            high_degC=high + max(0.0, difference),
+            used=estimate.used if voice is self._main else voice.used(estimate),
+        )
+
+    def _choose(self, main: Estimate, others: list[tuple[_Voice, Estimate]]) -> tuple[_Voice, Estimate]:
+        """Who speaks: the main one if it can, the fallback that has all its inputs, or who speaks already."""
+        if main.status in _FRESH:
+            return self._main, main
+        for voice, estimate in others:
+            if estimate.status in _FRESH:
+                return voice, estimate._replace(status=DEGRADED)
+        for voice, estimate in others:
+            if voice is self._speaking and estimate.ambient_degC is not None:
+                return voice, estimate
+        return self._main, main
+
+    def _bridge(self, time_s: float, voice: _Voice, ambient_degC: float) -> float:
+        """What is to be added to ``ambient_degC``, which ``voice`` has at ``time_s``."""
+        passed_s = time_s - self._said_s
+        if self._said_degC is None or not 0 <= passed_s <= self.limit_s:
+            return 0.0
+        if voice is not self._speaking:
+            return self._said_degC - ambient_degC
+        return self._difference_degC * math.exp(-passed_s / self._fading_s)

@@ -1,0 +1,69 @@
+"""A node_exporter textfile: gauges with HELP and TYPE and no timestamps, for which it would skip the whole file.
+
+A gauge without a value is left out, rather than said as a number that looks like one.
+"""
+
+from collections.abc import Iterable
+
+from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMING_UP
+from ambientd.publish import Quiet
+from ambientd.publish.swap import remove, swap_in
+from ambientd.report import Report
+
+_STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
+
+
+class PrometheusFile(Quiet):
+    """A ``*.prom`` file, replaced by rename."""
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def publish(self, report: Report) -> None:
+        """Replace the gauges; raises OSError."""
+        swap_in(self._path, exposition(report).encode())
+
+    def close(self) -> None:
+        """Remove the file: its gauges would otherwise be scraped for ever."""
+        remove(self._path)
+
+
+def exposition(report: Report) -> str:
+    """``report`` in the text exposition format."""
+    estimate = report.estimate
+    model = _labels(model=report.model)
+    sensors = [
+        (_labels(sensor=each.name, unit=each.unit), raw, used)
+        for each, raw, used in zip(report.inputs, report.raw, estimate.used)
+    ]
+    return "".join(
+        [
+            _gauge("ambient_celsius", "Estimated ambient temperature.", [(model, estimate.ambient_degC)]),
+            _gauge("ambient_low_celsius", "Lower end of the interval.", [(model, estimate.low_degC)]),
+            _gauge("ambient_high_celsius", "Upper end of the interval.", [(model, estimate.high_degC)]),
+            _gauge("interval_ratio", "How often the truth lies in the interval.", [("", report.level_percent / 100)]),
+            _gauge("estimate_age_seconds", "Time since it rested on readings alone.", [("", report.age_s)]),
+            _gauge(
+                "status",
+                "1 for the status that holds.",
+                [(_labels(status=status), float(status == estimate.status)) for status in _STATUSES],
+            ),
+            _gauge("sensor_raw", "A sensor as it was read.", [(labels, raw) for labels, raw, _ in sensors]),
+            _gauge("sensor_used", "A sensor as the estimate took it.", [(labels, used) for labels, _, used in sensors]),
+        ]
+    )
+
+
+def _gauge(name: str, explanation: str, samples: Iterable[tuple[str, float | None]]) -> str:
+    lines = [f"ambientd_{name}{labels} {value!r}\n" for labels, value in samples if value is not None]
+    if not lines:
+        return ""
+    return f"# HELP ambientd_{name} {explanation}\n# TYPE ambientd_{name} gauge\n{''.join(lines)}"
+
+
+def _labels(**labels: str) -> str:
+    return "{" + ",".join(f'{name}="{_escaped(value)}"' for name, value in labels.items()) + "}"
+
+
+def _escaped(value: str) -> str:
+    return value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")

@@ -1,0 +1,27 @@
+"""The lines of the socket on standard output. A pipe that is full loses lines rather than delay the daemon."""
+
+import os
+import select
+
+from ambientd.publish import Quiet
+from ambientd.report import Report, as_json
+
+_STDOUT = 1
+
+
+class Stdout(Quiet):
+    """Standard output; ``patience_ms`` is how long a full pipe is waited for, None for ever."""
+
+    def __init__(self, patience_ms: int | None) -> None:
+        self._patience_ms = patience_ms
+        self._room = select.poll()
+        self._room.register(_STDOUT, select.POLLOUT)
+
+    def publish(self, report: Report) -> None:
+        """Write the line; raises OSError."""
+        # a pipe that polls writable takes a whole line of up to 4 KiB without blocking
+        if self._room.poll(self._patience_ms):
+            os.write(_STDOUT, f"{as_json(report)}\n".encode())
+
+    def close(self) -> None:
+        """Nothing stays behind."""

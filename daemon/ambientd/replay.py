@@ -1,0 +1,34 @@
+"""``ambientd replay``: what the daemon would have said to a trace, as fast as it goes."""
+
+import os
+
+from ambient_model.atomic import replacing
+from ambient_model.codec import load_model
+from ambient_model.faults import refuse
+from ambientd.sources.replay import TraceSource, tracker_for
+
+COLUMNS = ("time_s", "ambient_degC", "low_degC", "high_degC", "status")
+
+
+def replay(model_path: str, trace_path: str, output_path: str, from_s: float | None, to_s: float | None) -> int:
+    """Write the estimates for a trace and return how many; raises :class:`Refused`, and then leaves the output alone.
+
+    Numbers are written with the fewest digits that read back as the same number, a missing value as an empty cell.
+    """
+    for given in (model_path, trace_path):
+        if os.path.exists(output_path) and os.path.exists(given) and os.path.samefile(given, output_path):
+            raise refuse(output_path, "", "would be overwritten by what is made from it", "name another -o")
+    model = load_model(model_path)
+    with TraceSource(trace_path, model.main.inputs, from_s, to_s) as source:
+        update = tracker_for(model, source).update
+        count = 0
+        with replacing(output_path, "gz" if output_path.endswith(".gz") else "w") as stream:
+            stream.write(",".join(COLUMNS) + "\n")
+            for time_s, readings in source:
+                ambient, low, high, status, _ = update(time_s, readings)
+                if ambient is None:
+                    stream.write(f"{time_s!r},,,,{status}\n")
+                else:
+                    stream.write(f"{time_s!r},{ambient!r},{low!r},{high!r},{status}\n")
+                count += 1
+    return count

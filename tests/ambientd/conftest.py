@@ -1,0 +1,185 @@
+"""A small model made by hand, a fake sysfs of real files, and the daemon as a real process."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from ambient_model.codec import decode, encode
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Discrete, Estimator, Input, Model
+
+PERIODS_S = (0.1, 0.2, 0.5, 1.0)
+INTERVAL = {50: (-0.2, 0.3), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
+USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
+BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
+
+
+def lag(period_s: float, tau_s: float) -> float:
+    return math.exp(-period_s / tau_s)
+
+
+def main_discrete(period_s: float) -> Discrete:
+    """Two first-order lags (40 s on usb, 10 s on battery): ambient = usb + 0.8 (battery lagged - usb lagged)."""
+    a, b = lag(period_s, 40.0), lag(period_s, 10.0)
+    return Discrete(period_s, ((a, 0.0), (0.0, b)), ((1 - a, 0.0), (0.0, 1 - b)), ((-0.8, 0.8),), ((1.0, 0.0),))
+
+
+def single(of: Input, tau_s: float, offset: float) -> Estimator:
+    """One lag on one input, for a fallback."""
+    return Estimator(
+        inputs=(of,),
+        states=(f"{of.name}_lagged",),
+        discrete=tuple(
+            Discrete(p, ((lag(p, tau_s),),), ((1 - lag(p, tau_s),),), ((1.0,),), ((0.0,),)) for p in PERIODS_S
+        ),
+        offset=offset,
+        initial=((1.0,),),
+        interval={50: (-1.0, 1.0), 90: (-2.0, 2.0), 98: (-3.0, 3.0)},
+    )
+
+
+def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = False) -> Model:
+    main = Estimator(
+        inputs=inputs,
+        states=("usb_lagged", "battery_lagged"),
+        discrete=tuple(main_discrete(period_s) for period_s in PERIODS_S),
+        offset=-3.0,
+        initial=((1.0, 0.0), (0.0, 1.0)),
+        interval=INTERVAL,
+    )
+    others = {"usb": single(BATTERY, 20.0, -5.0), "battery": single(USB, 20.0, -1.0)} if fallbacks else {}
+    steps = tuple((25.0 + k % 7, 30.0 - 0.5 * k) for k in range(20))
+    model = Model("bench", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
+    return decode(encode(model).encode(), "made by hand")
+
+
+@pytest.fixture
+def make_model() -> Callable[..., Model]:
+    return made_model
+
+
+@pytest.fixture
+def model_file(tmp_path: Path) -> str:
+    path = tmp_path / "model.json"
+    path.write_text(encode(made_model()))
+    return str(path)
+
+
+@pytest.fixture
+def fallback_model_file(tmp_path: Path) -> str:
+    path = tmp_path / "fallback-model.json"
+    path.write_text(encode(made_model(fallbacks=True)))
+    return str(path)
+
+
+class FakeSysfs:
+    """Thermal zones as files; a zone is written in place, as a kernel attribute appears to be."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        (root / "class" / "thermal").mkdir(parents=True)
+
+    def zone(self, number: int, kind: str, temp: str) -> Path:
+        folder = self.root / "class" / "thermal" / f"thermal_zone{number}"
+        folder.mkdir()
+        (folder / "type").write_text(f"{kind}\n")
+        (folder / "temp").write_text(temp)
+        return folder / "temp"
+
+
+@pytest.fixture
+def sysfs(tmp_path: Path) -> FakeSysfs:
+    return FakeSysfs(tmp_path / "sys")
+
+
+@pytest.fixture
+def phone(sysfs: FakeSysfs) -> FakeSysfs:
+    """A device with both sensors of the model at rest: ambient is 0.8 * 25 + 0.2 * 30 - 3 = 23."""
+    sysfs.zone(0, "cpu-0-0", "41000\n")
+    sysfs.zone(3, "battery", "25000\n")
+    sysfs.zone(10, "usb-therm", "30000\n")
+    return sysfs
+
+
+WriteTrace = Callable[..., str]
+
+
+@pytest.fixture
+def write_trace(tmp_path: Path) -> WriteTrace:
+    """Write rows (None for a missing value) under a header."""
+
+    def write(rows: list[tuple[float | None, ...]], header: str = "time_s,usb_degC,battery_degC") -> str:
+        cells = [",".join("" if value is None else repr(value) for value in row) for row in rows]
+        path = tmp_path / "trace.csv"
+        path.write_text("\n".join([header, *cells]) + "\n")
+        return str(path)
+
+    return write
+
+
+@pytest.fixture
+def trace_file(write_trace: WriteTrace) -> str:
+    """Ten minutes at 1 Hz, warming."""
+    rows = [(float(k), 30 + 5 * (1 - math.exp(-k / 80)), 25 + 3 * math.sin(k / 50)) for k in range(600)]
+    return write_trace(rows)
+
+
+def command_line(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "ambientd", *map(str, arguments)]
+
+
+@pytest.fixture
+def ambientd() -> "Callable[..., subprocess.CompletedProcess[str]]":
+    """Run the command to its end."""
+    return lambda *arguments: subprocess.run(command_line(*arguments), capture_output=True, text=True, timeout=30)
+
+
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    """Start the command and leave it running; what still runs at the end of the test is killed."""
+    running: list[subprocess.Popen[str]] = []
+
+    def started(*arguments: object) -> "subprocess.Popen[str]":
+        process = subprocess.Popen(command_line(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        running.append(process)
+        return process
+
+    yield started
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def until() -> Callable[..., None]:
+    """Wait until a condition holds; the limit only ends a test that has failed."""
+
+    def wait(condition: Callable[[], object], seconds: float = 15.0) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, "waited in vain"
+            time.sleep(0.01)
+
+    return wait
+
+
+@pytest.fixture
+def ended() -> "Callable[..., tuple[int, str, str]]":
+    """Status, stdout and stderr of a process after a signal."""
+
+    def end(process: "subprocess.Popen[str]", by: int = signal.SIGTERM) -> tuple[int, str, str]:
+        os.kill(process.pid, by)
+        out, err = process.communicate(timeout=15)
+        return process.returncode, out, err
+
+    return end

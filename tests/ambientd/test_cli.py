@@ -1,0 +1,210 @@
+"""Calls: what is wrong with one ends with status 2 or 1 and a message, never with a traceback."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "the following arguments are required: COMMAND"),
+        (("fly",), "invalid choice: 'fly'"),
+        (("run",), "one of the arguments --config --model is required"),
+        (("run", "--model", "m", "--config", "c"), "not allowed with argument"),
+        (("run", "--model", "m", "--publish", "mqtt:x"), "'mqtt' is no kind of publisher; known are file, file-in-"),
+        (("run", "--model", "m", "--publish", "file"), "'file' has no path; write file:PATH"),
+        (("run", "--model", "m", "--rate", "0"), "argument --rate: 0 is not between 0.1 and 20"),
+        (("run", "--model", "m", "--rate", "fast"), "argument --rate: 'fast' is not a number"),
+        (("run", "--model", "m", "--rate", "nan"), "argument --rate: nan is not between 0.1 and 20"),
+        (("run", "--model", "m", "--speed", "2"), "--speed goes with --replay"),
+        (("run", "--model", "m", "--replay", "t", "--speed", "2", "--rate", "1"), "not allowed with argument"),
+        (("replay", "m", "t"), "the following arguments are required: -o/--output"),
+        (("check", "--model", "m", "--no-sensors", "--sysfs-root", "/x"), "--sysfs-root says where the sensors are"),
+        (("watch",), "the following arguments are required: SOCKET"),
+    ],
+)
+def test_a_wrong_call_ends_with_2(ambientd, arguments, message):
+    done = ambientd(*arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("command", [(), ("run",), ("replay",), ("check",), ("watch",)])
+def test_help_is_there(ambientd, command):
+    done = ambientd(*command, "--help")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("usage: ambientd")
+
+
+@pytest.mark.parametrize("command", [("run", "--model"), ("check", "--model")])
+def test_a_model_that_is_not_there_ends_with_1(ambientd, command, tmp_path):
+    done = ambientd(*command, tmp_path / "none.json")
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"ambientd: {tmp_path}/none.json: cannot be read (No such file or directory);"
+        " check the name and the permissions\n"
+    )
+
+
+def test_check_says_what_the_model_is_and_reads_its_sensors(ambientd, fallback_model_file, phone):
+    done = ambientd("check", "--model", fallback_model_file, "--sysfs-root", phone.root)
+    assert (done.returncode, done.stderr) == (0, "")
+    zones = f"{phone.root}/class/thermal/thermal_zone"
+    assert done.stdout.splitlines() == [
+        "model        bench, created 2024-05-01",
+        "input        usb_degC, -20 to 90, zone usb-therm",
+        "input        battery_degC, -20 to 70, zone battery",
+        "states       usb_lagged, battery_lagged",
+        "periods      0.1, 0.2, 0.5, 1 s",
+        "interval     -0.5 to +0.75 degC around the estimate, 90 %",
+        "fallbacks    without usb, without battery",
+        "conformance  passed: 20 samples at 4 periods, to 0 degC",
+        f"sensor       usb, {zones}10: 30 degC",
+        f"sensor       battery, {zones}3: 25 degC",
+    ]
+
+
+def test_check_names_every_sensor_that_is_not_there(ambientd, model_file, sysfs):
+    sysfs.zone(0, "cpu", "40000\n")
+    sysfs.zone(1, "usb-therm", "-274000\n")
+    done = ambientd("check", "--model", model_file, "--sysfs-root", sysfs.root)
+    assert done.returncode == 1
+    mend = (
+        "types here are cpu, usb-therm: name one of them under 'zones' in a configuration,"
+        " or use --no-sensors to check the files alone"
+    )
+    assert done.stderr.splitlines() == [
+        f"ambientd: {sysfs.root}: 2 faults",
+        f"  sensor usb: it says b'-274000\\n'; {mend}",
+        f"  sensor battery: no thermal zone of type 'battery'; {mend}",
+    ]
+
+
+def test_check_without_sensors_is_for_a_host(ambientd, model_file):
+    done = ambientd("check", "--model", model_file, "--no-sensors")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1].startswith("conformance  passed")
+
+
+def test_check_fails_where_the_recursion_does_not_give_what_the_file_says(ambientd, model_file):
+    with open(model_file) as stream:
+        data = json.load(stream)
+    data["conformance"]["outputs"][3]["values"][7] += 1e-6
+    with open(model_file, "w") as stream:
+        json.dump(data, stream)
+    done = ambientd("check", "--model", model_file, "--no-sensors")
+    assert done.returncode == 1
+    assert (
+        f"ambientd: {model_file}: conformance: this device computes 1e-06 degC beside what the file says" in done.stderr
+    )
+
+
+def test_check_takes_zones_from_the_configuration(ambientd, model_file, sysfs, tmp_path):
+    sysfs.zone(0, "usbc-therm-adc", "33000\n")
+    sysfs.zone(1, "battery", "25000\n")
+    config = tmp_path / "c.yaml"
+    config.write_text(f"model: model.json\nsysfs_root: {sysfs.root}\nzones: {{usb: usbc-therm-adc}}\n")
+    done = ambientd("check", "--config", config)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "usb, " in done.stdout
+    assert "33 degC" in done.stdout
+
+
+def test_zones_for_an_input_that_the_model_has_not_are_refused(ambientd, model_file, tmp_path):
+    config = tmp_path / "c.yaml"
+    config.write_text("model: model.json\nzones: {soc: cpu-0-0}\n")
+    done = ambientd("check", "--config", config)
+    assert done.returncode == 1
+    assert done.stderr == f"ambientd: {config}: zones.soc: is no input of the model; its inputs are usb, battery\n"
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_an_input_that_no_zone_gives_is_refused_by_name(ambientd, make_model, phone, tmp_path, command):
+    from ambient_model.codec import encode
+
+    main = make_model().main
+    path = tmp_path / "power.json"
+    inputs = (main.inputs[0], main.inputs[1]._replace(name="cpu_power", unit="W"))
+    path.write_text(encode(make_model(inputs)))
+    done = ambientd(command, "--model", path, "--sysfs-root", phone.root)
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"ambientd: {path}: input cpu_power: is in W, and thermal zones give only degC;"
+        " replay a trace that has it, or fit a model without it\n"
+    )
+
+
+def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
+    command = f"{sys.executable} -m ambientd check --no-sensors --model {model_file} | true"
+    done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, timeout=30)
+    assert done.stderr == ""
+
+
+BARE = """
+import sys
+
+class Blocker:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {blocked!r}:
+            raise ImportError(name + " is blocked")
+
+sys.meta_path.insert(0, Blocker())
+from ambientd.__main__ import main
+sys.argv = ["ambientd", *{arguments!r}]
+status = main()
+print(*sorted(sys.modules), file=sys.stderr)
+sys.exit(status)
+"""
+HOST = ("numpy", "scipy", "yaml", "serial", "click", "rich", "jinja2", "plotly", "pydantic", "ambient_trainer")
+HEAVY = {"dataclasses", "pathlib", "asyncio", "logging", "tempfile", "subprocess", "inspect"}
+
+
+def bare(*arguments):
+    code = BARE.format(blocked=HOST, arguments=[str(each) for each in arguments])
+    return subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=30)
+
+
+def test_the_device_needs_nothing_but_python(model_file, trace_file, phone, tmp_path):
+    out = tmp_path / "out.csv"
+    for arguments in (
+        ("check", "--model", model_file, "--sysfs-root", phone.root),
+        ("replay", model_file, trace_file, "-o", out),
+        ("run", "--model", model_file, "--replay", trace_file, "--speed", "0"),
+    ):
+        done = bare(*arguments)
+        assert done.returncode == 0, done.stderr
+        # what an editable install's own start-up loads is not the daemon's doing
+        loaded = set(done.stderr.split()) - start_up_modules()
+        assert not loaded & HEAVY, arguments
+    assert len(out.read_text().splitlines()) == 601
+
+
+def start_up_modules():
+    done = subprocess.run(
+        [sys.executable, "-I", "-c", "import sys; print(*sys.modules)"], capture_output=True, text=True, timeout=30
+    )
+    return set(done.stdout.split())
+
+
+def test_a_replay_imports_neither_sockets_nor_what_else_it_does_not_use(model_file, trace_file, tmp_path):
+    loaded = set(bare("replay", model_file, trace_file, "-o", tmp_path / "o.csv").stderr.split())
+    unwanted = {"socket", "select", "signal", "ambientd.publish.socket", "ambientd.run", "ambientd.sources.zones"}
+    assert not (loaded - start_up_modules()) & unwanted
+
+
+def test_without_pyyaml_a_yaml_configuration_says_what_to_do(model_file, phone, tmp_path):
+    config = tmp_path / "c.yaml"
+    config.write_text("model: model.json\n")
+    done = bare("check", "--config", config)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[0] == (
+        f"ambientd: {config}: is YAML, and PyYAML is not installed; install 'ambientd[yaml]',"
+        " or write the same keys as JSON into a file that ends with .json"
+    )
+    as_json = tmp_path / "c.json"
+    as_json.write_text(json.dumps({"model": "model.json", "sysfs_root": str(phone.root)}))
+    assert bare("check", "--config", as_json).returncode == 0

@@ -1,0 +1,105 @@
+"""While one input is away its fallback speaks, and neither taking over nor handing back makes a jump."""
+
+import itertools
+import math
+
+import pytest
+
+from ambient_model.tracking import Tracker, nearest_discrete
+from ambientd.fallback import FallbackTracker
+
+
+@pytest.fixture
+def tracker(make_model):
+    return FallbackTracker(make_model(fallbacks=True), 1.0)
+
+
+def feed(tracker, rows, start=0):
+    return [tracker.update(float(start + k), row) for k, row in enumerate(rows)]
+
+
+REST = (30.0, 25.0)
+"""The main estimator says 0.8 * 25 + 0.2 * 30 - 3 = 23, the one without usb 25 - 5 = 20."""
+
+
+def test_without_a_loss_it_is_the_main_estimator_to_the_bit(make_model):
+    model = make_model(fallbacks=True)
+    plain = Tracker(model.main, nearest_discrete(model.main, 1.0))
+    rows = [(30 + math.sin(k / 9), 25 + math.cos(k / 7)) for k in range(300)]
+    assert feed(FallbackTracker(model, 1.0), rows) == feed(plain, rows)
+
+
+def test_the_fallback_takes_over_where_the_main_one_was_and_fades_to_its_own_value(tracker):
+    feed(tracker, [REST] * 200)
+    lost = feed(tracker, [(None, 25.0)] * 3000, start=200)
+    assert lost[0].ambient_degC == pytest.approx(23.0, abs=1e-9)
+    assert {each.status for each in lost} == {"degraded"}
+    steps = [b.ambient_degC - a.ambient_degC for a, b in itertools.pairwise(lost)]
+    # 3 degC fade with a time constant of settling / 3 = 128 / 3 s: no step above 3 / (128 / 3)
+    assert max(map(abs, steps)) <= 3 / (128 / 3)
+    assert all(step <= 1e-12 for step in steps)
+    assert lost[-1].ambient_degC == pytest.approx(20.0, abs=1e-6)
+
+
+def test_handing_back_makes_no_jump_either(tracker):
+    feed(tracker, [REST] * 200)
+    before = feed(tracker, [(None, 25.0)] * 1000, start=200)[-1]
+    back = feed(tracker, [REST] * 1000, start=1200)
+    assert back[0].ambient_degC == pytest.approx(before.ambient_degC, abs=1e-9)
+    assert back[0].status == "warming_up"  # the main one was away for longer than a gap is bridged
+    assert back[-1].ambient_degC == pytest.approx(23.0, abs=1e-6)
+
+
+def test_a_single_missed_reading_leaves_hardly_a_trace(tracker):
+    rows = [REST] * 200 + [(None, 25.0)] + [REST] * 20
+    said = [each.ambient_degC for each in feed(tracker, rows)]
+    assert max(abs(value - 23.0) for value in said) < 1e-9
+
+
+def test_the_interval_holds_both_ends_of_the_bridge(tracker):
+    feed(tracker, [REST] * 200)
+    lost = feed(tracker, [(None, 25.0)], start=200)[0]
+    # the fallback's own 18 to 22 around 20, and the same around 23
+    assert (lost.low_degC, lost.high_degC) == pytest.approx((18.0, 25.0))
+
+
+def test_used_values_stand_at_the_places_of_the_models_inputs(tracker):
+    feed(tracker, [REST] * 10)
+    assert feed(tracker, [(None, 25.5)], start=10)[0].used == (None, 25.5)
+    assert feed(tracker, [(30.5, None)], start=11)[0].used == (30.5, None)
+
+
+def test_a_reading_out_of_range_counts_as_missing(tracker):
+    feed(tracker, [REST] * 10)
+    assert feed(tracker, [(91.0, 25.0)], start=10)[0].status == "degraded"
+
+
+def test_an_input_that_was_never_there_is_done_without(tracker):
+    said = feed(tracker, [(None, 25.0)] * 200)
+    assert {each.status for each in said} == {"degraded"}
+    assert said[0].ambient_degC == pytest.approx(20.0)
+
+
+def test_with_two_inputs_away_the_main_one_coasts_and_gives_up(tracker):
+    feed(tracker, [REST] * 200)
+    said = feed(tracker, [(None, None)] * 40, start=200)
+    assert [each.status for each in said] == ["coasting"] * 30 + ["faulted"] * 10
+    assert said[29].ambient_degC == pytest.approx(23.0)
+    assert said[30].ambient_degC is None
+
+
+def test_a_fallback_in_use_coasts_over_a_missed_reading_of_its_own(tracker):
+    said = feed(tracker, [(None, 25.0)] * 100 + [(None, None)] + [(None, 25.0)])
+    assert [each.status for each in said[-3:]] == ["degraded", "coasting", "degraded"]
+    assert [each.ambient_degC for each in said[-3:]] == pytest.approx([20.0] * 3)
+
+
+def test_after_a_pause_it_starts_anew_and_bridges_nothing(tracker):
+    feed(tracker, [REST] * 200)
+    assert feed(tracker, [(None, 25.0)], start=4000)[0].ambient_degC == pytest.approx(20.0)
+
+
+def test_without_fallbacks_a_loss_is_coasted_over(make_model):
+    tracker = FallbackTracker(make_model(), 1.0)
+    feed(tracker, [REST] * 10)
+    assert feed(tracker, [(None, 25.0)], start=10)[0].status == "coasting"

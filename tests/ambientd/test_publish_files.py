@@ -1,0 +1,189 @@
+"""What lies in the published files, tick after tick, for each way of reading them."""
+
+import json
+import os
+import re
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.model import Input
+from ambient_model.tracking import Estimate
+from ambientd.publish.file import InPlaceFile, RenamedFile
+from ambientd.publish.prometheus import PrometheusFile, exposition
+from ambientd.publish.status import StatusFile
+from ambientd.report import Report
+
+INPUTS = (Input("usb", "degC", "usb-therm", -20, 90), Input("battery", "degC", "battery", -20, 70))
+
+
+def report(ambient_degC, status="tracking", model="bench"):
+    low, high = (None, None) if ambient_degC is None else (ambient_degC - 0.5, ambient_degC + 0.75)
+    estimate = Estimate(ambient_degC, low, high, status, (30.0, 24.5))
+    return Report(model, INPUTS, 90, 12.5, (30.0, None), estimate, 0.0 if status == "tracking" else None)
+
+
+FAULTED = report(None, "faulted")
+
+
+@pytest.fixture(params=[RenamedFile, InPlaceFile])
+def kind(request):
+    return request.param
+
+
+@pytest.mark.parametrize(
+    ("ambient_degC", "text"),
+    [(23.4, "23400\n"), (-5.0006, "-5001\n"), (0.0, "0\n"), (-0.0001, "0\n"), (9.9996, "10000\n")],
+)
+def test_a_file_says_integer_millidegrees(kind, tmp_path, ambient_degC, text):
+    publisher = kind(str(tmp_path / "temp"), None)
+    publisher.publish(report(100.0))
+    publisher.publish(report(ambient_degC))
+    assert (tmp_path / "temp").read_text() == text
+    publisher.close()
+    assert os.listdir(tmp_path) == []
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(values=st.lists(st.floats(allow_nan=False) | st.floats(-60, 90), min_size=1, max_size=8))
+@pytest.mark.parametrize("kind", [RenamedFile, InPlaceFile])
+def test_a_file_is_one_whole_line_of_at_most_15_bytes_or_absent(kind, values, tmp_path_factory):
+    path = tmp_path_factory.mktemp("files") / "temp"
+    publisher = kind(str(path), None)
+    for value in values:
+        publisher.publish(report(value))
+        if path.exists():
+            content = path.read_bytes()
+            assert re.fullmatch(rb"-?[0-9]+\n", content)
+            assert len(content) <= 15
+            assert abs(int(content) - value * 1000) <= 0.5 + abs(value) * 1e-12
+        else:
+            assert abs(value) >= 10**9 - 1
+    publisher.close()
+
+
+def test_what_is_not_trusted_is_removed_and_comes_back(kind, tmp_path):
+    publisher = kind(str(tmp_path / "temp"), None)
+    publisher.publish(report(23.4))
+    publisher.publish(FAULTED)
+    assert os.listdir(tmp_path) == []
+    publisher.publish(FAULTED)
+    publisher.publish(report(23.5))
+    assert (tmp_path / "temp").read_text() == "23500\n"
+
+
+def test_what_is_not_trusted_says_the_poison_from_the_first_tick(kind, tmp_path):
+    publisher = kind(str(tmp_path / "temp"), -274000)
+    publisher.publish(FAULTED)
+    assert (tmp_path / "temp").read_text() == "-274000\n"
+    publisher.publish(report(5.0))
+    assert (tmp_path / "temp").read_text() == "5000\n"
+    publisher.close()
+    assert os.listdir(tmp_path) == []
+
+
+def test_renamed_is_a_new_file_and_in_place_the_same(tmp_path):
+    for kind, same in ((RenamedFile, False), (InPlaceFile, True)):
+        publisher = kind(str(tmp_path / "temp"), None)
+        publisher.publish(report(20.0))
+        with open(tmp_path / "temp", "rb") as reader:
+            publisher.publish(report(21.0))
+            assert (reader.read() == b"21000\n") is same
+        publisher.close()
+
+
+def test_in_place_goes_on_with_a_file_that_is_there(tmp_path):
+    (tmp_path / "temp").write_text("-1234567890\n")
+    with open(tmp_path / "temp", "rb", buffering=0) as reader:
+        publisher = InPlaceFile(str(tmp_path / "temp"), -40000)
+        publisher.publish(report(7.0))
+        assert os.pread(reader.fileno(), 15, 0) == b"7000\n"
+        publisher.close()
+        assert os.pread(reader.fileno(), 15, 0) == b"-40000\n"  # who keeps it open is not left with a last value
+
+
+def test_in_place_comes_back_after_someone_removed_the_file(tmp_path):
+    publisher = InPlaceFile(str(tmp_path / "temp"), None)
+    publisher.publish(report(20.0))
+    (tmp_path / "temp").unlink()
+    publisher.publish(report(21.0))
+    assert (tmp_path / "temp").read_text() == "21000\n"
+    publisher.close()
+
+
+def test_a_value_that_cannot_be_replaced_does_not_stay(tmp_path):
+    publisher = RenamedFile(str(tmp_path / "temp"), None)
+    publisher.publish(report(20.0))
+    (tmp_path / f"temp.{os.getpid()}.part").mkdir()  # in the way of the next value
+    with pytest.raises(OSError, match="Is a directory"):
+        publisher.publish(report(21.0))
+    assert not (tmp_path / "temp").exists()
+
+
+def test_status_is_one_json_object(tmp_path):
+    publisher = StatusFile(str(tmp_path / "status.json"))
+    publisher.publish(report(23.4))
+    assert json.loads((tmp_path / "status.json").read_text()) == {
+        "time_s": 12.5,
+        "model": "bench",
+        "status": "tracking",
+        "ambient_degC": 23.4,
+        "low_degC": 22.9,
+        "high_degC": 24.15,
+        "level_percent": 90,
+        "age_s": 0.0,
+        "sensors": {
+            "usb": {"unit": "degC", "raw": 30.0, "used": 30.0},
+            "battery": {"unit": "degC", "raw": None, "used": 24.5},
+        },
+    }
+    publisher.publish(FAULTED)
+    said = json.loads((tmp_path / "status.json").read_text())
+    assert (said["status"], said["ambient_degC"], said["age_s"]) == ("faulted", None, None)
+    publisher.close()
+    assert os.listdir(tmp_path) == []
+
+
+SAMPLE = re.compile(r'(ambientd_[a-z_]+)(?:\{((?:[a-z_]+="(?:[^"\\\n]|\\[\\"n])*",?)+)\})? (-?[0-9.e+-]+)')
+
+
+def parsed(text):
+    """The textfile as its format's grammar has it: HELP, TYPE, then samples of that name without timestamps."""
+    samples, name = {}, None
+    for line in text.splitlines():
+        if line.startswith("# HELP "):
+            name = line.split(" ")[2]
+        elif line.startswith("# TYPE "):
+            assert line == f"# TYPE {name} gauge"
+        else:
+            found = SAMPLE.fullmatch(line)
+            assert found, line
+            assert found[1] == name
+            samples[name, found[2]] = float(found[3])
+    return samples
+
+
+def test_the_textfile_holds_the_gauges(tmp_path):
+    publisher = PrometheusFile(str(tmp_path / "ambientd.prom"))
+    publisher.publish(report(23.4))
+    samples = parsed((tmp_path / "ambientd.prom").read_text())
+    assert samples["ambientd_ambient_celsius", 'model="bench"'] == 23.4
+    assert samples["ambientd_ambient_low_celsius", 'model="bench"'] == 22.9
+    assert samples["ambientd_status", 'status="tracking"'] == 1
+    assert samples["ambientd_status", 'status="faulted"'] == 0
+    assert samples["ambientd_sensor_used", 'sensor="battery",unit="degC"'] == 24.5
+    assert ("ambientd_sensor_raw", 'sensor="battery",unit="degC"') not in samples
+    publisher.close()
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_gauge_without_a_value_is_left_out_whole():
+    text = exposition(FAULTED)
+    assert "ambientd_ambient_celsius" not in text
+    assert "ambientd_estimate_age_seconds" not in text
+    assert parsed(text)["ambientd_status", 'status="faulted"'] == 1
+
+
+def test_labels_are_escaped():
+    assert ("ambientd_ambient_celsius", r'model="a \"b\" \\ c"') in parsed(exposition(report(1.0, model='a "b" \\ c')))

@@ -1,0 +1,156 @@
+"""A replay says what the daemon would have said, and leaves the output alone where it cannot."""
+
+import csv
+import gzip
+import math
+import random
+from itertools import pairwise
+
+import pytest
+
+from ambientd.sources.replay import TraceSource
+
+
+def rows_of(path):
+    with open(path, newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def oracle(rows, period_s=1.0):
+    """The two lags of the model by their own equations, from rest at the first row; complete rows on the grid only."""
+    a, b = math.exp(-period_s / 40), math.exp(-period_s / 10)
+    usb_lagged, battery_lagged = rows[0][1:]
+    for _, usb, battery in rows:
+        yield usb + 0.8 * (battery_lagged - usb_lagged) - 3.0
+        usb_lagged, battery_lagged = a * usb_lagged + (1 - a) * usb, b * battery_lagged + (1 - b) * battery
+
+
+@pytest.fixture
+def wander():
+    """Ten minutes at 1 Hz."""
+    rng = random.Random(7)
+    return [(100.0 + k, 30 + 5 * math.sin(k / 40) + rng.gauss(0, 0.1), 25 + rng.gauss(0, 0.1)) for k in range(600)]
+
+
+def test_every_row_is_estimated_as_the_equations_say(ambientd, model_file, write_trace, wander, tmp_path):
+    out = tmp_path / "out.csv"
+    done = ambientd("replay", model_file, write_trace(wander), "-o", out)
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{out}: 600 estimates\n", "")
+    rows = rows_of(out)
+    assert list(rows[0]) == ["time_s", "ambient_degC", "low_degC", "high_degC", "status"]
+    assert [float(row["time_s"]) for row in rows] == [row[0] for row in wander]
+    for row, wanted in zip(rows, oracle(wander), strict=True):
+        assert float(row["ambient_degC"]) == pytest.approx(wanted, abs=1e-9)
+        assert float(row["low_degC"]) == pytest.approx(wanted - 0.5, abs=1e-9)
+        assert float(row["high_degC"]) == pytest.approx(wanted + 0.75, abs=1e-9)
+    assert {row["status"] for row in rows[:100]} == {"warming_up"}
+    assert {row["status"] for row in rows[-100:]} == {"tracking"}
+
+
+def test_from_and_to_cut_before_the_estimate_starts(ambientd, model_file, write_trace, wander, tmp_path):
+    out = tmp_path / "out.csv"
+    assert ambientd("replay", model_file, write_trace(wander), "-o", out, "--from", 150, "--to", 250).returncode == 0
+    rows = rows_of(out)
+    assert (rows[0]["time_s"], rows[-1]["time_s"]) == ("150.0", "249.0")
+    for row, wanted in zip(rows, oracle(wander[50:150]), strict=True):
+        assert float(row["ambient_degC"]) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_a_missing_value_is_coasted_over_and_a_long_gap_is_an_empty_cell(ambientd, model_file, write_trace, tmp_path):
+    rows = [(float(k), 30.0, None if 50 <= k < 90 else 25.0) for k in range(100)]
+    out = tmp_path / "out.csv"
+    assert ambientd("replay", model_file, write_trace(rows), "-o", out).returncode == 0
+    said = rows_of(out)
+    assert [row["status"] for row in said[50:90]] == ["coasting"] * 30 + ["faulted"] * 10
+    assert (said[85]["ambient_degC"], said[85]["low_degC"], said[85]["high_degC"]) == ("", "", "")
+    assert float(said[79]["ambient_degC"]) == pytest.approx(23.0)
+
+
+def test_a_fallback_speaks_in_a_replay(ambientd, fallback_model_file, write_trace, tmp_path):
+    out = tmp_path / "out.csv"
+    rows = [(float(k), None, 25.0) for k in range(50)]
+    assert ambientd("replay", fallback_model_file, write_trace(rows), "-o", out).returncode == 0
+    assert {(row["status"], row["ambient_degC"]) for row in rows_of(out)} == {("degraded", "20.0")}
+
+
+def test_compressed_traces_are_read_and_written(ambientd, model_file, trace_file, tmp_path):
+    packed = tmp_path / "t.csv.gz"
+    with open(trace_file, "rb") as stream, gzip.open(packed, "wb") as out:
+        out.write(stream.read())
+    ambientd("replay", model_file, trace_file, "-o", tmp_path / "plain.csv")
+    assert ambientd("replay", model_file, packed, "-o", tmp_path / "o.csv.gz").returncode == 0
+    with gzip.open(tmp_path / "o.csv.gz") as stream:
+        assert stream.read() == (tmp_path / "plain.csv").read_bytes()
+
+
+@pytest.mark.parametrize("period_s", [0.1, 0.5, 1.0, 10.0])
+def test_the_period_is_learned_through_jitter_gaps_and_a_late_start(make_model, write_trace, period_s):
+    rng = random.Random(3)
+    times = [0.0]
+    for k in range(500):
+        times.append(times[-1] + period_s * (40 if k % 50 == 3 else 1) * rng.uniform(0.99, 1.01))
+    with TraceSource(write_trace([(t, 30.0, 25.0) for t in times]), make_model().main.inputs) as source:
+        assert source.period_s == pytest.approx(period_s, rel=2e-3)
+        assert [time_s for time_s, _ in source] == times  # none of the rows that were read first is lost
+
+
+def test_a_slow_trace_with_jitter_keeps_its_time(ambientd, model_file, write_trace, tmp_path):
+    """Steps of 9.97 and 10.04 s on a model of 1 s are ten of its steps each."""
+    rows = [(0.0, 30.0, 25.0)]
+    for k in range(400):
+        rows.append((round(rows[-1][0] + (9.97, 10.04, 9.99)[k % 3], 3), 40.0, 25.0))
+    out = tmp_path / "out.csv"
+    assert ambientd("replay", model_file, write_trace(rows), "-o", out).returncode == 0
+    said = rows_of(out)
+    assert [row["status"] for row in said[-100:]] == ["tracking"] * 100
+    assert float(said[-1]["ambient_degC"]) == pytest.approx(40 + 0.8 * (25 - 40) - 3, abs=1e-6)
+    assert all(float(b["ambient_degC"]) <= float(a["ambient_degC"]) for a, b in pairwise(said[2:]))
+
+
+REFUSALS = [
+    ("time_s,usb_degC\n0,1\n", (), "header: no column 'battery_degC', which the model reads; it has usb_degC;"
+     " log it or map it on import"),
+    ("time_s,usb_degC,battery_degC\n", (), "no samples under the header; log something first"),
+    ("time_s,usb_degC,battery_degC\n0,1,2\n", ("--from", "5"), "nothing lies between --from and --to; choose others"),
+    ("time_s,usb_degC,battery_degC\n0,1,2\n1,x,2\n", (), "line 3, column usb_degC: 'x' is not a number;"
+     " correct it, or leave the cell empty for a missing value"),
+    ("time_s,usb_degC,battery_degC\n0,1,2\n60,1,2\n120,1,2\n", (), "its samples lie 60 s apart, and model 'bench' at"
+     " 1 s bridges at most 30 s; log more often, or fit the model for a longer period"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "cut", "message"), REFUSALS)
+def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_file, tmp_path, text, cut, message):
+    (tmp_path / "t.csv").write_text(text)
+    (tmp_path / "out.csv").write_text("before")
+    done = ambientd("replay", model_file, tmp_path / "t.csv", "-o", tmp_path / "out.csv", *cut)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"ambientd: {tmp_path}/t.csv: {message}\n")
+    assert (tmp_path / "out.csv").read_text() == "before"
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["model.json", "out.csv", "t.csv"]
+
+
+def test_a_fault_far_down_leaves_the_output_too(ambientd, model_file, write_trace, tmp_path):
+    rows = [(float(k), 30.0, 25.0) for k in range(1000)]
+    trace = write_trace([*rows, (5.0, 30.0, 25.0)])
+    done = ambientd("replay", model_file, trace, "-o", tmp_path / "out.csv")
+    assert done.returncode == 1
+    assert "line 1002, column time_s: 5 s does not come after 999 s" in done.stderr
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_every_missing_column_is_named_at_once(ambientd, model_file, write_trace, tmp_path):
+    trace = write_trace([(0.0, 1.0)], "time_s,soc_degC")
+    done = ambientd("replay", model_file, trace, "-o", tmp_path / "out.csv")
+    mend = "it has soc_degC; log it or map it on import"
+    assert done.stderr.splitlines() == [
+        f"ambientd: {trace}: 2 faults",
+        f"  header: no column 'usb_degC', which the model reads; {mend}",
+        f"  header: no column 'battery_degC', which the model reads; {mend}",
+    ]
+
+
+def test_a_trace_is_not_overwritten_by_its_own_replay(ambientd, model_file, trace_file):
+    done = ambientd("replay", model_file, trace_file, "-o", trace_file)
+    assert done.returncode == 1
+    assert "would be overwritten by what is made from it; name another -o" in done.stderr
+    assert len(rows_of(trace_file)) == 600

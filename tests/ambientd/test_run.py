@@ -1,0 +1,335 @@
+"""The daemon as a real process: zones in, publications out, a clean end."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from ambientd.schedule import next_deadline, ticks
+from ambientd.service import Service
+
+
+def say(phone, number, content):
+    """Let a zone say something else, without a moment in which it is empty."""
+    with open(phone.root / f"class/thermal/thermal_zone{number}/temp", "r+b", buffering=0) as stream:
+        stream.write(content)
+        stream.truncate()
+
+
+@pytest.fixture
+def on_phone(model_file, phone):
+    """The arguments that run the model on the fake device at 20 Hz."""
+    return ("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20")
+
+
+def text(path):
+    return path.read_text() if path.exists() else ""
+
+
+def test_it_follows_the_zones_and_leaves_nothing_behind(start, until, ended, on_phone, phone, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    kinds = (f"file:{out}/temp", f"file-in-place:{out}/same", f"status:{out}/status", f"prometheus:{out}/a.prom")
+    publish = [part for kind in (*kinds, f"socket:{out}/s") for part in ("--publish", kind)]
+    daemon = start(*on_phone, *publish)
+    until(lambda: text(out / "temp") == "23000\n")
+    say(phone, 10, b"31000\n")
+    until(lambda: 'ambientd_sensor_used{sensor="usb",unit="degC"} 31.0' in text(out / "a.prom"))
+    assert json.loads(text(out / "status"))["sensors"]["usb"] == {"unit": "degC", "raw": 31.0, "used": 31.0}
+    # usb counts at once, and is then drawn from as its lag follows
+    assert 23200 < int(text(out / "temp")) <= 24000
+    assert 23200 < int(text(out / "same")) <= 24000
+    status, said, log = ended(daemon)
+    assert (status, said) == (0, "")
+    assert os.listdir(out) == []
+    to = ", ".join([*kinds, f"socket:{out}/s"])
+    assert log == f"ambientd: model 'bench' at 0.1 s on thermal zones under {phone.root}, to {to}\n"
+
+
+@pytest.mark.parametrize("by", [signal.SIGTERM, signal.SIGINT])
+def test_stdout_is_the_default_and_either_signal_ends_it(start, ended, on_phone, by):
+    daemon = start(*on_phone)
+    first = [json.loads(daemon.stdout.readline()) for _ in range(3)]
+    assert [line["ambient_degC"] for line in first] == pytest.approx([23.0] * 3)
+    assert first[0]["time_s"] < first[1]["time_s"] < first[2]["time_s"]
+    status, _, log = ended(daemon, by)
+    assert status == 0
+    assert "Traceback" not in log
+
+
+def test_a_signal_ends_a_long_wait_at_once(start, ended, model_file, phone):
+    daemon = start("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "0.1")
+    daemon.stdout.readline()
+    assert ended(daemon)[0] == 0  # the next deadline is ten seconds off, and so is the limit of the wait
+
+
+def test_a_lost_sensor_is_told_once_and_the_file_goes_when_nothing_is_to_be_trusted(
+    start, until, ended, model_file, phone, tmp_path
+):
+    """At first both are there, then neither: the value stays while it is coasted over."""
+    daemon = start(
+        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20"),
+        *("--publish", f"status:{tmp_path}/status", "--publish", f"file:{tmp_path}/temp"),
+    )
+    until(lambda: text(tmp_path / "temp") == "23000\n")
+    for number in (3, 10):
+        say(phone, number, b"-32768000\n")
+    until(lambda: '"coasting"' in text(tmp_path / "status"))
+    assert text(tmp_path / "temp") == "23000\n"
+    for number, value in ((3, b"25000\n"), (10, b"30000\n")):
+        say(phone, number, value)
+    until(lambda: '"coasting"' not in text(tmp_path / "status"))
+    _, _, log = ended(daemon)
+    assert sorted(log.splitlines()[1:]) == [
+        "ambientd: sensor battery: is back",
+        "ambientd: sensor battery: no value (it says b'-32768000\\n')",
+        "ambientd: sensor usb: is back",
+        "ambientd: sensor usb: no value (it says b'-32768000\\n')",
+    ]
+
+
+def test_without_any_zone_it_runs_faulted_until_they_come(start, until, ended, model_file, sysfs, tmp_path):
+    daemon = start(
+        *("run", "--model", model_file, "--sysfs-root", sysfs.root, "--rate", "20"),
+        *("--publish", f"status:{tmp_path}/status", "--publish", f"file:{tmp_path}/temp"),
+    )
+    until(lambda: '"faulted"' in text(tmp_path / "status"))
+    assert not (tmp_path / "temp").exists()
+    sysfs.zone(0, "usb-therm", "30000\n")
+    sysfs.zone(1, "battery", "25000\n")
+    until(lambda: text(tmp_path / "temp") == "23000\n")
+    assert ended(daemon)[0] == 0
+
+
+def test_a_publisher_that_fails_is_told_once_and_the_others_go_on(start, until, ended, on_phone, tmp_path):
+    missing = tmp_path / "missing"
+    daemon = start(*on_phone, "--publish", f"file:{missing}/temp", "--publish", "stdout")
+    for _ in range(10):
+        daemon.stdout.readline()
+    missing.mkdir()
+    until(lambda: text(missing / "temp") == "23000\n")
+    _, _, log = ended(daemon)
+    assert log.splitlines()[1:] == [
+        f"ambientd: file:{missing}/temp: cannot be written (No such file or directory); the others go on",
+        f"ambientd: file:{missing}/temp: is back",
+    ]
+
+
+def test_a_reader_of_stdout_that_leaves_does_not_end_it(start, until, ended, on_phone, tmp_path):
+    daemon = start(*on_phone, "--publish", "stdout", "--publish", f"status:{tmp_path}/status")
+    daemon.stdout.close()
+    until(lambda: text(tmp_path / "status"))
+    before = text(tmp_path / "status")
+    until(lambda: text(tmp_path / "status") != before)
+    os.kill(daemon.pid, signal.SIGTERM)
+    assert daemon.wait(15) == 0
+    assert daemon.stderr.read().splitlines()[1:] == [
+        "ambientd: stdout: cannot be written (Broken pipe); the others go on"
+    ]
+
+
+def test_a_full_pipe_on_stdout_delays_nothing(start, model_file, tmp_path):
+    """A thousand rows a second fill the pipe that no one reads; what goes in is whole lines, and it ends on time."""
+    trace = tmp_path / "long.csv"
+    with open(trace, "w") as out:
+        out.write("time_s,usb_degC,battery_degC\n" + "".join(f"{k},30,25\n" for k in range(2000)))
+    daemon = start("run", "--model", model_file, "--replay", trace, "--speed", "1000")
+    assert daemon.wait(15) == 0  # it reached the last row with the pipe full
+    said, _ = daemon.communicate()
+    times = [json.loads(line)["time_s"] for line in said.splitlines()]
+    assert 0 < len(times) < 2000
+    assert times == sorted(times)
+
+
+def test_a_replay_as_fast_as_it_goes_loses_no_line(ambientd, model_file, trace_file, tmp_path):
+    done = ambientd("run", "--model", model_file, "--replay", trace_file, "--speed", "0")
+    assert done.returncode == 0
+    said = [json.loads(line) for line in done.stdout.splitlines()]
+    ambientd("replay", model_file, trace_file, "-o", tmp_path / "out.csv")
+    rows = [line.split(",") for line in (tmp_path / "out.csv").read_text().splitlines()[1:]]
+    assert [[line["time_s"], line["ambient_degC"], line["status"]] for line in said] == [
+        [float(time_s), float(ambient), status] for time_s, ambient, _, _, status in rows
+    ]
+
+
+def test_a_rate_paces_a_replay_by_rows(start, ended, model_file, write_trace):
+    """What lies between the rows in the trace is not waited for."""
+    daemon = start(
+        "run",
+        "--model",
+        model_file,
+        "--replay",
+        write_trace([(k * 25.0, 30.0, 25.0) for k in range(5)]),
+        "--rate",
+        "20",
+    )
+    out, _ = daemon.communicate(timeout=15)
+    assert [json.loads(line)["time_s"] for line in out.splitlines()] == [0.0, 25.0, 50.0, 75.0, 100.0]
+
+
+def test_a_signal_ends_a_replay_too(start, ended, model_file, trace_file):
+    daemon = start("run", "--model", model_file, "--replay", trace_file)
+    daemon.stdout.readline()
+    assert ended(daemon)[0] == 0
+
+
+def test_a_trace_with_a_fault_ends_with_1_and_leaves_nothing_behind(ambientd, model_file, write_trace, tmp_path):
+    rows = [(float(k), 30.0, 25.0) for k in range(300)]
+    trace = write_trace([*rows, (1.0, 30.0, 25.0)])
+    done = ambientd(
+        *("run", "--model", model_file, "--replay", trace, "--speed", "0"),
+        *("--publish", f"file:{tmp_path}/temp", "--publish", f"socket:{tmp_path}/s"),
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[1:] == [
+        f"ambientd: {trace}: line 302, column time_s: 1 s does not come after 299 s;"
+        " sort the rows and drop doubles: time must increase"
+    ]
+    assert not (tmp_path / "temp").exists()
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_killed_daemons_socket_is_taken_over_and_a_live_ones_refused(
+    start, until, ended, on_phone, ambientd, tmp_path
+):
+    path = str(tmp_path / "s")
+    publish = ("--publish", f"socket:{path}", "--publish", f"status:{tmp_path}/status")
+    killed = start(*on_phone, *publish)
+    until(lambda: text(tmp_path / "status"))
+    killed.kill()
+    killed.wait()
+    assert os.path.exists(path)
+    (tmp_path / "status").unlink()
+    live = start(*on_phone, *publish)
+    until(lambda: text(tmp_path / "status"))
+    second = ambientd(*on_phone, "--publish", f"socket:{path}")
+    assert second.returncode == 1
+    assert second.stderr == f"ambientd: {path}: another daemon listens there; stop it first, or choose another path\n"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
+        reader.settimeout(15)
+        reader.connect(path)
+        assert json.loads(reader.makefile().readline())["status"] == "warming_up"
+    assert ended(live)[0] == 0
+    assert not os.path.exists(path)
+
+
+def test_who_connects_between_two_ticks_is_served_before_the_next(start, until, model_file, phone, tmp_path):
+    """Ten seconds lie between two ticks; the line that is there is told long before."""
+    start(
+        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "0.1"),
+        *("--publish", f"socket:{tmp_path}/s", "--publish", f"status:{tmp_path}/status"),
+    )
+    until(lambda: text(tmp_path / "status"))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
+        reader.settimeout(8)
+        reader.connect(f"{tmp_path}/s")
+        assert json.loads(reader.makefile().readline()) == json.loads(text(tmp_path / "status"))
+
+
+def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, model_file, tmp_path):
+    config = tmp_path / "ambientd.yaml"
+    config.write_text(
+        "model: model.json\nrate_hz: 0.1\nsysfs_root: /nowhere\nlevel_percent: 98\n"
+        "publish:\n  - {kind: file, path: temp, mode: in-place, poison_millidegC: -40000}\n"
+    )
+    daemon = start(
+        *("run", "--config", config, "--sysfs-root", phone.root, "--rate", "20", "--publish", "stdout")
+    )  # fmt: skip
+    line = [json.loads(daemon.stdout.readline()) for _ in range(2)][1]
+    assert [line[key] for key in ("level_percent", "low_degC", "high_degC")] == pytest.approx([98, 22.0, 24.5])
+    assert not (tmp_path / "temp").exists()
+    assert ended(daemon)[0] == 0
+
+
+def test_watch_tells_people_each_tick_and_when_the_daemon_ends(start, until, ended, on_phone, phone, tmp_path):
+    say(phone, 3, b"24500\n")
+    daemon = start(*on_phone, "--publish", f"socket:{tmp_path}/s")
+    until(lambda: (tmp_path / "s").exists())
+    watcher = start("watch", tmp_path / "s")
+    lines = [watcher.stdout.readline() for _ in range(3)]
+    assert lines[0].split(" s  ")[1] == "warming_up  22.60 degC (22.10 to 23.35, 90 %)  usb 30.00  battery 24.50\n"
+    assert lines[0] < lines[2]
+    assert ended(daemon)[0] == 0
+    _, log = watcher.communicate(timeout=15)
+    assert (watcher.returncode, log) == (0, f"ambientd: {tmp_path}/s: the daemon has ended\n")
+
+
+def test_watch_ends_quietly_when_its_user_ends_it(start, until, ended, on_phone, tmp_path):
+    start(*on_phone, "--publish", f"socket:{tmp_path}/s")
+    until(lambda: (tmp_path / "s").exists())
+    watcher = start("watch", tmp_path / "s")
+    watcher.stdout.readline()
+    status, _, log = ended(watcher, signal.SIGINT)
+    assert (status, log) == (0, "")
+
+
+def test_watch_says_where_no_one_listens(ambientd, tmp_path):
+    done = ambientd("watch", tmp_path / "s")
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"ambientd: {tmp_path}/s: no daemon listens there (No such file or directory);"
+        f" start one with 'ambientd run ... --publish socket:{tmp_path}/s'\n"
+    )
+
+
+def test_a_stopped_reader_of_the_socket_delays_no_tick(start, until, ended, on_phone, tmp_path):
+    daemon = start(*on_phone, "--publish", f"socket:{tmp_path}/s", "--publish", f"status:{tmp_path}/status")
+    until(lambda: text(tmp_path / "status"))
+    code = f"import socket, time; s = socket.socket(socket.AF_UNIX); s.connect({str(tmp_path / 's')!r}); time.sleep(60)"
+    reader = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        for _ in range(5):
+            before = text(tmp_path / "status")
+            until(lambda before=before: text(tmp_path / "status") != before)
+    finally:
+        reader.kill()
+        reader.wait()
+    assert ended(daemon)[0] == 0
+
+
+def test_deadlines_stay_on_their_grid_and_missed_ones_are_skipped():
+    assert next_deadline(100.0, 100.0, 1.0) == 101.0
+    assert next_deadline(100.0, 100.9, 1.0) == 101.0
+    assert next_deadline(100.0, 101.0, 1.0) == 102.0
+    assert next_deadline(100.0, 107.3, 1.0) == 108.0
+    assert next_deadline(100.0, 3700.2, 0.5) == 3700.5
+
+
+def test_ticks_come_at_absolute_times_through_work_and_suspend():
+    now = [50.0]
+    work = iter([0.3, 0.3, 2.5, 0.0, 3600.0, 0.1, 0.1])
+
+    def until(due_s):
+        now[0] = max(now[0], due_s)
+        return True
+
+    seen = []
+    for tick_s in ticks(1.0, until, lambda: now[0]):
+        seen.append(tick_s)
+        lasting = next(work, None)
+        if lasting is None:
+            break
+        now[0] += lasting
+    assert seen == [50.0, 51.0, 52.0, 55.0, 56.0, 3657.0, 3658.0, 3659.0]
+
+
+def test_age_grows_while_the_estimate_rests_on_memory(make_model):
+    from ambientd.fallback import FallbackTracker
+
+    reports = []
+
+    class Kept:
+        def publish(self, report):
+            reports.append(report)
+
+    model = make_model()
+    samples = [(0.0, [30.0, None]), (1.0, [30.0, 25.0]), (2.0, [30.0, None]), (3.5, [30.0, None]), (4.0, [30.0, 25.0])]
+    service = Service(model, 90, FallbackTracker(model, 1.0), iter(samples), [("kept", Kept())], print)
+    while service.tick():
+        pass
+    assert [each.age_s for each in reports] == [None, 0.0, 1.0, 2.5, 0.0]
+    assert [each.raw for each in reports] == [values for _, values in samples]
