@@ -1,0 +1,68 @@
+"""A model small enough to be computed by hand, and traces made for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ambient_model.codec import save_model
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Discrete, Estimator, Input, Model
+from ambient_trainer.traces.trace import Trace, save_trace
+
+INPUTS = (Input("usb", "degC", "usb-therm", -30.0, 90.0), Input("battery", "degC", "battery", -30.0, 90.0))
+
+
+def two_sensor_model(provenance: dict[str, Any] | None = None, periods_s: tuple[float, ...] = (1.0,)) -> Model:
+    """One state that follows the battery with 20 s; the ambient is usb minus a part of what the state lags behind."""
+    discrete = []
+    for period_s in periods_s:
+        a = float(np.exp(-period_s / 20.0))
+        discrete.append(Discrete(period_s, ((a,),), ((0.0, 1.0 - a),), ((-0.4,),), ((1.3, 0.1),)))
+    estimator = Estimator(
+        inputs=INPUTS,
+        states=("slow",),
+        discrete=tuple(discrete),
+        offset=-1.5,
+        initial=((0.0, 1.0),),
+        interval={50: (-0.2, 0.3), 90: (-0.6, 0.7), 98: (-1.0, 1.0)},
+    )
+    conformance = conformance_of(estimator, ((20.0, 21.0), (22.0, 23.0), (21.0, 25.0)))
+    return Model("two sensors", "2024-01-01T00:00:00Z", "ambient_degC", estimator, {}, provenance or {}, conformance)
+
+
+def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:
+    """Two wandering sensors and a reference somewhere below them."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(samples) * period_s
+    usb = 25.0 + np.cumsum(rng.normal(0.0, 0.1, samples))
+    battery = usb + 2.0 + np.cumsum(rng.normal(0.0, 0.05, samples))
+    reference = usb - 3.0 + rng.normal(0.0, 0.4, samples)
+    return Trace("made.csv", time_s, {"usb_degC": usb, "battery_degC": battery, "ambient_degC": reference})
+
+
+@pytest.fixture
+def model_of() -> Callable[..., Model]:
+    return two_sensor_model
+
+
+@pytest.fixture
+def trace_of() -> Callable[..., Trace]:
+    return sensor_trace
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Callable[..., tuple[str, str]]:
+    """Writes a model and a trace and returns their paths."""
+
+    def save(trace: Trace, provenance: dict[str, Any] | None = None) -> tuple[str, str]:
+        model_path, trace_path = str(tmp_path / "model.json"), str(tmp_path / "trace.csv")
+        save_model(model_path, two_sensor_model(provenance))
+        save_trace(trace_path, trace)
+        return model_path, trace_path
+
+    return save

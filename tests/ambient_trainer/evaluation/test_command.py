@@ -1,0 +1,192 @@
+"""``ambient-trainer evaluate`` from outside: its JSON, its words, its exit status."""
+
+import hashlib
+import json
+import math
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from ambient_model.faults import Refused
+from ambient_trainer.cli.evaluate import command
+from ambient_trainer.traces.trace import Trace
+
+Saved = Callable[..., tuple[str, str]]
+TraceOf = Callable[..., Trace]
+
+BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "ambient_trainer", "evaluate", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_the_json_is_the_contract(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    model, trace = saved(trace_of(120), {"baseline": BASELINE})
+    out = tmp_path / "out.json"
+
+    result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
+
+    assert result.exit_code == 0
+    assert f"Figures: {out}" in result.output
+    content = json.loads(out.read_text())
+    (only,) = content["traces"]
+    assert only["trace"] == trace
+    assert (only["samples"], only["unscored"], only["overlaps_training"]) == (120, 0, False)
+    for figures in (only, only["baseline"]):
+        assert all(math.isfinite(figures[key]) for key in ("rmse_degC", "mae_degC", "mbe_degC"))
+        assert list(figures["interval_degC"]) == ["50", "90", "98"]
+        assert all(low < figures["mbe_degC"] < high for low, high in figures["interval_degC"].values())
+    assert list(only["coverage"]) == ["50", "90", "98"]
+    assert all(0 <= share <= 1 for share in only["coverage"].values())
+
+
+def test_the_terminal_shows_the_figures_of_the_json(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    model, trace = saved(trace_of(1200), {"baseline": BASELINE})
+    out = tmp_path / "out.json"
+
+    result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
+
+    (only,) = json.loads(out.read_text())["traces"]
+    lines = [line.split() for line in result.output.splitlines() if "trace.csv" in line]
+    rmse = [f"{figures['rmse_degC']:.2f}" for figures in (only, only["baseline"])]
+    assert [rmse[k] in line and "1,200" in line for k, line in enumerate(lines)] == [True, True]
+    assert (
+        f"Over 1,200 samples of one trace the estimate is {rmse[0]} degC off (RMSE), where a static linear formula is "
+        f"{rmse[1]} degC off; the model's published 90 % interval holds {100 * only['coverage']['90']:.1f} % of the "
+        "errors."
+    ) in result.output
+
+
+def test_the_verdict_counts_every_sample_once(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    model, trace = saved(trace_of(300))
+    out = tmp_path / "out.json"
+    other = str(tmp_path / "other.csv")
+    os.link(trace, other)
+
+    result = CliRunner().invoke(command, [model, trace, other, "--json", str(out)], catch_exceptions=False)
+
+    first, second = json.loads(out.read_text())["traces"]
+    assert first["rmse_degC"] == second["rmse_degC"]
+    assert f"Over 600 samples of 2 traces the estimate is {first['rmse_degC']:.2f} degC off (RMSE);" in result.output
+
+
+def test_a_verdict_does_not_hide_the_samples_without_an_estimate(saved: Saved, trace_of: TraceOf) -> None:
+    trace = trace_of(100)
+    trace.columns["usb_degC"][:7] = 95.0  # above the input's range
+
+    result = CliRunner().invoke(command, [*saved(trace)], catch_exceptions=False)
+
+    assert result.output.strip().endswith("% of the errors, and 7 more samples have no estimate.")
+
+
+def test_figures_on_training_data_are_called_so(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    _, trace = saved(trace_of(120))
+    digest = hashlib.sha256(Path(trace).read_bytes()).hexdigest()
+    model, trace = saved(trace_of(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]})
+    out, report = tmp_path / "out.json", tmp_path / "report"
+
+    result = CliRunner().invoke(
+        command, [model, trace, "--json", str(out), "--report", str(report)], catch_exceptions=False
+    )
+
+    assert json.loads(out.read_text())["traces"][0]["overlaps_training"] is True
+    assert "Not held out: the model was trained on samples of trace.csv" in result.output
+    assert "trace.csv (training data)" in result.output
+    assert "Not held out: the model was trained on samples of trace.csv" in (report / "index.html").read_text()
+
+
+def test_names_are_never_taken_for_markup(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    model, trace = saved(trace_of(60))
+    odd = tmp_path / "[red]run<i>.csv"
+    os.link(trace, odd)
+
+    result = CliRunner().invoke(
+        command, [model, str(odd), "--report", str(tmp_path / "report")], catch_exceptions=False
+    )
+
+    assert "[red]run<i>.csv" in result.output
+    assert "[red]run&lt;i&gt;.csv" in (tmp_path / "report" / "index.html").read_text()
+
+
+def test_a_failed_evaluation_leaves_the_old_report(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    whole = trace_of(60)
+    model, trace = saved(replace(whole, columns={"usb_degC": whole.columns["usb_degC"]}))
+    page = tmp_path / "report" / "index.html"
+    page.parent.mkdir()
+    page.write_text("the last good one")
+
+    result = CliRunner().invoke(command, [model, trace, "--report", str(page.parent)])
+
+    assert isinstance(result.exception, Refused)
+    assert page.read_text() == "the last good one"
+    assert os.listdir(page.parent) == ["index.html"]
+
+
+def test_a_process_ends_with_0_and_says_where_the_report_is(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+    model, trace = saved(trace_of(60))
+
+    done = run(model, trace, "--from", "10", "--to", "50", "--report", str(tmp_path / "new" / "report"))
+
+    assert (done.returncode, done.stderr.strip()) == (0, "")
+    assert done.stdout.splitlines()[-1] == f"Report: {tmp_path}/new/report/index.html"
+    assert "Over 40 samples of one trace" in done.stdout
+    assert sorted(os.listdir(tmp_path / "new" / "report")) == ["index.html", "plotly.min.js"]
+
+
+def test_a_missing_column_ends_a_process_with_1_and_one_message(
+    saved: Saved, trace_of: TraceOf, tmp_path: Path
+) -> None:
+    whole = trace_of(60)
+    model, trace = saved(replace(whole, columns={**whole.columns, "skin_degC": whole.columns["usb_degC"]}))
+    text = Path(trace).read_text().replace("usb_degC", "port_degC")
+    Path(trace).write_text(text)
+
+    done = run(model, trace)
+
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.strip() == (
+        f"ambient-trainer: {trace}: line 1: no column 'usb_degC'; it has port_degC, battery_degC, ambient_degC, "
+        "skin_degC; log what the model reads and the reference, or map it on import"
+    )
+
+
+def test_a_report_that_cannot_be_written_is_said_after_the_figures(
+    saved: Saved, trace_of: TraceOf, tmp_path: Path
+) -> None:
+    model, trace = saved(trace_of(60))
+
+    done = run(model, trace, "--report", trace)
+
+    assert done.returncode == 1
+    assert "Over 60 samples" in done.stdout
+    assert done.stderr.strip() == (
+        f"ambient-trainer: {trace}: cannot be made a folder (File exists); name another folder for the report"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["model.json"], "Missing argument 'TRACE...'"),
+        (["model.json", "a.csv", "--from", "5", "--to", "5"], "--from 5 does not come before --to 5"),
+        (["model.json", "a.csv", "--from", "soon"], "'soon' is not a valid float"),
+    ],
+)
+def test_a_wrong_call_ends_with_2(arguments: list[str], message: str) -> None:
+    result = CliRunner().invoke(command, arguments)
+
+    assert result.exit_code == 2
+    assert message in result.output

@@ -1,0 +1,199 @@
+"""An evaluation against a recursion written out in numpy, and what it counts and refuses."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ambient_model.faults import Refused
+from ambient_model.model import Model
+from ambient_trainer.evaluation.evaluate import evaluate_file, evaluate_trace
+from ambient_trainer.evaluation.provenance import sha256_of
+from ambient_trainer.traces.trace import Trace, save_trace
+
+ModelOf = Callable[..., Model]
+TraceOf = Callable[..., Trace]
+
+BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
+
+
+def recursed(model: Model, trace: Trace, which: int) -> np.ndarray:
+    """x[k+1] = A x + B u, y = C x + D u + offset, from X0 u[0]."""
+    discrete = model.main.discrete[which]
+    A, B, C, D = (np.array(getattr(discrete, name)) for name in "ABCD")
+    u = np.column_stack([trace.columns["usb_degC"], trace.columns["battery_degC"]])
+    x = np.array(model.main.initial) @ u[0]
+    y = []
+    for row in u:
+        y.append((C @ x + D @ row).item() + model.main.offset)
+        x = A @ x + B @ row
+    return np.array(y)
+
+
+def without(trace: Trace, column: str, *indices: int) -> Trace:
+    holed = trace.columns[column].copy()
+    holed[list(indices)] = np.nan
+    return replace(trace, columns={**trace.columns, column: holed})
+
+
+def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: ModelOf, trace_of: TraceOf) -> None:
+    model, trace = model_of(), trace_of(400)
+
+    found = evaluate_trace(model, trace)
+
+    expected = recursed(model, trace, 0)
+    error = trace.reference - expected
+    assert found.estimate_degC == pytest.approx(expected, abs=1e-9)
+    assert found.low_degC == pytest.approx(expected - 0.6, abs=1e-9)
+    assert found.high_degC == pytest.approx(expected + 0.7, abs=1e-9)
+    assert found.error_degC == pytest.approx(error, abs=1e-9)
+    assert found.metrics.rmse_degC == pytest.approx(np.sqrt(np.mean(error**2)), abs=1e-9)
+    assert found.coverage[90] == np.mean((error >= -0.6) & (error <= 0.7))
+    assert 0.0 < found.coverage[90] < 1.0
+    assert (found.scored, found.unscored, found.trace) == (400, 0, "made.csv")
+    assert set(found.status) == {"warming_up", "tracking"}
+
+
+def test_the_reference_never_reaches_the_estimate(model_of: ModelOf, trace_of: TraceOf) -> None:
+    trace = trace_of(100)
+    moved = replace(trace, columns={**trace.columns, "ambient_degC": trace.reference + 7.0})
+
+    found, other = evaluate_trace(model_of(), trace), evaluate_trace(model_of(), moved)
+
+    assert np.array_equal(found.estimate_degC, other.estimate_degC)
+    assert other.metrics.mbe_degC == pytest.approx(found.metrics.mbe_degC + 7.0)
+
+
+def test_the_recursion_runs_at_the_period_nearest_the_traces(model_of: ModelOf, trace_of: TraceOf) -> None:
+    model, trace = model_of(periods_s=(0.1, 1.0, 10.0)), trace_of(300, period_s=10.0)
+
+    found = evaluate_trace(model, trace)
+
+    assert (found.period_s, found.trace_period_s) == (10.0, 10.0)
+    assert found.estimate_degC == pytest.approx(recursed(model, trace, 2), abs=1e-9)
+
+
+def test_what_is_not_scored_is_counted(model_of: ModelOf, trace_of: TraceOf) -> None:
+    trace = without(without(trace_of(200), "usb_degC", 0, 1, 2, 50), "ambient_degC", 2, 100, 101)
+
+    found = evaluate_trace(model_of(), trace)
+
+    # at 50 the last reading stands in, and sample 2 lacks both
+    assert (found.without_estimate, found.without_reference) == (3, 2)
+    assert (found.unscored, found.scored) == (5, 195)
+    assert found.status[[0, 1, 2, 3, 50]].tolist() == ["faulted"] * 3 + ["warming_up", "coasting"]
+    assert np.flatnonzero(np.isnan(found.error_degC)).tolist() == [0, 1, 2, 100, 101]
+    kept = np.isfinite(found.error_degC)
+    assert found.metrics.mae_degC == pytest.approx(np.abs(found.error_degC[kept]).mean())
+
+
+def test_the_baseline_is_scored_on_the_same_samples(model_of: ModelOf, trace_of: TraceOf) -> None:
+    trace = without(without(trace_of(200), "battery_degC", 0, 60), "ambient_degC", 100)
+    found = evaluate_trace(model_of({"baseline": BASELINE}), trace)
+
+    usb, battery = trace.columns["usb_degC"], trace.columns["battery_degC"].copy()
+    battery[60] = battery[59]  # held, as the model's own input is
+    error = (trace.reference - (1.25 * usb - 0.3 * battery + 0.5))[[k for k in range(200) if k not in (0, 100)]]
+    assert found.baseline is not None
+    assert found.baseline.metrics.samples == found.scored == 198
+    assert found.baseline.metrics.rmse_degC == pytest.approx(np.sqrt(np.mean(error**2)), abs=1e-9)
+    assert found.baseline.metrics.mbe_degC == pytest.approx(error.mean(), abs=1e-9)
+
+
+def test_a_baseline_of_another_kind_is_left_alone(model_of: ModelOf, trace_of: TraceOf) -> None:
+    assert evaluate_trace(model_of({"baseline": {"kind": "oracle"}}), trace_of(50)).baseline is None
+
+
+def test_a_baseline_that_reads_a_stranger_is_refused(model_of: ModelOf, trace_of: TraceOf) -> None:
+    model = model_of({"baseline": {**BASELINE, "gains": {"usb": 1.0, "skin": 0.1}}})
+
+    with pytest.raises(Refused) as refused:
+        evaluate_trace(model, trace_of(50))
+
+    assert str(refused.value) == (
+        "model two sensors: provenance.baseline.gains: skin: no input of the model; inputs are usb, battery"
+    )
+
+
+def test_a_broken_baseline_names_its_place(model_of: ModelOf, trace_of: TraceOf) -> None:
+    model = model_of({"baseline": {**BASELINE, "gains": {"usb": "much"}}})
+
+    with pytest.raises(Refused, match=r"^model two sensors: provenance\.baseline\.gains\.usb: Input should be a valid"):
+        evaluate_trace(model, trace_of(50))
+
+
+def test_every_missing_column_is_in_one_message(model_of: ModelOf, trace_of: TraceOf) -> None:
+    trace = trace_of(50)
+    bare = replace(trace, columns={"usb_degC": trace.columns["usb_degC"]})
+
+    with pytest.raises(Refused) as refused:
+        evaluate_trace(model_of(), bare)
+
+    assert str(refused.value) == (
+        "made.csv: line 1: no column 'battery_degC', 'ambient_degC'; it has usb_degC; log what the model reads and the "
+        "reference, or map it on import"
+    )
+
+
+def test_a_trace_without_any_score_says_what_it_has(model_of: ModelOf, trace_of: TraceOf) -> None:
+    trace = trace_of(50)
+    hot = replace(trace, columns={**trace.columns, "usb_degC": trace.columns["usb_degC"] + 500.0})
+
+    with pytest.raises(Refused) as refused:
+        evaluate_trace(model_of(), hot)
+
+    assert str(refused.value) == (
+        "made.csv: too few samples to score: of 50 samples 0 have an estimate, 50 a reference and 0 both; "
+        "two with both are wanted: fill the columns, and see that the sensors lie within the ranges of the model file"
+    )
+
+
+def test_one_sample_is_too_few(model_of: ModelOf, trace_of: TraceOf) -> None:
+    with pytest.raises(
+        Refused, match="too few samples to score: of 1 samples 1 have an estimate, 1 a reference and 1 both"
+    ):
+        evaluate_trace(model_of(), trace_of(1))
+
+
+@pytest.mark.parametrize(
+    ("trained", "evaluated", "overlaps"),
+    [
+        ((None, None), (None, None), True),
+        ((None, 60.0), (60.0, None), False),  # half open: sample 60 was not trained on
+        ((None, 60.5), (60.0, None), True),
+        ((60.0, None), (None, 60.0), False),
+        ((60.0, None), (None, 61.0), True),
+        ((20.0, 30.0), (10.0, 40.0), True),
+        ((20.25, 20.75), (None, None), False),  # no sample lies between
+        ((500.0, None), (None, None), False),
+    ],
+)
+def test_training_samples_are_recognised(
+    model_of: ModelOf, trace_of: TraceOf, tmp_path: Path, trained: tuple, evaluated: tuple, overlaps: bool
+) -> None:
+    path = str(tmp_path / "renamed.csv")
+    save_trace(path, trace_of(100))
+    span = {"trace": "original.csv", "sha256": sha256_of(path), "from_s": trained[0], "to_s": trained[1]}
+
+    assert evaluate_file(model_of({"training": [span]}), path, *evaluated).overlaps_training is overlaps
+
+
+def test_another_file_of_the_same_name_is_held_out(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
+    path, other = str(tmp_path / "a.csv"), str(tmp_path / "b.csv")
+    save_trace(path, trace_of(100))
+    save_trace(other, trace_of(100, seed=2))
+    span = {"trace": "a.csv", "sha256": sha256_of(other), "from_s": None, "to_s": None}
+
+    assert evaluate_file(model_of({"training": [span]}), path, None, None).overlaps_training is False
+
+
+def test_the_cut_starts_the_estimate_anew(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
+    path = str(tmp_path / "a.csv")
+    save_trace(path, trace_of(100))
+
+    found = evaluate_file(model_of(), path, 40.0, 90.0)
+
+    assert (found.time_s[0], found.time_s[-1], found.status[0]) == (40.0, 89.0, "warming_up")
+    assert found.estimate_degC == pytest.approx(recursed(model_of(), trace_of(100).cut(40.0, 90.0), 0), abs=1e-9)

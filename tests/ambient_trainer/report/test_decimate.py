@@ -1,0 +1,68 @@
+"""What is left out of a line is never a peak, a gap or an end."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_trainer.report.decimate import broken_at_gaps, envelope, extremes
+
+NAN = float("nan")
+VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(NAN)), min_size=1, max_size=300)
+
+
+@given(VALUES, st.integers(6, 60))
+def test_the_extremes_stay_and_the_count_is_bounded(values: list[float], limit: int) -> None:
+    y = np.array(values)
+
+    kept = extremes(y, limit)
+
+    assert np.all(np.diff(kept) > 0)
+    assert len(kept) <= limit + 2
+    assert kept[0] == 0
+    assert kept[-1] == len(y) - 1
+    if np.isfinite(y).any():
+        assert np.nanmin(y[kept]) == np.nanmin(y)
+        assert np.nanmax(y[kept]) == np.nanmax(y)
+    assert np.isnan(y[kept]).any() == np.isnan(y).any()
+
+
+def test_a_single_spike_in_a_hundred_thousand_is_drawn() -> None:
+    y = np.zeros(100_000)
+    y[[31_415, 92_653]] = 1.0, -1.0
+
+    assert {31_415, 92_653} <= set(extremes(y, 6_000).tolist())
+
+
+def test_a_short_line_is_drawn_whole() -> None:
+    assert extremes(np.array([3.0, NAN, 1.0]), 3).tolist() == [0, 1, 2]
+
+
+@given(VALUES, st.integers(1, 50))
+def test_an_envelope_holds_the_whole_band(values: list[float], limit: int) -> None:
+    low = np.array(values)
+    high = low + 1.0
+
+    at, lowest, highest = envelope(low, high, limit)
+
+    assert len(at) <= limit
+    for start, stop, a, b in zip(at, [*at[1:], len(low)], lowest, highest):
+        stretch = low[start:stop][np.isfinite(low[start:stop])]
+        assert (np.isnan(a) and np.isnan(b)) if not len(stretch) else (a, b) == (stretch.min(), stretch.max() + 1.0)
+
+
+def test_a_column_logged_now_and_then_is_one_line_and_an_absence_is_a_hole() -> None:
+    x = np.arange(100.0)
+    y = np.where(x % 10 == 0, x, NAN)
+    y[[40, 50, 60]] = NAN
+
+    line_x, line_y = broken_at_gaps(x, y)
+
+    assert line_x.tolist() == [0, 10, 20, 30, 30, 70, 80, 90]
+    assert line_y == pytest.approx([0, 10, 20, 30, NAN, 70, 80, 90], nan_ok=True)
+
+
+def test_nothing_known_is_nothing_drawn() -> None:
+    line_x, line_y = broken_at_gaps(np.arange(3.0), np.full(3, NAN))
+
+    assert len(line_x) == len(line_y) == 0

@@ -1,0 +1,48 @@
+"""Files to import: written by the test, or measured and kept beside the repository."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from ambient_trainer.cli.main import main
+
+_REPOSITORY = Path(__file__).parents[3]
+
+
+@pytest.fixture(scope="session")
+def measured() -> Path:
+    folder = _REPOSITORY.parent / "shared" / "measured"
+    if not folder.is_dir():
+        pytest.skip(f"the measured files are not at {folder}")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def maps() -> Path:
+    return _REPOSITORY / "tests" / "data" / "maps"
+
+
+@pytest.fixture
+def write(tmp_path) -> Callable[[str, str], str]:
+    def written(name: str, text: str) -> str:
+        (tmp_path / name).write_text(text, encoding="utf-8", newline="")
+        return str(tmp_path / name)
+
+    return written
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Runs ``ambient-trainer import`` with arguments; returns status, standard output and error."""
+
+    def called(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["ambient-trainer", "import", *arguments])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        return (stopped.value.code, *capsys.readouterr())
+
+    return called

@@ -1,0 +1,320 @@
+"""A circuit file is YAML, taken whole or refused with every fault and its place in one message.
+
+```yaml
+format: ambient-circuit
+version: 1
+name: two_nodes
+about: A board between a chip and the air
+form: rise                        # or temperature
+nodes:
+  board: {capacitance: C_board, sensor: board}   # a state
+  chip: {sensor: chip}                           # no capacitance: its sensor prescribes it
+edges:
+  - {between: [chip, board], resistance: R_chip_board}
+  - {between: [board, ambient], resistance: R_board_ambient}
+outputs:
+  ambient: {states: parallel, inputs: {board_degC: w}}
+parameters:
+  C_board: {unit: J/K, initial: 10}
+  R_chip_board: {unit: K/W, initial: 5, min: 0.1, max: 50}
+  R_board_ambient: {unit: K/W, initial: 20}
+  w: {unit: "1", initial: 1, free: false}
+```
+
+A number may stand wherever a parameter's name does; it is then fixed. ``outputs: sensors`` predicts every sensor on a
+state. Resistances and capacitances are positive by construction.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+from collections.abc import Iterator
+from importlib import resources
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Form, Hold, Node, Output, Parameter, Source
+from ambient_trainer.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
+
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+
+
+def _named_or_number(value: Any) -> str | float:
+    if isinstance(value, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", value):
+        return value
+    if isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        # text too: YAML 1.1 reads 1e3 as one
+        with contextlib.suppress(ValueError, OverflowError):
+            if math.isfinite(number := float(value)):
+                return number
+    raise wrong(f"{value!r:.40} is neither a name nor a number", "name a parameter or give a finite number")
+
+
+def _weights_or_parallel(value: Any) -> Any:
+    if value == _PARALLEL:
+        return {_PARALLEL: 0.0}
+    if isinstance(value, dict):
+        return value
+    raise wrong(f"{value!r:.40} are no weights", f"write '{_PARALLEL}', or a weight for each node")
+
+
+_PARALLEL = "parallel"
+_SMALLEST = 1e-9
+"""J/K or K/W; what is smaller, or larger than its reciprocal, is a wrong unit."""
+_Value = Annotated[Any, BeforeValidator(_named_or_number)]
+
+
+class _Node(Strict):
+    capacitance: _Value | None = None
+    sensor: _Name | None = None
+
+
+class _Edge(Strict):
+    between: tuple[_Name, _Name]
+    resistance: _Value
+
+
+class _Source(Strict):
+    into: _Name
+    signal: _Name
+    share: _Value = 1.0
+
+
+class _Output(Strict):
+    states: Annotated[dict[_Name, _Value], BeforeValidator(_weights_or_parallel)] = Field(default_factory=dict)
+    inputs: dict[_Name, _Value] = Field(default_factory=dict)
+    offset: _Value | None = None
+
+
+class _Parameter(Strict):
+    unit: str
+    initial: float
+    min: float | None = None
+    max: float | None = None
+    free: bool = True
+
+
+class _File(Strict):
+    format: Literal["ambient-circuit"]
+    version: Literal[1]
+    name: _Name
+    about: str
+    form: Form
+    hold: Hold = "first-order"
+    nodes: dict[_Name, _Node]
+    edges: list[_Edge] = Field(default_factory=list)
+    sources: list[_Source] = Field(default_factory=list)
+    outputs: dict[_Name, _Output]
+    parameters: dict[_Name, _Parameter] = Field(default_factory=dict)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _every_sensor(cls, data: Any) -> Any:
+        """``outputs: sensors`` is short for one output a sensor on a state."""
+        if not isinstance(data, dict) or data.get("outputs") != "sensors" or not isinstance(data.get("nodes"), dict):
+            return data
+        nodes = {name: node for name, node in data["nodes"].items() if isinstance(node, dict)}
+        read = {
+            name: node for name, node in nodes.items() if "capacitance" in node and isinstance(node.get("sensor"), str)
+        }
+        return {**data, "outputs": {node["sensor"]: {"states": {name: 1.0}} for name, node in read.items()}}
+
+
+def circuit_names() -> tuple[str, ...]:
+    """The names of the shipped circuits."""
+    return tuple(sorted(entry.name.removesuffix(".yaml") for entry in _library() if entry.name.endswith(".yaml")))
+
+
+def load_circuit(name_or_path: str) -> Circuit:
+    """The shipped circuit of that name, or the one in a YAML file; raises :class:`Refused` with every fault."""
+    if name_or_path in circuit_names():
+        return parse_circuit(
+            (resources.files(__package__) / "library" / f"{name_or_path}.yaml").read_text(), name_or_path
+        )
+    if not name_or_path.endswith((".yaml", ".yml")):
+        raise refuse(
+            "--circuit",
+            "",
+            f"no circuit is called {name_or_path!r}",
+            f"take one of {', '.join(circuit_names())}, free-1 to free-4, or a .yaml file",
+        )
+    return _circuit(load_yaml(name_or_path), name_or_path)
+
+
+def parse_circuit(text: str, source: str) -> Circuit:
+    """The circuit that ``text`` describes; ``source`` names it in messages. Raises :class:`Refused`."""
+    return _circuit(parse_yaml(text, source), source)
+
+
+def _circuit(data: Any, source: str) -> Circuit:
+    if data is None:
+        raise refuse(source, "", "the file is empty", "see the README for a circuit to start from")
+    return _Reading(validated(_File, data, source)).circuit(source)
+
+
+def _library() -> Iterator[Any]:
+    return (resources.files(__package__) / "library").iterdir()
+
+
+class _Reading:
+    """The checks that need the parts together; every fault is noted, then all are said."""
+
+    def __init__(self, file: _File) -> None:
+        self.file = file
+        self.faults: list[Fault] = []
+        self.parameters = {name: self._parameter(name, each) for name, each in file.parameters.items()}
+        self.used: dict[str, str] = {}
+        """Per parameter the unit of what it stands for."""
+
+    def _fault(self, place: str, problem: str, mend: str) -> None:
+        self.faults.append(Fault(place, problem, mend))
+
+    def circuit(self, source: str) -> Circuit:
+        file = self.file
+        circuit = Circuit(
+            name=file.name,
+            about=file.about,
+            form=file.form,
+            hold=file.hold,
+            nodes=tuple(self._node(name, node) for name, node in file.nodes.items()),
+            edges=tuple(self._edge(index, edge) for index, edge in enumerate(file.edges)),
+            sources=tuple(self._source(index, each) for index, each in enumerate(file.sources)),
+            outputs=tuple(self._outputs()),
+            parameters=tuple(self.parameters.values()),
+        )
+        self._check(circuit)
+        if self.faults:
+            raise Refused(source, self.faults)
+        return circuit
+
+    def _parameter(self, name: str, each: _Parameter) -> Parameter:
+        low, high = -math.inf if each.min is None else each.min, math.inf if each.max is None else each.max
+        if not low <= each.initial <= high:
+            self._fault(f"parameters.{name}.initial", f"{each.initial:g} lies outside min and max", "move it inside")
+        return Parameter(name, each.unit, each.initial, low, high, each.free)
+
+    def _value(self, place: str, value: str | float, unit: str, positive: bool = False) -> str:
+        """The name of the parameter that stands at ``place``, made where a number does."""
+        if isinstance(value, str):
+            if value not in self.parameters:
+                self._fault(place, f"no parameter is called {value!r}", "add it under 'parameters'")
+                return value
+            name = value
+        else:
+            name = place
+            self.parameters[name] = Parameter(name, unit, float(value), float(value), float(value), free=False)
+        if self.used.setdefault(name, unit) != unit:
+            self._fault(place, f"{name!r} is in {self.used[name]} elsewhere", f"name one in {unit} of its own")
+        parameter = self.parameters[name]
+        what = place.rpartition(".")[2]
+        if positive and parameter.initial <= 0:
+            self._fault(place, f"{what} {name} starts at {parameter.initial:g}", f"a {what} is above 0")
+        elif positive and not _SMALLEST <= parameter.initial <= 1 / _SMALLEST:
+            self._fault(place, f"{what} {name} starts at {parameter.initial:g}", f"check its unit, {unit}")
+        elif positive:
+            self.parameters[name] = _positive(parameter)
+        return name
+
+    def _node(self, name: str, node: _Node) -> Node:
+        place = f"nodes.{name}"
+        if name == AMBIENT and node.capacitance is not None:
+            self._fault(place, "the ambient has a capacitance", "it is a boundary: remove the capacitance")
+        if name != AMBIENT and node.capacitance is None and node.sensor is None:
+            self._fault(place, "neither capacitance nor sensor", "a node is a state, or a sensor prescribes it")
+        if self.file.form == "rise" and (node.sensor is None) != (name == AMBIENT):
+            self._fault(place, "no sensor" if node.sensor is None else "a sensor", _RISE_SENSORS)
+        capacitance = None
+        if node.capacitance is not None:
+            capacitance = self._value(f"{place}.capacitance", node.capacitance, "J/K", positive=True)
+        return Node(name, capacitance, node.sensor)
+
+    def _edge(self, index: int, edge: _Edge) -> Edge:
+        place = f"edges[{index}]"
+        for name in edge.between:
+            if name != AMBIENT and name not in self.file.nodes:
+                self._fault(f"{place}.between", f"no node is called {name!r}", "add it under 'nodes'")
+        if edge.between[0] == edge.between[1]:
+            self._fault(f"{place}.between", f"{edge.between[0]!r} stands twice", "an edge joins two nodes")
+        return Edge(edge.between, self._value(f"{place}.resistance", edge.resistance, "K/W", positive=True))
+
+    def _source(self, index: int, source: _Source) -> Source:
+        place = f"sources[{index}]"
+        node = self.file.nodes.get(source.into)
+        if node is None or node.capacitance is None:
+            self._fault(f"{place}.into", f"{source.into!r} is no node with a capacitance", "heat goes into a state")
+        return Source(source.into, source.signal, self._value(f"{place}.share", source.share, "1"))
+
+    def _outputs(self) -> Iterator[Output]:
+        for name, output in self.file.outputs.items():
+            place = f"outputs.{name}"
+            states = None
+            if _PARALLEL not in output.states:
+                states = {
+                    node: self._value(f"{place}.states.{node}", value, "1") for node, value in output.states.items()
+                }
+            inputs = {
+                column: self._value(f"{place}.inputs.{column}", value, "1") for column, value in output.inputs.items()
+            }
+            offset = None if output.offset is None else self._value(f"{place}.offset", output.offset, "degC")
+            yield Output(name, states, inputs, offset)
+
+    def _check(self, circuit: Circuit) -> None:
+        states = {node.name for node in circuit.states}
+        for output in circuit.outputs:
+            for node in output.states or ():
+                if node not in states:
+                    self._fault(
+                        f"outputs.{output.name}.states", f"{node!r} is no node with a capacitance", "name a state"
+                    )
+            for column in output.inputs:
+                if column not in circuit.inputs:
+                    known = ", ".join(circuit.inputs)
+                    self._fault(f"outputs.{output.name}.inputs", f"{column!r} is no input", f"inputs are {known}")
+            if output.column in circuit.inputs:
+                self._fault(f"outputs.{output.name}", f"{output.column!r} is an input too", "predict what is not read")
+            to_ambient = [edge for edge in circuit.edges if AMBIENT in edge.between and states & set(edge.between)]
+            if output.states is None and not to_ambient:
+                self._fault(f"outputs.{output.name}.states", "no edge leads to the ambient", "'parallel' weighs those")
+        sensors = [each.sensor for each in circuit.nodes]
+        for index, each in enumerate(circuit.nodes):
+            if each.sensor is not None and each.sensor in sensors[:index]:
+                self._fault(f"nodes.{each.name}.sensor", f"{each.sensor!r} reads another node", "it can read only one")
+        if not circuit.outputs:
+            self._fault("outputs", "none", "a circuit predicts at least one temperature")
+        if not circuit.inputs:
+            self._fault("nodes", "nothing drives the circuit", "give a sensor to a node without capacitance")
+        for name in sorted(states - _drained(circuit)):
+            self._fault(f"nodes.{name}", "no way leads its heat out", _WAY_OUT[circuit.form])
+        for name in self.parameters:
+            if name not in self.used:
+                self._fault(f"parameters.{name}", "nothing uses it", "remove it, or name it where it belongs")
+
+
+_RISE_SENSORS = "in form rise every node but the ambient has one: the exchange between nodes is read from them"
+
+
+_WAY_OUT = {
+    "rise": "join it to the ambient",
+    "temperature": "join it, directly or through others, to a node that a sensor prescribes",
+}
+
+
+def _drained(circuit: Circuit) -> set[str]:
+    """The nodes whose heat reaches what takes any: the ambient, or in temperature form every prescribed node."""
+    if circuit.form == "rise":
+        return {edge.other(AMBIENT) for edge in circuit.edges if AMBIENT in edge.between}
+    drained = {node.name for node in circuit.nodes if node.capacitance is None and node.sensor is not None}
+    for _ in circuit.nodes:
+        drained |= {name for edge in circuit.edges for name in edge.between if edge.other(name) in drained}
+    return drained
+
+
+def _positive(parameter: Parameter) -> Parameter:
+    """The parameter with bounds that a logarithm can search: within six decades of where it starts."""
+    low = max(parameter.low, parameter.initial * 1e-6)
+    high = min(parameter.high, parameter.initial * 1e6)
+    return Parameter(parameter.name, parameter.unit, parameter.initial, low, high, parameter.free)

@@ -1,0 +1,91 @@
+"""``ambient-trainer compare``: which circuit to take, on data that none of them was fitted to."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from ambient_model.atomic import replacing
+from ambient_model.codec import save_model
+from ambient_model.faults import refuse
+from ambient_trainer.cli.fit import STOPPED, sensor_columns
+from ambient_trainer.cli.progress import fit_progress
+from ambient_trainer.evaluation.compare import (
+    Contender,
+    Contest,
+    as_json,
+    comparison_table,
+    contend,
+    held_out_contest,
+    split_contest,
+)
+from ambient_trainer.identify.fit import Effort
+from ambient_trainer.report.table import for_terminal
+
+_WIDTH = 120
+
+
+@click.command("compare")
+@click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
+@click.option("--circuit", "circuits", required=True, multiple=True, metavar="NAME|FILE", help="As in fit; repeat it.")
+@click.option("--split", "split_s", type=float, metavar="S", help="Train before this time_s, score after it.")
+@click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
+@click.option("--sensors", metavar="A,B,...", help="What free-N reads (default: every _degC column).")
+@click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
+@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
+@click.option("--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="As in fit.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="As in fit.")
+def command(
+    trace_paths: tuple[str, ...],
+    circuits: tuple[str, ...],
+    split_s: float | None,
+    held_out: str | None,
+    sensors: str | None,
+    models: str | None,
+    json_path: str | None,
+    starts: int,
+    seed: int,
+) -> int:
+    """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
+
+    Ctrl-C shows those that are done.
+    """
+    if models is not None and not Path(models).is_dir():
+        raise refuse(models, "", "is no folder", "make it first")
+    contest = _contest(trace_paths, split_s, held_out)
+    contenders: list[Contender] = []
+    for name in circuits:
+        with fit_progress(name, starts, contest.samples) as progress:
+            contenders.append(contend(name, contest, sensor_columns(sensors), Effort(starts, seed), progress))
+        if models is not None:
+            save_model(str(Path(models) / f"{contenders[-1].fit.circuit}.json"), contenders[-1].model)
+        if contenders[-1].fit.stopped:
+            break
+    Console(width=_WIDTH).print(for_terminal(comparison_table(contenders)))
+    if json_path is not None:
+        with replacing(json_path) as stream:
+            json.dump(as_json(contenders), stream, indent=1, allow_nan=False)
+            stream.write("\n")
+        click.echo(f"Figures: {json_path}")
+    if contenders[-1].fit.stopped:
+        click.echo(
+            f"Stopped: of {contenders[-1].fit.circuit} this is the best so far; what comes after was not fitted."
+        )
+        return STOPPED
+    return 0
+
+
+def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str | None) -> Contest:
+    if (split_s is None) == (held_out is None):
+        raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
+    if held_out is not None:
+        if held_out in trace_paths:
+            raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
+        return held_out_contest(trace_paths, held_out)
+    if len(trace_paths) > 1:
+        raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
+    assert split_s is not None
+    return split_contest(trace_paths[0], split_s)

@@ -1,0 +1,104 @@
+"""``ambient-trainer evaluate``: how wrong a model is on traces, on the terminal, for a machine and as a page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+
+import click
+from rich.console import Console
+from rich.panel import Panel
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+from ambient_model.atomic import replacing
+from ambient_model.codec import load_model
+from ambient_model.model import Model
+from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
+from ambient_trainer.evaluation.summary import as_json, figures_table, verdict, warnings
+from ambient_trainer.report.table import for_terminal
+
+_WIDTH_OF_A_FILE = 140
+
+
+@click.command("evaluate")
+@click.argument("model_path", metavar="MODEL.json")
+@click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
+@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--run-in", is_flag=True, help="Run the estimate from the trace's start on; score it from --from on.")
+@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
+@click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
+def command(
+    model_path: str,
+    trace_paths: tuple[str, ...],
+    from_s: float | None,
+    to_s: float | None,
+    run_in: bool,
+    json_path: str | None,
+    report_folder: str | None,
+) -> None:
+    """Run MODEL.json over each TRACE as the device would and compare the estimate with the trace's ambient_degC.
+
+    The estimate starts from the first sensor sample, never from the reference, and is scored from there on: with
+    --from, from a cold start at that time, or, with --run-in, as on a device that was already on.
+    """
+    if from_s is not None and to_s is not None and not from_s < to_s:
+        raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
+    if run_in and from_s is None:
+        raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
+    model = load_model(model_path)
+    evaluated = evaluate_file_run_in if run_in else evaluate_file
+    evaluations = _evaluate(trace_paths, lambda path: evaluated(model, path, from_s, to_s))
+    _show(evaluations)
+    if json_path is not None:
+        _write_json(json_path, model, evaluations)
+        click.echo(f"Figures: {json_path}")
+    if report_folder is not None:
+        click.echo(f"Report: {_write_report(report_folder, model, evaluations)}")
+
+
+def _evaluate(trace_paths: Sequence[str], evaluated: Callable[[str], Evaluation]) -> list[Evaluation]:
+    evaluations = []
+    with _progress() as progress:
+        task = progress.add_task("", total=len(trace_paths))
+        for path in trace_paths:
+            progress.update(task, description=path)
+            evaluations.append(evaluated(path))
+            progress.advance(task)
+    return evaluations
+
+
+def _progress() -> Progress:
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    return Progress(*columns, console=Console(stderr=True), transient=True)
+
+
+def _show(evaluations: Sequence[Evaluation]) -> None:
+    console = Console()
+    if not console.is_terminal:
+        console.width = _WIDTH_OF_A_FILE
+    for warning in warnings(evaluations):
+        console.print(Panel(Text(warning, style="bold"), border_style="red", expand=False))
+    console.print(for_terminal(figures_table(evaluations)))
+    console.print(Text(verdict(evaluations)), soft_wrap=True)
+
+
+def _write_json(path: str, model: Model, evaluations: Sequence[Evaluation]) -> None:
+    with replacing(path) as stream:
+        json.dump(as_json(model, evaluations), stream, indent=1, allow_nan=False)
+        stream.write("\n")
+
+
+def _write_report(folder: str, model: Model, evaluations: Sequence[Evaluation]) -> str:
+    # plotly takes half a second to import: only a report should wait for it
+    from ambient_trainer.evaluation.page import evaluation_page
+    from ambient_trainer.report.page import write_report
+
+    return write_report(folder, evaluation_page(model, evaluations))

@@ -1,0 +1,93 @@
+"""``ambient-trainer import``: another logger's file becomes a trace, and the terminal shows what came in."""
+
+from __future__ import annotations
+
+import os
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from ambient_trainer.traces.benchlink import import_benchlink
+from ambient_trainer.traces.column_map import load_map
+from ambient_trainer.traces.csv_import import Imported, import_csv
+from ambient_trainer.traces.trace import Trace, save_trace
+
+_FILE = click.Path(exists=True, dir_okay=False)
+
+
+@click.command("import")
+@click.argument("src", type=_FILE)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["benchlink", "csv"]),
+    required=True,
+    help="benchlink: the export of a 34970A multiplexer's logging software; csv: any other table, through a map.",
+)
+@click.option("--map", "map_path", type=_FILE, help="YAML: which columns to take, their names and units.")
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The trace; .gz compresses it.")
+def command(src: str, kind: str, map_path: str | None, output: str) -> None:
+    """Turn the file SRC of another logger into a trace.
+
+    \b
+    A map, in short:
+      time: {column: t, unit: s}       # or format: "%d.%m.%Y %H:%M:%S"
+      columns:
+        battery_degC: T_battery
+        cpu_degC: {from: T_cpu, unit: mdegC}
+        ambient_degC: {from: [T1, T2], combine: mean}
+    """
+    if os.path.exists(output) and os.path.samefile(src, output):
+        raise click.UsageError("-o names SRC itself: the logger's file would be lost. Name another.")
+    if kind == "benchlink":
+        imported = import_benchlink(src, map_path)
+    elif map_path is None:
+        raise click.UsageError("--format csv needs --map MAP.yaml; see 'ambient-trainer import --help' for one.")
+    else:
+        imported = import_csv(src, load_map(map_path), map_path)
+    save_trace(output, imported.trace)
+    _show(imported, output)
+
+
+def _show(imported: Imported, output: str) -> None:
+    trace = imported.trace
+    console = Console(highlight=False)
+    console.print(_extent(trace.time_s), soft_wrap=True)
+    table = Table("column")
+    for heading in ("min", "mean", "max", "missing"):
+        table.add_column(heading, justify="right")
+    for name in trace.columns:
+        table.add_row(name, *_figures(trace, name))
+    console.print(table)
+    if imported.dropped_rows:
+        total = imported.dropped_rows + len(trace.time_s)
+        console.print(f"dropped {imported.dropped_rows} of {total} rows: their time did not increase")
+    console.print(f"wrote {escape(output)}", soft_wrap=True)
+
+
+def _extent(time_s: np.ndarray) -> str:
+    rows = f"{len(time_s)} rows"
+    if len(time_s) < 2:
+        return rows
+    steps_s = np.diff(time_s)
+    period, longest = f"{np.median(steps_s):.4g} s", _duration(steps_s.max())
+    return f"{rows}, {_duration(time_s[-1])}, median period {period}, longest step {longest}"
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.4g} s"
+
+
+def _figures(trace: Trace, name: str) -> list[str]:
+    values = trace.columns[name]
+    present = values[~np.isnan(values)]
+    missing = str(len(values) - len(present))
+    if not len(present):
+        return ["-", "-", "-", missing]
+    return [*(f"{figure:.6g}" for figure in (present.min(), present.mean(), present.max())), missing]

@@ -1,0 +1,34 @@
+"""A bar while a fit works, on the terminal's standard error; nothing where there is no terminal."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from ambient_trainer.identify import search
+
+
+@contextlib.contextmanager
+def fit_progress(name: str, starts: int, samples: int) -> Iterator[search.Progress]:
+    """A bar over the starts of a fit, with the evaluations and the best RMSE so far."""
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("starts"),
+        TimeElapsedColumn(),
+    )
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(name, total=starts)
+
+        def show(start: int, evaluation: int, square: float) -> None:
+            rmse = float(np.sqrt(square / max(samples, 1)))
+            bar.update(task, completed=start, description=f"{name}, evaluation {evaluation}, best {rmse:.3f} degC")
+
+        yield show

@@ -1,0 +1,205 @@
+"""An evaluation is causal: it starts from the first sensor sample, never from the reference, and runs as the device.
+
+Each sample is scored where there is both a reference and an estimate, the first minutes included; the others are
+counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.faults import Refused, refuse
+from ambient_model.model import Discrete, Estimator, Input, Model
+from ambient_model.trace import REFERENCE
+from ambient_model.tracking import Tracker, nearest_discrete
+from ambient_trainer.evaluation.metrics import Metrics, coverage, score
+from ambient_trainer.evaluation.provenance import overlaps_training, sha256_of, static_linear
+from ambient_trainer.traces.grid import sampling_period_s
+from ambient_trainer.traces.trace import Array, Trace, load_trace
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The static linear estimate in degC, shape (n,), and its metrics over the samples that the model is scored on."""
+
+    estimate_degC: Array
+    metrics: Metrics
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A model's estimate over a trace of n samples and how wrong it is; arrays are of shape (n,), NaN where missing.
+
+    ``low_degC`` and ``high_degC`` are the published 90 % interval, ``error_degC`` is reference minus estimate, and
+    ``coverage`` the share of errors inside the published interval of each level in percent.
+    """
+
+    trace: str
+    time_s: Array
+    inputs: dict[Input, Array]
+    """The sensors as logged."""
+    estimate_degC: Array
+    low_degC: Array
+    high_degC: Array
+    status: NDArray[np.str_]
+    reference_degC: Array
+    error_degC: Array
+    metrics: Metrics
+    coverage: dict[int, float]
+    without_estimate: int
+    without_reference: int
+    """Samples that have an estimate but no reference."""
+    trace_period_s: float
+    period_s: float
+    """The period of the recursion that ran."""
+    baseline: Baseline | None
+    overlaps_training: bool = False
+
+    def after(self, count: int) -> Evaluation:
+        """The evaluation without its first ``count`` samples, none of which may have been scored."""
+        kept = slice(count, None)
+        baseline = self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[kept])
+        return replace(
+            self,
+            time_s=self.time_s[kept],
+            inputs={each: values[kept] for each, values in self.inputs.items()},
+            estimate_degC=self.estimate_degC[kept],
+            low_degC=self.low_degC[kept],
+            high_degC=self.high_degC[kept],
+            status=self.status[kept],
+            reference_degC=self.reference_degC[kept],
+            error_degC=self.error_degC[kept],
+            without_estimate=int(np.count_nonzero(np.isnan(self.estimate_degC[kept]))),
+            without_reference=int(
+                np.count_nonzero(np.isfinite(self.estimate_degC[kept]) & np.isnan(self.reference_degC[kept]))
+            ),
+            baseline=baseline,
+        )
+
+    @property
+    def scored(self) -> int:
+        """The number of samples that the metrics are of."""
+        return self.metrics.samples
+
+    @property
+    def unscored(self) -> int:
+        """The number of samples without an estimate or a reference."""
+        return self.without_estimate + self.without_reference
+
+
+class _Tracked(NamedTuple):
+    estimate_degC: Array
+    low_degC: Array
+    high_degC: Array
+    status: NDArray[np.str_]
+    used: Array
+    """The inputs as the recursion took them, n x m."""
+
+
+def evaluate_file(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
+    """Evaluate ``model`` on the trace file at ``path``, between from_s and to_s, from a cold start at from_s.
+
+    Says whether the model was trained on that. Raises :class:`Refused`.
+    """
+    trace = load_trace(path).cut(from_s, to_s)
+    return replace(evaluate_trace(model, trace), overlaps_training=overlaps_training(model, trace, sha256_of(path)))
+
+
+def evaluate_file_run_in(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
+    """The same score between from_s and to_s, of an estimate that has run since the trace's first sensor sample.
+
+    It is what a device says that was on before: still causal, still without a look at the reference.
+    """
+    trace = load_trace(path).cut(None, to_s)
+    scored = trace.cut(from_s, None)
+    ahead = len(trace.time_s) - len(scored.time_s)
+    whole = replace(trace, columns={**trace.columns, REFERENCE: _hidden_before(trace.reference, ahead)})
+    found = evaluate_trace(model, whole).after(ahead)
+    return replace(found, overlaps_training=overlaps_training(model, scored, sha256_of(path)))
+
+
+def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
+    """Run ``model`` over ``trace`` and score it; raises :class:`Refused` where a column or a score cannot be had."""
+    _require_columns(model, trace)
+    trace_period_s = sampling_period_s(trace.time_s)
+    discrete = nearest_discrete(model.main, trace_period_s)
+    inputs = {each: trace.columns[each.column] for each in model.main.inputs}
+    tracked = _track(model.main, discrete, trace.time_s, np.column_stack(list(inputs.values())))
+    error = trace.reference - tracked.estimate_degC
+    scored = np.isfinite(error)
+    if np.count_nonzero(scored) < 2:
+        raise _too_few(trace, tracked)
+    return Evaluation(
+        trace=trace.path,
+        time_s=trace.time_s,
+        inputs=inputs,
+        estimate_degC=tracked.estimate_degC,
+        low_degC=tracked.low_degC,
+        high_degC=tracked.high_degC,
+        status=tracked.status,
+        reference_degC=trace.reference,
+        error_degC=error,
+        metrics=score(error[scored]),
+        coverage=coverage(error[scored], model.main.interval),
+        without_estimate=int(np.count_nonzero(np.isnan(tracked.estimate_degC))),
+        without_reference=int(np.count_nonzero(np.isfinite(tracked.estimate_degC) & np.isnan(trace.reference))),
+        trace_period_s=trace_period_s,
+        period_s=discrete.period_s,
+        baseline=_baseline(model, tracked, trace.reference, scored),
+    )
+
+
+def _hidden_before(reference: Array, count: int) -> Array:
+    return np.concatenate([np.full(count, np.nan), reference[count:]])
+
+
+def _require_columns(model: Model, trace: Trace) -> None:
+    missing = [name for name in (*(each.column for each in model.main.inputs), REFERENCE) if name not in trace.columns]
+    if missing:
+        raise refuse(
+            trace.path,
+            "line 1",
+            f"no column {', '.join(repr(name) for name in missing)}",
+            f"it has {', '.join(trace.columns) or 'none'}; log what the model reads and the reference, "
+            "or map it on import",
+        )
+
+
+def _too_few(trace: Trace, tracked: _Tracked) -> Refused:
+    estimates = np.isfinite(tracked.estimate_degC)
+    references = np.isfinite(trace.reference)
+    return refuse(
+        trace.path,
+        "",
+        f"too few samples to score: of {len(trace.time_s)} samples {np.count_nonzero(estimates)} have an estimate, "
+        f"{np.count_nonzero(references)} a reference and {np.count_nonzero(estimates & references)} both",
+        "two with both are wanted: fill the columns, and see that the sensors lie within the ranges of the model file",
+    )
+
+
+def _track(estimator: Estimator, discrete: Discrete, time_s: Array, inputs: Array) -> _Tracked:
+    tracker = Tracker(estimator, discrete)
+    readings = [[None if value != value else value for value in row] for row in inputs.tolist()]
+    estimates = [tracker.update(now_s, row) for now_s, row in zip(time_s.tolist(), readings)]
+    return _Tracked(
+        # None becomes NaN
+        np.array([each.ambient_degC for each in estimates], dtype=np.float64),
+        np.array([each.low_degC for each in estimates], dtype=np.float64),
+        np.array([each.high_degC for each in estimates], dtype=np.float64),
+        np.array([each.status for each in estimates]),
+        np.array([each.used for each in estimates], dtype=np.float64),
+    )
+
+
+def _baseline(model: Model, tracked: _Tracked, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:
+    static = static_linear(model)
+    if static is None:
+        return None
+    # from the inputs as the recursion took them: where one is held over a gap, both are scored on the same sample
+    gains = np.array([static.gains.get(each.name, 0.0) for each in model.main.inputs])
+    estimate = tracked.used @ gains + static.offset
+    return Baseline(estimate, score((reference - estimate)[scored]))

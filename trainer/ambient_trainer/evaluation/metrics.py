@@ -1,0 +1,78 @@
+"""The thesis's figures of merit (its section 3.4): an error is true minus estimate, in degC.
+
+RMSE, MAE and MBE are means over the samples; an interval is mu +- lambda sigma, with sigma over N - 1 and lambda the
+quantile of the normal distribution: where one single error lies, if errors are normally distributed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from statistics import NormalDist
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from ambient_model.model import LEVELS_PERCENT, Band, Quantiles
+from ambient_trainer.traces.trace import Array
+
+ROLLING_SAMPLES = 20
+ROLLING_LEVEL_PERCENT = 98
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """How wrong an estimate is over ``samples`` samples, in degC; ``interval_degC`` is by level in percent."""
+
+    samples: int
+    rmse_degC: float
+    mae_degC: float
+    mbe_degC: float
+    sigma_degC: float
+    interval_degC: Quantiles
+
+
+def score(error_degC: Array) -> Metrics:
+    """The metrics of errors of shape (n,), n >= 2, none missing."""
+    mean, sigma = float(np.mean(error_degC)), float(np.std(error_degC, ddof=1))
+    return Metrics(
+        samples=len(error_degC),
+        rmse_degC=float(np.sqrt(np.mean(error_degC**2))),
+        mae_degC=float(np.mean(np.abs(error_degC))),
+        mbe_degC=mean,
+        sigma_degC=sigma,
+        interval_degC={level: normal_interval(mean, sigma, level) for level in LEVELS_PERCENT},
+    )
+
+
+def normal_interval(mean: float, sigma: float, level_percent: float) -> Band:
+    """What ``level_percent`` of the draws from a normal distribution lie between."""
+    reach = _quantile(level_percent) * sigma
+    return (mean - reach, mean + reach)
+
+
+def coverage(error_degC: Array, interval: Quantiles) -> dict[int, float]:
+    """Per level of a published interval (degC) the share, 0 to 1, of the errors that lie inside it, ends included."""
+    return {
+        level: float(np.mean((low <= error_degC) & (error_degC <= high))) for level, (low, high) in interval.items()
+    }
+
+
+def rolling_band(error_degC: Array) -> tuple[Array, Array]:
+    """The 98 % interval of 20 successive errors at the centre of each window: low and high, both of shape (n,).
+
+    The value at k is of the errors k - 10 to k + 9; the first 10 and the last 10 values repeat the nearest window's.
+    A missing error (NaN) is left out of the windows and its own value is NaN; with fewer than 20 errors all are NaN.
+    """
+    low, high = np.full_like(error_degC, np.nan), np.full_like(error_degC, np.nan)
+    known = np.flatnonzero(np.isfinite(error_degC))
+    if len(known) < ROLLING_SAMPLES:
+        return low, high
+    windows = sliding_window_view(error_degC[known], ROLLING_SAMPLES)
+    mean, reach = windows.mean(axis=1), _quantile(ROLLING_LEVEL_PERCENT) * windows.std(axis=1, ddof=1)
+    window = np.clip(np.arange(len(known)) - ROLLING_SAMPLES // 2, 0, len(windows) - 1)
+    low[known], high[known] = (mean - reach)[window], (mean + reach)[window]
+    return low, high
+
+
+def _quantile(level_percent: float) -> float:
+    return NormalDist().inv_cdf(0.5 + level_percent / 200)

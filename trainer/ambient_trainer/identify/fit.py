@@ -1,0 +1,253 @@
+"""A fit: traces and a structure go in; a system comes out, with what the data do and do not say about it.
+
+"Converged", "uncertainty available" and "identifiable" are three facts. A fit may predict well and be none of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.assemble import StateSpace
+from ambient_trainer.circuits.circuit import Circuit, Hold
+from ambient_trainer.identify.circuit_structure import CircuitStructure
+from ambient_trainer.identify.free_filter import FreeFilter
+from ambient_trainer.identify.free_start import FreelyStartingCircuit
+from ambient_trainer.identify.search import Progress, SearchResult, search
+from ambient_trainer.identify.static_linear import StaticLinear, fit_static_linear
+from ambient_trainer.identify.structure import Structure
+from ambient_trainer.identify.uncertainty import Uncertainty, residuals, uncertainty
+from ambient_trainer.traces.grid import Segment, sampling_period_s, segments
+from ambient_trainer.traces.trace import Trace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """One unknown: its value, standard error and 95 % interval (None where the data give none)."""
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float | None
+    interval95: tuple[float, float] | None
+    free: bool
+    at_bound: bool
+    identifiable: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The best system found, its unknowns, and how far to trust them.
+
+    ``inputs`` are trace columns; ``errors_degC`` (true minus predicted) are those of the training samples, one array
+    an output.
+    """
+
+    circuit: str
+    system: StateSpace
+    hold: Hold
+    inputs: tuple[str, ...]
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    period_s: float
+    parameters: tuple[Estimated, ...]
+    converged: bool
+    uncertainty_available: bool
+    identifiable: bool
+    stopped: bool
+    confounded: tuple[tuple[str, ...], ...]
+    residual_memory_samples: float
+    rmse_degC: float
+    start_rmses_degC: tuple[float, ...]
+    evaluations: int
+    errors_degC: tuple[Array, ...]
+    baseline: StaticLinear
+    input_ranges: tuple[tuple[float, float], ...]
+
+    @property
+    def dc_gains(self) -> tuple[float, ...]:
+        """Per input the gain to the first output at rest: D - C A^-1 B."""
+        at_rest = self.system.D - self.system.C @ np.linalg.solve(self.system.A, self.system.B)
+        return tuple(at_rest[0].tolist())
+
+    @property
+    def samples(self) -> int:
+        """The number of reference samples it was fitted to."""
+        return sum(len(each) for each in self.errors_degC)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard to search: the number of starts and the seed of all but the first."""
+
+    starts: int = 8
+    seed: int = 0
+
+
+def free_order(name: str) -> int | None:
+    """N of ``free-N``, N from 1 to 4; None for any other name."""
+    found = re.fullmatch(r"free-([1-4])", name)
+    return int(found[1]) if found else None
+
+
+def temperature_columns(traces: Sequence[Trace]) -> tuple[str, ...]:
+    """Every ``_degC`` column of the first trace but the reference: what ``free-N`` reads."""
+    names = tuple(name for name in traces[0].columns if name.endswith("_degC") and name != REFERENCE)
+    if not names:
+        raise refuse(traces[0].path, "line 1", "no '_degC' column besides the reference", "log a sensor")
+    return names
+
+
+def fit_circuit(
+    circuit: Circuit,
+    traces: Sequence[Trace],
+    effort: Effort,
+    progress: Progress | None = None,
+    period_s: float | None = None,
+) -> Fit:
+    """Fit ``circuit`` to one or several traces, each stretch from thermal equilibrium with its first sample.
+
+    Raises :class:`Refused` where the traces lack a column, hold too little, or an input never changes.
+    """
+    columns = tuple(output.column for output in circuit.outputs)
+    data = _segments(traces, circuit.inputs, columns, period_s)
+    estimates_ambient = columns == (REFERENCE,)
+    structure = (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, data)
+    _enough(traces, structure)
+    with threadpool_limits(1):
+        result = search(structure, effort.starts, effort.seed, progress)
+        known = uncertainty(structure, result.best)
+        values = structure.values(result.best.theta, result.best.beta)
+        logarithmic = set(structure.logarithmic_names)
+        units = {each.name: each.unit for each in circuit.parameters}
+        shown = [each.name for each in circuit.parameters if each.free or "." not in each.name]
+        parameters = tuple(_estimated(name, units[name], values[name], name in logarithmic, known) for name in shown)
+        system = structure.system(result.best.theta, result.best.beta)
+        states = tuple(node.name for node in circuit.states)
+        names = tuple(output.name for output in circuit.outputs)
+        return _closed(
+            circuit.name, system, circuit.hold, circuit.inputs, states, names, structure, result, known, parameters
+        )
+
+
+def fit_free_filter(
+    order: int,
+    traces: Sequence[Trace],
+    effort: Effort,
+    progress: Progress | None = None,
+    period_s: float | None = None,
+    inputs: Sequence[str] | None = None,
+) -> Fit:
+    """Fit the free linear filter of ``order`` over ``inputs`` (trace columns; by default every temperature)."""
+    columns = tuple(inputs or temperature_columns(traces))
+    period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
+    structure = FreeFilter(order, _segments(traces, columns, (REFERENCE,), period))
+    _enough(traces, structure)
+    with threadpool_limits(1):
+        result = search(structure, effort.starts, effort.seed, progress)
+        known = uncertainty(structure, result.best)
+        system = structure.system(result.best.theta, result.best.beta)
+        parameters = tuple(
+            _estimated(name, "1" if name.startswith("zeta") else "1/s", value, True, known)
+            for name, value in zip(structure.search.names, np.exp(result.best.theta).tolist())
+        )
+        states = tuple(f"mode{index + 1}" for index in range(order))
+        name = f"free-{order}"
+        return _closed(name, system, "first-order", columns, states, ("ambient",), structure, result, known, parameters)
+
+
+def _closed(
+    name: str,
+    system: StateSpace,
+    hold: Hold,
+    inputs: tuple[str, ...],
+    states: tuple[str, ...],
+    outputs: tuple[str, ...],
+    structure: Structure,
+    result: SearchResult,
+    known: Uncertainty,
+    parameters: tuple[Estimated, ...],
+) -> Fit:
+    per_segment = residuals(structure, result.best)
+    errors = [np.concatenate([each[output] for each in per_segment]) for output in range(len(outputs))]
+    errors = [each[~np.isnan(each)] for each in errors]
+    count = sum(len(each) for each in errors)
+    free = [each for each in parameters if each.free]
+    u = np.concatenate([segment.inputs for segment in structure.segments], axis=1)
+    return Fit(
+        circuit=name,
+        system=system,
+        hold=hold,
+        inputs=inputs,
+        states=states,
+        outputs=outputs,
+        period_s=structure.segments[0].period_s,
+        parameters=parameters,
+        converged=result.best.converged and not result.stopped,
+        uncertainty_available=any(each.interval95 is not None for each in free),
+        identifiable=bool(known.identifiable.all()),
+        stopped=result.stopped,
+        confounded=known.confounded,
+        residual_memory_samples=known.residual_memory_samples,
+        rmse_degC=float(np.sqrt(result.best.sum_of_squares / count)),
+        start_rmses_degC=tuple(float(np.sqrt(each.sum_of_squares / count)) for each in result.starts),
+        evaluations=sum(each.evaluations for each in result.starts),
+        errors_degC=tuple(errors),
+        baseline=fit_static_linear(structure.segments),
+        input_ranges=tuple((float(row.min()), float(row.max())) for row in u),
+    )
+
+
+def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> Estimated:
+    if name not in known.names:
+        return Estimated(name, unit, value, None, None, free=False, at_bound=False, identifiable=True)
+    index = known.names.index(name)
+    error = float(known.standard_error[index])
+    bound, told = bool(known.at_bound[index]), bool(known.identifiable[index])
+    if np.isnan(error):
+        return Estimated(name, unit, value, None, None, True, bound, told)
+    half = known.quantile * error
+    if logarithmic:
+        spread = float(np.exp(min(half, 700.0)))
+        return Estimated(name, unit, value, value * error, (value / spread, value * spread), True, bound, told)
+    return Estimated(name, unit, value, error, (value - half, value + half), True, bound, told)
+
+
+def _segments(
+    traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None
+) -> list[Segment]:
+    for trace in traces:
+        _teaches(trace, inputs, outputs)
+    return [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
+
+
+def _teaches(trace: Trace, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    """Refuse a trace from which nothing can be learned of a column, naming every such column."""
+    faults = []
+    for name in (*inputs, *outputs):
+        known = trace.column(name)
+        known = known[~np.isnan(known)]
+        if not len(known):
+            faults.append(Fault(f"column {name}", "holds no value at all", "leave it out, or log it"))
+        elif np.ptp(known) == 0 and (name in inputs or len(outputs) == 1):
+            mend = "a stuck sensor teaches nothing: leave it out" if name in inputs else "log a run in which it changes"
+            faults.append(Fault(f"column {name}", f"is {known[0]:g} all the time", mend))
+    if faults:
+        raise Refused(trace.path, faults)
+
+
+def _enough(traces: Sequence[Trace], structure: Structure) -> None:
+    samples = sum(int((~np.isnan(segment.outputs)).sum()) for segment in structure.segments)
+    unknowns = len(structure.search.names) + len(structure.linear.names)
+    if samples <= unknowns:
+        source = ", ".join(trace.path for trace in traces)
+        raise refuse(source, "", f"{samples} samples for {unknowns} unknowns", "log longer, or take a smaller circuit")

@@ -1,0 +1,221 @@
+"""Plots over time: panels one below the other on one time axis, that zooms them all."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import plotly.graph_objects as go  # type: ignore[import-untyped]
+from markupsafe import Markup
+from numpy.typing import NDArray
+from plotly.subplots import make_subplots  # type: ignore[import-untyped]
+
+from ambient_trainer.report.decimate import broken_at_gaps, envelope, extremes
+from ambient_trainer.traces.trace import Array
+
+POINTS_PER_LINE = 6000
+"""Lines of more samples than this are drawn from the extremes of stretches."""
+
+BLUE, INK, ORANGE, SKY, SAND = "#1d5fbf", "#111827", "#c2410c", "#7cb8f2", "#c4ad78"
+SENSOR_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6b7280", "#7a5195")
+
+_HOURS_ABOVE_S = 3 * 3600
+_FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, "Liberation Sans", sans-serif'
+_MARGIN_PX = {"l": 68, "r": 12, "t": 40, "b": 52}
+_BETWEEN_PX = 22
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve of shape (n,); NaN is a gap."""
+
+    name: str
+    values: Array
+    colour: str
+    width: float = 1.6
+
+
+@dataclass(frozen=True)
+class Band:
+    """What lies between two curves of shape (n,)."""
+
+    name: str
+    low: Array
+    high: Array
+    colour: str
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One plot of the stack; ``title`` names the quantity and its unit."""
+
+    title: str
+    lines: Sequence[Line]
+    bands: Sequence[Band] = ()
+    height_px: int = 230
+
+
+@dataclass(frozen=True)
+class Shade:
+    """Stretches of time, in s, that are coloured in every panel."""
+
+    name: str
+    colour: str
+    spans: Sequence[tuple[float, float]]
+
+
+def time_axis(time_s: Array) -> tuple[float, str]:
+    """The seconds in the unit that fits the axis, and that unit: h or min."""
+    return (3600.0, "h") if time_s[-1] - time_s[0] > _HOURS_ABOVE_S else (60.0, "min")
+
+
+def spans_where(time_s: Array, flags: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """The stretches (from, to in s) where ``flags`` (n,) holds, each to the sample after it.
+
+    Stretches less than 1/400 of the whole apart are drawn as one: nobody could tell them apart.
+    """
+    edges = np.diff(np.concatenate([[False], flags, [False]]).astype(int))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    spans = list(zip(time_s[starts].tolist(), time_s[np.minimum(stops, len(time_s) - 1)].tolist()))
+    nearest = (time_s[-1] - time_s[0]) / 400
+    breaks = [0, *(k + 1 for k, (a, b) in enumerate(pairwise(spans)) if b[0] - a[1] > nearest), len(spans)]
+    return [(spans[i][0], spans[j - 1][1]) for i, j in pairwise(breaks) if j > i]
+
+
+def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shade] = ()) -> go.Figure:
+    """``panels`` over ``time_s`` (n,), with one legend each and the shaded stretches in the first one's."""
+    seconds, unit = time_axis(time_s)
+    x = time_s / seconds
+    inner = sum(panel.height_px for panel in panels) + _BETWEEN_PX * (len(panels) - 1)
+    figure = make_subplots(
+        rows=len(panels),
+        cols=1,
+        shared_xaxes=True,
+        vertical_spacing=_BETWEEN_PX / inner,
+        row_heights=[panel.height_px for panel in panels],
+    )
+    for row, panel in enumerate(panels, start=1):
+        _draw_panel(figure, row, panel, x)
+    for shade in shades:
+        _draw_shade(figure, shade, seconds)
+    _lay_out(figure, panels, inner + _MARGIN_PX["t"] + _MARGIN_PX["b"])
+    figure.update_xaxes(title_text=f"time [{unit}]", row=len(panels), col=1)
+    return figure
+
+
+def to_markup(figure: go.Figure, identity: str) -> Markup:
+    """``figure`` as an element with the id ``identity``, for a page that has loaded plotly's script."""
+    config = {
+        "displaylogo": False,
+        "responsive": True,
+        # logged data should not be a click away from somebody's cloud
+        "plotlyServerURL": "",
+        "modeBarButtonsToRemove": ["select2d", "lasso2d", "sendChartToCloud"],
+    }
+    return Markup(figure.to_html(include_plotlyjs=False, full_html=False, div_id=identity, config=config))
+
+
+def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
+    legend = _legend(row)
+    for band in panel.bands:
+        outline_x, outline_y = _outline(x, band)
+        figure.add_scatter(
+            x=outline_x,
+            y=outline_y,
+            name=_plain(band.name),
+            mode="lines",
+            line={"width": 0},
+            fill="toself",
+            fillcolor=band.colour,
+            opacity=0.35,
+            hoverinfo="skip",
+            legend=legend,
+            row=row,
+            col=1,
+        )
+    for line in panel.lines:
+        line_x, line_y = broken_at_gaps(x, line.values)
+        kept = extremes(line_y, POINTS_PER_LINE)
+        figure.add_scatter(
+            x=line_x[kept].astype(np.float64),
+            y=line_y[kept].astype(np.float32),
+            name=_plain(line.name),
+            mode="lines",
+            line={"color": line.colour, "width": line.width},
+            legend=legend,
+            row=row,
+            col=1,
+        )
+    figure.update_yaxes(title_text=_plain(panel.title), row=row, col=1)
+
+
+def _outline(x: Array, band: Band) -> tuple[Array, Array]:
+    """The band as closed outlines, one for each stretch without a gap, NaN between them."""
+    at, low, high = envelope(band.low, band.high, POINTS_PER_LINE // 2)
+    known = np.flatnonzero(np.isfinite(low) & np.isfinite(high))
+    parts = [part for part in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1) if len(part)]
+    xs = [np.concatenate([x[at[part]], x[at[part]][::-1], [np.nan]]) for part in parts]
+    ys = [np.concatenate([low[part], high[part][::-1], [np.nan]]) for part in parts]
+    return (np.concatenate(xs), np.concatenate(ys).astype(np.float32)) if parts else (np.empty(0), np.empty(0))
+
+
+def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
+    for start_s, stop_s in shade.spans:
+        figure.add_shape(
+            type="rect",
+            xref="x",
+            yref="paper",
+            x0=start_s / seconds,
+            x1=stop_s / seconds,
+            y0=0,
+            y1=1,
+            fillcolor=shade.colour,
+            opacity=0.18,
+            line={"width": 0},
+            layer="below",
+        )
+    figure.add_scatter(
+        x=[None],
+        y=[None],
+        name=_plain(shade.name),
+        mode="markers",
+        marker={"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4},
+        legend=_legend(1),
+        row=1,
+        col=1,
+    )
+
+
+def _lay_out(figure: go.Figure, panels: Sequence[Panel], height_px: int) -> None:
+    axis = {"gridcolor": "#e5e7eb", "linecolor": "#9ca3af", "zerolinecolor": "#9ca3af", "showline": True}
+    figure.update_xaxes(**axis, ticks="outside", tickcolor="#9ca3af", hoverformat=".3f", zeroline=False)
+    figure.update_yaxes(**axis, hoverformat=".2f", title_standoff=8)
+    figure.update_layout(
+        template="none",
+        height=height_px,
+        margin=_MARGIN_PX,
+        font={"family": _FONT, "size": 13, "color": "#1f2937"},
+        hovermode="x unified",
+        hoverlabel={"bgcolor": "white", "bordercolor": "#d1d5db"},
+        plot_bgcolor="white",
+        paper_bgcolor="white",
+    )
+    for row in range(1, len(panels) + 1):
+        top = figure.layout[_axis(row)].domain[1]
+        figure.layout[_legend(row)] = {"x": 1.01, "xanchor": "left", "y": top, "yanchor": "top", "font": {"size": 12}}
+
+
+def _legend(row: int) -> str:
+    return "legend" if row == 1 else f"legend{row}"
+
+
+def _axis(row: int) -> str:
+    return "yaxis" if row == 1 else f"yaxis{row}"
+
+
+def _plain(text: str) -> str:
+    """Text that plotly shows as it stands: it takes a few tags and links in labels for markup."""
+    return html.escape(text, quote=False)

@@ -1,0 +1,127 @@
+"""A YAML file is taken whole or refused: no YAML, a key twice, an unknown key, a wrong value, each with its place."""
+
+from __future__ import annotations
+
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from ambient_model.faults import Fault, Refused, refuse
+
+
+class Strict(BaseModel):
+    """A part of a file: immutable, without unknown keys, its numbers finite."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+_Model = TypeVar("_Model", bound=Strict)
+
+
+def wrong(problem: str, mend: str) -> PydanticCustomError:
+    """What a validator raises: the problem, and the mend that stands behind it in the message."""
+    return PydanticCustomError("wrong", "{problem}", {"problem": problem, "mend": mend})
+
+
+def load_yaml(path: str) -> Any:
+    """What the YAML file at ``path`` holds; raises :class:`Refused` with line and column."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+    except UnicodeDecodeError as error:
+        raise refuse(path, "", "is not UTF-8 text", "save it as UTF-8") from error
+    return parse_yaml(text, path)
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """What ``text`` holds; ``source`` names it in messages. Raises :class:`Refused` with line and column."""
+    try:
+        return yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        problem = str(getattr(error, "problem", None) or error).splitlines()[0]
+        raise refuse(source, place, f"not YAML ({problem})", "correct the indentation or the quotes") from error
+    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
+        # what the constructors of dates and tagged values raise comes through as it is
+        raise refuse(source, "", f"not YAML ({error})", "put the value in quotes") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that stands twice; YAML's own rule, which the parser does not keep."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key_node, _ in node.value:
+            if isinstance(key_node, yaml.ScalarNode):
+                if key_node.value in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"key {key_node.value!r} stands twice", key_node.start_mark
+                    )
+                seen.add(key_node.value)
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
+        return mapping
+
+
+def validated(model: type[_Model], data: Any, source: str, further: list[Fault] | None = None) -> _Model:
+    """``data`` as a ``model``; raises :class:`Refused` with every fault in it and the ``further`` ones."""
+    faults = list(further or [])
+    try:
+        parsed = model.model_validate(data)
+    except ValidationError as error:
+        details = error.errors()
+        faults = [_fault(model, detail) for detail in details if not _follows(detail, details)] + faults
+    if faults:
+        raise Refused(source, faults)
+    return parsed
+
+
+def _follows(detail: ErrorDetails, details: list[ErrorDetails]) -> bool:
+    """Whether a list is called too short only because an entry of it is wrong."""
+    location = detail["loc"]
+    inner = [each["loc"] for each in details if len(each["loc"]) > len(location)]
+    return detail["type"] == "too_short" and any(each[: len(location)] == location for each in inner)
+
+
+def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
+    location = [part for part in detail["loc"] if part != "[key]"]
+    place = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
+    kind, message = detail["type"], detail["msg"]
+    if kind == "extra_forbidden":
+        known = ", ".join(_fields(_model_at(model, location[:-1])))
+        return Fault(place, "unknown key", f"remove it or correct its name; known are {known}")
+    if kind == "missing":
+        return Fault(place, "missing", "add it")
+    mend = detail.get("ctx", {}).get("mend")
+    if mend:
+        return Fault(place, message, str(mend))
+    return Fault(place, f"{_shown(detail['input'])}: {message[0].lower()}{message[1:]}", "correct it")
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _fields(model: type[BaseModel]) -> dict[str, Any]:
+    return {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+
+
+def _model_at(model: type[BaseModel], location: list[int | str]) -> type[BaseModel]:
+    for part in location:
+        inner = list(_models_in(_fields(model).get(str(part))))
+        if inner:
+            model = inner[0]
+    return model
+
+
+def _models_in(annotation: Any) -> typing.Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in typing.get_args(annotation):
+        yield from _models_in(argument)
