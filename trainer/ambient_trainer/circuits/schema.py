@@ -195,7 +195,7 @@ class _Reading:
         low, high = -math.inf if each.min is None else each.min, math.inf if each.max is None else each.max
         if not low <= each.initial <= high:
             self._fault(f"parameters.{name}.initial", f"{each.initial:g} lies outside min and max", "move it inside")
-        return Parameter(name, each.unit, each.initial, low, high, each.free)
+        return Parameter(name, each.unit, each.initial, low, high, each.free and low < high)
 
     def _value(self, place: str, value: str | float, unit: str, positive: bool = False) -> str:
         """The name of the parameter that stands at ``place``, made where a number does."""

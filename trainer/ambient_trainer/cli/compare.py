@@ -37,6 +37,13 @@ _WIDTH = 120
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @click.option("--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="As in fit.")
+@click.option(
+    "--pieces",
+    type=click.IntRange(1, 10_000),
+    default=1,
+    show_default=True,
+    help="Fit a trace in so many pieces, each from a cold start.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="As in fit.")
 def command(
     trace_paths: tuple[str, ...],
@@ -47,6 +54,7 @@ def command(
     models: str | None,
     json_path: str | None,
     starts: int,
+    pieces: int,
     seed: int,
 ) -> int:
     """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
@@ -59,7 +67,7 @@ def command(
     contenders: list[Contender] = []
     for name in circuits:
         with fit_progress(name, starts, contest.samples) as progress:
-            contenders.append(contend(name, contest, sensor_columns(sensors), Effort(starts, seed), progress))
+            contenders.append(contend(name, contest, sensor_columns(sensors), Effort(starts, seed, pieces), progress))
         if models is not None:
             save_model(str(Path(models) / f"{contenders[-1].fit.circuit}.json"), contenders[-1].model)
         if contenders[-1].fit.stopped:

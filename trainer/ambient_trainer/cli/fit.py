@@ -43,6 +43,13 @@ STOPPED = 1
 @click.option(
     "--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="Searches from so many places."
 )
+@click.option(
+    "--pieces",
+    type=click.IntRange(1, 10_000),
+    default=1,
+    show_default=True,
+    help="Fit a trace in so many pieces, each from a cold start.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the places.")
 def command(
     trace_paths: tuple[str, ...],
@@ -55,6 +62,7 @@ def command(
     zones: tuple[str, ...],
     period_s: float | None,
     starts: int,
+    pieces: int,
     seed: int,
 ) -> int:
     """Fit a circuit to one or several TRACEs that hold ambient_degC, and export it for a device.
@@ -66,8 +74,8 @@ def command(
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
     with fit_progress(circuit, starts, samples) as progress:
-        fit = fit_to(traces, Effort(starts, seed), progress, period_s)
-    model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types, seed)
+        fit = fit_to(traces, Effort(starts, seed, pieces), progress, period_s)
+    model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types)
     save_model(output, model)
     console = Console()
     console.print(headline(fit), soft_wrap=True, highlight=False)

@@ -8,8 +8,8 @@ import click
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
+from ambient_trainer.report.table import Table, for_terminal
 from ambient_trainer.traces.benchlink import import_benchlink
 from ambient_trainer.traces.column_map import load_map
 from ambient_trainer.traces.csv_import import Imported, import_csv
@@ -56,12 +56,8 @@ def _show(imported: Imported, output: str) -> None:
     trace = imported.trace
     console = Console(highlight=False)
     console.print(_extent(trace.time_s), soft_wrap=True)
-    table = Table("column")
-    for heading in ("min", "mean", "max", "missing"):
-        table.add_column(heading, justify="right")
-    for name in trace.columns:
-        table.add_row(name, *_figures(trace, name))
-    console.print(table)
+    rows = tuple((name, *_figures(trace, name)) for name in trace.columns)
+    console.print(for_terminal(Table("", ("column", "min", "mean", "max", "missing"), rows)))
     if imported.dropped_rows:
         total = imported.dropped_rows + len(trace.time_s)
         console.print(f"dropped {imported.dropped_rows} of {total} rows: their time did not increase")

@@ -72,7 +72,7 @@ def contend(name: str, contest: Contest, sensors: Sequence[str], effort: Effort,
     """Fit the circuit called ``name`` and score it; ``sensors`` (trace columns) are what ``free-N`` reads."""
     fit = fitting(name, sensors if free_order(name) else ())(contest.training, effort, progress, None)
     provenance = [training_of(trace, None, contest.to_s) for trace in contest.training]
-    model = model_of(fit, provenance, {}, effort.seed)
+    model = model_of(fit, provenance, {})
     running, cold = contest.score(model)
     return Contender(fit, model, running, cold)
 

@@ -31,7 +31,7 @@ _BELIEVED_DEGC = (-45.0, 130.0)
 _CONFORMANCE_ROWS = 24
 
 
-def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str], seed: int) -> Model:
+def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str]) -> Model:
     """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the period it was trained at.
 
     ``training`` is the provenance of each trace (see :func:`training_of`); ``zones`` maps input names to thermal zone
@@ -58,7 +58,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         output="ambient",
         main=estimator,
         fallbacks={},
-        provenance=_provenance(fit, training, seed),
+        provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
     )
 
@@ -112,7 +112,7 @@ def _conformance_inputs(fit: Fit) -> Matrix:
     return _matrix(np.round(rows, 3))
 
 
-def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]], seed: int) -> dict[str, Any]:
+def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     names = [split_column(column)[0] for column in fit.inputs]
     return {
         "circuit": fit.circuit,
@@ -126,8 +126,9 @@ def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]], seed: int) -> d
             "uncertainty_available": fit.uncertainty_available,
             "identifiable": fit.identifiable,
             "stopped": fit.stopped,
-            "seed": seed,
+            "seed": fit.effort.seed,
             "starts": len(fit.start_rmses_degC),
+            "pieces": fit.effort.pieces,
         },
         "parameters": {each.name: each.value for each in fit.parameters},
         "baseline": {

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,19 @@ from ambient_trainer.traces.grid import Segment, sampling_period_s, segments
 from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How to search: from how many places, the seed of all but the first, and in how many pieces a trace is fitted.
+
+    Each piece starts from thermal equilibrium, as a device does that is switched on. One piece fits best what a
+    device says that has long been on; several keep a circuit from gains that make every start absurd.
+    """
+
+    starts: int = 8
+    seed: int = 0
+    pieces: int = 1
 
 
 @dataclass(frozen=True)
@@ -69,6 +83,7 @@ class Fit:
     rmse_degC: float
     start_rmses_degC: tuple[float, ...]
     evaluations: int
+    effort: Effort
     errors_degC: tuple[Array, ...]
     baseline: StaticLinear
     input_ranges: tuple[tuple[float, float], ...]
@@ -83,14 +98,6 @@ class Fit:
     def samples(self) -> int:
         """The number of reference samples it was fitted to."""
         return sum(len(each) for each in self.errors_degC)
-
-
-@dataclass(frozen=True)
-class Effort:
-    """How hard to search: the number of starts and the seed of all but the first."""
-
-    starts: int = 8
-    seed: int = 0
 
 
 def free_order(name: str) -> int | None:
@@ -119,23 +126,27 @@ def fit_circuit(
     Raises :class:`Refused` where the traces lack a column, hold too little, or an input never changes.
     """
     columns = tuple(output.column for output in circuit.outputs)
-    data = _segments(traces, circuit.inputs, columns, period_s)
+    data = _segments(traces, circuit.inputs, columns, period_s, effort.pieces)
     estimates_ambient = columns == (REFERENCE,)
     structure = (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, data)
     _enough(traces, structure)
     with threadpool_limits(1):
-        result = search(structure, effort.starts, effort.seed, progress)
-        known = uncertainty(structure, result.best)
-        values = structure.values(result.best.theta, result.best.beta)
-        logarithmic = set(structure.logarithmic_names)
+        found = _searched(structure, effort, progress)
+        best = found.result.best
+        values = structure.values(best.theta, best.beta)
         units = {each.name: each.unit for each in circuit.parameters}
+        logarithmic = structure.logarithmic_names
+        # what the file gives as a bare number has a place for a name, with dots in it
         shown = [each.name for each in circuit.parameters if each.free or "." not in each.name]
-        parameters = tuple(_estimated(name, units[name], values[name], name in logarithmic, known) for name in shown)
-        system = structure.system(result.best.theta, result.best.beta)
-        states = tuple(node.name for node in circuit.states)
-        names = tuple(output.name for output in circuit.outputs)
         return _closed(
-            circuit.name, system, circuit.hold, circuit.inputs, states, names, structure, result, known, parameters
+            found,
+            structure.system(best.theta, best.beta),
+            tuple(_estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown),
+            circuit=circuit.name,
+            hold=circuit.hold,
+            inputs=circuit.inputs,
+            states=tuple(node.name for node in circuit.states),
+            outputs=tuple(output.name for output in circuit.outputs),
         )
 
 
@@ -150,33 +161,52 @@ def fit_free_filter(
     """Fit the free linear filter of ``order`` over ``inputs`` (trace columns; by default every temperature)."""
     columns = tuple(inputs or temperature_columns(traces))
     period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
-    structure = FreeFilter(order, _segments(traces, columns, (REFERENCE,), period))
+    structure = FreeFilter(order, _segments(traces, columns, (REFERENCE,), period, effort.pieces))
     _enough(traces, structure)
     with threadpool_limits(1):
-        result = search(structure, effort.starts, effort.seed, progress)
-        known = uncertainty(structure, result.best)
-        system = structure.system(result.best.theta, result.best.beta)
-        parameters = tuple(
-            _estimated(name, "1" if name.startswith("zeta") else "1/s", value, True, known)
-            for name, value in zip(structure.search.names, np.exp(result.best.theta).tolist())
+        found = _searched(structure, effort, progress)
+        best = found.result.best
+        poles = zip(structure.search.names, np.exp(best.theta).tolist())
+        return _closed(
+            found,
+            structure.system(best.theta, best.beta),
+            tuple(
+                _estimated(name, "1" if "zeta" in name else "1/s", value, True, found.known) for name, value in poles
+            ),
+            circuit=f"free-{order}",
+            hold="first-order",
+            inputs=columns,
+            states=tuple(f"mode{index + 1}" for index in range(order)),
+            outputs=("ambient",),
         )
-        states = tuple(f"mode{index + 1}" for index in range(order))
-        name = f"free-{order}"
-        return _closed(name, system, "first-order", columns, states, ("ambient",), structure, result, known, parameters)
+
+
+class _Found(NamedTuple):
+    """What the search ended with, in the structure's own terms."""
+
+    structure: Structure
+    result: SearchResult
+    known: Uncertainty
+    effort: Effort
+
+
+def _searched(structure: Structure, effort: Effort, progress: Progress | None) -> _Found:
+    result = search(structure, effort.starts, effort.seed, progress)
+    return _Found(structure, result, uncertainty(structure, result.best), effort)
 
 
 def _closed(
-    name: str,
+    found: _Found,
     system: StateSpace,
+    parameters: tuple[Estimated, ...],
+    *,
+    circuit: str,
     hold: Hold,
     inputs: tuple[str, ...],
     states: tuple[str, ...],
     outputs: tuple[str, ...],
-    structure: Structure,
-    result: SearchResult,
-    known: Uncertainty,
-    parameters: tuple[Estimated, ...],
 ) -> Fit:
+    structure, result, known, effort = found
     per_segment = residuals(structure, result.best)
     errors = [np.concatenate([each[output] for each in per_segment]) for output in range(len(outputs))]
     errors = [each[~np.isnan(each)] for each in errors]
@@ -184,7 +214,7 @@ def _closed(
     free = [each for each in parameters if each.free]
     u = np.concatenate([segment.inputs for segment in structure.segments], axis=1)
     return Fit(
-        circuit=name,
+        circuit=circuit,
         system=system,
         hold=hold,
         inputs=inputs,
@@ -200,6 +230,7 @@ def _closed(
         residual_memory_samples=known.residual_memory_samples,
         rmse_degC=float(np.sqrt(result.best.sum_of_squares / count)),
         start_rmses_degC=tuple(float(np.sqrt(each.sum_of_squares / count)) for each in result.starts),
+        effort=effort,
         evaluations=sum(each.evaluations for each in result.starts),
         errors_degC=tuple(errors),
         baseline=fit_static_linear(structure.segments),
@@ -223,11 +254,12 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
 
 
 def _segments(
-    traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None
+    traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None, pieces: int
 ) -> list[Segment]:
     for trace in traces:
         _teaches(trace, inputs, outputs)
-    return [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
+    whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
+    return [piece for segment in whole for piece in segment.pieces(pieces)]
 
 
 def _teaches(trace: Trace, inputs: Sequence[str], outputs: Sequence[str]) -> None:

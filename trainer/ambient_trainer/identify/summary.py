@@ -61,7 +61,7 @@ def facts(fit: Fit) -> list[str]:
     if gain > 5:
         lines.append(
             f"At rest the sensors' gains add up to {gain:.1f} in absolute value: large opposite gains that amplify "
-            "noise and every start; a trace that comes to rest would settle them."
+            "noise and every cold start. --pieces 12 or a trace that comes to rest keeps them small."
         )
     return lines
 

@@ -24,7 +24,7 @@ class Table:
 def for_terminal(table: Table) -> rich.table.Table:
     """``table`` as rich prints it; what stands in a cell is never taken as markup."""
     shown = rich.table.Table(
-        caption=Text(table.caption),
+        caption=Text(table.caption) if table.caption else None,
         caption_justify="left",
         header_style="bold",
         box=box.SIMPLE_HEAD,

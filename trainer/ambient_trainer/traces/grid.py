@@ -29,6 +29,12 @@ class Segment:
     inputs: Array
     outputs: Array
 
+    def pieces(self, count: int) -> list[Segment]:
+        """The segment cut into ``count`` of about equal length, or as many as leave three samples each."""
+        count = max(1, min(count, self.inputs.shape[1] // _SHORTEST))
+        cuts = zip(np.array_split(self.inputs, count, axis=1), np.array_split(self.outputs, count, axis=1))
+        return [Segment(self.period_s, inputs, outputs) for inputs, outputs in cuts]
+
 
 def sampling_period_s(time_s: Array) -> float:
     """The period a trace was logged with: the mean of the steps within half of the median one, to four digits.
@@ -60,7 +66,7 @@ def segments(
     found = []
     while len(complete):
         # the grid of a stretch starts at its own first sample, as on the device
-        step = np.round((trace.time_s[complete] - trace.time_s[complete[0]]) / period).astype(int)
+        step = _steps(trace.time_s[complete], period)
         breaks = np.flatnonzero(np.diff(step) > limit)
         stop = breaks[0] + 1 if len(breaks) else len(complete)
         first, last = complete[0], complete[stop - 1]
@@ -78,8 +84,13 @@ def segments(
     return found
 
 
+def _steps(time_s: Array, period: float) -> NDArray[np.int_]:
+    """The grid point of each sample, half a period rounding up as on the device."""
+    return np.floor((time_s - time_s[0]) / period + 0.5).astype(int)
+
+
 def _laid_on_grid(time_s: Array, u: Array, y: Array, period: float) -> Segment:
-    step = np.round((time_s - time_s[0]) / period).astype(int)
+    step = _steps(time_s, period)
     grid = np.arange(step[-1] + 1)
     inputs = np.vstack([np.interp(grid, step[known], row[known]) for row in u for known in [~np.isnan(row)]])
     # np.interp keeps the first of two samples on one grid point, the device the last

@@ -1,0 +1,27 @@
+"""The README's first command: the whole path with no data, on simulated temperatures."""
+
+import json
+import re
+
+from ambient_model.codec import load_model
+from ambient_trainer.traces.trace import load_trace
+
+
+def test_the_whole_path(process, tmp_path):
+    printed = process("ambient_trainer", "demo", "-o", tmp_path / "out")
+    replayed = float(re.search(r"([\d.]+) degC off \(RMSE, simulated\)", printed)[1])
+    (row,) = re.findall(r"^ free-2 .*", printed, flags=re.MULTILINE)
+    _, _, _, _, held_out, static, *_ = row.split()
+    assert float(held_out) == replayed < float(static)
+
+    out = tmp_path / "out"
+    assert load_trace(str(out / "training.csv")).notes["simulated"] == "yes"
+    model = load_model(str(out / "model.json"))
+    assert [each["trace"] for each in model.provenance["training"]] == ["training.csv"]
+    page = (out / "report" / "index.html").read_text()
+    assert "verification.csv" in page
+    assert (out / "report" / "plotly.min.js").stat().st_size > 1e6
+    figures = tmp_path / "figures.json"
+    process("ambient_trainer", "evaluate", out / "model.json", out / "verification.csv", "--json", figures)
+    (again,) = json.loads(figures.read_text())["traces"]
+    assert round(again["rmse_degC"], 2) == replayed

@@ -1,0 +1,84 @@
+"""The main job on a measured log: import, fit on the first 60 % of the time, replay in the daemon, score the rest."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ambient_trainer.traces.trace import load_trace
+
+CHANNELS = (102, 105, 110, 112)
+
+
+def import_chamber(process, log, folder, names):
+    """The trace of the log's channels, called by ``names`` (channel to column stem), with 101 as the ambient."""
+    columns = {f"{name}_degC": channel for channel, name in names.items()} | {"ambient_degC": 101}
+    (folder / "map.yaml").write_text(json.dumps({"columns": columns}))
+    trace = folder / "chamber.csv"
+    process("ambient_trainer", "import", log, "--format", "benchlink", "--map", folder / "map.yaml", "-o", trace)
+    return trace
+
+
+def split_of(trace):
+    return round(0.6 * load_trace(str(trace)).time_s[-1], 3)
+
+
+def replayed_rmse(process, folder, trace, model, split_s):
+    """RMSE in degC over the last 40 % of what the daemon wrote while it ran over the whole log."""
+    process("ambientd", "replay", model, trace, "-o", folder / "replay.csv")
+    estimate = np.genfromtxt(str(folder / "replay.csv"), delimiter=",", skip_header=1, usecols=(0, 1))
+    logged = load_trace(str(trace))
+    np.testing.assert_array_equal(estimate[:, 0], logged.time_s)
+    late = logged.time_s >= split_s
+    return float(np.sqrt(np.nanmean((logged.reference - estimate[:, 1])[late] ** 2)))
+
+
+def compare(process, trace, split_s, *arguments):
+    out = trace.parent / "compare.json"
+    print(process("ambient_trainer", "compare", trace, "--split", split_s, "--json", out, *arguments))
+    return {each["circuit"]: each for each in json.loads(out.read_text())["contenders"]}
+
+
+@pytest.fixture(scope="module")
+def chamber(process, chamber_log, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("chamber")
+    return import_chamber(process, chamber_log, folder, {channel: f"ch{channel}" for channel in CHANNELS})
+
+
+def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(process, chamber, tmp_path):
+    split_s = split_of(chamber)
+    model = tmp_path / "model.json"
+    process("ambient_trainer", "fit", chamber, "--circuit", "free-3", "--to", split_s, "-o", model)
+    assert len(json.loads(model.read_text())["states"]) <= 4
+
+    rmse = replayed_rmse(process, tmp_path, chamber, model, split_s)
+    figures = tmp_path / "figures.json"
+    process("ambient_trainer", "evaluate", model, chamber, "--from", split_s, "--run-in", "--json", figures)
+    (held_out,) = json.loads(figures.read_text())["traces"]
+    print(f"replayed {rmse:.3f} degC, static linear {held_out['baseline']['rmse_degC']:.3f} degC")
+    assert rmse <= 0.75
+    assert rmse == pytest.approx(held_out["rmse_degC"], abs=1e-9)  # two programs, one number
+    assert held_out["baseline"]["rmse_degC"] == pytest.approx(12.7, abs=0.2)
+    assert not held_out["overlaps_training"]
+
+
+def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path):
+    names = {102: "flash", 112: "battery", 105: "usb", 110: "display"}
+    trace = import_chamber(process, chamber_log, tmp_path, names)
+    circuits = ["--circuit", "model2_ss", "--circuit", "model2_ss_free_cd", "--circuit", "free-3"]
+    found = compare(process, trace, split_of(trace), *circuits)
+    assert 2.0 < found["model2_ss_free_cd"]["held_out_rmse_degC"] < 4.0  # what the thesis's best structure leaves
+    assert found["free-3"]["held_out_rmse_degC"] < 0.75 < found["model2_ss"]["held_out_rmse_degC"]
+
+
+@pytest.mark.parametrize("channels", [(103, 106, 108, 111), (104, 105, 107, 109)])
+def test_another_choice_of_four_channels(process, chamber_log, tmp_path, channels):
+    trace = import_chamber(process, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in channels})
+    found = compare(process, trace, split_of(trace), "--circuit", "free-3")["free-3"]
+    assert found["held_out_rmse_degC"] < 0.3 * found["static_linear_held_out_rmse_degC"]
+
+
+def test_a_single_channel_is_honestly_worse(process, chamber):
+    found = compare(process, chamber, split_of(chamber), "--sensors", "ch105", "--circuit", "free-3")["free-3"]
+    assert found["inputs"] == ["ch105_degC"]
+    assert 2 * 0.75 < found["held_out_rmse_degC"] < found["static_linear_held_out_rmse_degC"]
