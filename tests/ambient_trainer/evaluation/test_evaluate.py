@@ -10,7 +10,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_model.model import Model
 from ambient_trainer.evaluation.evaluate import evaluate_file, evaluate_trace
-from ambient_trainer.evaluation.provenance import sha256_of
+from ambient_trainer.traces.digest import sha256_of
 from ambient_trainer.traces.trace import Trace, save_trace
 
 ModelOf = Callable[..., Model]

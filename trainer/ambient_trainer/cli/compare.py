@@ -11,6 +11,7 @@ from rich.console import Console
 from ambient_model.atomic import replacing
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
+from ambient_trainer.cli.effort import effort_options
 from ambient_trainer.cli.fit import STOPPED, sensor_columns
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.evaluation.compare import (
@@ -36,15 +37,7 @@ _WIDTH = 120
 @click.option("--sensors", metavar="A,B,...", help="What free-N reads (default: every _degC column).")
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
-@click.option("--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="As in fit.")
-@click.option(
-    "--pieces",
-    type=click.IntRange(1, 10_000),
-    default=1,
-    show_default=True,
-    help="Fit a trace in so many pieces, each from a cold start.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="As in fit.")
+@effort_options
 def command(
     trace_paths: tuple[str, ...],
     circuits: tuple[str, ...],
@@ -53,9 +46,7 @@ def command(
     sensors: str | None,
     models: str | None,
     json_path: str | None,
-    starts: int,
-    pieces: int,
-    seed: int,
+    effort: Effort,
 ) -> int:
     """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
 
@@ -66,8 +57,8 @@ def command(
     contest = _contest(trace_paths, split_s, held_out)
     contenders: list[Contender] = []
     for name in circuits:
-        with fit_progress(name, starts, contest.samples) as progress:
-            contenders.append(contend(name, contest, sensor_columns(sensors), Effort(starts, seed, pieces), progress))
+        with fit_progress(name, effort.starts, contest.samples) as progress:
+            contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
         if models is not None:
             save_model(str(Path(models) / f"{contenders[-1].fit.circuit}.json"), contenders[-1].model)
         if contenders[-1].fit.stopped:

@@ -11,6 +11,7 @@ from rich.console import Console
 from ambient_model.atomic import replacing
 from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
+from ambient_trainer.cli.effort import effort_options
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.export.model_file import model_of, training_of
 from ambient_trainer.identify.fit import Effort
@@ -40,17 +41,7 @@ STOPPED = 1
 @click.option(
     "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: the trace's own)."
 )
-@click.option(
-    "--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="Searches from so many places."
-)
-@click.option(
-    "--pieces",
-    type=click.IntRange(1, 10_000),
-    default=1,
-    show_default=True,
-    help="Fit a trace in so many pieces, each from a cold start.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the places.")
+@effort_options
 def command(
     trace_paths: tuple[str, ...],
     circuit: str,
@@ -61,9 +52,7 @@ def command(
     sensors: str | None,
     zones: tuple[str, ...],
     period_s: float | None,
-    starts: int,
-    pieces: int,
-    seed: int,
+    effort: Effort,
 ) -> int:
     """Fit a circuit to one or several TRACEs that hold ambient_degC, and export it for a device.
 
@@ -73,8 +62,8 @@ def command(
     fit_to = fitting(circuit, sensor_columns(sensors))
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
-    with fit_progress(circuit, starts, samples) as progress:
-        fit = fit_to(traces, Effort(starts, seed, pieces), progress, period_s)
+    with fit_progress(circuit, effort.starts, samples) as progress:
+        fit = fit_to(traces, effort, progress, period_s)
     model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types)
     save_model(output, model)
     console = Console()

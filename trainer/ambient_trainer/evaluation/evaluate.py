@@ -17,7 +17,8 @@ from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
-from ambient_trainer.evaluation.provenance import overlaps_training, sha256_of, static_linear
+from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
+from ambient_trainer.traces.digest import sha256_of
 from ambient_trainer.traces.grid import sampling_period_s
 from ambient_trainer.traces.trace import Array, Trace, load_trace
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from typing import Any, Literal
 
@@ -11,9 +10,8 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
+from ambient_trainer.identify.static_linear import STATIC_LINEAR
 from ambient_trainer.traces.trace import Array, Trace
-
-STATIC_LINEAR = "static linear"
 
 
 class TrainingSpan(BaseModel):
@@ -80,15 +78,6 @@ def static_linear(model: Model) -> StaticLinear | None:
 def overlaps_training(model: Model, trace: Trace, sha256: str) -> bool:
     """Whether the file with this digest was trained on, at any of the times of ``trace`` (which may be cut)."""
     return any(span.sha256.lower() == sha256 and span.holds_any(trace.time_s) for span in training_spans(model))
-
-
-def sha256_of(path: str) -> str:
-    """The SHA-256 of the file's bytes, in lower-case hexadecimal."""
-    digest = hashlib.sha256()
-    with open(path, "rb") as stream:
-        while block := stream.read(2**20):
-            digest.update(block)
-    return digest.hexdigest()
 
 
 def _parsed(adapter: TypeAdapter[Any], model: Model, key: str, absent: Any) -> Any:

@@ -18,9 +18,10 @@ from ambient_model.faults import refuse
 from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Input, Matrix, Model, Quantiles
 from ambient_model.trace import split_column
 from ambient_trainer.circuits.assemble import StateSpace
-from ambient_trainer.evaluation.provenance import STATIC_LINEAR, sha256_of
 from ambient_trainer.identify.discretise import discretised
 from ambient_trainer.identify.fit import Fit
+from ambient_trainer.identify.static_linear import STATIC_LINEAR
+from ambient_trainer.traces.digest import sha256_of
 from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]

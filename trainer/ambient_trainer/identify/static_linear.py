@@ -12,6 +12,9 @@ from ambient_trainer.traces.grid import Segment
 
 Array = NDArray[np.float64]
 
+STATIC_LINEAR = "static linear"
+"""What a model file calls it."""
+
 
 @dataclass(frozen=True)
 class StaticLinear:
