@@ -118,12 +118,17 @@ class Tracker:
         return self._estimate(WARMING_UP if self.settling_steps else TRACKING)
 
     def _follow(self, step: int, u: list[float], anchor: _Anchor) -> Estimate:
-        """All inputs are there: go on from the last such moment, along straight lines where some were missing."""
-        if self._pending:
+        """All inputs are there: go on from the last such moment, along straight lines where some were missing.
+
+        Within the first period a later sample is a better start.
+        """
+        if step == 0:
+            self._x = equilibrium(self.estimator.initial, u)
+        elif self._pending:
             self._x = self._bridge(anchor, step, u)
-            self._pending = []
         else:
             self._x = self._along_line(anchor.x, anchor.u, u, step - anchor.step)
+        self._pending = []
         self._anchor = _Anchor(step, self._x, u)
         self._step, self._u = step, u
         return self._estimate(TRACKING if step >= self.settling_steps else WARMING_UP)

@@ -154,3 +154,15 @@ def test_the_recursion_over_segments_is_what_the_device_says(drawn):
                 expected = np.array(C) @ x + np.array(D) @ u + 0.5
                 assert said[int(number)] == pytest.approx(expected.item(), abs=1e-9)
             x = np.array(A) @ x + np.array(B) @ u
+
+
+@given(st.integers(3, 200), st.integers(1, 30))
+def test_pieces_lie_end_to_end(samples, count):
+    [whole] = segments(_trace(range(samples), a=range(samples), ambient=range(samples)), ["a_degC"], ["ambient_degC"])
+    pieces = whole.pieces(count)
+    assert 1 <= len(pieces) <= count
+    np.testing.assert_array_equal(np.concatenate([each.inputs for each in pieces], axis=1), whole.inputs)
+    np.testing.assert_array_equal(np.concatenate([each.outputs for each in pieces], axis=1), whole.outputs)
+    lengths = [each.inputs.shape[1] for each in pieces]
+    assert min(lengths) >= min(3, samples)
+    assert {each.period_s for each in pieces} == {1.0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,25 +111,39 @@ class _Assembly:
             self._add("D", (row, self.input[column]), self.values[name], {name: 1.0})
         if output.offset is not None:
             self._add("offset", (row,), self.values[output.offset], {output.offset: 1.0})
+        if output.heat is not None:
+            self._balance_of_ambient(row, output.heat)
 
     def _shares_of_conductance(self, row: int) -> None:
         """Row of C by the nodes' conductances to the ambient: G_i / sum G, negative for rises (equation 4.11)."""
-        to_ambient = [
-            (node, edge.resistance)
-            for node in self.state
-            for edge in self.circuit.edges
-            if set(edge.between) == {node, AMBIENT}
-        ]
-        total = sum(1 / self.values[name] for _, name in to_ambient)
         sign = -1.0 if self.circuit.form == "rise" else 1.0
-        for node, own in to_ambient:
-            share = 1 / self.values[own] / total
-            for name in dict.fromkeys(name for _, name in to_ambient):
-                slope = sum(share / self.values[name] ** 2 / total for _, each in to_ambient if each == name)
-                if name == own:
-                    slope -= 1 / self.values[own] ** 2 / total
-                self._add("C", (row, self.state[node]), 0.0, {name: sign * slope})
-            self._add("C", (row, self.state[node]), sign * share, {})
+        to_ambient = self.circuit.to_ambient(self.circuit.states)
+        for node, name in to_ambient:
+            R = self.values[name]
+            self._over_conductance("C", (row, self.state[node]), sign / R, {name: -sign / R**2}, to_ambient)
+
+    def _balance_of_ambient(self, row: int, heat: str) -> None:
+        """Row of D and offset where the ambient balances the measured nodes' heat and ``heat`` (equation 4.4)."""
+        to_ambient = self.circuit.to_ambient(self.circuit.measured)
+        for node, name in to_ambient:
+            R = self.values[name]
+            place = (row, self.input[self.column[node]])
+            self._over_conductance("D", place, 1 / R, {name: -1 / R**2}, to_ambient)
+        self._over_conductance("offset", (row,), self.values[heat], {heat: 1.0}, to_ambient)
+
+    def _over_conductance(
+        self,
+        matrix: str,
+        place: tuple[int, ...],
+        numerator: float,
+        gradient: Mapping[str, float],
+        to_ambient: Sequence[tuple[str, str]],
+    ) -> None:
+        """Add ``numerator`` / S with S = sum 1/R_i, whose slope in R_k is -1/R_k^2 for each edge with that R_k."""
+        total = sum(1 / self.values[name] for _, name in to_ambient)
+        self._add(matrix, place, numerator / total, {name: slope / total for name, slope in gradient.items()})
+        for _, name in to_ambient:
+            self._add(matrix, place, 0.0, {name: numerator / (total * self.values[name]) ** 2})
 
 
 def _zeros(*shapes: tuple[int, ...]) -> list[Array]:

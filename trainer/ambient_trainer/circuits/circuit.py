@@ -8,7 +8,7 @@ readings, which are the inputs, and only the loss to the ambient acts on the sta
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -77,6 +77,11 @@ class Output:
     states: Mapping[str, str] | None
     inputs: Mapping[str, str]
     offset: str | None
+    heat: str | None = None
+    """A parameter in W: the ambient balances this heat and what the measured nodes give off to it (equation 4.4).
+
+    It adds (sum G_i T_i + heat) / sum G, where G_i = 1/R_i leads from a measured node to the ambient.
+    """
 
     @property
     def column(self) -> str:
@@ -104,8 +109,21 @@ class Circuit:
         return tuple(node for node in self.nodes if node.capacitance is not None)
 
     @property
+    def measured(self) -> tuple[Node, ...]:
+        """The nodes whose sensor drives the circuit, in order."""
+        return tuple(node for node in self.nodes if node.sensor and (self.form == "rise" or node.capacitance is None))
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """The trace columns that drive the circuit, in order."""
-        measured = [node for node in self.nodes if node.sensor and (self.form == "rise" or node.capacitance is None)]
         signals = [source.signal for source in self.sources]
-        return tuple(dict.fromkeys([*(f"{node.sensor}_degC" for node in measured), *signals]))
+        return tuple(dict.fromkeys([*(f"{node.sensor}_degC" for node in self.measured), *signals]))
+
+    def to_ambient(self, nodes: Sequence[Node]) -> list[tuple[str, str]]:
+        """Per edge between one of ``nodes`` and the ambient, the node's name and the resistance's, in their order."""
+        return [
+            (node.name, edge.resistance)
+            for node in nodes
+            for edge in self.edges
+            if set(edge.between) == {node.name, AMBIENT}
+        ]

@@ -22,7 +22,9 @@ parameters:
 ```
 
 A number may stand wherever a parameter's name does; it is then fixed. ``outputs: sensors`` predicts every sensor on a
-state. Resistances and capacitances are positive by construction.
+state. ``states: parallel`` weighs the states by their conductances to the ambient; ``inputs: parallel`` balances what
+the measured nodes and a ``heat`` in W give off to the ambient (thesis equation 4.4). Resistances and capacitances are
+positive by construction.
 """
 
 from __future__ import annotations
@@ -54,12 +56,15 @@ def _named_or_number(value: Any) -> str | float:
     raise wrong(f"{value!r:.40} is neither a name nor a number", "name a parameter or give a finite number")
 
 
-def _weights_or_parallel(value: Any) -> Any:
-    if value == _PARALLEL:
-        return {_PARALLEL: 0.0}
-    if isinstance(value, dict):
-        return value
-    raise wrong(f"{value!r:.40} are no weights", f"write '{_PARALLEL}', or a weight for each node")
+def _weights_or_parallel(each: str) -> BeforeValidator:
+    def read(value: Any) -> Any:
+        if value == _PARALLEL:
+            return {_PARALLEL: 0.0}
+        if isinstance(value, dict):
+            return value
+        raise wrong(f"{value!r:.40} are no weights", f"write '{_PARALLEL}', or a weight for each {each}")
+
+    return BeforeValidator(read)
 
 
 _PARALLEL = "parallel"
@@ -85,9 +90,10 @@ class _Source(Strict):
 
 
 class _Output(Strict):
-    states: Annotated[dict[_Name, _Value], BeforeValidator(_weights_or_parallel)] = Field(default_factory=dict)
-    inputs: dict[_Name, _Value] = Field(default_factory=dict)
+    states: Annotated[dict[_Name, _Value], _weights_or_parallel("node")] = Field(default_factory=dict)
+    inputs: Annotated[dict[_Name, _Value], _weights_or_parallel("column")] = Field(default_factory=dict)
     offset: _Value | None = None
+    heat: _Value | None = None
 
 
 class _Parameter(Strict):
@@ -256,11 +262,17 @@ class _Reading:
                 states = {
                     node: self._value(f"{place}.states.{node}", value, "1") for node, value in output.states.items()
                 }
+            balanced = _PARALLEL in output.inputs
             inputs = {
-                column: self._value(f"{place}.inputs.{column}", value, "1") for column, value in output.inputs.items()
+                column: self._value(f"{place}.inputs.{column}", value, "1")
+                for column, value in output.inputs.items()
+                if not balanced
             }
             offset = None if output.offset is None else self._value(f"{place}.offset", output.offset, "degC")
-            yield Output(name, states, inputs, offset)
+            if output.heat is not None and not balanced:
+                self._fault(f"{place}.heat", "nothing balances it", f"it goes with 'inputs: {_PARALLEL}'")
+            heat = self._value(f"{place}.heat", output.heat or 0.0, "W") if balanced else None
+            yield Output(name, states, inputs, offset, heat)
 
     def _check(self, circuit: Circuit) -> None:
         states = {node.name for node in circuit.states}
@@ -276,9 +288,11 @@ class _Reading:
                     self._fault(f"outputs.{output.name}.inputs", f"{column!r} is no input", f"inputs are {known}")
             if output.column in circuit.inputs:
                 self._fault(f"outputs.{output.name}", f"{output.column!r} is an input too", "predict what is not read")
-            to_ambient = [edge for edge in circuit.edges if AMBIENT in edge.between and states & set(edge.between)]
-            if output.states is None and not to_ambient:
+            if output.states is None and not circuit.to_ambient(circuit.states):
                 self._fault(f"outputs.{output.name}.states", "no edge leads to the ambient", "'parallel' weighs those")
+            if output.heat is not None and not circuit.to_ambient(circuit.measured):
+                place = f"outputs.{output.name}.inputs"
+                self._fault(place, "no edge leads from a measured node to the ambient", "'parallel' weighs those")
         sensors = [each.sensor for each in circuit.nodes]
         for index, each in enumerate(circuit.nodes):
             if each.sensor is not None and each.sensor in sensors[:index]:

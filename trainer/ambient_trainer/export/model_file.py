@@ -33,7 +33,7 @@ _CONFORMANCE_ROWS = 24
 
 
 def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str]) -> Model:
-    """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the period it was trained at.
+    """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the periods it was trained at.
 
     ``training`` is the provenance of each trace (see :func:`training_of`); ``zones`` maps input names to thermal zone
     types where they differ. Raises :class:`Refused` where the fit estimates something else than the ambient.
@@ -48,7 +48,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
     estimator = Estimator(
         inputs=tuple(_input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)),
         states=fit.states,
-        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, fit.period_s})),
+        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
         offset=float(fit.system.offset[0]),
         initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
         interval=error_quantiles(fit.errors_degC[0]),
@@ -118,7 +118,7 @@ def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, An
     return {
         "circuit": fit.circuit,
         "training": [dict(each) for each in training],
-        "period_s": fit.period_s,
+        "periods_s": list(fit.periods_s),
         "hold": fit.hold,
         "fit": {
             "rmse_degC": fit.rmse_degC,

@@ -60,17 +60,20 @@ class CircuitStructure:
         return tuple(name for name, log in zip(self.search.names, self._logarithmic) if log)
 
     def excess(self, theta: Array) -> tuple[Array, Array]:
-        """Per node, the logarithm by which its time constant exceeds the longest segment.
+        """Per node, the logarithm by which its time constant exceeds the longest segment or undercuts a tenth period.
 
         Data of a day cannot tell a time constant of a year from none at all, and a node without one is an integrator:
-        its start means nothing and its error never ends.
+        its start means nothing and its error never ends. One that is gone before the next sample is no state.
         """
         found = self._assembled(theta)
         longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
+        shortest = min(segment.period_s for segment in self.segments) / 10
         rates = -np.diag(found.value.A)
-        slopes = -np.diagonal(found.derivative.A[: len(theta)], axis1=1, axis2=2)
-        excess = -np.log(rates * longest)
-        return np.maximum(excess, 0.0), np.where(excess > 0, -slopes / rates, 0.0).T
+        slopes = -np.diagonal(found.derivative.A[: len(theta)], axis1=1, axis2=2) / rates
+        slow, fast = -np.log(rates * longest), np.log(rates * shortest)
+        excess = np.concatenate([np.maximum(slow, 0.0), np.maximum(fast, 0.0)])
+        jacobian = np.concatenate([np.where(slow > 0, -slopes, 0.0), np.where(fast > 0, slopes, 0.0)], axis=1)
+        return excess, jacobian.T
 
     def regrouped(self, theta: Array) -> Array:
         """theta itself: a circuit's parameters have one meaning each."""

@@ -72,7 +72,8 @@ class Fit:
     inputs: tuple[str, ...]
     states: tuple[str, ...]
     outputs: tuple[str, ...]
-    period_s: float
+    periods_s: tuple[float, ...]
+    """Of the traces it was fitted to, shortest first."""
     parameters: tuple[Estimated, ...]
     converged: bool
     uncertainty_available: bool
@@ -220,7 +221,7 @@ def _closed(
         inputs=inputs,
         states=states,
         outputs=outputs,
-        period_s=structure.segments[0].period_s,
+        periods_s=tuple(sorted({segment.period_s for segment in structure.segments})),
         parameters=parameters,
         converged=result.best.converged and not result.stopped,
         uncertainty_available=any(each.interval95 is not None for each in free),
@@ -256,17 +257,16 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
 def _segments(
     traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None, pieces: int
 ) -> list[Segment]:
-    for trace in traces:
-        _teaches(trace, inputs, outputs)
+    _teach(traces, inputs, outputs)
     whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
     return [piece for segment in whole for piece in segment.pieces(pieces)]
 
 
-def _teaches(trace: Trace, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-    """Refuse a trace from which nothing can be learned of a column, naming every such column."""
+def _teach(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    """Refuse traces from which, taken together, nothing can be learned of a column, naming every such column."""
     faults = []
     for name in (*inputs, *outputs):
-        known = trace.column(name)
+        known = np.concatenate([trace.column(name) for trace in traces])
         known = known[~np.isnan(known)]
         if not len(known):
             faults.append(Fault(f"column {name}", "holds no value at all", "leave it out, or log it"))
@@ -274,7 +274,7 @@ def _teaches(trace: Trace, inputs: Sequence[str], outputs: Sequence[str]) -> Non
             mend = "a stuck sensor teaches nothing: leave it out" if name in inputs else "log a run in which it changes"
             faults.append(Fault(f"column {name}", f"is {known[0]:g} all the time", mend))
     if faults:
-        raise Refused(trace.path, faults)
+        raise Refused(", ".join(trace.path for trace in traces), faults)
 
 
 def _enough(traces: Sequence[Trace], structure: Structure) -> None:

@@ -91,13 +91,10 @@ class FreeFilter:
         rates = np.sort(np.concatenate([-poles[k].real for k in free])) if free else np.zeros(0)
         if len(rates) < 3:
             return theta
-        # of four sorted rates the closest pairs are neighbours; of three the single one is an outer one
-        if len(rates) == 3 and rates[1] / rates[0] > rates[2] / rates[1]:
-            rates = np.roll(rates, -1)
+        best = min(_pairings(len(rates)), key=lambda order: _spread(rates[list(order)]))
         found = theta.copy()
-        fresh = self._from_rates(rates)
         positions = np.concatenate([np.arange(2 * k, min(2 * k + 2, self.order)) for k in free])
-        found[positions] = fresh
+        found[positions] = self._from_rates(rates[list(best)])
         return np.clip(found, self.search.low, self.search.high)
 
     def random_start(self, random: np.random.Generator) -> Array:
@@ -214,6 +211,19 @@ class FreeFilter:
         """-1/pole for every pole, slowest first; a damped pair is complex."""
         poles = np.concatenate([np.linalg.eigvals(F) for F, _ in self._sections(theta)]) if self.order else np.zeros(0)
         return sorted((complex(-1 / pole) for pole in poles), key=lambda tau: -abs(tau))
+
+
+def _pairings(count: int) -> tuple[tuple[int, ...], ...]:
+    """The ways to take three or four things two by two, the last of three alone."""
+    if count == 3:
+        return ((0, 1, 2), (1, 2, 0), (0, 2, 1))
+    return ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))
+
+
+def _spread(rates: Array) -> float:
+    """How far apart the closest pair lies, as a logarithm; between ties, how far all of them do."""
+    ratios = sorted(abs(math.log(a / b)) for a, b in zip(rates[0:-1:2], rates[1::2]))
+    return ratios[0] + 1e-3 * sum(ratios)
 
 
 def _over(tail: Array, rows: Array) -> Array:

@@ -18,7 +18,7 @@ def as_json(fit: Fit) -> dict[str, Any]:
         "inputs": list(fit.inputs),
         "states": list(fit.states),
         "outputs": list(fit.outputs),
-        "period_s": fit.period_s,
+        "periods_s": list(fit.periods_s),
         "samples": fit.samples,
         "rmse_degC": fit.rmse_degC,
         **{fact: getattr(fit, fact) for fact in _FACTS},
@@ -35,9 +35,10 @@ def as_json(fit: Fit) -> dict[str, Any]:
 
 def headline(fit: Fit) -> str:
     """The error and what to hold it against."""
+    periods = " or ".join(f"{each:g}" for each in fit.periods_s)
     return (
         f"{fit.circuit}: RMSE {fit.rmse_degC:.3f} degC on its own {fit.samples:,} training samples "
-        f"(one every {fit.period_s:g} s), where a static linear formula leaves {fit.baseline.rmse_degC:.3f}."
+        f"(one every {periods} s), where a static linear formula leaves {fit.baseline.rmse_degC:.3f}."
     )
 
 

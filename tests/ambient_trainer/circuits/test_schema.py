@@ -1,0 +1,339 @@
+"""A circuit file is taken whole or refused with every fault and its place."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.circuits import schema
+from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter
+from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
+
+EXAMPLE = re.search(r"```yaml\n(.*?)```", schema.__doc__, re.DOTALL)[1]
+
+THESIS = (
+    "linear_battery",
+    "linear_combined",
+    "linear_flash",
+    "linear_usb",
+    "model1_kirchhoff",
+    "model1_ss",
+    "model1_ss_single_input",
+    "model2_ss",
+    "model2_ss_free_cd",
+    "model2_ss_single_input",
+)
+
+
+def test_the_example_of_the_documentation_loads():
+    circuit = parse_circuit(EXAMPLE, "example")
+    assert circuit.nodes == (Node("board", "C_board", "board"), Node("chip", None, "chip"))
+    assert circuit.edges == (
+        Edge(("chip", "board"), "R_chip_board"),
+        Edge(("board", "ambient"), "R_board_ambient"),
+    )
+    assert circuit.outputs == (Output("ambient", None, {"board_degC": "w"}, None),)
+    assert circuit.inputs == ("board_degC", "chip_degC")
+    assert circuit.hold == "first-order"
+    assert circuit.parameters == (
+        Parameter("C_board", "J/K", 10.0, 10 * 1e-6, 10e6, True),
+        Parameter("R_chip_board", "K/W", 5.0, 0.1, 50.0, True),
+        Parameter("R_board_ambient", "K/W", 20.0, 20 * 1e-6, 20e6, True),
+        Parameter("w", "1", 1.0, float("-inf"), float("inf"), False),
+    )
+
+
+@pytest.mark.parametrize("name", circuit_names())
+def test_a_shipped_circuit_loads(name):
+    assert load_circuit(name).name == name
+
+
+def test_the_thesis_is_shipped():
+    assert set(circuit_names()) >= set(THESIS)
+
+
+def test_a_number_is_a_parameter_that_is_not_searched():
+    circuit = parse_circuit(EXAMPLE.replace("resistance: R_chip_board", "resistance: 1e1").replace(_LINE, ""), "x")
+    assert circuit.edges[0].resistance == "edges[0].resistance"
+    assert circuit.parameters[-1] == Parameter("edges[0].resistance", "K/W", 10.0, 10.0, 10.0, False)
+
+
+def test_a_parameter_without_room_is_not_searched():
+    circuit = parse_circuit(EXAMPLE.replace("min: 0.1, max: 50", "min: 5, max: 5"), "x")
+    assert circuit.parameters[1] == Parameter("R_chip_board", "K/W", 5.0, 5.0, 5.0, False)
+
+
+_LINE = "  R_chip_board: {unit: K/W, initial: 5, min: 0.1, max: 50}\n"
+
+
+def test_sensors_is_one_output_for_every_sensor_on_a_state():
+    text = (
+        EXAMPLE.replace("form: rise", "form: temperature")
+        .replace(_OUTPUTS, "outputs: sensors\n")
+        .replace('  w: {unit: "1", initial: 1, free: false}\n', "")
+    )
+    circuit = parse_circuit(text, "x")
+    assert circuit.outputs == (Output("board", {"board": "outputs.board.states.board"}, {}, None),)
+    assert circuit.inputs == ("chip_degC",)
+
+
+_OUTPUTS = "outputs:\n  ambient: {states: parallel, inputs: {board_degC: w}}\n"
+
+# what replaces what in the example, and what is then said of it
+FAULTY = [
+    ("form: rise  ", "frm: rise  ", [
+        "form: missing; add it",
+        "frm: unknown key; remove it or correct its name; known are format, version, name, about, form, hold, nodes,"
+        " edges, sources, outputs, parameters",
+    ]),
+    ("sensor: chip", "sensr: chip", [
+        "nodes.chip.sensr: unknown key; remove it or correct its name; known are capacitance, sensor",
+    ]),
+    ("version: 1", "version: 2", ["version: 2: input should be 1; correct it"]),
+    ("version: 1\n", "", ["version: missing; add it"]),
+    ("ambient-circuit", "ambient-model", ["format: 'ambient-model': input should be 'ambient-circuit'; correct it"]),
+    ("form: rise", "form: rice", ["form: 'rice': input should be 'rise' or 'temperature'; correct it"]),
+    ("J/K, initial: 10", "J/K, initial: 0", [
+        "nodes.board.capacitance: capacitance C_board starts at 0; a capacitance is above 0",
+    ]),
+    ("K/W, initial: 20", "K/W, initial: -2", [
+        "edges[1].resistance: resistance R_board_ambient starts at -2; a resistance is above 0",
+    ]),
+    ("K/W, initial: 20", "K/W, initial: 2.0e+300", [
+        "edges[1].resistance: resistance R_board_ambient starts at 2e+300; check its unit, K/W",
+    ]),
+    ("resistance: R_board_ambient", "resistance: -2", [
+        "edges[1].resistance: resistance edges[1].resistance starts at -2; a resistance is above 0",
+        "parameters.R_board_ambient: nothing uses it; remove it, or name it where it belongs",
+    ]),
+    ("resistance: R_board_ambient", "resistance: R_b", [
+        "edges[1].resistance: no parameter is called 'R_b'; add it under 'parameters'",
+        "parameters.R_board_ambient: nothing uses it; remove it, or name it where it belongs",
+    ]),
+    ("resistance: R_board_ambient", "resistance: C_board", [
+        "edges[1].resistance: 'C_board' is in J/K elsewhere; name one in K/W of its own",
+        "parameters.R_board_ambient: nothing uses it; remove it, or name it where it belongs",
+    ]),
+    ("parameters:\n", "parameters:\n  R_spare: {unit: K/W, initial: 1}\n", [
+        "parameters.R_spare: nothing uses it; remove it, or name it where it belongs",
+    ]),
+    ("[chip, board]", "[chop, board]", ["edges[0].between: no node is called 'chop'; add it under 'nodes'"]),
+    ("[chip, board]", "[board, board]", ["edges[0].between: 'board' stands twice; an edge joins two nodes"]),
+    ("[chip, board]", "[chip]", ["edges[0].between[1]: missing; add it"]),
+    ("initial: 10", "initial: ten", [
+        "parameters.C_board.initial: 'ten': input should be a valid number, unable to parse string as a number;"
+        " correct it",
+    ]),
+    ("initial: 10", "initial: .nan", [
+        "parameters.C_board.initial: nan: input should be a finite number; correct it",
+    ]),
+    ("initial: 10", "initial: -.inf", [
+        "parameters.C_board.initial: -inf: input should be a finite number; correct it",
+    ]),
+    ("resistance: R_chip_board", "resistance: .nan", [
+        "edges[0].resistance: nan is neither a name nor a number; name a parameter or give a finite number",
+    ]),
+    ("resistance: R_chip_board", "resistance: true", [
+        "edges[0].resistance: True is neither a name nor a number; name a parameter or give a finite number",
+    ]),
+    ("initial: 5, min: 0.1", "initial: 5, min: 6", [
+        "parameters.R_chip_board.initial: 5 lies outside min and max; move it inside",
+    ]),
+    ("capacitance: C_board, sensor: board", "capacitance: C_board", [
+        "nodes.board: no sensor; in form rise every node but the ambient has one: the exchange between nodes is read"
+        " from them",
+        "outputs.ambient.inputs: 'board_degC' is no input; inputs are chip_degC",
+    ]),
+    ("chip: {sensor: chip}", "chip: {}", [
+        "nodes.chip: neither capacitance nor sensor; a node is a state, or a sensor prescribes it",
+        "nodes.chip: no sensor; in form rise every node but the ambient has one: the exchange between nodes is read"
+        " from them",
+    ]),
+    ("chip: {sensor: chip}", "chip: {sensor: board}", [
+        "nodes.chip.sensor: 'board' reads another node; it can read only one",
+    ]),
+    ("chip: {sensor: chip}", "chip: {sensor: ambient}", [
+        "outputs.ambient: 'ambient_degC' is an input too; predict what is not read",
+    ]),
+    ("chip: {sensor: chip}", "chip: {sensor: chip}\n  ambient: {capacitance: 3}", [
+        "nodes.ambient: the ambient has a capacitance; it is a boundary: remove the capacitance",
+        "nodes.ambient: no way leads its heat out; join it to the ambient",
+    ]),
+    ("[board, ambient]", "[board, chip]", [
+        "outputs.ambient.states: no edge leads to the ambient; 'parallel' weighs those",
+        "nodes.board: no way leads its heat out; join it to the ambient",
+    ]),
+    ("[board, ambient]", "[chip, ambient]", [
+        "outputs.ambient.states: no edge leads to the ambient; 'parallel' weighs those",
+        "nodes.board: no way leads its heat out; join it to the ambient",
+    ]),
+    ("states: parallel", "states: series", [
+        "outputs.ambient.states: 'series' are no weights; write 'parallel', or a weight for each node",
+    ]),
+    ("states: parallel", "states: {chip: 1}", [
+        "outputs.ambient.states: 'chip' is no node with a capacitance; name a state",
+    ]),
+    ("inputs: {board_degC: w}", "inputs: {board_degC: w}, heat: 1", [
+        "outputs.ambient.heat: nothing balances it; it goes with 'inputs: parallel'",
+    ]),
+    ("{board_degC: w}", "sum", [
+        "outputs.ambient.inputs: 'sum' are no weights; write 'parallel', or a weight for each column",
+    ]),
+    ("{board_degC: w}", "{bord_degC: w}", [
+        "outputs.ambient.inputs: 'bord_degC' is no input; inputs are board_degC, chip_degC",
+    ]),
+    (_OUTPUTS, "outputs: {}\n", [
+        "outputs: none; a circuit predicts at least one temperature",
+        "parameters.w: nothing uses it; remove it, or name it where it belongs",
+    ]),
+    ("outputs:\n", "sources: [{into: chip, signal: cpu_power_W}]\noutputs:\n", [
+        "sources[0].into: 'chip' is no node with a capacitance; heat goes into a state",
+    ]),
+    ("  C_board: {", "  C_board: {unit: J/K, initial: 3}\n  C_board: {", [
+        "line 16, column 3: not YAML (key 'C_board' stands twice); correct the indentation or the quotes",
+    ]),
+    ("name: two_nodes", "name: [two_nodes", [
+        "line 4, column 6: not YAML (expected ',' or ']', but got ':'); correct the indentation or the quotes",
+    ]),
+    ("initial: 10", "initial: 2001-99-99", ["not YAML (month must be in 1..12); put the value in quotes"]),
+    (EXAMPLE, "", ["the file is empty; see the README for a circuit to start from"]),
+    (EXAMPLE, "# nothing but a remark\n", ["the file is empty; see the README for a circuit to start from"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("before", "after", "faults"), FAULTY)
+def test_a_faulty_file_is_refused_with_every_fault(before, after, faults):
+    assert EXAMPLE.count(before) == 1
+    with pytest.raises(Refused) as refused:
+        parse_circuit(EXAMPLE.replace(before, after), "two.yaml")
+    assert [str(each) for each in refused.value.faults] == faults
+    assert str(refused.value).startswith("two.yaml: ")
+
+
+def test_heat_that_only_goes_round_is_refused():
+    """Two states joined to each other alone integrate for ever, though each has an edge."""
+    text = """
+format: ambient-circuit
+version: 1
+name: loop
+about: No way out
+form: temperature
+nodes:
+  a: {capacitance: 1, sensor: a}
+  b: {capacitance: 1, sensor: b}
+  c: {capacitance: 1, sensor: c}
+  chip: {sensor: chip}
+edges:
+  - {between: [a, b], resistance: 1}
+  - {between: [c, chip], resistance: 1}
+  - {between: [a, ambient], resistance: 1}
+outputs: sensors
+"""
+    with pytest.raises(Refused) as refused:
+        parse_circuit(text, "loop.yaml")
+    mend = "join it, directly or through others, to a node that a sensor prescribes"
+    assert [str(each) for each in refused.value.faults] == [
+        f"nodes.a: no way leads its heat out; {mend}",
+        f"nodes.b: no way leads its heat out; {mend}",
+    ]
+    parse_circuit(text.replace("[c, chip]", "[c, b]").replace("[a, ambient]", "[a, chip]"), "chain.yaml")
+
+
+def test_a_signal_and_a_sensor_of_one_column_are_one_input():
+    text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC, share: 2}]\noutputs:\n")
+    assert parse_circuit(text, "x").inputs == ("board_degC", "chip_degC")
+
+
+def test_an_unknown_name_is_answered_with_the_known_ones():
+    with pytest.raises(Refused) as refused:
+        load_circuit("model3")
+    assert str(refused.value) == (
+        f"--circuit: no circuit is called 'model3'; take one of {', '.join(circuit_names())}, free-1 to free-4,"
+        " or a .yaml file"
+    )
+
+
+def test_a_file_that_cannot_be_read_is_refused(tmp_path):
+    with pytest.raises(Refused) as refused:
+        load_circuit(str(tmp_path / "no.yaml"))
+    assert str(refused.value).endswith(
+        "no.yaml: cannot be read (No such file or directory); check the name and the permissions"
+    )
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(Refused, match="is not UTF-8 text; save it as UTF-8"):
+        load_circuit(str(binary))
+
+
+def test_a_file_gives_the_circuit_that_its_text_does(tmp_path):
+    path = tmp_path / "two.yaml"
+    path.write_text(EXAMPLE)
+    assert load_circuit(str(path)) == parse_circuit(EXAMPLE, "two.yaml")
+
+
+def _taken_or_refused(text):
+    with contextlib.suppress(Refused):
+        assert isinstance(parse_circuit(text, "any.yaml"), Circuit)
+
+
+@given(st.text(max_size=200))
+def test_any_text_is_taken_or_refused(text):
+    _taken_or_refused(text)
+
+
+_SCALARS = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.integers(10**400, 10**401),
+    st.floats(),
+    st.text(max_size=5),
+    st.sampled_from(["board", "chip", "ambient", "C_board", "w", "parallel", "sensors", "1e3", "1e999", "{mend}"]),
+)
+_ANYTHING = st.recursive(
+    _SCALARS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3) | st.just("board"), inner),
+    max_leaves=4,
+)
+
+
+def _places(value, path=()):
+    yield path
+    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield from _places(inner, (*path, key))
+
+
+_PLACES = [path for path in _places(yaml.safe_load(EXAMPLE)) if path]
+
+
+@given(st.lists(st.tuples(st.sampled_from(_PLACES), _ANYTHING), min_size=1, max_size=3), st.booleans())
+@settings(max_examples=300)
+def test_anything_in_any_place_is_taken_or_refused(changes, every_sensor):
+    data = yaml.safe_load(EXAMPLE)
+    if every_sensor:
+        data["outputs"] = "sensors"
+    for path, value in changes:
+        at = data
+        for key in path[:-1]:
+            at = at[key] if isinstance(at, (dict, list)) and path[-1] is not None and _has(at, key) else None
+            if at is None:
+                break
+        if isinstance(at, dict) or (isinstance(at, list) and isinstance(path[-1], int) and path[-1] < len(at)):
+            at[path[-1]] = value
+    _taken_or_refused(yaml.safe_dump(data))
+
+
+def _has(container, key):
+    return key in container if isinstance(container, dict) else isinstance(key, int) and key < len(container)
+
+
+@given(st.integers(0, len(EXAMPLE) - 1), st.integers(0, 12), st.text("{}[]:,-#&*!|>'\"%@`\t\n\x00 a1", max_size=4))
+@settings(max_examples=300)
+def test_any_damage_is_taken_or_refused(at, cut, put):
+    _taken_or_refused(EXAMPLE[:at] + put + EXAMPLE[at + cut :])

@@ -1,0 +1,114 @@
+"""The device's recursion and the numpy path say the same of a day of samples, to 1e-9 degC."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, dlsim
+from threadpoolctl import threadpool_limits
+
+from ambient_model.codec import load_model, save_model
+from ambient_model.conformance import run_recursion
+from ambient_model.trace import write_trace
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.export.model_file import model_of
+from ambient_trainer.identify.circuit_structure import CircuitStructure
+from ambient_trainer.identify.fit import Effort, fit_circuit, fit_free_filter
+from ambient_trainer.simulation.phone import simulate
+from ambient_trainer.traces.grid import Segment
+
+DAY = 86_400
+PERIODS_S = (0.1, 0.2, 0.5, 1.0)
+TOLERANCE_DEGC = 1e-9
+MODELS = ("free-3", "model2_ss", "model2_ss_free_cd")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _one_thread():
+    with threadpool_limits(1):
+        yield
+
+
+@pytest.fixture(scope="module")
+def fits():
+    """Each model fitted to the thesis's training scenario, simulated at 1 Hz."""
+    trace = simulate("5", seed=1)
+    found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2)) for name in MODELS[1:]}
+    return {"free-3": fit_free_filter(3, [trace], Effort(starts=1)), **found}
+
+
+@pytest.fixture(scope="module")
+def models(fits, tmp_path_factory):
+    """The models as a device reads them: written to a file and read back."""
+    folder = tmp_path_factory.mktemp("models")
+    for name, fit in fits.items():
+        save_model(str(folder / f"{name}.json"), model_of(fit, [], {}))
+    return {name: load_model(str(folder / f"{name}.json")) for name in fits}
+
+
+def _day(count):
+    """Sensors through a day: slow swings, steps of load, noise; (count, N) in degC."""
+    random = np.random.default_rng(count)
+    k = np.arange(DAY)
+    swing = 12 * np.sin(2 * np.pi * k / DAY * random.uniform(1, 3, (count, 1)) + random.uniform(0, 6, (count, 1)))
+    load = np.repeat(random.choice([0.0, 3.0, 12.0, 25.0], (count, DAY // 600)), 600, axis=1)
+    return 25 + swing + load + random.normal(size=(count, DAY)) * 0.3
+
+
+def _by_scipy(fit, u, period_s):
+    """Outputs (N,) by scipy's own first-order hold and simulation, from rest with the first sample."""
+    s = fit.system
+    A, B, C, D, _ = cont2discrete((s.A, s.B, s.C, s.D), period_s, "foh")
+    x0 = np.linalg.solve(np.eye(len(A)) - A, B @ u[:, 0])
+    return dlsim((A, B, C, D, period_s), u.T, x0=x0)[1][:, 0] + s.offset[0]
+
+
+def _by_structure(name, fit, u, period_s):
+    """Outputs (N,) as the search predicts them: modal filters and their coefficients."""
+    structure = CircuitStructure(load_circuit(name), [Segment(period_s, u, np.zeros((1, u.shape[1])))])
+    values = {each.name: each.value for each in fit.parameters}
+    theta = np.array([np.log(values[each]) for each in structure.search.names])
+    beta = np.array([values[each] for each in structure.linear.names])
+    expansion = structure.expand(theta, period_s)
+    return ((expansion.fixed + expansion.free @ beta) @ structure.signals(theta, 0))[0]
+
+
+@pytest.mark.parametrize("period_s", PERIODS_S)
+@pytest.mark.parametrize("name", MODELS)
+def test_a_day_of_samples(name, period_s, fits, models):
+    fit, main = fits[name], models[name].main
+    u = _day(len(fit.inputs))
+    discrete = next(each for each in main.discrete if each.period_s == period_s)
+    device = np.array(run_recursion(main, discrete, tuple(map(tuple, u.T.tolist()))))
+    assert np.abs(device - _by_scipy(fit, u, period_s)).max() < TOLERANCE_DEGC
+    if name != "free-3":
+        assert np.abs(device - _by_structure(name, fit, u, period_s)).max() < TOLERANCE_DEGC
+
+
+def test_the_file_holds_the_periods_that_are_tested(models):
+    for model in models.values():
+        assert tuple(each.period_s for each in model.main.discrete) == PERIODS_S
+
+
+def test_a_day_through_the_daemon_itself(fits, models, tmp_path):
+    """``ambientd replay`` as a process: trace, model and estimates are files."""
+    fit, model = fits["model2_ss_free_cd"], models["model2_ss_free_cd"]
+    u = _day(len(fit.inputs))
+    paths = [str(tmp_path / name) for name in ("model.json", "day.csv", "out.csv")]
+    save_model(paths[0], model)
+    write_trace(paths[1], fit.inputs, ((float(k), row) for k, row in enumerate(u.T.tolist())))
+    command = [sys.executable, "-m", "ambientd", "replay", paths[0], paths[1], "-o", paths[2]]
+    subprocess.run(command, check=True, capture_output=True)
+    with open(paths[2], newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == DAY
+    said = np.array([float(row["ambient_degC"]) for row in rows])
+    assert np.abs(said - _by_scipy(fit, u, 1.0)).max() < TOLERANCE_DEGC
+    low, high = model.main.interval[90]
+    assert float(rows[-1]["low_degC"]) == pytest.approx(said[-1] + low)
+    assert float(rows[-1]["high_degC"]) == pytest.approx(said[-1] + high)
+    assert rows[-1]["status"] == "tracking"
