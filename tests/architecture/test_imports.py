@@ -5,7 +5,20 @@ import pytest
 
 HEAVY = {"asyncio", "dataclasses", "logging", "pathlib", "subprocess", "tempfile"}
 COST = "on the device every import costs start-up time and memory (asyncio 10 MB, dataclasses 27 ms): do without"
-FOREIGN = ("numpy", "scipy", "yaml", "serial", "pydantic", "click", "rich", "jinja2", "plotly", "threadpoolctl")
+FOREIGN = (
+    "numpy",
+    "scipy",
+    "yaml",
+    "serial",
+    "pydantic",
+    "click",
+    "rich",
+    "jinja2",
+    "plotly",
+    "threadpoolctl",
+    "sklearn",
+    "joblib",
+)
 CONFIG = ("daemon/ambientd/config.py", "daemon/ambientd/config/")
 
 
