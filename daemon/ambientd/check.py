@@ -45,18 +45,23 @@ def check_sensors(settings: Settings) -> None:
         value = sensor.read()
         sensor.close()
         if value is None:
-            faults.append(
-                Fault(
-                    f"sensor {sensor.name}",
-                    sensor.trouble,
-                    f"types here are {', '.join(sorted(zones)) or 'none'}: name one of them under 'zones' in a"
-                    " configuration, or use --no-sensors to check the files alone",
-                )
-            )
+            types = ", ".join(sorted(zones)) or "none"
+            mend = f"types here are {types}: name one of them under 'zones' in a configuration"
+            faults.append(Fault(f"sensor {sensor.name}", sensor.trouble, mend))
         else:
             _say("sensor", f"{sensor.name}, {zones[sensor.zone_type][0]}: {value:g} degC")
     if faults:
         raise Refused(settings.sysfs_root, faults)
+
+
+def say_unneeded(settings: Settings) -> None:
+    """As :func:`check_sensors`, where nobody has said that the sensors should be here: what is missing is told only."""
+    try:
+        check_sensors(settings)
+    except Refused as refused:
+        for each in refused.faults:
+            _say("sensor", f"{each.place.removeprefix('sensor ').removeprefix('input ')}: {each.problem}")
+        _say("", "the model file is right; to run it on this device, name its zones in a configuration")
 
 
 def _say(subject: str, text: str) -> None:

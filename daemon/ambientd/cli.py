@@ -72,7 +72,7 @@ def _add_run(commands: "_Commands[argparse.ArgumentParser]") -> None:
     pace.add_argument(
         "--rate",
         metavar="HZ",
-        type=_number(*RATE_RANGE_HZ),
+        type=_number(RATE_RANGE_HZ[0], 1e6),
         help="samples a second (default: 1); with --replay, rows a second instead of the trace's own pace",
     )
     pace.add_argument(
@@ -97,7 +97,6 @@ def _add_replay(commands: "_Commands[argparse.ArgumentParser]") -> None:
 def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
     check = commands.add_parser("check", help="prove a model file right and find its sensors on this device")
     _add_origin(check)
-    check.add_argument("--no-sensors", action="store_true", help="check the files alone, as on a host")
     check.set_defaults(command=_check)
 
 
@@ -140,6 +139,8 @@ def _settings(options: argparse.Namespace) -> Settings:
 def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     if options.speed is not None and options.replay is None:
         parser.error("--speed goes with --replay")
+    if options.replay is None and options.rate is not None and options.rate > RATE_RANGE_HZ[1]:
+        parser.error(f"argument --rate: {options.rate:g} is not between {RATE_RANGE_HZ[0]:g} and {RATE_RANGE_HZ[1]:g}")
     from ambientd.run import run_replayed, run_zones
 
     settings = _settings(options)
@@ -159,13 +160,14 @@ def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Non
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    if options.no_sensors and options.sysfs_root is not None:
-        parser.error("--sysfs-root says where the sensors are, and --no-sensors that none are wanted")
-    from ambientd.check import check_files, check_sensors
+    from ambientd.check import check_files, check_sensors, say_unneeded
 
     settings = _settings(options)
     check_files(settings)
-    if not options.no_sensors:
+    # a model file alone may be checked on a host; a configuration or a root says that here is the device
+    if options.config is None and options.sysfs_root is None:
+        say_unneeded(settings)
+    else:
         check_sensors(settings)
 
 

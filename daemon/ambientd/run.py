@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 
 from ambient_model.codec import load_model
+from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
 from ambientd.fallback import FallbackTracker
@@ -40,7 +41,9 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
         tracker = tracker_for(model, source, settings.level_percent)
         samples = _paced(iter(source), _delay_after_start(rate_hz, speed), waiter.until)
         in_a_hurry = rate_hz is None and speed == 0
-        _serve(settings, model, tracker, samples, waiter, None if in_a_hurry else 0, trace)
+        unheard = _serve(settings, model, tracker, samples, waiter, None if in_a_hurry else 0, trace)
+        if unheard:
+            raise refuse(", ".join(unheard), "", "could not be written at any row", "see the message above")
 
 
 def _delay_after_start(rate_hz: float | None, speed: float) -> Callable[[int, float], float]:
@@ -72,13 +75,15 @@ def _serve(
     waiter: Waiter,
     patience_ms: int | None,
     origin: str,
-) -> None:
+) -> list[str]:
+    """Serve until the samples end or a signal comes; the names of the publishers that never published."""
     with contextlib.ExitStack() as stack:
         publishers = [_opened(stack, spec, patience_ms, waiter) for spec in settings.publish]
         say(f"model '{model.name}' at {tracker.period_s:g} s on {origin}, to {', '.join(map(str, settings.publish))}")
         service = Service(model, settings.level_percent, tracker, samples, publishers, say)
         while service.tick():
             pass
+        return service.unheard
 
 
 def _opened(stack: contextlib.ExitStack, spec: Spec, patience_ms: int | None, waiter: Waiter) -> tuple[str, Publisher]:

@@ -30,6 +30,8 @@ class Service:
         self._publishers = [(name, publisher, Notice()) for name, publisher in publishers]
         self._note = note
         self._fresh_s: float | None = None
+        self.unheard = [name for name, _ in publishers]
+        """The publishers that have not published anything yet."""
 
     def tick(self) -> bool:
         """One round; False where there is nothing more to read."""
@@ -52,6 +54,8 @@ class Service:
             problem = ""
             try:
                 publisher.publish(report)
+                if name in self.unheard:
+                    self.unheard.remove(name)
             except OSError as error:
                 problem = error.strerror or str(error)
             if notice.changed(report.time_s, bool(problem)):

@@ -22,12 +22,13 @@ def replacing(path: str, mode: str = "w") -> Iterator[IO[str]]:
     """
     if os.path.exists(path) and not os.path.isfile(path):  # a rename would put a file in the place of /dev/null
         raise refuse(path, "", "cannot be written (it is a folder or a device)", "name a file")
-    temporary = f"{path}.{os.getpid()}.part"
+    target = os.path.realpath(path)  # a rename over a link would leave what it leads to as it was
+    temporary = f"{target}.{os.getpid()}.part"
     try:
         with _opened(temporary, mode) as stream:
             yield stream
         _flush_to_disk(temporary)
-        os.replace(temporary, path)
+        os.replace(temporary, target)
     except OSError as error:
         if error.filename not in (None, temporary) or (error.filename is None and error.errno not in _DISK):
             raise

@@ -40,7 +40,7 @@ def decode(content: bytes, source: str) -> Model:
         raise refuse(source, "", "the file is empty", "export the model again with 'ambient-trainer fit'")
     try:
         data = json.loads(
-            content.decode("utf-8"), object_pairs_hook=_without_doubles, parse_constant=float, parse_int=_integer
+            content.decode("utf-8-sig"), object_pairs_hook=_without_doubles, parse_constant=float, parse_int=_integer
         )
     except json.JSONDecodeError as error:
         raise refuse(

@@ -32,7 +32,7 @@ def spectral_norms(A: Matrix, doublings: int) -> list[float]:
     power = [list(row) for row in A]
     norms: list[float] = []
     for _ in range(doublings + 1):
-        norms.append(max((sum(map(abs, row)) for row in power), default=0.0))
+        norms.append(_norm(power) if power else 0.0)
         if norms[-1] > 1e100 or norms[-1] == 0.0:
             break
         power = _product(power, power)
@@ -49,11 +49,26 @@ def is_stable(A: Matrix) -> bool:
 
 
 def settling_steps(A: Matrix, remainder: float) -> int:
-    """The number of steps, a power of two, after which a wrong initial state has decayed to ``remainder`` of itself."""
-    for doubling, norm in enumerate(spectral_norms(A, _DOUBLINGS)):
-        if norm <= remainder:
-            return 1 << doubling if A else 0
-    return 1 << _DOUBLINGS
+    """The number of steps after which a wrong initial state has decayed to ``remainder`` of itself, in norm."""
+    if not A:
+        return 0
+    powers = [[list(row) for row in A]]
+    while _norm(powers[-1]) > remainder:
+        if len(powers) > _DOUBLINGS:
+            return 1 << _DOUBLINGS
+        powers.append(_product(powers[-1], powers[-1]))
+    # the longest run of steps that does not suffice, from its largest power of two down
+    steps, reached = 0, [[float(i == j) for j in range(len(A))] for i in range(len(A))]
+    for exponent in reversed(range(len(powers) - 1)):
+        longer = _product(reached, powers[exponent])
+        if _norm(longer) > remainder:
+            steps, reached = steps + (1 << exponent), longer
+    return steps + 1
+
+
+def _norm(matrix: list[list[float]]) -> float:
+    """The maximum row sum of absolute values."""
+    return max(sum(map(abs, row)) for row in matrix)
 
 
 def _product(left: list[list[float]], right: list[list[float]]) -> list[list[float]]:

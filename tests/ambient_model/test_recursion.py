@@ -101,10 +101,9 @@ def test_norms_are_those_of_the_doubled_powers() -> None:
 def test_settling_against_matrix_powers(slowest: float, remainder: float) -> None:
     A = with_eigenvalues(slowest, slowest / 2, turn(slowest / 3, 1.0))
     steps = settling_steps(A, remainder)
-    assert steps & (steps - 1) == 0
-    powers = [np.abs(np.linalg.matrix_power(np.array(A), k)).sum(axis=1).max() for k in (steps, steps // 2)]
-    assert powers[0] <= remainder
-    assert steps == 1 or powers[1] > remainder
+    norms = [np.abs(np.linalg.matrix_power(np.array(A), k)).sum(axis=1).max() for k in (steps, steps - 1)]
+    assert norms[0] <= remainder * (1 + 1e-9)
+    assert steps == 1 or norms[1] > remainder * (1 - 1e-9)
 
 
 def test_what_never_settles_takes_for_ever() -> None:

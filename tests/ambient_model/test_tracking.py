@@ -268,7 +268,7 @@ HERE, LOST, GONE = (20.0, 30.0), (20.0, None), (None, None)
 
 
 def quick(A: float) -> Tracker:
-    """Settled after 8 steps with A = 0.5 (0.5^8 is the first doubled power below 5 %)."""
+    """Settled after 8 steps with A = 0.68 (0.68^8 is the first power below 5 %)."""
     discrete = Discrete(1.0, ((A,),), ((0.25, 0.25),), ((1.0,),), ((0.0, 0.0),))
     inputs = tuple(Input(name, "degC", name, -20.0, 80.0) for name in ("usb", "battery"))
     return tracker_of(Estimator(inputs, ("case",), (discrete,), 0.0, ((0.5, 0.5),), BANDS))
@@ -294,7 +294,7 @@ def quick(A: float) -> Tracker:
     ],
 )
 def test_the_statuses_in_order(samples: list, statuses: list[str]) -> None:
-    tracker = quick(0.5)
+    tracker = quick(0.68)
     assert [tracker.update(time_s, readings).status for time_s, readings in samples] == statuses
 
 

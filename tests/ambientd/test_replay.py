@@ -115,7 +115,7 @@ REFUSALS = [
     ("time_s,usb_degC,battery_degC\n0,1,2\n1,x,2\n", (), "line 3, column usb_degC: 'x' is not a number;"
      " correct it, or leave the cell empty for a missing value"),
     ("time_s,usb_degC,battery_degC\n0,1,2\n60,1,2\n120,1,2\n", (), "its samples lie 60 s apart, and model 'bench' at"
-     " 1 s bridges at most 30 s; log more often, or fit the model for a longer period"),
+     " 1 s bridges at most 30 s; log more often, or fit the model to a trace with this period"),
 ]  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """The commands as a user runs them, in this process or as their own."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -50,3 +51,29 @@ def chamber_log():
     if not log.is_file():
         pytest.skip("the measured chamber log is not beside this checkout")
     return log
+
+
+def comparison(text):
+    """The RMSEs of a table that ``compare`` or ``demo`` printed, by circuit and column."""
+    found = {}
+    for line in text.splitlines():
+        cells = line.split()
+        if len(cells) == 9 and re.fullmatch(r"\d+", cells[1]):
+            found[cells[0]] = dict(zip(("training", "held out", "static", "cold start"), map(float, cells[3:7])))
+    return found
+
+
+@pytest.fixture(scope="session")
+def as_in_readme():
+    """Hold the figures in the README's first code block behind some words against what a command printed."""
+
+    def check(words, printed):
+        readme = (ROOT / "README.md").read_text(encoding="utf-8")
+        ours, theirs = comparison(readme[readme.index(words) :].split("```")[1]), comparison(printed)
+        assert ours, "the README shows no table there"
+        for circuit, figures in ours.items():
+            for column, figure in figures.items():
+                # to the last digit shown, or 3 %: processors round differently, and a search ends where it may
+                assert abs(figure - theirs[circuit][column]) <= max(0.011, 0.03 * figure), (circuit, column)
+
+    return check

@@ -178,7 +178,7 @@ def test_a_faulty_model(call, good, tmp_path, name):
     out.write_text(OLD)
     for command in (
         ("ambientd", "replay", model, trace, "-o", out),
-        ("ambientd", "check", "--model", model, "--no-sensors"),
+        ("ambientd", "check", "--model", model),
         ("ambient-trainer", "evaluate", model, trace, "--json", out),
     ):
         status, _, said = call(*command)
@@ -218,6 +218,44 @@ def test_an_output_that_cannot_be_written(call, good, tmp_path, name):
     assert status in (1, 2)
     assert str(tmp_path / "file") in said
     assert "Traceback" not in said
+
+
+def test_no_output_takes_the_place_of_an_input_or_another_output(call, good, tmp_path):
+    trace, model = good
+    before = {path: path.read_bytes() for path in (trace, model)}
+    calls = [
+        (("fit", trace, "--circuit", "free-1", "-o", trace), "trace.csv: would be overwritten by what is made from it"),
+        (("fit", trace, "--circuit", "free-1", "-o", model, "--json", model), "model.json: stands twice among the out"),
+        (("evaluate", model, trace, "--json", model), "model.json: would be overwritten by what is made from it"),
+        (
+            ("compare", trace, "--circuit", "free-1", "--split", "40", "--json", trace),
+            "trace.csv: would be overwritten",
+        ),
+    ]
+    for arguments, message in calls:
+        status, _, said = call("ambient-trainer", *arguments)
+        assert status == 2
+        assert message in said
+        assert {path: path.read_bytes() for path in before} == before
+
+
+def test_one_output_that_cannot_be_written_leaves_the_others_as_they_were(call, good, tmp_path):
+    trace, _ = good
+    old = tmp_path / "old.json"
+    old.write_text(OLD)
+    status, _, said = call(
+        "ambient-trainer", "fit", trace, "--circuit", "free-1", "-o", old, "--json", tmp_path / "none" / "x.json"
+    )
+    assert (status, old.read_text()) == (2, OLD)
+    assert f"x.json: there is no folder {tmp_path / 'none'}; make it first" in said
+
+
+def test_a_link_keeps_leading_where_it_led(call, good, tmp_path):
+    trace, _ = good
+    (tmp_path / "link.json").symlink_to(tmp_path / "real.json")
+    assert call("ambient-trainer", "fit", trace, "--circuit", "free-1", "-o", tmp_path / "link.json")[0] == 0
+    assert (tmp_path / "link.json").is_symlink()
+    assert json.loads((tmp_path / "real.json").read_text())["name"] == "free-1"
 
 
 @pytest.mark.parametrize("name", ["fit", "simulate", "replay"])

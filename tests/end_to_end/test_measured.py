@@ -35,8 +35,9 @@ def replayed_rmse(process, folder, trace, model, split_s):
 
 def compare(process, trace, split_s, *arguments):
     out = trace.parent / "compare.json"
-    print(process("ambient_trainer", "compare", trace, "--split", split_s, "--json", out, *arguments))
-    return {each["circuit"]: each for each in json.loads(out.read_text())["contenders"]}
+    printed = process("ambient_trainer", "compare", trace, "--split", split_s, "--json", out, *arguments)
+    print(printed)
+    return printed, {each["circuit"]: each for each in json.loads(out.read_text())["contenders"]}
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +63,13 @@ def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(process, chamber, t
     assert not held_out["overlaps_training"]
 
 
-def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path):
+def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path, as_in_readme):
     names = {102: "flash", 112: "battery", 105: "usb", 110: "display"}
     trace = import_chamber(process, chamber_log, tmp_path, names)
-    circuits = ["--circuit", "model2_ss", "--circuit", "model2_ss_free_cd", "--circuit", "free-3"]
-    found = compare(process, trace, split_of(trace), *circuits)
+    names = ("model2_ss", "model2_ss_free_cd", "free-1", "free-2", "free-3", "free-4", "linear_combined")
+    circuits = [argument for name in names for argument in ("--circuit", name)]
+    printed, found = compare(process, trace, split_of(trace), *circuits)
+    as_in_readme("these names:", printed)
     assert 2.0 < found["model2_ss_free_cd"]["held_out_rmse_degC"] < 4.0  # what the thesis's best structure leaves
     assert found["free-3"]["held_out_rmse_degC"] < 0.75 < found["model2_ss"]["held_out_rmse_degC"]
 
@@ -74,11 +77,11 @@ def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path):
 @pytest.mark.parametrize("channels", [(103, 106, 108, 111), (104, 105, 107, 109)])
 def test_another_choice_of_four_channels(process, chamber_log, tmp_path, channels):
     trace = import_chamber(process, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in channels})
-    found = compare(process, trace, split_of(trace), "--circuit", "free-3")["free-3"]
+    found = compare(process, trace, split_of(trace), "--circuit", "free-3")[1]["free-3"]
     assert found["held_out_rmse_degC"] < 0.3 * found["static_linear_held_out_rmse_degC"]
 
 
 def test_a_single_channel_is_honestly_worse(process, chamber):
-    found = compare(process, chamber, split_of(chamber), "--sensors", "ch105", "--circuit", "free-3")["free-3"]
+    found = compare(process, chamber, split_of(chamber), "--sensors", "ch105", "--circuit", "free-3")[1]["free-3"]
     assert found["inputs"] == ["ch105_degC"]
     assert 2 * 0.75 < found["held_out_rmse_degC"] < found["static_linear_held_out_rmse_degC"]

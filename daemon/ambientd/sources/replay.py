@@ -97,6 +97,6 @@ def tracker_for(model: Model, source: TraceSource, level: int = 90) -> FallbackT
             "",
             f"its samples lie {period_s:g} s apart, and model '{model.name}' at {tracker.period_s:g} s bridges at most"
             f" {tracker.limit_s:g} s",
-            "log more often, or fit the model for a longer period",
+            "log more often, or fit the model to a trace with this period",
         )
     return tracker

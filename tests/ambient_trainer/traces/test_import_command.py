@@ -49,7 +49,7 @@ def test_a_failure_leaves_the_output_as_it_was(run, write, tmp_path):
     [
         (["{a}", "--format", "csv", "-o", "{o}"], "--format csv needs --map MAP.yaml"),
         (["{a}", "--format", "xls", "-o", "{o}"], "'xls' is not one of 'benchlink', 'csv'"),
-        (["{a}", "--format", "benchlink", "-o", "{a}"], "-o names SRC itself"),
+        (["{a}", "--format", "benchlink", "-o", "{a}"], "would be overwritten by what is made from it"),
         (["{a}.none", "--format", "benchlink", "-o", "{o}"], "does not exist"),
         (["{a}", "--format", "benchlink"], "Missing option '-o'"),
     ],

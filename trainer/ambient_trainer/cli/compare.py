@@ -13,6 +13,7 @@ from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer.cli.effort import effort_options
 from ambient_trainer.cli.fit import STOPPED, sensor_columns
+from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.evaluation.compare import (
     Contender,
@@ -54,13 +55,15 @@ def command(
     """
     if models is not None and not Path(models).is_dir():
         raise refuse(models, "", "is no folder", "make it first")
+    written = [str(Path(models) / f"{Path(name).stem}.json") for name in circuits] if models is not None else []
+    check_outputs([json_path, *written], [*trace_paths, *circuits, *([held_out] if held_out else [])])
     contest = _contest(trace_paths, split_s, held_out)
     contenders: list[Contender] = []
     for name in circuits:
         with fit_progress(name, effort.starts, contest.samples) as progress:
             contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
         if models is not None:
-            save_model(str(Path(models) / f"{contenders[-1].fit.circuit}.json"), contenders[-1].model)
+            save_model(written[len(contenders) - 1], contenders[-1].model)
         if contenders[-1].fit.stopped:
             break
     Console(width=_WIDTH).print(for_terminal(comparison_table(contenders)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Sequence
 
 import click
@@ -14,6 +15,7 @@ from rich.text import Text
 from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
 from ambient_model.model import Model
+from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.evaluation.summary import as_json, figures_table, verdict, warnings
 from ambient_trainer.report.table import for_terminal
@@ -47,6 +49,8 @@ def command(
         raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
     if run_in and from_s is None:
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
+    pages = [] if report_folder is None else [os.path.join(report_folder, "index.html")]
+    check_outputs([json_path], [model_path, *trace_paths, *pages])
     model = load_model(model_path)
     evaluated = evaluate_file_run_in if run_in else evaluate_file
     evaluations = _evaluate(trace_paths, lambda path: evaluated(model, path, from_s, to_s))

@@ -12,6 +12,7 @@ from ambient_model.atomic import replacing
 from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.export.model_file import model_of, training_of
 from ambient_trainer.identify.fit import Effort
@@ -59,6 +60,7 @@ def command(
     Ctrl-C ends the search and keeps the best so far, marked so in the file.
     """
     zone_types = dict(_pair(each) for each in zones)
+    check_outputs([output, json_path], [*trace_paths, circuit])
     fit_to = fitting(circuit, sensor_columns(sensors))
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)

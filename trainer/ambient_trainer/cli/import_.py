@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-
 import click
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.report.table import Table, for_terminal
 from ambient_trainer.traces.benchlink import import_benchlink
 from ambient_trainer.traces.column_map import load_map
@@ -40,8 +39,7 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
         cpu_degC: {from: T_cpu, unit: mdegC}
         ambient_degC: {from: [T1, T2], combine: mean}
     """
-    if os.path.exists(output) and os.path.samefile(src, output):
-        raise click.UsageError("-o names SRC itself: the logger's file would be lost. Name another.")
+    check_outputs([output], [src, *([map_path] if map_path else [])])
     if kind == "benchlink":
         imported = import_benchlink(src, map_path)
     elif map_path is None:

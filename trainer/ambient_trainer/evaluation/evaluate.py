@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ambient_model.faults import Refused, refuse
 from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_model.trace import REFERENCE
-from ambient_model.tracking import Tracker, nearest_discrete
+from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
 from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
 from ambient_trainer.traces.digest import sha256_of
@@ -59,6 +59,8 @@ class Evaluation:
     """The period of the recursion that ran."""
     baseline: Baseline | None
     overlaps_training: bool = False
+    run_in: Metrics | None = None
+    """Of a cold start in the middle of a trace: what the same samples score where the estimate ran before."""
 
     def after(self, count: int) -> Evaluation:
         """The evaluation without its first ``count`` samples, none of which may have been scored."""
@@ -104,10 +106,15 @@ class _Tracked(NamedTuple):
 def evaluate_file(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
     """Evaluate ``model`` on the trace file at ``path``, between from_s and to_s, from a cold start at from_s.
 
-    Says whether the model was trained on that. Raises :class:`Refused`.
+    Says whether the model was trained on that, and beside it what the same samples score run in. Raises
+    :class:`Refused`.
     """
-    trace = load_trace(path).cut(from_s, to_s)
-    return replace(evaluate_trace(model, trace), overlaps_training=overlaps_training(model, trace, sha256_of(path)))
+    whole = load_trace(path)
+    trace = whole.cut(from_s, to_s)
+    found = replace(evaluate_trace(model, trace), overlaps_training=overlaps_training(model, trace, sha256_of(path)))
+    if len(trace.time_s) and trace.time_s[0] > whole.time_s[0]:
+        return replace(found, run_in=evaluate_file_run_in(model, path, from_s, to_s).metrics)
+    return found
 
 
 def evaluate_file_run_in(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
@@ -128,6 +135,14 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
     _require_columns(model, trace)
     trace_period_s = sampling_period_s(trace.time_s)
     discrete = nearest_discrete(model.main, trace_period_s)
+    if trace_period_s > bridge_limit_s(discrete.period_s):
+        raise refuse(
+            trace.path,
+            "",
+            f"its samples lie {trace_period_s:g} s apart, and the model at {discrete.period_s:g} s bridges at most "
+            f"{bridge_limit_s(discrete.period_s):g} s",
+            "log more often, or fit the model to a trace with this period",
+        )
     inputs = {each: trace.columns[each.column] for each in model.main.inputs}
     tracked = _track(model.main, discrete, trace.time_s, np.column_stack(list(inputs.values())))
     error = trace.reference - tracked.estimate_degC

@@ -34,6 +34,8 @@ def figures_table(evaluations: Sequence[Evaluation]) -> Table:
         trace = f"{label} (training data)" if each.overlaps_training else label
         shares = "/".join(f"{100 * share:.1f}" for share in each.coverage.values())
         rows.append((trace, "model", *_figures(each.metrics), shares, f"{each.scored:,}"))
+        if each.run_in:
+            rows.append((trace, "model, run in", *_figures(each.run_in), "-", f"{each.run_in.samples:,}"))
         if each.baseline:
             rows.append((trace, STATIC_LINEAR, *_figures(each.baseline.metrics), "-", f"{each.scored:,}"))
     return Table(_CAPTION, _COLUMNS, tuple(rows), labels=2)
@@ -101,6 +103,8 @@ def _trace_data(evaluation: Evaluation) -> dict[str, Any]:
         "period_s": evaluation.period_s,
         "overlaps_training": evaluation.overlaps_training,
     }
+    if evaluation.run_in:
+        data["run_in"] = _metrics_data(evaluation.run_in)
     if evaluation.baseline:
         data["baseline"] = {"kind": STATIC_LINEAR, **_metrics_data(evaluation.baseline.metrics)}
     return data

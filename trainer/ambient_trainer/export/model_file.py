@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ambient_model import __version__
+from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
 from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Input, Matrix, Model, Quantiles
@@ -53,7 +54,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
         interval=error_quantiles(fit.errors_degC[0]),
     )
-    return Model(
+    model = Model(
         name=fit.circuit,
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
         output="ambient",
@@ -62,6 +63,8 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
     )
+    # whatever a device would refuse is refused here, before anything is scored or written
+    return decode(encode(model).encode(), fit.circuit)
 
 
 def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[str, Any]:

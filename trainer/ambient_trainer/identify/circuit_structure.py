@@ -26,6 +26,8 @@ from ambient_trainer.traces.grid import Segment
 
 Array = NDArray[np.float64]
 
+_SLOWEST_PER_S = 1e-15
+
 
 class CircuitStructure:
     """A circuit over segments that start from thermal equilibrium with their first sample."""
@@ -60,16 +62,19 @@ class CircuitStructure:
         return tuple(name for name, log in zip(self.search.names, self._logarithmic) if log)
 
     def excess(self, theta: Array) -> tuple[Array, Array]:
-        """Per node, the logarithm by which its time constant exceeds the longest segment or undercuts a tenth period.
+        """Per mode, the logarithm by which its time constant exceeds the longest segment or undercuts a tenth period.
 
-        Data of a day cannot tell a time constant of a year from none at all, and a node without one is an integrator:
+        Data of a day cannot tell a time constant of a year from none at all, and a mode without one is an integrator:
         its start means nothing and its error never ends. One that is gone before the next sample is no state.
+        The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
         found = self._assembled(theta)
         longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
         shortest = min(segment.period_s for segment in self.segments) / 10
-        rates = -np.diag(found.value.A)
-        slopes = -np.diagonal(found.derivative.A[: len(theta)], axis1=1, axis2=2) / rates
+        eigenvalues, V, W = passive_modes(found.value.A, found.capacitance)
+        # a circuit that has all but lost its way out has a rate of rounding, of either sign
+        rates = np.maximum(-eigenvalues, _SLOWEST_PER_S)
+        slopes = -np.einsum("in,knm,mi->ki", W, found.derivative.A[: len(theta)], V) / rates
         slow, fast = -np.log(rates * longest), np.log(rates * shortest)
         excess = np.concatenate([np.maximum(slow, 0.0), np.maximum(fast, 0.0)])
         jacobian = np.concatenate([np.where(slow > 0, -slopes, 0.0), np.where(fast > 0, slopes, 0.0)], axis=1)

@@ -31,6 +31,11 @@ from ambient_trainer.traces.trace import Trace
 Array = NDArray[np.float64]
 
 
+_NO_SENSOR = 1e9
+_TELLS_NOTHING = float(np.log(1e3))
+"""Half a 95 % interval, as a logarithm, from which on it says no more than that the parameter is positive."""
+
+
 @dataclass(frozen=True)
 class Effort:
     """How to search: from how many places, the seed of all but the first, and in how many pieces a trace is fitted.
@@ -213,6 +218,7 @@ def _closed(
     errors = [each[~np.isnan(each)] for each in errors]
     count = sum(len(each) for each in errors)
     free = [each for each in parameters if each.free]
+    told = [each for each in free if each.identifiable and not each.at_bound]
     u = np.concatenate([segment.inputs for segment in structure.segments], axis=1)
     return Fit(
         circuit=circuit,
@@ -224,8 +230,8 @@ def _closed(
         periods_s=tuple(sorted({segment.period_s for segment in structure.segments})),
         parameters=parameters,
         converged=result.best.converged and not result.stopped,
-        uncertainty_available=any(each.interval95 is not None for each in free),
-        identifiable=bool(known.identifiable.all()),
+        uncertainty_available=bool(told) and all(each.interval95 is not None for each in told),
+        identifiable=bool(known.identifiable.all()) and all(each.identifiable for each in free),
         stopped=result.stopped,
         confounded=known.confounded,
         residual_memory_samples=known.residual_memory_samples,
@@ -248,8 +254,10 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
     if np.isnan(error):
         return Estimated(name, unit, value, None, None, True, bound, told)
     half = known.quantile * error
+    if logarithmic and half > _TELLS_NOTHING:
+        return Estimated(name, unit, value, None, None, True, bound, identifiable=False)
     if logarithmic:
-        spread = float(np.exp(min(half, 700.0)))
+        spread = float(np.exp(half))
         return Estimated(name, unit, value, value * error, (value / spread, value * spread), True, bound, told)
     return Estimated(name, unit, value, error, (value - half, value + half), True, bound, told)
 
@@ -270,6 +278,9 @@ def _teach(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str
         known = known[~np.isnan(known)]
         if not len(known):
             faults.append(Fault(f"column {name}", "holds no value at all", "leave it out, or log it"))
+        elif np.abs(known).max() > _NO_SENSOR:
+            worst = known[np.abs(known).argmax()]
+            faults.append(Fault(f"column {name}", f"holds {worst:g}", "no sensor reads that: leave such cells empty"))
         elif np.ptp(known) == 0 and (name in inputs or len(outputs) == 1):
             mend = "a stuck sensor teaches nothing: leave it out" if name in inputs else "log a run in which it changes"
             faults.append(Fault(f"column {name}", f"is {known[0]:g} all the time", mend))

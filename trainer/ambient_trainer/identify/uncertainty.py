@@ -78,7 +78,9 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     spare = len(scores) - len(loose)
     standard_error = np.full(len(names), np.nan)
     if spare >= 5:
-        covariance = inverse @ (scores.T @ scores) @ inverse * (len(scores) / spare)
+        # what is remembered from one batch to the next is half a memory, and lacks in the batches' variance
+        short = batch / (batch - memory / 2) if batch > 1 else 1.0
+        covariance = inverse @ (scores.T @ scores) @ inverse * (short * len(scores) / spare)
         standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)
     identifiable = np.ones(len(names), dtype=bool)
     identifiable[loose] = known
