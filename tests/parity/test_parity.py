@@ -37,7 +37,7 @@ def _one_thread():
 def fits():
     """Each model fitted to the thesis's training scenario, simulated at 1 Hz."""
     trace = simulate("5", seed=1)
-    found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2)) for name in MODELS[1:]}
+    found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2, pieces=8)) for name in MODELS[1:]}
     return {"free-3": fit_free_filter(3, [trace], Effort(starts=1)), **found}
 
 

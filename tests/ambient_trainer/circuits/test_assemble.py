@@ -16,6 +16,7 @@ from ambient_trainer.circuits.schema import circuit_names, load_circuit
 MATRICES = ("A", "B", "C", "D", "offset")
 
 # the published estimates; erratum 6 corrects w1 of table 4.4 from 0.42 to 0.042
+TABLE_4_1 = {"R_battery_ambient": 2.28e5, "R_usb_ambient": 0.01, "R_flash_ambient": 2.32e5, "q_e": 1.0}
 TABLE_4_2 = {
     "C_flash": 4.45, "C_battery": 0.47, "C_usb": 0.20,
     "R_flash_ambient": 4.05, "R_battery_ambient": 0.67, "R_usb_ambient": 0.01,
@@ -45,6 +46,7 @@ TABLE_4_6 = {
     "w1": 0.29, "w2": 11.43, "w3": 10.98, "w4": 0.27, "w5": -1.68, "w6": -4.34, "w7": 6.72,
 }  # fmt: skip
 PUBLISHED = {
+    "model1_kirchhoff": TABLE_4_1,
     "model1_ss": TABLE_4_2,
     "model1_ss_single_input": TABLE_4_3,
     "model2_ss": TABLE_4_4,
@@ -157,6 +159,21 @@ def test_the_static_models_are_lines_and_a_plane():
     np.testing.assert_array_equal(plane.D, [[-1.36, 1.52, 0.80]])
 
 
+@pytest.mark.parametrize("p", [TABLE_4_1, {**TABLE_4_1, "R_usb_ambient": 3e5, "q_e": 7e-5}])
+def test_kirchhoff_balances_the_ambient(p):
+    """Equation 4.2: what the estimate says makes (T_f - T)/R_f + (T_b - T)/R_b + (T_u - T)/R_u + q_e zero."""
+    circuit = load_circuit("model1_kirchhoff")
+    assert circuit.inputs == ("flash_degC", "battery_degC", "usb_degC")
+    found = assemble(circuit, p).value
+    flash, battery, usb = 31.0, 28.0, 25.5
+    said = float(found.D[0] @ [flash, battery, usb] + found.offset[0])
+    flows = [(flash - said) / p["R_flash_ambient"], (battery - said) / p["R_battery_ambient"]]
+    flows += [(usb - said) / p["R_usb_ambient"], p["q_e"]]
+    assert sum(flows) == pytest.approx(0, abs=1e-12 * max(map(abs, flows)))
+    assert found.D.sum() == pytest.approx(1)
+    assert (found.A.shape, found.C.shape) == ((0, 0), (1, 0))
+
+
 def _assert_slopes(circuit, values):
     """The analytic derivatives against central differences extrapolated once (error of order h^4)."""
     found = assemble(circuit, values).derivative
@@ -210,6 +227,8 @@ def circuits(draw, form):
     outputs = [Output("parallel", None, {}, "offset")]
     weights = {f"n{k}": f"w{k % 2}" for k in range(n)}
     outputs.append(Output("weighed", weights, dict.fromkeys(circuit.inputs, "w0"), None))
+    if circuit.to_ambient(circuit.measured):
+        outputs.append(Output("balanced", {}, {}, "offset", "heat"))
     if circuit.to_ambient(circuit.measured):
         outputs.append(Output("balanced", {}, {}, None, "heat"))
     names = [*(node.capacitance for node in nodes if node.capacitance), *(edge.resistance for edge in edges)]

@@ -245,6 +245,25 @@ outputs: sensors
     parse_circuit(text.replace("[c, chip]", "[c, b]").replace("[a, ambient]", "[a, chip]"), "chain.yaml")
 
 
+def test_inputs_in_parallel_balance_a_heat_that_may_be_none():
+    kirchhoff = load_circuit("model1_kirchhoff")
+    assert kirchhoff.outputs == (Output("ambient", {}, {}, None, "q_e"),)
+    balanced = EXAMPLE.replace("{board_degC: w}", "parallel").replace('  w: {unit: "1", initial: 1, free: false}\n', "")
+    circuit = parse_circuit(balanced, "two.yaml")
+    assert circuit.outputs == (Output("ambient", None, {}, None, "outputs.ambient.heat"),)
+    assert circuit.parameters[-1] == Parameter("outputs.ambient.heat", "W", 0.0, 0.0, 0.0, False)
+
+
+def test_inputs_in_parallel_need_a_measured_node_beside_the_ambient():
+    text = EXAMPLE.replace("form: rise", "form: temperature").replace("{board_degC: w}", "parallel")
+    with pytest.raises(Refused) as refused:
+        parse_circuit(text, "two.yaml")
+    assert [str(each) for each in refused.value.faults] == [
+        "outputs.ambient.inputs: no edge leads from a measured node to the ambient; 'parallel' weighs those",
+        "parameters.w: nothing uses it; remove it, or name it where it belongs",
+    ]
+
+
 def test_a_signal_and_a_sensor_of_one_column_are_one_input():
     text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC, share: 2}]\noutputs:\n")
     assert parse_circuit(text, "x").inputs == ("board_degC", "chip_degC")

@@ -20,7 +20,7 @@ def _run(monkeypatch, *arguments):
 def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(monkeypatch, capsys, tmp_path):
     here, there = tmp_path / "here.csv", tmp_path / "there.csv"
     assert _run(monkeypatch, "2.1", "--seed", "4", "--period", "2", "-o", str(here)) == 0
-    assert capsys.readouterr() == (f"wrote {here}: 300 simulated samples, one every 2 s\n", "")
+    assert capsys.readouterr() == (f"wrote {here}: 450 simulated samples, one every 2 s\n", "")
     command = [
         sys.executable,
         "-m",
@@ -52,3 +52,12 @@ def test_a_wrong_call_is_status_2(monkeypatch, capsys, tmp_path, arguments, mess
     assert _run(monkeypatch, *arguments, "-o", str(tmp_path / "o.csv")) == 2
     assert message in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_all_zones_on_request(monkeypatch, capsys, tmp_path):
+    few, many = tmp_path / "few.csv", tmp_path / "many.csv"
+    assert _run(monkeypatch, "2.5", "--period", "30", "-o", str(few)) == 0
+    assert _run(monkeypatch, "2.5", "--period", "30", "--zones", "-o", str(many)) == 0
+    columns = [set(path.read_text().splitlines()[3].split(",")) for path in (few, many)]
+    assert columns[0] < columns[1]
+    assert len([name for name in columns[1] if name.endswith("_degC")]) > 48

@@ -12,6 +12,7 @@ from ambient_model import __version__
 from ambient_model.faults import Refused
 
 COMMANDS = {
+    "calibrate-phone": "calibrate_phone",
     "compare": "compare",
     "demo": "demo",
     "evaluate": "evaluate",

@@ -24,13 +24,14 @@ _PATIENCE_S = 1.0
     show_default=True,
     help="Seconds between samples.",
 )
+@click.option("--zones", is_flag=True, help="All of the phone's zones, about 50, not only the thesis's five sensors.")
 @click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The trace; .gz compresses it.")
-def command(scenario: str, seed: int, period_s: float, output: str) -> None:
+def command(scenario: str, seed: int, period_s: float, zones: bool, output: str) -> None:
     """Write what a simulated phone would log in SCENARIO: 1, 2.1 to 2.5, 3, 4 or 5 of the thesis.
 
     The same SCENARIO, seed and period give the same file.
     """
-    from ambient_trainer.simulation.phone import simulate  # scipy: --help should not wait for it
+    from ambient_trainer.simulation.phone import simulate, simulate_zones  # scipy: --help should not wait for it
     from ambient_trainer.traces.trace import save_trace
 
     console = Console(stderr=True, highlight=False)
@@ -42,6 +43,6 @@ def command(scenario: str, seed: int, period_s: float, output: str) -> None:
             visible = time.monotonic() - started_s > _PATIENCE_S
             bar.update(task, completed=done, total=total, visible=visible)
 
-        trace = simulate(scenario, seed, period_s, show)
+        trace = (simulate_zones if zones else simulate)(scenario, seed, period_s, show)
     save_trace(output, trace)
     click.echo(f"wrote {output}: {len(trace.time_s)} simulated samples, one every {period_s:g} s")

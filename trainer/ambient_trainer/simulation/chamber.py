@@ -1,4 +1,4 @@
-"""The chamber's air: it follows the set point at a limited rate, and wobbles slowly about it."""
+"""The chamber's air: it follows the set point at a limited rate, settles behind it, and swings slowly about it."""
 
 from __future__ import annotations
 
@@ -8,25 +8,43 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from ambient_trainer.simulation.constants import CHAMBER_RAMP_K_S, CHAMBER_WOBBLE_DEGC, CHAMBER_WOBBLE_S
+from ambient_trainer.simulation import constants as c
+from ambient_trainer.simulation.device import Chamber
 
 Array = NDArray[np.float64]
 
 
-def ramped(set_point_degC: Array, period_s: float) -> Array:
+def ramped(set_point_degC: Array, period_s: float, chamber: Chamber) -> Array:
     """The air's mean temperature where ``set_point_degC``, shape (n,), is asked for; it starts settled."""
-    reach = CHAMBER_RAMP_K_S * period_s
-    air = float(set_point_degC[0])
-    result = np.empty_like(set_point_degC)
+    up, down = chamber.heating_K_min / 60.0 * period_s, chamber.cooling_K_min / 60.0 * period_s
+    now = float(set_point_degC[0])
+    ramp = np.empty_like(set_point_degC)
     for index, wanted in enumerate(set_point_degC.tolist()):
-        result[index] = air
-        air += min(max(wanted - air, -reach), reach)
-    return result
+        ramp[index] = now
+        now += min(max(wanted - now, -down), up)
+    return lagged(ramp, c.CHAMBER_SETTLING_S, period_s)
 
 
-def wobble(count: int, period_s: float, random: np.random.Generator) -> Array:
-    """Stationary first-order noise in K, shape (count,), whose statistics do not depend on the period."""
-    kept = math.exp(-period_s / CHAMBER_WOBBLE_S)
-    white = CHAMBER_WOBBLE_DEGC * random.standard_normal(count)
+def wobble(count: int, period_s: float, chamber: Chamber, random: np.random.Generator) -> Array:
+    """The swing of the controller, from a random phase on, and draughts, in K, shape (count,)."""
+    phase = random.uniform(0.0, 2.0 * math.pi)
+    swing = np.sin(2.0 * math.pi / c.CHAMBER_WOBBLE_PERIOD_S * period_s * np.arange(count) + phase)
+    return chamber.wobble_degC * swing + c.CHAMBER_DRAUGHT_DEGC * coloured(count, period_s, c.CHAMBER_DRAUGHT_S, random)
+
+
+def coloured(count: int, period_s: float, memory_s: float, random: np.random.Generator) -> Array:
+    """Stationary first-order noise of unit variance, shape (count,); its statistics do not depend on the period."""
+    kept = math.exp(-period_s / memory_s)
+    white = random.standard_normal(count)
     white[1:] *= math.sqrt(1.0 - kept * kept)
     return np.asarray(lfilter([1.0], [1.0, -kept], white))
+
+
+def lagged(values: Array, lag_s: float, period_s: float) -> Array:
+    """``values``, shape (..., n), behind a first-order lag: exact where they run straight between samples."""
+    ratio = period_s / lag_s
+    kept = math.exp(-ratio)
+    gained = (1.0 - kept) / ratio
+    start = gained * values[..., :1]  # settled
+    result, _ = lfilter([1.0 - gained, gained - kept], [1.0, -kept], values, zi=start)
+    return np.asarray(result)

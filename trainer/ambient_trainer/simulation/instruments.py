@@ -1,4 +1,4 @@
-"""What instruments add to true temperatures: noise, calibration, rounding. Their lag is part of the heat balance."""
+"""What instruments make of true temperatures: lag, noise, calibration, rounding."""
 
 from __future__ import annotations
 
@@ -6,18 +6,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.simulation import constants as c
+from ambient_trainer.simulation.chamber import lagged
+from ambient_trainer.simulation.device import Phone
+from ambient_trainer.simulation.zones import Zone, weights
 
 Array = NDArray[np.float64]
 
 
-def sensor_reading(lagged_degC: Array, random: np.random.Generator) -> Array:
-    """What a sensor of the phone reports, shape (n,)."""
-    return np.round(lagged_degC + c.SENSOR_NOISE_DEGC * random.standard_normal(len(lagged_degC)), c.SENSOR_DIGITS)
+def felt(zone: Zone, phone: Phone, nodes_degC: Array, period_s: float) -> Array:
+    """What a zone's sensor has itself as temperature, shape (n,), from the nodes', shape (n, nodes)."""
+    share = phone.share.get(zone.name, 0.0) if zone.share is None else zone.share
+    return lagged(nodes_degC @ np.array(weights(zone, share)), zone.lag_s, period_s)
 
 
-def probe_reading(lagged_degC: Array, random: np.random.Generator) -> Array:
+def zone_reading(zone: Zone, felt_degC: Array, random: np.random.Generator) -> Array:
+    """What the zone reports, shape (n,)."""
+    noisy = felt_degC + zone.offset_degC + zone.noise_degC * random.standard_normal(len(felt_degC))
+    return np.round(np.round(noisy / zone.step_degC) * zone.step_degC, 6)
+
+
+def probe_reading(air_degC: Array, period_s: float, random: np.random.Generator) -> Array:
     """The mean of the probes in the air, each with its own constant calibration error, shape (n,)."""
     calibration = c.PROBE_CALIBRATION_DEGC * random.standard_normal(c.PROBES)
-    noise = c.PROBE_NOISE_DEGC * random.standard_normal((len(lagged_degC), c.PROBES))
-    mean: Array = lagged_degC + (calibration + noise).mean(axis=1)
+    noise = c.PROBE_NOISE_DEGC * random.standard_normal((len(air_degC), c.PROBES))
+    mean: Array = lagged(air_degC, c.PROBE_LAG_S, period_s) + (calibration + noise).mean(axis=1)
     return np.round(mean, c.PROBE_DIGITS)

@@ -26,12 +26,19 @@ class Scenario(Strict):
     """The steps one after the other; a change of the set point takes its time within the step that asks for it."""
 
     about: str
+    before: tuple[Step, ...] = ()
+    """What phone and chamber went through before the recording, which begins with ``steps``."""
     steps: Annotated[tuple[Step, ...], Field(min_length=1)]
 
     @property
     def duration_s(self) -> float:
-        """The length of the whole."""
+        """The length of the recording."""
         return 60.0 * sum(step.duration_min for step in self.steps)
+
+    @property
+    def before_s(self) -> float:
+        """The length of what came before it."""
+        return 60.0 * sum(step.duration_min for step in self.before)
 
 
 def scenario_names() -> tuple[str, ...]:

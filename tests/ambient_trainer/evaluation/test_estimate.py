@@ -1,0 +1,104 @@
+"""Estimates over whole arrays are the device's, sample by sample, to 1e-9 degC."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_model.model import Discrete, Estimator, Input
+from ambient_model.tracking import Tracker
+from ambient_trainer.circuits.assemble import StateSpace
+from ambient_trainer.evaluation.estimate import estimate_degC, states
+from ambient_trainer.identify.discretise import first_order_hold
+from ambient_trainer.traces.trace import Array, Trace
+
+INPUTS = ("usb_degC", "battery_degC")
+SYSTEM = StateSpace(
+    A=np.array([[-0.02, 0.01], [0.001, -0.003]]),
+    B=np.array([[0.01, 0.0], [0.0, 0.002]]),
+    C=np.array([[-0.4, 0.9]]),
+    D=np.array([[0.3, 0.2]]),
+    offset=np.array([-1.5]),
+)
+
+
+def by_tracker(system: StateSpace, trace: Trace, period_s: float) -> Array:
+    found = first_order_hold(system, period_s)
+    discrete = Discrete(period_s, *(tuple(map(tuple, each.tolist())) for each in (found.A, found.B, found.C, found.D)))
+    estimator = Estimator(
+        inputs=tuple(Input(name.removesuffix("_degC"), "degC", "", -1e9, 1e9) for name in INPUTS),
+        states=("fast", "slow"),
+        discrete=(discrete,),
+        offset=float(system.offset[0]),
+        initial=tuple(map(tuple, (-np.linalg.solve(system.A, system.B)).tolist())),
+        interval={90: (0.0, 0.0)},
+    )
+    tracker = Tracker(estimator, discrete)
+    rows = zip(*(trace.columns[name].tolist() for name in INPUTS))
+    readings = [[None if value != value else value for value in row] for row in rows]
+    said = [tracker.update(now, row).ambient_degC for now, row in zip(trace.time_s.tolist(), readings)]
+    return np.array(said, dtype=float)
+
+
+@pytest.mark.parametrize("period_s", [0.1, 1.0, 10.0])
+def test_a_whole_trace(trace_of: Callable[..., Trace], period_s: float) -> None:
+    trace = trace_of(5000, period_s=period_s)
+    found = estimate_degC(SYSTEM, "first-order", INPUTS, trace)
+    np.testing.assert_allclose(found, by_tracker(SYSTEM, trace, period_s), rtol=0, atol=1e-9)
+
+
+def test_gaps_and_missing_values(trace_of: Callable[..., Trace]) -> None:
+    trace = trace_of(600)
+    usb = trace.columns["usb_degC"].copy()
+    usb[[0, 50, 51, 200]] = np.nan
+    usb[300:360] = np.nan
+    holes = replace(trace, columns={**trace.columns, "usb_degC": usb})
+    kept = np.delete(np.arange(600), [100, 101, *range(400, 480)])
+    gaps = replace(holes, time_s=holes.time_s[kept], columns={k: v[kept] for k, v in holes.columns.items()})
+    for each in (holes, gaps):
+        found = estimate_degC(SYSTEM, "first-order", INPUTS, each)
+        np.testing.assert_allclose(found, by_tracker(SYSTEM, each, 1.0), rtol=0, atol=1e-9)
+        assert np.isnan(found[0])
+        assert np.isfinite(found[50])
+
+
+@given(
+    st.integers(0, 3),
+    st.integers(1, 70),
+    st.floats(-1.05, 1.05),
+    st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=200, deadline=None)
+def test_states_are_the_recursion(n: int, count: int, radius: float, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    A = random.normal(size=(n, n))
+    A *= radius / max(np.abs(np.linalg.eigvals(A)).max(initial=0), 1e-9)
+    drive, start = random.normal(size=(n, count)), random.normal(size=n)
+    wanted = [start]
+    for k in range(count - 1):
+        wanted.append(A @ wanted[-1] + drive[:, k])
+    scale = max(np.abs(wanted).max(initial=0), 1)
+    np.testing.assert_allclose(states(A, drive, start), np.array(wanted).T, rtol=0, atol=1e-11 * scale)
+
+
+def test_an_unstable_system_ends_in_no_estimate(trace_of: Callable[..., Trace]) -> None:
+    """One mode grows by e in two seconds; a decoupled one and the samples before it diverges are untouched."""
+    growing = replace(SYSTEM, A=np.diag([0.5, -0.01]), C=np.array([[1.0, 0.5]]))
+    trace = trace_of(4000)
+    found = estimate_degC(growing, "first-order", INPUTS, trace)
+    told = np.isfinite(found)
+    first = int(np.argmin(told))
+    assert 20 < first < 100
+    assert not told[first:].any()
+    np.testing.assert_allclose(found[:first], by_tracker(growing, trace.cut(None, float(first)), 1.0), rtol=1e-9)
+
+
+def test_a_missing_column_is_named(trace_of: Callable[..., Trace]) -> None:
+    with pytest.raises(Refused, match="no column 'flash_degC'"):
+        estimate_degC(SYSTEM, "first-order", ("flash_degC", "usb_degC"), trace_of(10))

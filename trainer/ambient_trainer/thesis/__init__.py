@@ -1,0 +1,1 @@
+"""The thesis's ten models, its published parameters and results, and its errata, computed."""
