@@ -1,14 +1,10 @@
 """Any valid model, for hypothesis: ``st.from_type(Model)`` and ``st.from_type(Estimator)``."""
 
 import pytest
-from hypothesis import settings
 from hypothesis import strategies as st
 
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Matrix, Model
-
-settings.register_profile("fixed", derandomize=True, deadline=None, database=None)
-settings.load_profile("fixed")
 
 PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
 

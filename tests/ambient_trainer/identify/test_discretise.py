@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
@@ -97,7 +97,6 @@ def _markov(discrete, count):
 
 
 @given(stable_systems(), st.sampled_from([0.1, 0.5, 1.0, 10.0]))
-@settings(deadline=None)
 def test_its_response_is_that_of_scipy(system, period_s):
     for hold, ours in (("zoh", zero_order_hold), ("foh", first_order_hold)):
         A, B, C, D, _ = cont2discrete((system.A, system.B, system.C, system.D), period_s, method=hold)
@@ -107,7 +106,6 @@ def test_its_response_is_that_of_scipy(system, period_s):
 
 
 @given(stable_systems())
-@settings(deadline=None)
 def test_one_equilibrium_serves_every_period_and_hold(system):
     X0 = -np.linalg.solve(system.A, system.B)
     gain = system.D + system.C @ X0
@@ -120,7 +118,6 @@ def test_one_equilibrium_serves_every_period_and_hold(system):
 
 
 @given(stable_systems(), st.sampled_from([0.1, 1.0, 10.0]), st.sampled_from(["zero-order", "first-order"]))
-@settings(deadline=None)
 def test_slopes_are_those_of_differences(system, period_s, hold):
     random = np.random.default_rng(7)
     # along the last direction A stands still

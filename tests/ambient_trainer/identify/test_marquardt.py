@@ -151,7 +151,7 @@ def test_a_start_at_the_minimum_is_settled_at_once():
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 5))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_it_never_leaves_the_box_and_never_ends_worse(seed, count):
     random = np.random.default_rng(seed)
     W, v = random.normal(size=(count + 3, count)), random.normal(size=count + 3)

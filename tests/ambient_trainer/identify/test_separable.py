@@ -46,7 +46,7 @@ def _differences(residual, theta, h=1e-4):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_without_bounds_it_is_ordinary_least_squares(seed):
     at, theta = _problem(seed), np.array([0.3, -0.8])
     found = project(at(theta), _unknowns(3))
@@ -62,7 +62,7 @@ def test_without_bounds_it_is_ordinary_least_squares(seed):
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_within_bounds_it_is_that_of_scipy(seed):
     at, theta = _problem(seed), np.array([0.3, -0.8])
     here, bounds = at(theta), _unknowns(3, 0.0, 0.1)

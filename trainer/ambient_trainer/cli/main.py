@@ -17,7 +17,9 @@ COMMANDS = {
     "demo": "demo",
     "evaluate": "evaluate",
     "fit": "fit",
+    "identifiability": "identifiability",
     "import": "import_",
+    "reproduce": "reproduce",
     "simulate": "simulate",
 }
 

@@ -50,6 +50,14 @@ Progress = Callable[[int, int, float], None]
 """Called after each evaluation with the start's number, the evaluation's, and the best sum of squares so far."""
 
 
+def search_whole(structure: Structure, starts: int, seed: int, progress: Progress | None = None) -> SearchResult:
+    """As :func:`search`, for those who have no use for a part of it: Ctrl-C is a KeyboardInterrupt."""
+    result = search(structure, starts, seed, progress)
+    if result.stopped:
+        raise KeyboardInterrupt
+    return result
+
+
 def search(structure: Structure, starts: int, seed: int, progress: Progress | None = None) -> SearchResult:
     """Search from the initial values and ``starts`` - 1 random ones; Ctrl-C returns the best so far."""
     random = np.random.default_rng(seed)

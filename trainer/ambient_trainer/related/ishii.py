@@ -33,7 +33,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.identify.search import search
+from ambient_trainer.identify.search import search_whole
 from ambient_trainer.related.first_order import lagged
 from ambient_trainer.related.ratios import FirstOrderRatios
 from ambient_trainer.related.samples import estimated, training_samples
@@ -79,7 +79,7 @@ def fit(training: Trace) -> TransferFunctions:
     found = segments(training, SENSORS, (REFERENCE,))
     structure = FirstOrderRatios([replace(each, inputs=separation @ each.inputs) for each in found], _SIGNS)
     with threadpool_limits(1):
-        best = search(structure, _STARTS, _SEED).best
+        best = search_whole(structure, _STARTS, _SEED).best
     direct, gain = best.beta[:-1].reshape(2, -1)
     return TransferFunctions(separation, direct, gain, np.exp(best.theta), float(best.beta[-1]))
 

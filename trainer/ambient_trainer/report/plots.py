@@ -106,6 +106,15 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     return figure
 
 
+def with_legend_above(figure: go.Figure) -> go.Figure:
+    """``figure``, of one panel, with its legend in rows above it and no buttons there: narrow screens have no room."""
+    figure.update_layout(
+        legend={"orientation": "h", "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
+        modebar={"remove": ["zoom", "pan", "zoomIn", "zoomOut", "autoScale", "resetScale", "toImage"]},
+    )
+    return figure
+
+
 def to_markup(figure: go.Figure, identity: str) -> Markup:
     """``figure`` as an element with the id ``identity``, for a page that has loaded plotly's script."""
     config = {

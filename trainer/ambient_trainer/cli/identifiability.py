@@ -1,0 +1,115 @@
+"""``ambient-trainer identifiability``: what a trace can and cannot tell of a circuit's parameters."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterator
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+from rich.text import Text
+
+from ambient_model.atomic import replacing
+from ambient_model.faults import refuse
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.identify.fit import Effort, free_order
+from ambient_trainer.identify.identifiability import Progress, identifiability
+from ambient_trainer.identify.told import as_json, parameter_table, said, start_table
+from ambient_trainer.report.table import for_terminal
+from ambient_trainer.traces.trace import load_trace
+
+_WIDTH_OF_A_FILE = 120
+
+
+@click.command("identifiability")
+@click.argument("trace_path", metavar="TRACE")
+@click.option("--circuit", "name", required=True, metavar="NAME|FILE", help="A shipped circuit or a .yaml file.")
+@click.option(
+    "--fix",
+    "fixes",
+    multiple=True,
+    metavar="NAME[=VALUE]",
+    help="Hold a parameter, where no value is given at the one of the fit. May be given several times.",
+)
+@click.option(
+    "--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="Search from so many places."
+)
+@click.option(
+    "--replicates",
+    type=click.IntRange(0, 1000),
+    default=20,
+    show_default=True,
+    help="Fit the circuit's own output so many times with noise of its own.",
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of places and noise.")
+@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
+@click.option(
+    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: the trace's own)."
+)
+@click.option("--json", "json_path", metavar="OUT", help="Write what was found to this file as JSON.")
+def command(
+    trace_path: str,
+    name: str,
+    fixes: tuple[str, ...],
+    starts: int,
+    replicates: int,
+    seed: int,
+    from_s: float | None,
+    to_s: float | None,
+    period_s: float | None,
+    json_path: str | None,
+) -> None:
+    """Fit a circuit to TRACE and test whether its parameters can be told from its inputs and output at all.
+
+    First as the thesis does it: fit the circuit's own output from many starts, and see whether another parameter set
+    explains it. Then by what no start can miss: the directions along which the output never changes, and how far each
+    parameter may stray before this trace's noise excludes it.
+    """
+    if free_order(name) is not None:
+        raise refuse("--circuit", "", f"{name} has no parameters that mean anything", "name a thermal circuit")
+    fixed = dict(_fix(each) for each in fixes)
+    circuit = load_circuit(name)
+    trace = load_trace(trace_path).cut(from_s, to_s)
+    with _bar() as progress:
+        found = identifiability(circuit, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _WIDTH_OF_A_FILE
+    console.print(for_terminal(start_table(found)))
+    console.print(for_terminal(parameter_table(found)))
+    for line in said(found):
+        console.print(Text(line), soft_wrap=True)
+    if json_path is not None:
+        with replacing(json_path) as stream:
+            json.dump(as_json(found), stream, indent=1, allow_nan=False)
+            stream.write("\n")
+        click.echo(f"Figures: {json_path}")
+
+
+@contextlib.contextmanager
+def _bar() -> Iterator[Progress]:
+    console = Console(stderr=True)
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+
+
+def _fix(text: str) -> tuple[str, float | None]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        return name, None
+    try:
+        return name, float(value)
+    except ValueError:
+        raise click.UsageError(f"--fix {text!r}: write NAME or NAME=VALUE, such as C_flash=12") from None

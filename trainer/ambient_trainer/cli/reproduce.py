@@ -1,0 +1,81 @@
+"""``ambient-trainer reproduce``: the thesis's evaluation on a simulated phone, beside what the thesis published."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterator, Sequence
+
+import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
+
+from ambient_model.atomic import replacing
+from ambient_trainer.report.table import for_terminal
+from ambient_trainer.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
+from ambient_trainer.reproduce.runs import Progress as Told
+from ambient_trainer.reproduce.tables import overview_table, scenario_tables
+from ambient_trainer.thesis.errata import Erratum
+from ambient_trainer.thesis.published import published_results
+
+_WIDTH_OF_A_FILE = 140
+
+
+@click.command("reproduce")
+@click.option("--json", "json_path", metavar="OUT", help="Write every figure to this file as JSON.")
+@click.option("--report", "report_folder", metavar="DIR", help="Write a page with tables and plots into this folder.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Another one, other weather.")
+def command(json_path: str | None, report_folder: str | None, seed: int) -> None:
+    """Train the thesis's models and its related methods on a simulated phone, and score them in every scenario.
+
+    Prints the thesis's tables 5.1 to 5.12 with the published figures beside the simulated ones, and what is not alike.
+    """
+    with _bar() as progress:
+        found = reproduce(seed, all_methods, published_results(), progress)
+        errata = errata_of(found.runs, progress) if json_path or report_folder else []
+        progress("drawing the report", 0, 1)
+        page = _page(found, errata) if report_folder else ""
+    _show(found)
+    if json_path:
+        with replacing(json_path) as stream:
+            json.dump(as_json(found, errata), stream, indent=1, allow_nan=False)
+            stream.write("\n")
+        click.echo(f"Figures: {json_path}")
+    if report_folder:
+        from ambient_trainer.report.page import write_report
+
+        click.echo(f"Report: {write_report(report_folder, page)}")
+
+
+@contextlib.contextmanager
+def _bar() -> Iterator[Told]:
+    console = Console(stderr=True)
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+
+
+def _page(found: Reproduction, errata: Sequence[Erratum]) -> str:
+    # plotly takes half a second to import: only a report should wait for it
+    from ambient_trainer.reproduce.page import reproduction_page
+
+    return reproduction_page(found, errata)
+
+
+def _show(found: Reproduction) -> None:
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = _WIDTH_OF_A_FILE
+    for each in scenario_tables(found.evaluated.rows):
+        console.rule(Text(each.title, style="bold"), align="left")
+        console.print(for_terminal(each.errors))
+        console.print(for_terminal(each.intervals))
+    console.rule(Text("Every method, every variant (simulated)", style="bold"), align="left")
+    console.print(for_terminal(overview_table(found.evaluated.rows)))
+    console.print(Text(found.verdict.headline, style="bold"))
+    if found.verdict.shortfalls:
+        console.print("Not as in the thesis:")
+    for line in found.verdict.shortfalls:
+        console.print(Text(f"- {line}"), soft_wrap=True)
