@@ -1,0 +1,243 @@
+"""Android, as far as that goes without one: init's command runs, the policy compiles, the module holds and starts."""
+
+import json
+import os
+import re
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+ANDROID = DEPLOY / "android"
+
+# What of Android's policy the daemon's own names: classes, attributes and types, under a minimal MLS policy.
+BEFORE = """
+class process class file class dir class lnk_file class sock_file class unix_stream_socket
+sid kernel
+common file { getattr setattr open read write execute map create rename unlink }
+class process { transition siginh rlimitinh noatsecure }
+class file inherits file { entrypoint }
+class dir inherits file { search add_name remove_name }
+class lnk_file inherits file
+class sock_file inherits file
+class unix_stream_socket { create bind listen accept connect connectto getattr getopt setopt read write }
+sensitivity s0;
+dominance { s0 }
+category c0;
+level s0:c0;
+mlsconstrain file read (l1 dom l2);
+attribute domain; attribute exec_type; attribute vendor_file_type; attribute file_type;
+type init, domain; type hal_thermal_default, domain;
+type vendor_file, vendor_file_type, file_type; type sysfs; type sysfs_thermal; type sysfs_batteryinfo; type device;
+"""
+AFTER = """
+neverallow ambientd self:process transition;
+neverallow { domain -ambientd } ambientd_run:file write;
+role r;
+role r types domain;
+user u roles r level s0 range s0 - s0:c0;
+sid kernel u:r:init:s0
+"""
+
+
+@pytest.fixture
+def compiled(tmp_path):
+    """Compile the daemon's policy with what Android's gives it."""
+    if shutil.which("checkpolicy") is None:
+        pytest.skip("checkpolicy is not installed")
+
+    def run(policy):
+        (tmp_path / "policy.conf").write_text(BEFORE + policy + AFTER)
+        call = ["checkpolicy", "-M", "-E", "-o", str(tmp_path / "policy"), str(tmp_path / "policy.conf")]
+        return subprocess.run(call, capture_output=True, text=True, timeout=60)
+
+    return run
+
+
+def test_the_policy_compiles(compiled):
+    done = compiled((ANDROID / "ambientd.te").read_text())
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        "allow ambientd sysfs_thermal:file { reed };",
+        "allow init ambientd_run:file write;",
+        "allow ambientd nothing:dir read;",
+    ],
+)
+def test_a_mistake_in_the_policy_is_found(compiled, mistake):
+    """The test of the policy can fail."""
+    assert compiled((ANDROID / "ambientd.te").read_text() + mistake).returncode != 0
+
+
+def test_the_labels_are_types_of_the_policy(compiled, tmp_path):
+    program = shutil.which("sefcontext_compile", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
+    if program is None:
+        pytest.skip("sefcontext_compile is not installed")
+    assert compiled((ANDROID / "ambientd.te").read_text()).returncode == 0
+    call = [program, "-p", str(tmp_path / "policy"), "-o", str(tmp_path / "bin"), str(ANDROID / "file_contexts")]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def service():
+    """The words of init's service line, and its options by their first word."""
+    lines = (ANDROID / "ambientd.rc").read_text().splitlines()
+    start = next(number for number, line in enumerate(lines) if line.startswith("service "))
+    options = [line.split(maxsplit=1) for line in lines[start + 1 :]]
+    return lines[start].split()[2:], dict(options)
+
+
+def test_what_is_labelled_is_what_init_makes_and_starts():
+    words, options = service()
+    assert options == {"class": "main", "user": "system", "group": "system"}
+    labels = [line.split() for line in (ANDROID / "file_contexts").read_text().splitlines()]
+    named = {context: pattern for pattern, context in labels}
+    assert re.fullmatch(named["u:object_r:ambientd_exec:s0"], words[0])
+    made = re.findall(r"^    mkdir (\S+) 0755 system system$", (ANDROID / "ambientd.rc").read_text(), re.MULTILINE)
+    assert made == ["/dev/ambientd"]
+    publish = json.loads((ANDROID / "ambientd.json").read_text())["publish"]
+    for target in (made[0], *(each.partition(":")[2] for each in publish)):
+        assert re.fullmatch(named["u:object_r:ambientd_run:s0"], target)
+
+
+def laid_out(folder, run, zipapp, model_file):
+    """The files that an integrator puts beside each other, publishing under ``run``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "bin").mkdir()
+    (folder / "bin" / "python3").symlink_to(sys.executable)
+    shutil.copy(zipapp, folder / "ambientd.pyz")
+    shutil.copy(model_file, folder / "model.json")
+    (folder / "ambientd.json").write_text((ANDROID / "ambientd.json").read_text().replace("/dev/ambientd", str(run)))
+
+
+def test_the_service_line_runs(zipapp, model_file, phone, spawn, until, tmp_path):
+    """Init's own words, with the folders of a phone moved under the test's."""
+    run = tmp_path / "run"
+    run.mkdir()
+    laid_out(tmp_path / "vendor", run, zipapp, model_file)
+    words = [word.replace("/vendor/ambientd", str(tmp_path / "vendor")) for word in service()[0]]
+    daemon = spawn([*words, "--sysfs-root", str(phone)], env={}, cwd="/")
+    until(lambda: (run / "ambient_temp").exists())
+    assert (run / "ambient_temp").read_text() == "23000\n"
+    assert stat.S_ISSOCK((run / "ambient.sock").stat().st_mode)
+    daemon.terminate()
+    assert daemon.wait(timeout=20) == 0
+    assert os.listdir(run) == []
+
+
+@pytest.fixture(scope="module")
+def module(build, tmp_path_factory):
+    path = tmp_path_factory.mktemp("magisk") / "ambientd-magisk.zip"
+    done = build("build_magisk.py", "-o", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    return path
+
+
+def test_two_modules_are_the_same_bytes_and_hold_the_same_daemon(module, build, zipapp, tmp_path):
+    assert build("build_magisk.py", "-o", tmp_path / "again.zip").returncode == 0
+    assert (tmp_path / "again.zip").read_bytes() == module.read_bytes()
+    with zipfile.ZipFile(module) as archive:
+        assert archive.read("ambientd.pyz") == zipapp.read_bytes()
+        assert sorted(archive.namelist()) == [
+            "META-INF/com/google/android/update-binary",
+            "META-INF/com/google/android/updater-script",
+            *("ambientd.json", "ambientd.pyz", "customize.sh", "module.prop", "service.sh"),
+        ]
+
+
+def test_its_properties_are_as_magisk_wants_them(module):
+    from ambient_model import __version__
+
+    with zipfile.ZipFile(module) as archive:
+        text = archive.read("module.prop").decode()
+        assert archive.read("META-INF/com/google/android/updater-script") == b"#MAGISK\n"
+    properties = dict(line.split("=", 1) for line in text.splitlines())
+    assert list(properties) == ["id", "name", "version", "versionCode", "author", "description"]
+    assert re.fullmatch(r"[a-zA-Z][a-zA-Z0-9._-]+", properties["id"])
+    assert properties["version"] == __version__
+    assert int(properties["versionCode"]) > 0
+    assert "\r" not in text
+
+
+@pytest.mark.parametrize("shell", ["sh", "mksh"])
+def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
+    shell, module, model_file, phone, spawn, until, children, tmp_path
+):
+    """Unpacked and started as Magisk does, by Debian's shell and by Android's; the daemon is killed once."""
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    installed, settings, run = tmp_path / "module", tmp_path / "settings", tmp_path / "run"
+    with zipfile.ZipFile(module) as archive:
+        archive.extractall(installed)
+    laid_out(settings / "python", run, installed / "ambientd.pyz", model_file)
+    for name in ("model.json", "ambientd.json"):
+        (settings / "python" / name).rename(settings / name)
+    configuration = json.loads((settings / "ambientd.json").read_text())
+    (settings / "ambientd.json").write_text(json.dumps({**configuration, "sysfs_root": str(phone)}))
+    moved = {"AMBIENTD_SETTINGS": str(settings), "AMBIENTD_RUN": str(run), "AMBIENTD_PAUSE_S": "0.1"}
+    keeper = spawn([shell, str(installed / "service.sh")], env={"PATH": os.environ["PATH"], **moved})
+    published = run / "ambient_temp"
+    until(published.exists)
+    assert published.read_text() == "23000\n"
+
+    def daemon():
+        return [number for number, command in children(keeper.pid).items() if "ambientd.pyz run" in command]
+
+    (first,) = daemon()
+    os.kill(first, signal.SIGKILL)
+    until(lambda: daemon() not in ([first], []), "it was not started again")
+    until(lambda: "ambientd: model 'phone'" in (run / "log").read_text())
+    (installed / "disable").touch()
+    (second,) = daemon()
+    os.kill(second, signal.SIGTERM)
+    assert keeper.wait(timeout=20) == 0
+    assert "ambientd ended with status 0" in (run / "log").read_text()
+    assert not published.exists()
+
+
+def test_the_module_without_a_python_says_so(module, spawn, until, tmp_path):
+    with zipfile.ZipFile(module) as archive:
+        archive.extractall(tmp_path / "module")
+    moved = {"AMBIENTD_SETTINGS": str(tmp_path), "AMBIENTD_RUN": str(tmp_path / "run"), "AMBIENTD_PAUSE_S": "0.1"}
+    keeper = spawn(["sh", str(tmp_path / "module/service.sh")], env={"PATH": os.environ["PATH"], **moved})
+    log = tmp_path / "run" / "log"
+    until(lambda: log.exists() and log.read_text())
+    said = f"no Python in {tmp_path}/python/bin/python3 nor in Termux; looking again in 0.1 s\n"
+    until(lambda: log.read_text() == said)
+    (tmp_path / "module" / "remove").touch()
+    assert keeper.wait(timeout=20) == 0
+
+
+def test_the_installation_keeps_the_settings_that_are_there(module, tmp_path):
+    """customize.sh, sourced as Magisk does, with its folder moved: an update changes nothing that is the user's."""
+    with zipfile.ZipFile(module) as archive:
+        archive.extractall(tmp_path / "new")
+    script = (tmp_path / "new/customize.sh").read_text().replace("/data/adb/ambientd", f"{tmp_path}/settings")
+    call = ["sh", "-euc", f'ui_print() {{ echo "$1"; }}; MODPATH={tmp_path}/new\n{script}']
+    first = subprocess.run(call, capture_output=True, text=True, timeout=20)
+    assert (first.returncode, first.stderr) == (0, "")
+    assert first.stdout == f"- copy your model to {tmp_path}/settings/model.json, then restart\n"
+    kept = tmp_path / "settings" / "ambientd.json"
+    assert kept.read_text() == (ANDROID / "ambientd.json").read_text()
+    kept.write_text("mine")
+    (tmp_path / "settings" / "model.json").write_text("mine")
+    second = subprocess.run(call, capture_output=True, text=True, timeout=20)
+    assert (second.returncode, second.stdout, kept.read_text()) == (0, "", "mine")
+
+
+def test_shellcheck_has_nothing_to_say():
+    if shutil.which("shellcheck") is None:
+        pytest.skip("shellcheck is not installed")
+    scripts = [*sorted(DEPLOY.rglob("*.sh")), DEPLOY / "magisk/META-INF/com/google/android/update-binary"]
+    assert {"emul_temp.sh", "service.sh", "customize.sh"} <= {script.name for script in scripts}
+    done = subprocess.run(["shellcheck", *scripts], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout) == (0, "")

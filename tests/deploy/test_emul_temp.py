@@ -1,0 +1,136 @@
+"""The bridge to a kernel zone, run by each shell that is here, on a fake sysfs that hears every write."""
+
+import contextlib
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parents[2] / "deploy" / "qualcomm" / "emul_temp.sh"
+
+
+def found(shell):
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    return shell
+
+
+class Zone:
+    """A kernel zone that keeps all that is written to its emul_temp."""
+
+    def __init__(self, sysfs: Path) -> None:
+        for number, kind in enumerate(["battery", "xo-therm", "quiet-therm"]):
+            folder = sysfs / f"class/thermal/thermal_zone{number}"
+            folder.mkdir(parents=True)
+            (folder / "type").write_text(f"{kind}\n")
+        os.mkfifo(folder / "emul_temp")
+        self.descriptor = os.open(folder / "emul_temp", os.O_RDWR | os.O_NONBLOCK)
+        self.heard: list[str] = []
+
+    def says(self) -> str:
+        """The newest value; "" where none was written yet."""
+        with contextlib.suppress(BlockingIOError):
+            self.heard += os.read(self.descriptor, 65536).decode().splitlines()
+        return self.heard[-1] if self.heard else ""
+
+
+@pytest.fixture
+def zone(tmp_path):
+    made = Zone(tmp_path / "sys")
+    yield made
+    os.close(made.descriptor)
+
+
+@pytest.fixture
+def bridge(tmp_path, spawn):
+    return lambda *arguments, shell="sh": spawn(
+        [shell, str(SCRIPT), *map(str, arguments)],
+        env={"PATH": os.environ["PATH"], "SYSFS_ROOT": str(tmp_path / "sys")},
+    )
+
+
+def put(path, text, age_s=0):
+    """Publish as the daemon does, by rename."""
+    part = path.with_suffix(".part")
+    part.write_text(text)
+    if age_s:
+        then = part.stat().st_mtime - age_s
+        os.utime(part, (then, then))
+    part.replace(path)
+
+
+@pytest.mark.parametrize("shell", ["sh", "mksh"])
+def test_the_zone_says_what_is_published_and_never_0(shell, bridge, zone, until, tmp_path):
+    """By Debian's shell, and by Android's."""
+    estimate = tmp_path / "ambient_temp"
+    put(estimate, "23400\n")
+    process = bridge(estimate, "quiet-therm", 60000, 0.02, shell=found(shell))
+    until(lambda: zone.says() == "23400")
+    for published, said in [
+        ("0\n", "1"),
+        ("-5000\n", "-5000"),
+        ("-0\n", "1"),
+        ("31200\n", "31200"),
+        ("000\n", "1"),
+        ("nan\n", "60000"),
+        ("26.5\n", "60000"),
+        ("31201\n", "31201"),
+        ("", "60000"),
+        ("9999999999999999999999\n", "60000"),
+        ("-32000\n", "-32000"),
+    ]:
+        put(estimate, published)
+        until(lambda said=said: zone.says() == said, f"{published!r} is not said as {said}")
+    put(estimate, "20000\n", age_s=3600)
+    until(lambda: zone.says() == "60000", "an estimate of an hour ago is still said")
+    put(estimate, "20000\n")
+    until(lambda: zone.says() == "20000")
+    estimate.unlink()
+    until(lambda: zone.says() == "60000")
+    put(estimate, "20001\n")
+    until(lambda: zone.says() == "20001")
+    process.send_signal(signal.SIGTERM)
+    said, _ = process.communicate(timeout=15)
+    assert (process.returncode, said) == (0, "")
+    assert zone.says() == "60000", "the last value is left standing"
+    assert not any(int(each) == 0 for each in zone.heard)
+
+
+def test_it_follows_the_daemon(bridge, zone, until, weather, spawn, deployed, model_file, tmp_path):
+    estimate = tmp_path / "ambient_temp"
+    run = deployed("run", "--model", model_file, "--replay", weather.trace, "--speed", "0")
+    weather.start(spawn, [*run, "--publish", f"file:{estimate}"], ambient_degC=23.0)
+    bridge(estimate, "quiet-therm", -40000, 0.02)
+    until(lambda: zone.says() == "23000")
+    weather.say(0.0)
+    until(lambda: zone.says() == "1")
+    assert weather.end() == 0
+    until(lambda: zone.says() == "-40000")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        ((), 2, "usage: emul_temp.sh ESTIMATE ZONE_TYPE MISSING_MILLIDEGC [PERIOD_S]"),
+        (("f", "quiet-therm", "0"), 2, "MISSING_MILLIDEGC is 0, which would switch the emulation off; choose another"),
+        (("f", "quiet-therm", "x"), 2, "MISSING_MILLIDEGC is 'x'; an integer in millidegrees is wanted"),
+        (("f", "quiet-therm", "60000", "0"), 2, "PERIOD_S is '0'; more than 0 is wanted"),
+        (("f", "quiet-therm", "60000", "1s"), 2, "PERIOD_S is '1s'; a number of seconds is wanted"),
+        (("f", "none", "60000"), 1, "no thermal zone of type 'none'"),
+    ],
+)
+def test_a_call_that_cannot_be_done_is_told(bridge, zone, arguments, status, message):
+    process = bridge(*arguments)
+    said, _ = process.communicate(timeout=15)
+    assert (process.returncode, said) == (status, f"emul_temp: {message}\n")
+    assert zone.says() == ""
+
+
+def test_a_kernel_without_emulation_is_told(bridge, zone, tmp_path):
+    process = bridge("f", "battery", "60000")
+    said, _ = process.communicate(timeout=15)
+    file = tmp_path / "sys/class/thermal/thermal_zone0/emul_temp"
+    mend = "be root, on a kernel with CONFIG_THERMAL_EMULATION"
+    assert (process.returncode, said) == (1, f"emul_temp: {file}: cannot be written; {mend}\n")

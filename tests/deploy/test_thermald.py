@@ -1,0 +1,92 @@
+"""The real thermald on the shipped configuration: it reads the estimate, cools above the trip point and lets go below.
+
+It runs in the foreground, on files of the test's own.
+"""
+
+import contextlib
+import os
+import shutil
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+SHIPPED = Path(__file__).resolve().parents[2] / "deploy" / "thermald" / "thermal-conf.xml"
+
+
+def test_the_trip_point_acts_on_a_sensor_and_a_device_that_are_there():
+    """Names that do not match are ignored by thermald, in silence."""
+    root = ElementTree.parse(SHIPPED).getroot()
+    assert [each.text for each in root.findall("Platform/UUID") + root.findall("Platform/ProductName")] == ["*", "*"]
+    sensors = [each.text for each in root.iterfind(".//ThermalSensors/ThermalSensor/Type")]
+    devices = [each.text for each in root.iterfind(".//CoolingDevices/CoolingDevice/Type")]
+    assert [each.text for each in root.iterfind(".//TripPoint/SensorType")] == sensors
+    assert [each.text for each in root.iterfind(".//TripPoint/CoolingDevice/type")] == devices
+    assert root.findtext(".//ThermalSensor/Path") == "/run/ambientd/ambient_temp"
+
+
+def is_running(name):
+    for command in Path("/proc").glob("[0-9]*/comm"):
+        with contextlib.suppress(OSError):  # it has ended meanwhile
+            if command.read_text() == f"{name}\n":
+                return True
+    return False
+
+
+@pytest.fixture
+def thermald(tmp_path, spawn):
+    """Start thermald, looking once a second, on the shipped configuration with ``paths`` in place of those in it."""
+    program = shutil.which("thermald", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
+    if program is None:
+        pytest.skip("thermald is not installed")
+    if os.geteuid() != 0:
+        pytest.skip("thermald runs as root only")
+    if is_running("thermald"):
+        pytest.skip("a thermald runs here already, and a second one would end at once")
+
+    def start(paths):
+        text = SHIPPED.read_text()
+        for shipped, ours in paths.items():
+            assert text.count(f"<Path>{shipped}</Path>") == 1
+            text = text.replace(shipped, str(ours))
+        (tmp_path / "conf.xml").write_text(text)
+        options = ["--no-daemon", "--loglevel=debug", "--ignore-cpuid-check", "--poll-interval=1"]
+        with (tmp_path / "log").open("w") as log:
+            return spawn([program, *options, "--config-file", str(tmp_path / "conf.xml")], stdout=log)
+
+    return start
+
+
+def test_the_cooling_device_follows_the_published_ambient(
+    thermald, weather, spawn, until, deployed, model_file, tmp_path
+):
+    published, state = tmp_path / "ambient_temp", tmp_path / "state"
+    state.write_text("0")
+    run = deployed("run", "--model", model_file, "--replay", weather.trace, "--speed", "0")
+    weather.start(spawn, [*run, "--publish", f"file:{published}"], ambient_degC=23.0)
+    until(lambda: published.exists() and published.read_text() == "23000\n", "nothing was published")
+
+    consumer = thermald({"/run/ambientd/ambient_temp": published, "/run/ambientd-cooling/state": state})
+
+    def log():
+        return (tmp_path / "log").read_text()
+
+    def level():
+        return int(state.read_text() or 0)
+
+    until(lambda: "Sensor ambient_est :temp 23000" in log(), "thermald did not read 23 degC")
+    assert level() == 0
+    weather.say(33.0)
+    until(lambda: "Sensor ambient_est :temp 33000" in log(), "thermald did not read 33 degC")
+    until(lambda: level() > 0, "it is 33 degC, and nothing cools")
+    weather.say(27.0)
+    until(lambda: level() == 0, "it is 27 degC, and the cooling goes on")
+    assert "Sensor ambient_est :temp 27000" in log()
+    assert consumer.poll() is None, "thermald ended on its own"
+    assert weather.end() == 0
+    assert not published.exists()
+    # the guide says so, and advises a poison where that is the wrong way to fail
+    until(lambda: f"sysfs read failed {published}" in log(), "thermald did not miss the file")
+    until(lambda: "Sensor ambient_est :temp 0" in log(), "thermald does not take a missing file for 0 degC any more")
+    consumer.terminate()
+    assert consumer.wait(timeout=20) == 0

@@ -1,0 +1,133 @@
+"""One file that needs nothing but an interpreter: built twice alike, and of the same opinion as the packages."""
+
+import json
+import math
+import os
+import shutil
+import stat
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run(words, **options):
+    return subprocess.run(words, capture_output=True, text=True, timeout=30, **{"env": {}, **options})
+
+
+@pytest.fixture
+def trace(tmp_path):
+    rows = [f"{k},{30 + 5 * math.sin(k / 40)!r},{28 + 2 * math.cos(k / 90)!r}" for k in range(300)]
+    rows[100] = "100,,28.0"
+    path = tmp_path / "trace.csv"
+    path.write_text("\n".join(["time_s,usb_degC,battery_degC", *rows]) + "\n")
+    return path
+
+
+def test_two_builds_are_the_same_bytes_whatever_the_clock_the_mask_and_the_folder(build, tmp_path, zipapp):
+    other = tmp_path / "deep" / "er.pyz"
+    other.parent.mkdir()
+    before = os.umask(0o077)
+    try:
+        done = build("build_zipapp.py", "-o", other)
+    finally:
+        os.umask(before)
+    assert (done.returncode, done.stdout) == (0, f"{other}: {other.stat().st_size} bytes\n")
+    assert other.read_bytes() == zipapp.read_bytes()
+    assert os.listdir(other.parent) == ["er.pyz"]
+
+
+def test_times_of_the_sources_do_not_count(tmp_path, zipapp):
+    """A copy of the checkout, with every file as new as the copy, gives the same bytes."""
+    for part in ("deploy", "shared", "daemon"):
+        shutil.copytree(ROOT / part, tmp_path / part, copy_function=shutil.copyfile)
+    shutil.copyfile(ROOT / "LICENSE", tmp_path / "LICENSE")
+    done = run([sys.executable, "-I", str(tmp_path / "deploy" / "build_zipapp.py"), "-o", str(tmp_path / "copy.pyz")])
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "copy.pyz").read_bytes() == zipapp.read_bytes()
+
+
+def test_it_holds_the_daemon_and_the_model_and_nothing_else(zipapp):
+    with zipfile.ZipFile(zipapp) as archive:
+        assert archive.testzip() is None
+        names = archive.namelist()
+        assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+    assert names == sorted(names)
+    assert {name.split("/")[0] for name in names} == {"LICENSE", "__main__.py", "ambient_model", "ambientd"}
+    on_disk = {
+        str(path.relative_to(folder)) for folder in (ROOT / "shared", ROOT / "daemon") for path in folder.rglob("*.py")
+    }
+    assert set(names) - {"LICENSE", "__main__.py"} == on_disk
+
+
+def test_it_checks_a_model_and_knows_nothing_of_installed_packages(deployed, tmp_path, model_file):
+    done = run(deployed("check", "--model", model_file), cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "conformance  passed" in done.stdout
+    seen = run([sys.executable, "-I", "-S", "-c", "import ambientd"])
+    assert "No module named 'ambientd'" in seen.stderr, "the test would otherwise try the packages, not the file"
+
+
+def test_a_replay_is_the_packages_own_to_the_last_byte(deployed, trace, tmp_path, model_file):
+    done = run(deployed("replay", model_file, trace, "-o", tmp_path / "file.csv"))
+    assert (done.returncode, done.stderr, done.stdout) == (0, "", f"{tmp_path}/file.csv: 300 estimates\n")
+    module = [
+        sys.executable,
+        "-m",
+        "ambientd",
+        "replay",
+        str(model_file),
+        str(trace),
+        "-o",
+        str(tmp_path / "module.csv"),
+    ]
+    assert run(module, env=None).returncode == 0
+    assert (tmp_path / "file.csv").read_bytes() == (tmp_path / "module.csv").read_bytes()
+
+
+def test_it_runs_on_a_replay_and_says_what_the_packages_say(deployed, trace, model_file):
+    arguments = ["run", "--model", str(model_file), "--replay", str(trace), "--speed", "0"]
+    done = run(deployed(*arguments))
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) == 300
+    assert json.loads(done.stdout.splitlines()[0])["status"] == "warming_up"
+    assert done.stdout == run([sys.executable, "-m", "ambientd", *arguments], env=None).stdout
+
+
+def test_a_yaml_configuration_is_refused_with_the_way_out(deployed, tmp_path, model_file):
+    (tmp_path / "ambientd.yaml").write_text(f"model: {model_file}\n")
+    done = run(deployed("run", "--config", tmp_path / "ambientd.yaml"))
+    assert done.returncode == 1
+    assert "or write the same keys as JSON into a file that ends with .json" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_file_runs_by_its_own_name(build, tmp_path, model_file):
+    """The first line isolates the interpreter: a module of the same name in PYTHONPATH does not get in."""
+    python = os.path.realpath(sys.executable)
+    path = tmp_path / "ambientd.pyz"
+    assert build("build_zipapp.py", "-o", path, "--python", python).returncode == 0
+    assert stat.S_IMODE(path.stat().st_mode) & 0o111 == 0o111
+    assert path.read_bytes().splitlines()[0] == f"#!{python} -IS".encode()
+    (tmp_path / "json.py").write_text("raise SystemExit('not isolated')")
+    done = run([str(path), "check", "--model", str(model_file)], env={"PYTHONPATH": str(tmp_path)}, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["--python", "python3"], 2, "argument --python: 'python3' is no absolute path without spaces"),
+        (["--python", "/opt/my python"], 2, "argument --python: '/opt/my python' is no absolute path without spaces"),
+        (["-o", "/none/ambientd.pyz"], 1, "No such file or directory"),
+    ],
+)
+def test_a_call_that_cannot_be_done_is_told(build, arguments, status, message):
+    done = build("build_zipapp.py", *arguments)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
