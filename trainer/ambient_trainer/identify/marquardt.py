@@ -21,6 +21,7 @@ _SHORT = 1e-5
 _SMALLEST_GAIN = 1e-10
 _SMALLEST_STEP = 1e-9
 _STUCK = 1e6
+_CRAWL = 1e-4
 
 
 class Evaluation(NamedTuple):
@@ -37,19 +38,35 @@ class End(NamedTuple):
     settled: bool
 
 
-def descend(evaluate: Callable[[Array], Evaluation], start: Array, low: Array, high: Array, most: int) -> End:
-    """Minimise |residual|^2 over low <= point <= high from ``start`` with at most ``most`` evaluations."""
+def descend(
+    evaluate: Callable[[Array], Evaluation],
+    start: Array,
+    low: Array,
+    high: Array,
+    most: int,
+    patience: int | None = None,
+) -> End:
+    """Minimise |residual|^2 over low <= point <= high from ``start`` with at most ``most`` evaluations.
+
+    It gives up, unsettled, when ``patience`` evaluations have not brought the square down by 1e-4 of itself: it then
+    creeps along a valley without a floor. None is never.
+    """
     point = np.clip(start, low, high)
     here = evaluate(point)
     lengths = np.linalg.norm(here.jacobian, axis=0)
     damping, growth = 1e-3, 2.0
     evaluations = 1
+    milestone = (1, float(here.residual @ here.residual))
     while evaluations < most:
+        square = float(here.residual @ here.residual)
+        if patience is not None and evaluations >= milestone[0] + patience:
+            if square > (1 - _CRAWL) * milestone[1]:
+                return End(point, settled=False)
+            milestone = (evaluations, square)
         gradient = here.jacobian.T @ here.residual
         loose = ~(((point <= low) & (gradient > 0)) | ((point >= high) & (gradient < 0)))
         lengths = np.maximum(lengths, np.linalg.norm(here.jacobian, axis=0))
         wanted = _step(here, lengths, loose, damping)
-        square = float(here.residual @ here.residual)
         if np.abs(wanted).max(initial=0.0) < _SMALLEST_STEP or _gain(here, wanted) <= _SMALLEST_GAIN * square:
             return End(point, settled=damping < _STUCK)
         moved = np.clip(point + np.clip(wanted, -_LONGEST_STEP, _LONGEST_STEP), low, high)

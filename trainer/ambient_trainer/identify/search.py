@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _BEFORE_REGROUPING = 25
 _MOST_EVALUATIONS = 175
+_PATIENCE = 12
 _OFFSET = 0.1
 _ROUNDING = 1e-8
 
@@ -75,6 +76,12 @@ def search(structure: Structure, starts: int, seed: int, progress: Progress | No
             return SearchResult(run.best, (*ends, run.best), stopped=True)
     if best is None:
         raise ValueError("a search needs at least one start")
+    if not best.converged:
+        run = _Run(structure, starts - 1, best, progress)
+        try:
+            best = run.finish(best.theta)
+        except KeyboardInterrupt:
+            return SearchResult(run.best or best, tuple(ends), stopped=True)
     return SearchResult(best, tuple(ends), stopped=False)
 
 
@@ -92,14 +99,22 @@ class _Run:
         self._at: tuple[bytes, Evaluation] | None = None
         self._end: Solution
 
+    def finish(self, theta: Array) -> Solution:
+        """Go on from the best end of all starts, patiently: what one descent may spend is spent once."""
+        bounds = self.structure.search
+        found = descend(self._evaluate, theta, bounds.low, bounds.high, _MOST_EVALUATIONS)
+        self._closed(found.point, converged=found.settled and self._stationary(found.point))
+        assert self.best is not None
+        return self.best
+
     def descend(self, theta: Array) -> Solution:
         bounds = self.structure.search
         if not len(theta):
             return self._closed(theta, converged=True)
-        found = descend(self._evaluate, theta, bounds.low, bounds.high, _BEFORE_REGROUPING)
+        found = descend(self._evaluate, theta, bounds.low, bounds.high, _BEFORE_REGROUPING, _PATIENCE)
         better = self.structure.regrouped(found.point)
         if not found.settled or not np.array_equal(better, found.point):
-            found = descend(self._evaluate, better, bounds.low, bounds.high, _MOST_EVALUATIONS)
+            found = descend(self._evaluate, better, bounds.low, bounds.high, _MOST_EVALUATIONS, _PATIENCE)
         return self._closed(found.point, converged=found.settled and self._stationary(found.point))
 
     def _evaluate(self, theta: Array) -> Evaluation:
