@@ -5,8 +5,8 @@ from ambient_model.conformance import TOLERANCE_DEGC, worst_difference_degC
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
-from ambientd.sources.assign import assigned_sensors
-from ambientd.sources.zones import find_zones
+from ambientd.sources.assign import assigned_sensors, location_of
+from ambientd.sources.supervision import outside
 
 
 def check_files(settings: Settings) -> None:
@@ -29,7 +29,7 @@ def _describe(settings: Settings, model: Model) -> None:
     low, high = model.main.interval[settings.level_percent]
     _say("model", f"{model.name}, created {model.created}")
     for each in model.main.inputs:
-        _say("input", f"{each.column}, {each.min:g} to {each.max:g}, zone {settings.zones.get(each.name, each.zone)}")
+        _say("input", f"{each.column}, {each.min:g} to {each.max:g}, {location_of(settings, each)}")
     _say("states", ", ".join(model.main.states) or "none")
     _say("periods", f"{', '.join(f'{each.period_s:g}' for each in model.main.discrete)} s")
     _say("interval", f"{low:+g} to {high:+g} degC around the estimate, {settings.level_percent} %")
@@ -37,19 +37,20 @@ def _describe(settings: Settings, model: Model) -> None:
 
 
 def check_sensors(settings: Settings) -> None:
-    """Say what each input's thermal zone reads now; raises :class:`Refused` where one is missing or says nothing."""
-    zones = find_zones(settings.sysfs_root)
+    """Say what each input's sensor reads now; raises :class:`Refused` where one is missing or says nothing of use."""
     faults = []
     for sensor in assigned_sensors(settings, load_model(settings.model)):
-        sensor.open(zones)
+        sensor.open()
         value = sensor.read()
         sensor.close()
+        place = f"sensor {sensor.name}"
         if value is None:
-            types = ", ".join(sorted(zones)) or "none"
-            mend = f"types here are {types}: name one of them under 'zones' in a configuration"
-            faults.append(Fault(f"sensor {sensor.name}", sensor.trouble, mend))
+            faults.append(Fault(place, sensor.trouble, sensor.source.mend()))
+        elif doubt := outside(sensor.given, value):
+            faults.append(Fault(place, f"{sensor.paths[0]}: {doubt}", "name the right sensor, or fit the model to it"))
         else:
-            _say("sensor", f"{sensor.name}, {zones[sensor.zone_type][0]}: {value:g} degC")
+            others = f", the first of {len(sensor.paths)} by this name" if len(sensor.paths) > 1 else ""
+            _say("sensor", f"{sensor.name}, {sensor.paths[0]}: {value:g} {sensor.source.unit}{others}")
     if faults:
         raise Refused(settings.sysfs_root, faults)
 

@@ -141,15 +141,21 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
         parser.error("--speed goes with --replay")
     if options.replay is None and options.rate is not None and options.rate > RATE_RANGE_HZ[1]:
         parser.error(f"argument --rate: {options.rate:g} is not between {RATE_RANGE_HZ[0]:g} and {RATE_RANGE_HZ[1]:g}")
-    from ambientd.run import run_replayed, run_zones
+    from ambientd.run import run_replayed, run_sensors
 
-    settings = _settings(options)
-    if options.publish:
-        settings = settings._replace(publish=tuple(options.publish))
+    def settings() -> Settings:
+        """What the configuration says now, and the call overrides."""
+        found = _settings(options)
+        return found._replace(publish=tuple(options.publish)) if options.publish else found
+
+    def settings_at_rate() -> Settings:
+        found = settings()
+        return found._replace(rate_hz=options.rate or found.rate_hz)
+
     if options.replay is not None:
-        run_replayed(settings, options.replay, options.rate, 1.0 if options.speed is None else options.speed)
+        run_replayed(settings(), options.replay, options.rate, 1.0 if options.speed is None else options.speed)
     else:
-        run_zones(settings._replace(rate_hz=options.rate or settings.rate_hz))
+        run_sensors(settings_at_rate)
 
 
 def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

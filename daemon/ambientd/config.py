@@ -11,10 +11,36 @@ from typing import Any, NamedTuple
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import LEVELS_PERCENT
 from ambientd.publish.spec import MILLIDEGREES_LIMIT, MODES, Spec, parse
+from ambientd.sources.spec import Location, read_location, read_rules
+from ambientd.sources.supervision import Rules
 
 RATE_RANGE_HZ = (0.1, 20.0)
-_KEYS = ("model", "rate_hz", "sysfs_root", "publish", "level_percent", "zones")
+MAX_AGE_RANGE_S = (1.0, 3600.0)
+COAST_RANGE_S = (0.0, 600.0)
+"""All readings since the loss are kept: at 20 Hz ten minutes are some megabytes."""
+_KEYS = (
+    "model",
+    "rate_hz",
+    "sysfs_root",
+    "publish",
+    "level_percent",
+    "zones",
+    "coast_s",
+    "state",
+    "zones_by_name",
+    "sensors",
+    "supervision",
+)
+_STATE_KEYS = ("path", "max_age_s")
 _PUBLISH_KEYS = ("kind", "path", "mode", "poison_millidegC")
+
+
+class StateSpec(NamedTuple):
+    """Where the state is kept over a restart."""
+
+    path: str
+    max_age_s: float = 30.0
+    """How old it may be; it also lapses with the model's own limit for a gap, whichever comes first."""
 
 
 class Settings(NamedTuple):
@@ -30,6 +56,14 @@ class Settings(NamedTuple):
     """The interval that is published as low and high."""
     zones: Mapping[str, str] = MappingProxyType({})
     """Per input name the type of its thermal zone, where it is not the model's."""
+    coast_s: float | None = None
+    """How long an input may be missing without a fallback; None is as long as a gap is bridged."""
+    state: StateSpec | None = None
+    zones_by_name: str = "/dev/thermal/tz-by-name"
+    """A folder with a link per type to its zone, where there is one."""
+    sensors: Mapping[str, Location] = MappingProxyType({})
+    """Per input name where it is read, where that is not the model's zone."""
+    supervision: Rules = Rules()
 
 
 def settings_for_model(path: str) -> Settings:
@@ -131,7 +165,14 @@ class _Reading:
             "publish": self.publish,
             "level_percent": self.level,
             "zones": self.zones,
+            "coast_s": self.coast,
+            "state": self.state,
+            "zones_by_name": self.file,
+            "sensors": self.sensors,
+            "supervision": lambda place, value: read_rules(place, value, self.fault),
         }
+        for name in self.named_twice(data.get("zones"), data.get("sensors")):
+            self.fault(f"sensors.{name}", "stands under 'zones', too", "name it once")
         if "model" not in data:
             self.fault("model", "missing", "name the model file")
         return settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
@@ -150,12 +191,31 @@ class _Reading:
     def file(self, place: str, value: Any) -> str:
         return os.path.join(os.path.dirname(self.path), self.text(place, value))
 
-    def rate(self, place: str, value: Any) -> float:
-        low, high = RATE_RANGE_HZ
+    def number(self, place: str, value: Any, limits: tuple[float, float]) -> float:
+        low, high = limits
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
             self.fault(place, f"is {value!r}", f"a number between {low:g} and {high:g} is wanted")
-            return 1.0
+            return low
         return float(value)
+
+    def rate(self, place: str, value: Any) -> float:
+        return self.number(place, value, RATE_RANGE_HZ)
+
+    def coast(self, place: str, value: Any) -> float:
+        return self.number(place, value, COAST_RANGE_S)
+
+    def state(self, place: str, value: Any) -> StateSpec | None:
+        if not isinstance(value, dict):
+            self.fault(place, f"is {value!r}", "a mapping with path and max_age_s is wanted")
+            return None
+        self.unknown(f"{place}.", value, _STATE_KEYS)
+        if "path" not in value:
+            self.fault(f"{place}.path", "missing", "name the file that the state is kept in")
+            return None
+        spec = StateSpec(self.file(f"{place}.path", value["path"]))
+        if "max_age_s" not in value:
+            return spec
+        return spec._replace(max_age_s=self.number(f"{place}.max_age_s", value["max_age_s"], MAX_AGE_RANGE_S))
 
     def level(self, place: str, value: Any) -> int:
         if type(value) is not int or value not in LEVELS_PERCENT:
@@ -168,6 +228,17 @@ class _Reading:
             self.fault(place, f"is {value!r}", "a mapping from input name to thermal zone type is wanted")
             return {}
         return {str(name): self.text(f"{place}.{name}", zone) for name, zone in value.items()}
+
+    def sensors(self, place: str, value: Any) -> dict[str, Location]:
+        if not isinstance(value, dict):
+            self.fault(place, f"is {value!r}", "a mapping from input name to where it is read is wanted")
+            return {}
+        read = {str(name): read_location(f"{place}.{name}", each, self.fault) for name, each in value.items()}
+        return {name: location for name, location in read.items() if location}
+
+    def named_twice(self, zones: Any, sensors: Any) -> list[str]:
+        both = isinstance(zones, dict) and isinstance(sensors, dict)
+        return [str(name) for name in zones if name in sensors] if both else []
 
     def publish(self, place: str, value: Any) -> tuple[Spec, ...]:
         if not isinstance(value, list) or not value:

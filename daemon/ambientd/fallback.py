@@ -6,6 +6,7 @@ It knows no clock: time comes in as an argument.
 """
 
 import math
+from typing import NamedTuple
 
 from ambient_model.model import Estimator, Model
 from ambient_model.tracking import (
@@ -14,6 +15,7 @@ from ambient_model.tracking import (
     WARMING_UP,
     Estimate,
     Readings,
+    Snapshot,
     Tracker,
     bridge_limit_s,
     nearest_discrete,
@@ -22,11 +24,23 @@ from ambient_model.tracking import (
 _FRESH = (TRACKING, WARMING_UP)
 
 
+class FallbackState(NamedTuple):
+    """What a :class:`FallbackTracker` rests on, for another of the same model."""
+
+    voices: tuple[Snapshot | None, ...]
+    """The main estimator's, then each fallback's; None for one that has not begun."""
+    speaking: int
+    """Which of them was last heard."""
+    difference_degC: float
+    said_degC: float | None
+    said_s: float
+
+
 class _Voice:
     """An estimator at work, fed from the readings of all the model's inputs."""
 
-    def __init__(self, model: Model, estimator: Estimator, period_s: float, level: int) -> None:
-        self.tracker = Tracker(estimator, nearest_discrete(estimator, period_s), level)
+    def __init__(self, model: Model, estimator: Estimator, period_s: float, level: int, coast_s: float | None) -> None:
+        self.tracker = Tracker(estimator, nearest_discrete(estimator, period_s), level, coast_s)
         self._picks = [model.main.inputs.index(each) for each in estimator.inputs]
         self._width = len(model.main.inputs)
 
@@ -44,12 +58,13 @@ class _Voice:
 class FallbackTracker:
     """A model's main estimator and its fallbacks, fed one sample at a time; the interval is that of ``level`` percent.
 
-    ``period_s`` is how far apart the samples will lie. Two missing inputs leave no fallback: the main one coasts.
+    ``period_s`` is how far apart the samples will lie. Two missing inputs leave no fallback: the main one coasts, for
+    ``coast_s`` or, where that is None, as long as a gap is bridged.
     """
 
-    def __init__(self, model: Model, period_s: float, level: int = 90) -> None:
-        self._main = _Voice(model, model.main, period_s, level)
-        self._fallbacks = [_Voice(model, each, period_s, level) for each in model.fallbacks.values()]
+    def __init__(self, model: Model, period_s: float, level: int = 90, coast_s: float | None = None) -> None:
+        self._main = _Voice(model, model.main, period_s, level, coast_s)
+        self._fallbacks = [_Voice(model, each, period_s, level, coast_s) for each in model.fallbacks.values()]
         self.period_s = self._main.tracker.discrete.period_s
         self.limit_s = bridge_limit_s(self.period_s)
         settling_steps = max(voice.tracker.settling_steps for voice in (self._main, *self._fallbacks))
@@ -59,6 +74,33 @@ class FallbackTracker:
         self._difference_degC = 0.0
         self._said_degC: float | None = None
         self._said_s = 0.0
+
+    @property
+    def _voices(self) -> list[_Voice]:
+        return [self._main, *self._fallbacks]
+
+    def snapshot(self) -> FallbackState:
+        """What it rests on, for :meth:`restore`."""
+        return FallbackState(
+            tuple([voice.tracker.snapshot() for voice in self._voices]),
+            self._voices.index(self._speaking),
+            self._difference_degC,
+            self._said_degC,
+            self._said_s,
+        )
+
+    def restore(self, state: FallbackState) -> None:
+        """Go on from ``state``; raises ValueError, and changes nothing, where it is of another model or period."""
+        voices = self._voices
+        if len(state.voices) != len(voices) or not 0 <= state.speaking < len(voices):
+            raise ValueError("it has other estimators")
+        pairs = [(voice.tracker, snapshot) for voice, snapshot in zip(voices, state.voices) if snapshot is not None]
+        if not all([tracker.fits(snapshot) for tracker, snapshot in pairs]):
+            raise ValueError("it has another period or shape")
+        for tracker, snapshot in pairs:
+            tracker.restore(snapshot)
+        self._speaking = voices[state.speaking]
+        self._difference_degC, self._said_degC, self._said_s = state[2:]
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input of the model (degC, A, ...; None where missing)."""

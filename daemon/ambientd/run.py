@@ -1,33 +1,116 @@
-"""``ambientd run``: the parts put together, and taken apart again whatever happens."""
+"""``ambientd run``: the parts put together, put together anew on SIGHUP, and taken apart again whatever happens."""
 
 import contextlib
+import os
+import signal
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.codec import load_model
-from ambient_model.faults import refuse
+from ambient_model.faults import Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
 from ambientd.fallback import FallbackTracker
 from ambientd.notices import say
-from ambientd.publish import Publisher, open_publisher
-from ambientd.publish.spec import Spec
+from ambientd.notify import Notifier
+from ambientd.outlets import Outlets
 from ambientd.schedule import Waiter, clock_s, ticks
 from ambientd.service import Service
 from ambientd.sources.replay import Sample, TraceSource, tracker_for
 
+if TYPE_CHECKING:
+    from ambientd.sources.sensors import Sensors
+    from ambientd.state import StateFile
 
-def run_zones(settings: Settings) -> None:
-    """Poll the thermal zones at ``rate_hz`` and publish, until a signal ends it. Raises :class:`Refused`."""
-    from ambientd.sources.assign import assigned_sensors
-    from ambientd.sources.zones import Zones
+
+class _Work(NamedTuple):
+    """What a configuration and its model make: all that a reload replaces, but the publishers."""
+
+    settings: Settings
+    model: Model
+    tracker: FallbackTracker
+    sensors: "Sensors"
+    state: "StateFile | None"
+
+    def __str__(self) -> str:
+        return (
+            f"model '{self.model.name}' at {self.tracker.period_s:g} s on sensors under {self.settings.sysfs_root},"
+            f" to {', '.join(map(str, self.settings.publish))}"
+        )
+
+
+def run_sensors(read_settings: Callable[[], Settings]) -> None:
+    """Poll the sensors at ``rate_hz`` and publish, until a signal ends it. Raises :class:`Refused`.
+
+    SIGHUP asks ``read_settings`` again: what it and its model say takes over, or is refused and changes nothing.
+    """
+    with (
+        Waiter(pausing=(signal.SIGHUP,)) as waiter,
+        contextlib.closing(Outlets(waiter, 0, say)) as outlets,
+        _manager() as notifier,
+    ):
+        work = _prepared(read_settings())
+        try:
+            if work.state is not None:
+                work.state.take_back(work.tracker, clock_s())
+            outlets.become(work.settings.publish)
+            say(str(work))
+            service = Service(work.model, work.settings.level_percent, work.tracker, outlets.publish)
+            while _poll(work, service, notifier, waiter):
+                notifier.reloading()
+                work = _reloaded(work, read_settings, outlets)
+                service.take_over(work.model, work.settings.level_percent, work.tracker)
+        finally:
+            work.sensors.close()
+            if work.state is not None:
+                work.state.close()
+
+
+def _prepared(settings: Settings) -> _Work:
+    from ambientd.sources.assign import open_sensors
 
     model = load_model(settings.model)
-    period_s = 1 / settings.rate_hz
-    tracker = FallbackTracker(model, period_s, settings.level_percent)
-    sensors = assigned_sensors(settings, model)
-    with Waiter() as waiter, contextlib.closing(Zones(settings.sysfs_root, sensors, say)) as zones:
-        samples = ((now_s, zones.read(now_s)) for now_s in ticks(period_s, waiter.until))
-        _serve(settings, model, tracker, samples, waiter, 0, f"thermal zones under {settings.sysfs_root}")
+    tracker = FallbackTracker(model, 1 / settings.rate_hz, settings.level_percent, settings.coast_s)
+    state = None
+    if settings.state is not None:
+        from ambientd.state import StateFile
+
+        state = StateFile(settings.state, model, say)
+    return _Work(settings, model, tracker, open_sensors(settings, model, say), state)
+
+
+def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outlets) -> _Work:
+    """What is to go on: the new work, or where that is refused the old."""
+    new = None
+    try:
+        new = _prepared(read_settings())
+        outlets.become(new.settings.publish)
+    except Refused as refused:
+        if new is not None:
+            new.sensors.close()
+        say(f"not reloaded, and all goes on as it was: {refused}")
+        return work
+    if new.model == work.model:
+        with contextlib.suppress(ValueError):  # another rate may be another period, which starts anew
+            new.tracker.restore(work.tracker.snapshot())
+    work.sensors.close()
+    say(f"reloaded: {new}")
+    return new
+
+
+def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> bool:
+    """Tick until a signal comes; True where it asks for a reload, not for the end."""
+    period_s = 1 / work.settings.rate_hz
+    notifier.expect(period_s)
+    tell: Callable[[str], None] = notifier.ready
+    for now_s in ticks(period_s, waiter.until):
+        estimate = service.tick((now_s, work.sensors.read(now_s)))
+        tell(f"model '{work.model.name}': {estimate.status}")
+        tell = notifier.status
+        notifier.ticked(now_s)
+        if work.state is not None:
+            work.state.ticked(work.tracker, now_s)
+    return waiter.paused() and not waiter.ended
 
 
 def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: float) -> None:
@@ -37,13 +120,25 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
     fast; 0 is as fast as it goes.
     """
     model = load_model(settings.model)
-    with Waiter() as waiter, TraceSource(trace, model.main.inputs) as source:
-        tracker = tracker_for(model, source, settings.level_percent)
-        samples = _paced(iter(source), _delay_after_start(rate_hz, speed), waiter.until)
-        in_a_hurry = rate_hz is None and speed == 0
-        unheard = _serve(settings, model, tracker, samples, waiter, None if in_a_hurry else 0, trace)
-        if unheard:
-            raise refuse(", ".join(unheard), "", "could not be written at any row", "see the message above")
+    in_a_hurry = rate_hz is None and speed == 0
+    with (
+        Waiter() as waiter,
+        TraceSource(trace, model.main.inputs) as source,
+        contextlib.closing(Outlets(waiter, None if in_a_hurry else 0, say)) as outlets,
+        _manager() as notifier,
+    ):
+        tracker = tracker_for(model, source, settings.level_percent, settings.coast_s)
+        outlets.become(settings.publish)
+        say(f"model '{model.name}' at {tracker.period_s:g} s on {trace}, to {', '.join(map(str, settings.publish))}")
+        service = Service(model, settings.level_percent, tracker, outlets.publish)
+        tell: Callable[[str], None] = notifier.ready
+        for sample in _paced(iter(source), _delay_after_start(rate_hz, speed), waiter.until):
+            estimate = service.tick(sample)
+            tell(f"model '{model.name}': {estimate.status}")
+            tell = notifier.status
+            notifier.ticked(clock_s())
+        if outlets.unheard:
+            raise refuse(", ".join(outlets.unheard), "", "could not be written at any row", "see the message above")
 
 
 def _delay_after_start(rate_hz: float | None, speed: float) -> Callable[[int, float], float]:
@@ -67,36 +162,12 @@ def _paced(
         yield sample
 
 
-def _serve(
-    settings: Settings,
-    model: Model,
-    tracker: FallbackTracker,
-    samples: Iterator[Sample],
-    waiter: Waiter,
-    patience_ms: int | None,
-    origin: str,
-) -> list[str]:
-    """Serve until the samples end or a signal comes; the names of the publishers that never published."""
-    with contextlib.ExitStack() as stack:
-        publishers = [_opened(stack, spec, patience_ms, waiter) for spec in settings.publish]
-        say(f"model '{model.name}' at {tracker.period_s:g} s on {origin}, to {', '.join(map(str, settings.publish))}")
-        service = Service(model, settings.level_percent, tracker, samples, publishers, say)
-        while service.tick():
-            pass
-        return service.unheard
-
-
-def _opened(stack: contextlib.ExitStack, spec: Spec, patience_ms: int | None, waiter: Waiter) -> tuple[str, Publisher]:
-    publisher = open_publisher(spec, patience_ms)
-    stack.callback(_closed, publisher, str(spec))
-    descriptor = publisher.descriptor()
-    if descriptor is not None:
-        waiter.serve(descriptor, publisher.serve)
-    return str(spec), publisher
-
-
-def _closed(publisher: Publisher, name: str) -> None:
+@contextlib.contextmanager
+def _manager() -> Iterator[Notifier]:
+    """The service manager, told of the end when it comes."""
+    notifier = Notifier(os.environ, say)
     try:
-        publisher.close()
-    except OSError as error:
-        say(f"{name}: cannot be removed ({error.strerror or error})")
+        yield notifier
+    finally:
+        notifier.stopping()
+        notifier.close()

@@ -1,14 +1,19 @@
 """Deadlines are absolute, on a clock that also counts suspend; missed ones are skipped; a signal ends it all."""
 
+import contextlib
 import math
 import os
 import select
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType, TracebackType
 
+from ambientd.notices import say
+
 _CLOCK: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+_GRACE_S = 0.5
+"""How long a reading or a writing that blocks may keep a daemon that is to end."""
 
 
 def clock_s() -> float:
@@ -16,28 +21,46 @@ def clock_s() -> float:
     return time.clock_gettime(_CLOCK)
 
 
+class _Overdue(BaseException):
+    """Something blocks, and the daemon is to end."""
+
+
 class Waiter:
     """Waits for deadlines and serves what comes in meanwhile; SIGTERM and SIGINT end the wait for good.
 
-    A context: inside it the two signals are its own.
+    The signals in ``pausing`` end it until :meth:`paused` is asked. A context: inside it the signals are its own, and
+    what still blocks half a second after one has ended the wait is left, and with it the context.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, pausing: Sequence[signal.Signals] = ()) -> None:
         self.ended = False
+        self._paused = False
+        self._pausing = pausing
         self._served: dict[int, Callable[[], None]] = {}
 
     def serve(self, descriptor: int, call: Callable[[], None]) -> None:
         """Call ``call`` whenever ``descriptor`` is readable while a deadline is waited for."""
         self._served[descriptor] = call
 
+    def forget(self, descriptor: int) -> None:
+        """Serve ``descriptor`` no longer."""
+        del self._served[descriptor]
+
     def until(self, due_s: float) -> bool:
         """Wait for ``due_s`` on :func:`clock_s`; False where a signal ended it. What is ready is always served."""
-        while not self.ended:
+        while not (self.ended or self._paused):
             for descriptor in select.select(list(self._served), [], [], max(0.0, due_s - clock_s()))[0]:
                 self._served[descriptor]()
             if clock_s() >= due_s:
                 break
-        return not self.ended
+        if self.ended:  # nothing blocks: what follows is the end itself, and may take its time
+            signal.setitimer(signal.ITIMER_REAL, 0)
+        return not (self.ended or self._paused)
+
+    def paused(self) -> bool:
+        """Whether a pausing signal came since this was last asked."""
+        paused, self._paused = self._paused, False
+        return paused
 
     def __enter__(self) -> "Waiter":
         # without the pipe, a signal between the check and the wait would be noticed one tick late
@@ -45,21 +68,40 @@ class Waiter:
         os.set_blocking(self._wake, False)
         os.set_blocking(self._awaken, False)
         self._before_fd = signal.set_wakeup_fd(self._awaken)
-        self._before = {each: signal.signal(each, self._end) for each in (signal.SIGTERM, signal.SIGINT)}
-        self.serve(self._wake, lambda: None)
+        handlers = {signal.SIGTERM: self._end, signal.SIGINT: self._end, signal.SIGALRM: self._leave}
+        handlers.update(dict.fromkeys(self._pausing, self._pause))
+        self._before = {each: signal.signal(each, handler) for each, handler in handlers.items()}
+        self.serve(self._wake, self._drain)
         return self
+
+    def _drain(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.read(self._wake, 4096)
 
     def _end(self, number: int, frame: FrameType | None) -> None:
         self.ended = True
+        signal.setitimer(signal.ITIMER_REAL, _GRACE_S)
+
+    def _pause(self, number: int, frame: FrameType | None) -> None:
+        self._paused = True
+
+    def _leave(self, number: int, frame: FrameType | None) -> None:
+        if self.ended:
+            raise _Overdue
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    ) -> bool:
+        signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in self._before.items():
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._before_fd)
         os.close(self._wake)
         os.close(self._awaken)
+        if kind is not _Overdue:
+            return False
+        say("something blocked when it was to end; it was left")
+        return True
 
 
 def ticks(period_s: float, until: Callable[[float], bool], clock: Callable[[], float] = clock_s) -> Iterator[float]:

@@ -2,7 +2,9 @@
 
 The recursion runs on whole periods. A sample that comes n periods after the last complete one is reached in n exact
 steps along the straight line between the two. A gap, or an input that stays away, is bridged so for at most
-:func:`bridge_limit_s`; beyond it the estimate is no longer trusted and starts again from equilibrium.
+:func:`bridge_limit_s`; beyond it the estimate is no longer trusted and starts again from equilibrium. Where another
+limit is asked for missing inputs, ``coast_s``, a longer one lengthens the bridge, too, and after a shorter one the
+bridge stands, but nothing is said.
 """
 
 import itertools
@@ -33,6 +35,19 @@ class Estimate(NamedTuple):
     status: str
     used: tuple[float | None, ...]
     """Each input as the recursion took it."""
+
+
+class Snapshot(NamedTuple):
+    """What a tracker rests on, for another of the same estimator: the last moment at which every input was there.
+
+    That moment is ``start_s`` + ``step`` * ``period_s`` on the clock of the samples.
+    """
+
+    period_s: float
+    start_s: float
+    step: int
+    x: tuple[float, ...]
+    u: tuple[float, ...]
 
 
 class _Anchor(NamedTuple):
@@ -68,14 +83,16 @@ def _period(discrete: Discrete) -> float:
 class Tracker:
     """An estimator with its state, fed one sample at a time.
 
-    ``level`` is the interval in percent that is published as low and high.
+    ``level`` is the interval in percent that is published as low and high; ``coast_s`` is how long an input may stay
+    away, :func:`bridge_limit_s` where it is None.
     """
 
-    def __init__(self, estimator: Estimator, discrete: Discrete, level: int = 90) -> None:
+    def __init__(self, estimator: Estimator, discrete: Discrete, level: int = 90, coast_s: float | None = None) -> None:
         self.estimator = estimator
         self.discrete = discrete
         self.error_low_degC, self.error_high_degC = estimator.interval[level]
         self.limit_steps = round(bridge_limit_s(discrete.period_s) / discrete.period_s)
+        self._coast_steps = self.limit_steps if coast_s is None else round(coast_s / discrete.period_s)
         self.settling_steps = settling_steps(discrete.A, _SETTLED)
         self._ranges = [(each.min, each.max) for each in estimator.inputs]
         self._restart()
@@ -88,6 +105,25 @@ class Tracker:
         self._step = 0
         self._start_s = 0.0
 
+    def snapshot(self) -> Snapshot | None:
+        """What it rests on, for :meth:`restore`; None where it has not begun."""
+        if self._anchor is None:
+            return None
+        step, x, u = self._anchor
+        return Snapshot(self.discrete.period_s, self._start_s, step, tuple(x), tuple(u))
+
+    def fits(self, snapshot: Snapshot) -> bool:
+        """Whether ``snapshot`` has this tracker's period and shapes."""
+        shape = (self.discrete.period_s, len(self.estimator.states), len(self.estimator.inputs))
+        return (snapshot.period_s, len(snapshot.x), len(snapshot.u)) == shape
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from ``snapshot``, which :meth:`fits`, under the same rule for gaps as from a moment of its own."""
+        self._restart()
+        self._start_s, self._step = snapshot.start_s, snapshot.step
+        self._x, self._u = list(snapshot.x), list(snapshot.u)
+        self._anchor = _Anchor(self._step, self._x, self._u)
+
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input (degC, A, ...; None where missing).
 
@@ -99,18 +135,20 @@ class Tracker:
         ]
         periods = (time_s - self._start_s) / self.discrete.period_s
         anchor = self._anchor
-        if anchor is None or not self._step <= periods + 0.5 < anchor.step + self.limit_steps + 1:
-            self._restart()
+        if anchor is None or not self._step <= periods + 0.5 < self._step + self.limit_steps + 1:
             return self._begin(time_s, inputs)
         step = math.floor(periods + 0.5)
+        if step - anchor.step > max(self._coast_steps, self.limit_steps):
+            return self._begin(time_s, inputs)
         if None in inputs:
-            return self._coast(step, inputs)
+            return self._coast(step, inputs, anchor)
         return self._follow(step, [value for value in inputs if value is not None], anchor)
 
     def _begin(self, time_s: float, inputs: Readings) -> Estimate:
+        self._restart()
         u = [value for value in inputs if value is not None]
         if len(u) < len(inputs):
-            return Estimate(None, None, None, FAULTED, tuple(inputs))
+            return _nothing(inputs)
         self._start_s = time_s
         self._x = equilibrium(self.estimator.initial, u)
         self._anchor = _Anchor(0, self._x, u)
@@ -133,12 +171,14 @@ class Tracker:
         self._step, self._u = step, u
         return self._estimate(TRACKING if step >= self.settling_steps else WARMING_UP)
 
-    def _coast(self, step: int, inputs: Readings) -> Estimate:
-        """Some input is missing: its last value stands in."""
+    def _coast(self, step: int, inputs: Readings, anchor: _Anchor) -> Estimate:
+        """Some input is missing: its last value stands in, and after ``coast_s`` is no longer trusted."""
         u = [value if value is not None else last for value, last in zip(inputs, self._u)]
         self._x = self._along_line(self._x, self._u, u, step - self._step)
         self._pending.append((step, inputs))
         self._step, self._u = step, u
+        if step - anchor.step > self._coast_steps:
+            return _nothing(inputs)
         return self._estimate(COASTING)
 
     def _along_line(self, x: list[float], before: list[float], after: list[float], steps: int) -> list[float]:
@@ -166,6 +206,10 @@ class Tracker:
     def _estimate(self, status: str) -> Estimate:
         ambient = output(self.discrete, self.estimator.offset, self._x, self._u)
         return Estimate(ambient, ambient + self.error_low_degC, ambient + self.error_high_degC, status, tuple(self._u))
+
+
+def _nothing(inputs: Readings) -> Estimate:
+    return Estimate(None, None, None, FAULTED, tuple(inputs))
 
 
 def _interpolated(points: list[tuple[int, float]]) -> list[float]:

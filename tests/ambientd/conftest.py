@@ -99,6 +99,42 @@ def sysfs(tmp_path: Path) -> FakeSysfs:
     return FakeSysfs(tmp_path / "sys")
 
 
+class FakeHwmon:
+    """hwmon chips as files: number, name, and temperatures (number, label or None, content)."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+
+    def __call__(self, number: int, chip: str, *temperatures: tuple[int, str | None, str]) -> Path:
+        folder = self.root / "class" / "hwmon" / f"hwmon{number}"
+        folder.mkdir(parents=True)
+        (folder / "name").write_text(f"{chip}\n")
+        for index, label, content in temperatures:
+            (folder / f"temp{index}_input").write_text(content)
+            if label is not None:
+                (folder / f"temp{index}_label").write_text(f"{label}\n")
+        return folder
+
+
+@pytest.fixture
+def make_hwmon(sysfs: FakeSysfs) -> FakeHwmon:
+    return FakeHwmon(sysfs.root)
+
+
+@pytest.fixture
+def make_supply(sysfs: FakeSysfs) -> Callable[..., Path]:
+    """A power supply with its properties as files; returns the root of the fake sysfs."""
+
+    def make(name: str, **properties: str) -> Path:
+        folder = sysfs.root / "class" / "power_supply" / name
+        folder.mkdir(parents=True)
+        for each, content in properties.items():
+            (folder / each).write_text(content)
+        return sysfs.root
+
+    return make
+
+
 @pytest.fixture
 def phone(sysfs: FakeSysfs) -> FakeSysfs:
     """A device with both sensors of the model at rest: ambient is 0.8 * 25 + 0.2 * 30 - 3 = 23."""

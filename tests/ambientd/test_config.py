@@ -63,7 +63,7 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
 def test_the_model_alone_is_enough(tmp_path):
     path = saved(tmp_path, "model: /m.json\n")
     assert load_settings(path) == settings_for_model("/m.json")._replace(source=path)
-    assert settings_for_model("m.json")[1:] == ("m.json", 1.0, "/sys", (Spec("stdout"),), 90, {})
+    assert settings_for_model("m.json")[1:7] == ("m.json", 1.0, "/sys", (Spec("stdout"),), 90, {})
 
 
 def test_every_fault_is_named_at_once(tmp_path):
@@ -87,7 +87,8 @@ publish:
     kinds = "file, file-in-place, status, prometheus, socket, stdout"
     assert refusal(path).splitlines() == [
         f"{path}: 15 faults",
-        "  poll: unknown key; known are model, rate_hz, sysfs_root, publish, level_percent, zones",
+        "  poll: unknown key; known are model, rate_hz, sysfs_root, publish, level_percent, zones, coast_s, state,"
+        " zones_by_name, sensors, supervision",
         "  model: missing; name the model file",
         "  rate_hz: is 50; a number between 0.1 and 20 is wanted",
         "  sysfs_root: is 7; a text is wanted",

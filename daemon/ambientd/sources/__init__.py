@@ -1,1 +1,1 @@
-"""Where samples come from: the device's thermal zones or a trace."""
+"""Where samples come from: the device's sensors or a trace."""

@@ -1,30 +1,73 @@
-"""Which thermal zone carries which input: the model says it, and a configuration may say otherwise."""
+"""Which sensor carries which input: the model names a thermal zone, and a configuration may say otherwise."""
+
+from collections.abc import Callable
 
 from ambient_model.faults import Fault, Refused
-from ambient_model.model import Model
+from ambient_model.model import Input, Model
 from ambientd.config import Settings
-from ambientd.sources.zones import ZoneSensor
+from ambientd.sources.sensor import Sensor, Source
+from ambientd.sources.sensors import Sensors
+from ambientd.sources.spec import Hwmon, Location, PowerSupply, Zone
 
 
-def assigned_sensors(settings: Settings, model: Model) -> list[ZoneSensor]:
-    """One sensor per input of the model; raises :class:`Refused` for an input that no thermal zone can give."""
+def open_sensors(settings: Settings, model: Model, note: Callable[[str], None]) -> Sensors:
+    """The sensors of the model's inputs, ready to be read; raises :class:`Refused` as :func:`assigned_sensors` does.
+
+    ``note`` is told what goes and what returns.
+    """
+    return Sensors(assigned_sensors(settings, model), settings.supervision, note)
+
+
+def assigned_sensors(settings: Settings, model: Model) -> list[Sensor]:
+    """One sensor per input of the model; raises :class:`Refused` for an input that no sensor can give."""
     names = [each.name for each in model.main.inputs]
-    strangers = [
-        Fault(f"zones.{name}", "is no input of the model", f"its inputs are {', '.join(names)}")
-        for name in settings.zones
+    faults = [
+        Fault(f"{key}.{name}", "is no input of the model", f"its inputs are {', '.join(names)}")
+        for key, named in (("zones", settings.zones), ("sensors", settings.sensors))
+        for name in named
         if name not in names
     ]
-    if strangers:
-        raise Refused(settings.source, strangers)
-    others = [
+    faults += [
         Fault(
-            f"input {each.name}",
-            f"is in {each.unit}, and thermal zones give only degC",
-            "replay a trace that has it, or fit a model without it",
+            f"sensors.{each.name}",
+            f"{settings.sensors[each.name]} is in {settings.sensors[each.name].unit}, and the input in {each.unit}",
+            "name a sensor with the input's unit",
         )
         for each in model.main.inputs
-        if each.unit != "degC"
+        if each.name in settings.sensors and settings.sensors[each.name].unit != each.unit
     ]
-    if others:
-        raise Refused(settings.model, others)
-    return [ZoneSensor(each.name, settings.zones.get(each.name, each.zone)) for each in model.main.inputs]
+    if faults:
+        raise Refused(settings.source, faults)
+    unread = [
+        Fault(f"input {each.name}", f"is in {each.unit}, and thermal zones give only degC", _mend(each))
+        for each in model.main.inputs
+        if location_of(settings, each).unit != each.unit
+    ]
+    if unread:
+        raise Refused(settings.model, unread)
+    return [Sensor(each, _source(settings, location_of(settings, each))) for each in model.main.inputs]
+
+
+def location_of(settings: Settings, given: Input) -> Location:
+    """Where ``given`` is read: the configuration's word, else the model's zone."""
+    return settings.sensors.get(given.name) or Zone(settings.zones.get(given.name, given.zone))
+
+
+def _mend(given: Input) -> str:
+    if given.unit in ("A", "V"):
+        return f"name a power_supply for it, 'sensors.{given.name}' in a configuration, or fit a model without it"
+    return "replay a trace that has it, or fit a model without it"
+
+
+def _source(settings: Settings, location: Location) -> Source:
+    if isinstance(location, Hwmon):
+        from ambientd.sources.hwmon import HwmonTemperature
+
+        return HwmonTemperature(location, settings.sysfs_root)
+    if isinstance(location, PowerSupply):
+        from ambientd.sources.power_supply import PowerSupplyProperty
+
+        return PowerSupplyProperty(location, settings.sysfs_root)
+    from ambientd.sources.zones import ZoneTemperature
+
+    return ZoneTemperature(location, settings.sysfs_root, settings.zones_by_name)

@@ -87,10 +87,10 @@ def _period_s(times_s: list[float]) -> float | None:
     return sum(usual) / len(usual)
 
 
-def tracker_for(model: Model, source: TraceSource, level: int = 90) -> FallbackTracker:
+def tracker_for(model: Model, source: TraceSource, level: int = 90, coast_s: float | None = None) -> FallbackTracker:
     """The model at the period of the trace; raises :class:`Refused` where every step of the trace is a gap to it."""
     period_s = source.period_s or min(each.period_s for each in model.main.discrete)
-    tracker = FallbackTracker(model, period_s, level)
+    tracker = FallbackTracker(model, period_s, level, coast_s)
     if period_s > tracker.limit_s:
         raise refuse(
             source.path,

@@ -259,6 +259,22 @@ def test_a_trace_tells_it_from_the_fit_on(trace):
     assert "R_display_battery" not in cured.flat
 
 
+def test_what_only_this_fit_leaves_open_is_said_to_be_so(trace):
+    """Two exchanges out of sight: what moves is what the fit confounds, though the structure does not."""
+    circuit = load_circuit("model2_ss")
+    free = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(2, 0), 0, quiet)
+    end = replace(free.reestimates[0], fit_percent=100.0, moved={"R_flash_ambient": 4.0, "R_battery_usb": 0.2, "w1": 0})
+    lost = replace(free.sensitivity, blind_here=1, mixed_here=("R_flash_ambient", "R_battery_usb"))
+    found = replace(free, reestimates=(end,), sensitivity=lost)
+    (line,) = [each for each in said(found) if each.startswith("The thesis's test")]
+    assert line.endswith(
+        "not identifiable at this fit, where R_battery_usb, R_flash_ambient moved together and nothing else did."
+    )
+    end = replace(end, moved={"R_flash_ambient": 4.0, "w1": 4.0})
+    (line,) = [each for each in said(replace(found, reestimates=(end,))) if each.startswith("The thesis's test")]
+    assert line.endswith("with the same output: not identifiable.")
+
+
 def test_held_at_the_fit_where_no_value_is_given(trace):
     circuit = load_circuit("model2_ss")
     found = identifiability(circuit, trace, dict.fromkeys(CAPACITANCES), Effort(3, 0), 0, quiet)

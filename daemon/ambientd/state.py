@@ -1,0 +1,206 @@
+"""The estimate goes on over a restart of the daemon: the file that holds what it rests on, and when that is believed.
+
+Believed is only what this daemon wrote, whole, in this boot (no clock tells how long a device was off), for this very
+model, and not longer ago than is allowed. Anything else is ignored with one word to the log. Time is the clock of
+the samples, which counts from boot and through suspend.
+"""
+
+import importlib
+import json
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from ambient_model.codec import encode as encode_model
+from ambient_model.model import Model
+from ambient_model.tracking import Snapshot
+from ambientd.config import StateSpec
+from ambientd.fallback import FallbackState, FallbackTracker
+from ambientd.notices import Notice
+from ambientd.publish.swap import swap_in
+
+FORMAT = "ambientd-state"
+VERSION = 1
+_BOOT_ID = "/proc/sys/kernel/random/boot_id"
+_LARGEST_BYTES = 2**16
+_LARGEST_NUMBER = 1e12
+_SAVES_PER_MAX_AGE = 3
+
+
+class State(NamedTuple):
+    """What an estimate rests on at one moment of one boot."""
+
+    model: str
+    """Its identity: see :func:`model_identity`."""
+    boot: str
+    time_s: float
+    tracker: FallbackState
+
+
+def model_identity(model: Model) -> str:
+    """The SHA-256 of the model's canonical text: layout and name of its file do not count."""
+    return _sha256(encode_model(model).encode())
+
+
+def _sha256(content: bytes) -> str:
+    # hashlib brings OpenSSL's 4 MB into a process of 10 MB; the interpreter's own digest is the same
+    for name in ("_sha2", "_sha256", "hashlib"):
+        try:
+            digest: str = importlib.import_module(name).sha256(content).hexdigest()
+        except ImportError:
+            continue
+        return digest
+    raise AssertionError("an interpreter has hashlib")
+
+
+def boot_identity() -> str:
+    """What names this boot; empty where the system does not say."""
+    try:
+        with open(_BOOT_ID, encoding="ascii") as stream:
+            return stream.read(64).strip()
+    except (OSError, ValueError):
+        return ""
+
+
+def encode(state: State) -> bytes:
+    """One line of JSON, and one with its SHA-256."""
+    model, boot, time_s, tracker = state
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "model": model,
+        "boot": boot,
+        "time_s": time_s,
+        **tracker._asdict(),
+        "voices": [each and each._asdict() for each in tracker.voices],
+    }
+    line = json.dumps(data).encode()
+    return b"%s\n%s\n" % (line, _sha256(line).encode())
+
+
+def decode(content: bytes) -> State:
+    """The state in ``content``; raises ValueError where it is not whole."""
+    line, newline, rest = content.partition(b"\n")
+    if not newline or rest != _sha256(line).encode() + b"\n":
+        raise ValueError("it is damaged")
+    try:
+        return _state(json.loads(line))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise ValueError("it is of another version") from error
+
+
+def _state(data: Any) -> State:
+    if (data.pop("format"), data.pop("version")) != (FORMAT, VERSION):
+        raise ValueError
+    voices = tuple([None if each is None else _snapshot(**each) for each in data.pop("voices")])
+    return State(
+        _text(data.pop("model")),
+        _text(data.pop("boot")),
+        _number(data.pop("time_s")),
+        _fallback_state(voices, **data),
+    )
+
+
+def _fallback_state(
+    voices: tuple[Snapshot | None, ...], speaking: Any, difference_degC: Any, said_degC: Any, said_s: Any
+) -> FallbackState:
+    said = None if said_degC is None else _number(said_degC)
+    return FallbackState(voices, _count(speaking), _number(difference_degC), said, _number(said_s))
+
+
+def _snapshot(period_s: Any, start_s: Any, step: Any, x: Any, u: Any) -> Snapshot:
+    return Snapshot(
+        _number(period_s),
+        _number(start_s),
+        _count(step),
+        tuple([_number(each) for each in x]),
+        tuple([_number(each) for each in u]),
+    )
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= _LARGEST_NUMBER:
+        raise TypeError
+    return float(value)
+
+
+def _count(value: Any) -> int:
+    if type(value) is not int or not 0 <= value <= _LARGEST_NUMBER:
+        raise TypeError
+    return value
+
+
+def take_back(state: State, tracker: FallbackTracker, model: str, boot: str, now_s: float, max_age_s: float) -> float:
+    """Let ``tracker`` go on from ``state`` and return the state's age in s; raises ValueError, 'why not', and then
+    leaves it as it was.
+    """
+    if state.model != model:
+        raise ValueError("it is of another model")
+    if not boot or state.boot != boot:
+        raise ValueError("it is of another boot" if boot else "the system does not say which boot this is")
+    age_s = now_s - state.time_s
+    limit_s = min(max_age_s, tracker.limit_s)
+    if not 0 <= age_s <= limit_s:
+        raise ValueError(f"it is {age_s:.0f} s old, and {limit_s:g} s are allowed")
+    tracker.restore(state.tracker)
+    return age_s
+
+
+class StateFile:
+    """The state of one model in one file. ``note`` is told what becomes of it."""
+
+    def __init__(self, spec: StateSpec, model: Model, note: Callable[[str], None]) -> None:
+        self._path, self._max_age_s = spec
+        self._model = model_identity(model)
+        self._boot = boot_identity()
+        self._note = note
+        self._notice = Notice()
+        self._saved_s = -math.inf
+        self._last: tuple[FallbackTracker, float] | None = None
+
+    def take_back(self, tracker: FallbackTracker, now_s: float) -> None:
+        """Let ``tracker`` go on from the file, where that may be believed."""
+        try:
+            with open(self._path, "rb") as stream:
+                content = stream.read(_LARGEST_BYTES + 1)
+            age_s = take_back(decode(content), tracker, self._model, self._boot, now_s, self._max_age_s)
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            self._note(f"state {self._path}: cannot be read ({error.strerror}); starting anew")
+        except ValueError as error:
+            self._note(f"state {self._path}: {error}; starting anew")
+        else:
+            self._note(f"state {self._path}: going on from {age_s:.1f} s ago")
+
+    def ticked(self, tracker: FallbackTracker, now_s: float) -> None:
+        """Save the state of ``tracker``, fed at ``now_s``, every so often."""
+        self._last = (tracker, now_s)
+        if now_s - self._saved_s >= self._max_age_s / _SAVES_PER_MAX_AGE:
+            self._save(tracker, now_s)
+
+    def close(self) -> None:
+        """Save the state of the last tick."""
+        if self._last is not None:
+            self._save(*self._last)
+
+    def _save(self, tracker: FallbackTracker, now_s: float) -> None:
+        self._saved_s = now_s
+        state = State(self._model, self._boot, now_s, tracker.snapshot())
+        if not any(state.tracker.voices):
+            return
+        problem = ""
+        try:
+            swap_in(self._path, encode(state))
+        except OSError as error:
+            problem = error.strerror or str(error)
+        if self._notice.changed(now_s, bool(problem)):
+            self._note(
+                f"state {self._path}: {f'cannot be written ({problem}); the rest goes on' if problem else 'is back'}"
+            )

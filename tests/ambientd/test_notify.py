@@ -1,0 +1,186 @@
+"""The service manager's side is a real datagram socket, at a path or with an abstract name."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import uuid
+
+import pytest
+
+from ambientd.notify import Notifier
+
+
+@pytest.fixture(params=["path", "abstract"])
+def manager(request, tmp_path):
+    """A listening socket and the name of it for NOTIFY_SOCKET."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    listener.settimeout(10)
+    name = str(tmp_path / "notify") if request.param == "path" else f"@ambientd-test-{uuid.uuid4()}"
+    listener.bind(name.replace("@", "\0"))
+    yield listener, name
+    listener.close()
+
+
+def refuse_notes(text):
+    raise AssertionError(text)
+
+
+def heard(listener):
+    return listener.recv(4096).decode().split("\n")
+
+
+def drain(listener):
+    listener.setblocking(False)
+    with contextlib.suppress(BlockingIOError):
+        while listener.recv(4096):
+            pass
+
+
+def silent(listener):
+    listener.setblocking(False)
+    with pytest.raises(BlockingIOError):
+        listener.recv(4096)
+    return True
+
+
+def test_each_word_of_the_protocol(manager):
+    listener, name = manager
+    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, refuse_notes)
+    notifier.ready("up")
+    assert heard(listener) == ["READY=1", "STATUS=up"]
+    notifier.status("up")
+    notifier.status("two\nlines")
+    assert heard(listener) == ["STATUS=two lines"]
+    before = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
+    notifier.reloading()
+    said = heard(listener)
+    assert said[0] == "RELOADING=1"
+    assert said[1].startswith("MONOTONIC_USEC=")
+    assert before <= int(said[1].partition("=")[2]) <= time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
+    notifier.stopping()
+    assert heard(listener) == ["STOPPING=1", "STATUS=stopping"]
+    notifier.close()
+
+
+def test_the_watchdog_hears_of_ticks_four_times_an_interval(manager):
+    listener, name = manager
+    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, refuse_notes)
+    assert notifier.watchdog_s == 4.0
+    told = []
+    listener.setblocking(False)
+    for tenth in range(100):
+        notifier.ticked(tenth / 10)
+        with contextlib.suppress(BlockingIOError):
+            told.append((tenth / 10, listener.recv(100)))
+    assert told == [(float(k), b"WATCHDOG=1") for k in range(10)]
+    notifier.close()
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [{}, {"WATCHDOG_USEC": "0"}, {"WATCHDOG_USEC": "soon"}, {"WATCHDOG_USEC": "4000000", "WATCHDOG_PID": "1"}],
+)
+def test_without_a_watchdog_of_its_own_no_tick_is_told(manager, environment):
+    listener, name = manager
+    notifier = Notifier({"NOTIFY_SOCKET": name, **environment}, refuse_notes)
+    notifier.ticked(0.0)
+    notifier.expect(100.0)
+    assert notifier.watchdog_s is None
+    assert silent(listener)
+    notifier.close()
+
+
+def test_without_a_manager_nothing_is_told_nor_imported():
+    code = (
+        "import sys; from ambientd.notify import Notifier; n = Notifier({}, print); n.ready('up'); n.ticked(0.0);"
+        " n.reloading(); n.stopping(); n.close(); print('socket' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.stdout, done.stderr) == ("False\n", "")
+
+
+def test_what_a_full_socket_does_not_take_is_owed_with_its_newest_value(tmp_path):
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    listener.bind(str(tmp_path / "n"))
+    notes = []
+    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n")}, notes.append)
+    for k in range(5000):
+        notifier.status(str(k))
+    assert notes == [f"{tmp_path}/n: the service manager cannot be told (Resource temporarily unavailable)"]
+    notifier.ready("4999")
+    listener.settimeout(10)
+    first = listener.recv(100)
+    assert first == b"STATUS=0"
+    drain(listener)
+    notifier.ticked(0.0)
+    assert listener.recv(100) == b"STATUS=4999\nREADY=1"
+    notifier.close()
+    listener.close()
+
+
+def test_a_manager_that_is_not_there_is_noted_once(tmp_path):
+    notes = []
+    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n")}, notes.append)
+    notifier.ready("up")
+    notifier.stopping()
+    notifier.close()
+    assert notes == [f"{tmp_path}/n: the service manager cannot be told (No such file or directory)"]
+
+
+def test_an_address_of_another_kind_is_noted():
+    notes = []
+    notifier = Notifier({"NOTIFY_SOCKET": "vsock:2:1", "WATCHDOG_USEC": "1000000"}, notes.append)
+    notifier.ready("up")
+    assert notes == ["NOTIFY_SOCKET is 'vsock:2:1', no path and no abstract name: the manager is not told"]
+    assert notifier.watchdog_s is None
+
+
+def test_a_watchdog_too_short_for_the_ticks_is_noted(tmp_path):
+    notes = []
+    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n"), "WATCHDOG_USEC": "5000000"}, notes.append)
+    notifier.expect(2.0)
+    assert notes == []
+    notifier.expect(10.0)
+    assert notes == ["the watchdog of 5 s is too short for ticks 10 s apart; set WatchdogSec= to 20 s or more"]
+    notifier.close()
+
+
+def started(arguments, **environment):
+    return subprocess.Popen(
+        [sys.executable, "-m", "ambientd", *map(str, arguments)],
+        env={**os.environ, **environment},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_daemon_is_ready_when_it_has_published_and_pings_while_it_ticks(manager, model_file, phone, tmp_path):
+    listener, name = manager
+    arguments = ("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20", "--publish")
+    daemon = started([*arguments, f"file:{tmp_path}/temp"], NOTIFY_SOCKET=name, WATCHDOG_USEC="400000")
+    try:
+        assert heard(listener) == ["READY=1", "STATUS=model 'bench': warming_up"]
+        assert (tmp_path / "temp").read_text() == "23000\n"
+        assert [heard(listener) for _ in range(5)] == [["WATCHDOG=1"]] * 5
+        daemon.send_signal(signal.SIGSTOP)  # what does not tick does not ping
+        time.sleep(0.2)
+        drain(listener)
+        time.sleep(0.5)
+        assert silent(listener)
+        daemon.send_signal(signal.SIGCONT)
+        listener.settimeout(10)
+        assert heard(listener) == ["WATCHDOG=1"]
+        daemon.terminate()
+        said = [heard(listener)]
+        while said[-1] == ["WATCHDOG=1"]:
+            said.append(heard(listener))
+        assert said[-1] == ["STOPPING=1", "STATUS=stopping"]
+        assert daemon.wait(10) == 0
+    finally:
+        daemon.kill()
+        daemon.communicate()

@@ -1,0 +1,361 @@
+"""What was estimated goes on over a restart, and only from a file that this daemon wrote for this model just now."""
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import signal
+
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from ambient_model.codec import encode as encode_model
+from ambient_model.faults import Refused
+from ambient_model.tracking import Snapshot, Tracker, nearest_discrete
+from ambientd.config import StateSpec, load_settings
+from ambientd.fallback import FallbackState, FallbackTracker
+from ambientd.state import State, StateFile, boot_identity, decode, encode, model_identity, take_back
+
+
+def rows(count, start=0):
+    return [(float(k), (30 + 5 * math.sin(k / 30), 25 + 3 * math.cos(k / 20))) for k in range(start, start + count)]
+
+
+def fed(tracker, samples):
+    return [tracker.update(*sample) for sample in samples]
+
+
+@pytest.mark.parametrize("at", [1, 7, 150, 300])
+def test_a_tracker_goes_on_to_the_bit_where_another_stood(make_model, at):
+    main = make_model().main
+    whole, first, second = (Tracker(main, nearest_discrete(main, 1.0)) for _ in range(3))
+    wanted = fed(whole, rows(400))
+    fed(first, rows(at))
+    snapshot = first.snapshot()
+    assert second.fits(snapshot)
+    second.restore(snapshot)
+    assert fed(second, rows(400 - at, at)) == wanted[at:]
+
+
+def test_a_restored_tracker_bridges_a_gap_as_the_other_would_have(make_model):
+    main = make_model().main
+    for gap, status in ((20, "tracking"), (31, "warming_up")):
+        other, restored = (Tracker(main, nearest_discrete(main, 1.0)) for _ in range(2))
+        fed(other, rows(200))
+        restored.restore(other.snapshot())
+        late = rows(1, 199 + gap)
+        said = fed(restored, late)
+        assert said == fed(other, late)
+        assert said[0].status == status
+
+
+def test_what_has_not_begun_has_no_snapshot(make_model):
+    main = make_model().main
+    assert Tracker(main, nearest_discrete(main, 1.0)).snapshot() is None
+
+
+def test_a_snapshot_fits_its_own_period_and_shape_only(make_model):
+    main = make_model().main
+    tracker = Tracker(main, nearest_discrete(main, 1.0))
+    fed(tracker, rows(3))
+    snapshot = tracker.snapshot()
+    assert not tracker.fits(snapshot._replace(period_s=0.5))
+    assert not tracker.fits(snapshot._replace(x=(1.0,)))
+    assert not tracker.fits(snapshot._replace(u=(1.0, 2.0, 3.0)))
+
+
+def test_a_restart_while_a_fallback_speaks_makes_no_jump(make_model):
+    model = make_model(fallbacks=True)
+    lost = [(time_s, (None, values[1])) for time_s, values in rows(100, 200)]
+    whole, first, second = (FallbackTracker(model, 1.0) for _ in range(3))
+    wanted = fed(whole, rows(200) + lost)
+    fed(first, rows(200) + lost[:40])
+    second.restore(first.snapshot())
+    assert [each.ambient_degC for each in fed(second, lost[40:])] == pytest.approx(
+        [each.ambient_degC for each in wanted[240:]], abs=1e-12
+    )
+
+
+def test_another_models_state_is_refused_and_changes_nothing(make_model):
+    plain, rich = FallbackTracker(make_model(), 1.0), FallbackTracker(make_model(fallbacks=True), 1.0)
+    fed(plain, rows(10))
+    before = rich.snapshot()
+    with pytest.raises(ValueError, match="it has other estimators"):
+        rich.restore(plain.snapshot())
+    slow = FallbackTracker(make_model(), 0.5)
+    with pytest.raises(ValueError, match="it has another period or shape"):
+        slow.restore(plain.snapshot())
+    assert rich.snapshot() == before
+    assert slow.snapshot().voices == (None,)
+
+
+def a_state(tracker, now_s=99.0):
+    return State("model", "boot", now_s, tracker.snapshot())
+
+
+@pytest.fixture
+def settled(make_model):
+    tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
+    fed(tracker, rows(100))
+    return tracker
+
+
+def test_a_state_reads_back_as_it_was(settled):
+    assert decode(encode(a_state(settled))) == a_state(settled)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"model": "other"}, "it is of another model"),
+        ({"boot": "other"}, "it is of another boot"),
+        ({"now_s": 129.5}, "it is 30 s old, and 30 s are allowed"),
+        ({"now_s": 98.0}, "it is -1 s old, and 30 s are allowed"),
+        ({"now_s": 105.0, "max_age_s": 5.0}, "it is 6 s old, and 5 s are allowed"),
+        ({"boot": ""}, "the system does not say which boot this is"),
+    ],
+)
+def test_what_may_not_be_believed_is_not(make_model, settled, change, reason):
+    tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
+    call = {"model": "model", "boot": "boot", "now_s": 99.0, "max_age_s": 600.0, **change}
+    with pytest.raises(ValueError, match=f"^{reason}$"):
+        take_back(a_state(settled), tracker, **call)
+    assert tracker.snapshot().voices == (None,) * 3
+
+
+def test_what_may_be_believed_is(make_model, settled):
+    tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
+    assert take_back(a_state(settled), tracker, "model", "boot", 128.0, 600.0) == 29.0
+    assert tracker.snapshot() == settled.snapshot()
+
+
+def test_the_identity_is_the_models_and_not_its_files(make_model):
+    model = make_model()
+    assert model_identity(model) == hashlib.sha256(encode_model(model).encode()).hexdigest()
+    assert model_identity(model._replace(name="other")) != model_identity(model)
+
+
+@given(place=st.integers(0, 10**4), change=st.integers(1, 255), cut=st.booleans())
+@settings(max_examples=300, deadline=None)
+def test_no_damaged_byte_is_believed(place, change, cut):
+    whole = encode(State("m", "b", 5.0, FallbackState((Snapshot(1.0, 0.0, 3, (1.0,), (2.0,)), None), 0, 0.0, 1.5, 3.0)))
+    place %= len(whole)
+    damaged = whole[:place] if cut else whole[:place] + bytes([whole[place] ^ change]) + whole[place + 1 :]
+    with pytest.raises(ValueError, match="it is damaged"):
+        decode(damaged)
+
+
+def sealed(line):
+    """``line`` with the digest that says that it is whole."""
+    return line + b"\n" + hashlib.sha256(line).hexdigest().encode() + b"\n"
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
+    max_leaves=10,
+)
+VOICE = st.fixed_dictionaries(dict.fromkeys(Snapshot._fields, JSON))
+STATE = st.fixed_dictionaries(
+    {
+        "format": st.just("ambientd-state"),
+        "version": st.just(1),
+        "model": st.just("m") | JSON,
+        "boot": st.just("b") | JSON,
+        "time_s": st.just(5.0) | JSON,
+        "voices": st.lists(st.none() | VOICE, max_size=4) | JSON,
+        "speaking": st.integers(-1, 4) | JSON,
+        "difference_degC": JSON,
+        "said_degC": JSON,
+        "said_s": JSON,
+    }
+)
+
+
+@given(content=st.binary() | STATE.map(lambda data: sealed(json.dumps(data).encode())) | st.binary().map(sealed))
+@example(content=sealed(b"[" * 100_000))
+@example(content=sealed(b"9" * 5000))
+@example(content=sealed(b'{"format": "ambientd-state"}'))
+@settings(max_examples=300, deadline=None)
+def test_any_bytes_are_a_state_or_a_reason(content):
+    with contextlib.suppress(ValueError):
+        state = decode(content)
+        assert decode(encode(state)) == state
+        assert all([abs(each) <= 1e12 for each in state.tracker[2:] if each is not None])
+
+
+NUMBERS = st.floats(-1e12, 1e12)
+
+
+@given(
+    x=st.lists(NUMBERS, min_size=2, max_size=2),
+    u=st.lists(NUMBERS, min_size=2, max_size=2),
+    start_s=NUMBERS,
+    step=st.integers(0, 10**12),
+    difference=NUMBERS,
+    said=st.none() | NUMBERS,
+)
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s, step, difference, said):
+    tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
+    voices = (Snapshot(1.0, start_s, step, tuple(x), tuple(u)), None, None)
+    tracker.restore(decode(encode(State("m", "b", 99.0, FallbackState(voices, 0, difference, said, 98.0)))).tracker)
+    for time_s, values in [*rows(3, 99), (102.0, (None, None)), (140.0, (None, 25.0))]:
+        estimate = tracker.update(time_s, values)
+        assert all(value is None or math.isfinite(value) for value in estimate[:3])
+
+
+@pytest.fixture
+def state_file(make_model, tmp_path):
+    notes = []
+    model = make_model(fallbacks=True)
+    return StateFile(StateSpec(str(tmp_path / "state"), 30.0), model, notes.append), notes, tmp_path / "state"
+
+
+def test_it_is_saved_every_so_often_and_at_the_end(state_file, settled):
+    file, notes, path = state_file
+    saved = []
+    for now_s in range(100, 125):
+        file.ticked(settled, float(now_s))
+        saved.append(decode(path.read_bytes()).time_s)
+    assert saved == [100.0] * 10 + [110.0] * 10 + [120.0] * 5
+    file.close()
+    assert decode(path.read_bytes()).time_s == 124.0
+    assert os.listdir(path.parent) == ["state"]
+    assert notes == []
+
+
+def test_a_tracker_that_never_began_leaves_no_state(state_file, make_model):
+    file, _, path = state_file
+    file.close()
+    file.ticked(FallbackTracker(make_model(fallbacks=True), 1.0), 5.0)
+    file.close()
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (b"", "it is damaged; starting anew"),
+        (b"\xff" * 10**6, "it is damaged; starting anew"),
+        (sealed(b"{}"), "it is of another version; starting anew"),
+        (encode(State("m", "b", 5.0, FallbackState((None,), 0, 0.0, None, 0.0))), "it is of another model; starting"),
+    ],
+)
+def test_a_foreign_file_is_one_word_in_the_log(state_file, settled, content, reason):
+    file, notes, path = state_file
+    path.write_bytes(content)
+    before = settled.snapshot()
+    file.take_back(settled, 5.0)
+    assert len(notes) == 1
+    assert notes[0].startswith(f"state {path}: {reason}")
+    assert settled.snapshot() == before
+
+
+def test_a_first_start_says_nothing_and_a_folder_is_told(state_file, settled):
+    file, notes, path = state_file
+    file.take_back(settled, 5.0)
+    assert notes == []
+    path.mkdir()
+    file.take_back(settled, 5.0)
+    file.ticked(settled, 5.0)
+    file.ticked(settled, 50.0)
+    assert notes == [
+        f"state {path}: cannot be read (Is a directory); starting anew",
+        f"state {path}: cannot be written (Is a directory); the rest goes on",
+    ]
+
+
+def test_this_system_names_its_boot():
+    with contextlib.suppress(FileNotFoundError), open("/proc/sys/kernel/random/boot_id") as stream:
+        assert boot_identity() == stream.read().strip() != ""
+
+
+def test_the_configuration_names_it(tmp_path):
+    path = tmp_path / "c.json"
+    path.write_text('{"model": "m", "state": {"path": "s"}, "coast_s": 5}')
+    assert load_settings(str(path)).state == StateSpec(str(tmp_path / "s"), 30.0)
+    assert load_settings(str(path)).coast_s == 5.0
+    path.write_text('{"model": "m", "state": {"path": "/s", "max_age_s": 100}}')
+    assert load_settings(str(path)).state == StateSpec("/s", 100.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ('"state": "/s"', "state: is '/s'; a mapping with path and max_age_s is wanted"),
+        ('"state": {}', "state.path: missing; name the file that the state is kept in"),
+        ('"state": {"path": "/s", "age": 1}', "state.age: unknown key; known are path, max_age_s"),
+        ('"state": {"path": "/s", "max_age_s": 0}', "state.max_age_s: is 0; a number between 1 and 3600 is wanted"),
+        ('"coast_s": -1', "coast_s: is -1; a number between 0 and 600 is wanted"),
+        ('"coast_s": "1m"', "coast_s: is '1m'; a number between 0 and 600 is wanted"),
+    ],
+)
+def test_a_wrong_configuration_of_it_is_refused(tmp_path, text, fault):
+    path = tmp_path / "c.json"
+    path.write_text(f'{{"model": "m", {text}}}')
+    with pytest.raises(Refused) as refused:
+        load_settings(str(path))
+    assert str(refused.value) == f"{path}: {fault}"
+
+
+@pytest.fixture
+def configured(model_file, phone, tmp_path):
+    config = tmp_path / "c.json"
+    config.write_text(
+        json.dumps(
+            {
+                "model": model_file,
+                "rate_hz": 20,
+                "sysfs_root": str(phone.root),
+                "publish": [f"status:{tmp_path}/status"],
+                "state": {"path": "state", "max_age_s": 20},
+            }
+        )
+    )
+    return ("run", "--config", config)
+
+
+def status_of(tmp_path):
+    path = tmp_path / "status"
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def test_a_restarted_daemon_goes_on_with_the_estimate(start, until, ended, configured, phone, tmp_path):
+    """The lag on usb is 40 s: what starts anew says the new equilibrium, what goes on is still near the old value."""
+    first = start(*configured)
+    until(lambda: status_of(tmp_path).get("ambient_degC") == pytest.approx(23.0))
+    began_s = status_of(tmp_path)["time_s"]
+    until(lambda: status_of(tmp_path)["time_s"] > began_s + 0.2)  # within the first period it would start anew
+    _, _, log = ended(first, signal.SIGTERM)
+    assert len(log.splitlines()) == 1
+    (phone.root / "class/thermal/thermal_zone10/temp").write_text("40000\n")
+    second = start(*configured)
+    until(lambda: status_of(tmp_path))
+    said = status_of(tmp_path)["ambient_degC"]
+    _, _, log = ended(second)
+    assert log.splitlines()[0].startswith(f"ambientd: state {tmp_path}/state: going on from ")
+    # usb counts at once: 23 + 10, and is drawn from with its lag; anew it would be 23 + 0.2 * 10 = 25
+    assert 30 < said <= 33.0
+
+
+def test_a_killed_daemon_leaves_a_whole_state(start, until, configured, ambientd, tmp_path):
+    killed = start(*configured)
+    until(lambda: (tmp_path / "state").exists())
+    killed.kill()
+    killed.wait()
+    assert decode((tmp_path / "state").read_bytes()).tracker.said_degC is None  # no fallbacks: nothing to bridge
+
+
+def test_another_models_state_is_told_once_and_not_used(start, until, ended, configured, make_model, tmp_path):
+    first = start(*configured)
+    until(lambda: status_of(tmp_path))
+    ended(first)
+    (tmp_path / "model.json").write_text(encode_model(make_model()._replace(name="other")))
+    second = start(*configured)
+    until(lambda: status_of(tmp_path).get("model") == "other")
+    _, _, log = ended(second)
+    assert log.splitlines()[0] == f"ambientd: state {tmp_path}/state: it is of another model; starting anew"
+    assert len(log.splitlines()) == 2
