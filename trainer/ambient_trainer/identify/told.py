@@ -18,8 +18,7 @@ def said(found: Identifiability) -> list[str]:
     others, close = len(found.others), sum(each.close for each in found.reestimates)
     lines.append(
         f"The thesis's test: of {len(found.reestimates)} starts {others} ended at another parameter set (one off by "
-        f"more than {100 * MOVED:g} %) with the same output: "
-        + ("not identifiable." if others else "not shown to be unidentifiable.")
+        f"more than {100 * MOVED:g} %) with the same output: {_by_starts(found)}"
         + (f" {close - others} more came to {CLOSE_PERCENT:g} % or more." if close > others else "")
     )
     if told.blind_here:
@@ -58,6 +57,16 @@ def _structure(found: Identifiability) -> list[str]:
         lines.append(f"  {told.blind - len(told.symmetries)} that bend with the values of {', '.join(told.mixed)}")
     products = ", ".join(map(_product, told.products))
     return [*lines, f"  Of the parameters that these mix, only products can be told: {products or 'none'}."]
+
+
+def _by_starts(found: Identifiability) -> str:
+    """The verdict of the thesis's test; a structure that can be told may still not be where the fit lies."""
+    moved = {name for each in found.others for name, share in each.moved.items() if share > MOVED}
+    if not moved:
+        return "not shown to be unidentifiable."
+    if found.identifiable and moved <= set(found.sensitivity.mixed_here):
+        return f"not identifiable at this fit, where {', '.join(sorted(moved))} moved together and nothing else did."
+    return "not identifiable."
 
 
 def start_table(found: Identifiability) -> Table:
