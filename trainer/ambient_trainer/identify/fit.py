@@ -238,7 +238,7 @@ def _closed(
         rmse_degC=float(np.sqrt(result.best.sum_of_squares / count)),
         start_rmses_degC=tuple(float(np.sqrt(each.sum_of_squares / count)) for each in result.starts),
         effort=effort,
-        evaluations=sum(each.evaluations for each in result.starts),
+        evaluations=result.evaluations,
         errors_degC=tuple(errors),
         baseline=fit_static_linear(structure.segments),
         input_ranges=tuple((float(row.min()), float(row.max())) for row in u),

@@ -44,6 +44,8 @@ class SearchResult:
 
     best: Solution
     starts: tuple[Solution, ...]
+    evaluations: int
+    """Of all starts, and of what followed from the best."""
     stopped: bool
 
 
@@ -73,16 +75,21 @@ def search(structure: Structure, starts: int, seed: int, progress: Progress | No
         except KeyboardInterrupt:
             if run.best is None:
                 raise
-            return SearchResult(run.best, (*ends, run.best), stopped=True)
+            return SearchResult(run.best, (*ends, run.best), _spent(ends) + run.evaluations, stopped=True)
     if best is None:
         raise ValueError("a search needs at least one start")
-    if not best.converged:
-        run = _Run(structure, starts - 1, best, progress)
-        try:
-            best = run.finish(best.theta)
-        except KeyboardInterrupt:
-            return SearchResult(run.best or best, tuple(ends), stopped=True)
-    return SearchResult(best, tuple(ends), stopped=False)
+    if best.converged:
+        return SearchResult(best, tuple(ends), _spent(ends), stopped=False)
+    run = _Run(structure, starts - 1, best, progress)
+    try:
+        best, stopped = run.finish(best.theta), False
+    except KeyboardInterrupt:
+        best, stopped = run.best or best, True
+    return SearchResult(best, tuple(ends), _spent(ends) + run.evaluations, stopped)
+
+
+def _spent(ends: list[Solution]) -> int:
+    return sum(each.evaluations for each in ends)
 
 
 class _Run:
