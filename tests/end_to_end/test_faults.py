@@ -250,6 +250,32 @@ def test_one_output_that_cannot_be_written_leaves_the_others_as_they_were(call, 
     assert f"x.json: there is no folder {tmp_path / 'none'}; make it first" in said
 
 
+@pytest.mark.parametrize("split", ["0", "1e9"])
+def test_a_split_that_leaves_nothing(call, good, split):
+    status, _, said = call("ambient-trainer", "compare", good[0], "--circuit", "free-1", "--split", split)
+    assert status == 1
+    assert re.search(r"--split: .* s leaves nothing on one side of .*trace\.csv \(0 to 59 s\); choose a time", said), (
+        said
+    )
+
+
+def test_the_late_commands_look_at_their_outputs_first(call, good, tmp_path):
+    trace, _ = good
+    nowhere = tmp_path / "none" / "x.json"
+    calls = [
+        (
+            ("identifiability", trace, "--circuit", "linear_usb", "--json", trace),
+            "would be overwritten by what is made",
+        ),
+        (("reproduce", "--json", nowhere), f"there is no folder {tmp_path / 'none'}; make it first"),
+    ]
+    for arguments, message in calls:
+        status, printed, said = call("ambient-trainer", *arguments)
+        assert (status, printed) == (2, "")
+        assert message in said
+    assert trace.read_text() == GOOD
+
+
 def test_a_link_keeps_leading_where_it_led(call, good, tmp_path):
     trace, _ = good
     (tmp_path / "link.json").symlink_to(tmp_path / "real.json")

@@ -15,6 +15,7 @@ from rich.text import Text
 from ambient_model.atomic import replacing
 from ambient_model.faults import refuse
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.identify.fit import Effort, free_order
 from ambient_trainer.identify.identifiability import Progress, identifiability
 from ambient_trainer.identify.told import as_json, parameter_table, said, start_table
@@ -69,6 +70,7 @@ def command(
     explains it. Then by what no start can miss: the directions along which the output never changes, and how far each
     parameter may stray before this trace's noise excludes it.
     """
+    check_outputs([json_path], [trace_path, name])
     if free_order(name) is not None:
         raise refuse("--circuit", "", f"{name} has no parameters that mean anything", "name a thermal circuit")
     fixed = dict(_fix(each) for each in fixes)

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.text import Text
 
 from ambient_model.atomic import replacing
+from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
 from ambient_trainer.reproduce.runs import Progress as Told
@@ -31,6 +32,7 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
 
     Prints the thesis's tables 5.1 to 5.12 with the published figures beside the simulated ones, and what is not alike.
     """
+    check_outputs([json_path], [])
     with _bar() as progress:
         found = reproduce(seed, all_methods, published_results(), progress)
         errata = errata_of(found.runs, progress) if json_path or report_folder else []

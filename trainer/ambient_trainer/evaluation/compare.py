@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.export.model_file import model_of, training_of
@@ -50,7 +51,10 @@ class Contest:
 def split_contest(path: str, split_s: float) -> Contest:
     """Fit to the trace before ``split_s``, score on the rest of it."""
     trace = load_trace(path)
-    trace.cut(split_s, None)  # refuses a split that leaves nothing to score
+    first_s, last_s = trace.time_s[0], trace.time_s[-1]
+    if not first_s < split_s <= last_s:
+        problem = f"{split_s:g} s leaves nothing on one side of {path} ({first_s:g} to {last_s:g} s)"
+        raise refuse("--split", "", problem, "choose a time in between")
 
     def score(model: Model) -> tuple[Evaluation, Evaluation]:
         return evaluate_file_run_in(model, path, split_s, None), evaluate_file(model, path, split_s, None)
