@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-from build_zipapp import ROOT, put, write_archive, zipapp
+from build_zipapp import ROOT, put, version, write_archive, zipapp
 
 MODULE = ROOT / "deploy" / "magisk"
 _SCRIPTS = ("service.sh", "customize.sh", "META-INF/com/google/android/update-binary")
@@ -26,13 +26,9 @@ def module() -> bytes:
 
 def _stamped(properties: str) -> str:
     """``properties`` with the version, and the number that Magisk compares, in their places."""
-    source = (ROOT / "shared" / "ambient_model" / "__init__.py").read_text(encoding="utf-8")
-    found = re.search(r'^__version__ = "((\d+)\.(\d+)\.(\d+).*)"$', source, re.MULTILINE)
-    if found is None:
-        raise ValueError("shared/ambient_model/__init__.py says no version such as 1.2.3")
-    version, *numbers = found.groups()
-    major, minor, patch = map(int, numbers)
-    return properties.replace("@VERSION@", version).replace("@CODE@", str((major * 1000 + minor) * 1000 + patch))
+    found = version()
+    major, minor, patch = [int(digits) for digits in re.findall(r"\d+", found)[:3]]
+    return properties.replace("@VERSION@", found).replace("@CODE@", str((major * 1000 + minor) * 1000 + patch))
 
 
 def main() -> int:

@@ -1,5 +1,6 @@
 """The command's door: nothing is imported before it is known what is wanted."""
 
+import io
 import sys
 
 
@@ -7,6 +8,8 @@ def main() -> int:
     """Run the command line; returns its exit status."""
     from ambientd.cli import call
 
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a name may hold letters that this locale does not know
+        sys.stdout.reconfigure(errors="backslashreplace")
     return call(sys.argv[1:])
 
 

@@ -1,12 +1,23 @@
-"""``ambientd check``: whether a model file computes here what it must, and whether its sensors are here."""
+"""``ambientd check``: whether a model file computes here what it must, its sensors are here, and its readers served."""
+
+import errno
+import os
+import stat
+from collections.abc import Callable, Iterator
 
 from ambient_model.codec import load_model
-from ambient_model.conformance import TOLERANCE_DEGC, worst_difference_degC
+from ambient_model.conformance import TOLERANCE, TOLERANCE_DEGC, worst_contradictions, worst_difference_degC
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
+from ambientd.publish.access import Access
+from ambientd.publish.swap import trial
 from ambientd.sources.assign import assigned_sensors, location_of
+from ambientd.sources.reader import Reader
+from ambientd.sources.sensors import values_of
 from ambientd.sources.supervision import outside
+
+_LONGEST_SOCKET_PATH = 107
 
 
 def check_files(settings: Settings) -> None:
@@ -23,6 +34,17 @@ def check_files(settings: Settings) -> None:
         )
     rows = len(model.conformance.inputs)
     _say("conformance", f"passed: {rows} samples at {len(model.main.discrete)} periods, to {worst_degC:g} degC")
+    _check_fallbacks(settings, model)
+
+
+def _check_fallbacks(settings: Settings, model: Model) -> None:
+    """As the file holds no outputs of its fallbacks, they are asked not to contradict themselves."""
+    worst = worst_contradictions(model)
+    doubtful = [name for name in worst if not worst[name] <= TOLERANCE]
+    for name in doubtful:
+        _say("warning", f"without {name} it contradicts itself by {worst[name]:g} (equilibrium moves, or periods disagree)")
+    if worst and not doubtful:
+        _say("", f"passed: {len(worst)} fallbacks keep their equilibrium, and their periods agree")
 
 
 def _describe(settings: Settings, model: Model) -> None:
@@ -39,9 +61,10 @@ def _describe(settings: Settings, model: Model) -> None:
 def check_sensors(settings: Settings) -> None:
     """Say what each input's sensor reads now; raises :class:`Refused` where one is missing or says nothing of use."""
     faults = []
+    reader = Reader()
     for sensor in assigned_sensors(settings, load_model(settings.model)):
         sensor.open()
-        value = sensor.read()
+        (value,) = values_of([sensor], reader)
         sensor.close()
         place = f"sensor {sensor.name}"
         if value is None:
@@ -53,6 +76,72 @@ def check_sensors(settings: Settings) -> None:
             _say("sensor", f"{sensor.name}, {sensor.paths[0]}: {value:g} {sensor.source.unit}{others}")
     if faults:
         raise Refused(settings.sysfs_root, faults)
+
+
+def check_all(settings: Settings, checks: tuple[Callable[[Settings], None], ...]) -> None:
+    """Make all ``checks``, whatever one of them finds; raises :class:`Refused` with what all of them found."""
+    refusals = []
+    for check in checks:
+        try:
+            check(settings)
+        except Refused as refused:
+            refusals.append(refused)
+    if len(refusals) == 1:
+        raise refusals[0]
+    if refusals:
+        raise Refused(settings.source, [fault for refused in refusals for fault in refused.faults])
+
+
+def check_outlets(settings: Settings) -> None:
+    """Say what each published file and the state would be; raises :class:`Refused` where one cannot be written.
+
+    A folder that is not there is told only: the service manager may make it at start.
+    """
+    faults = []
+    for name, path, access, is_socket in _created(settings):
+        if not os.path.isdir(os.path.dirname(path) or "."):
+            _say("output", f"{name}: {os.path.dirname(path)} is not there; it must be when the daemon starts")
+            continue
+        try:
+            _say("output", f"{name}: {_foreseen(path, access, is_socket)}")
+        except OSError as error:
+            faults.append(Fault(f"output {name}", f"cannot be written ({error.strerror or error})", _mend(error)))
+    if faults:
+        raise Refused(settings.source, faults)
+
+
+def _created(settings: Settings) -> Iterator[tuple[str, str, Access, bool]]:
+    """Of each thing that is created: its name, path and access, and whether it is a socket."""
+    for spec in settings.publish:
+        if spec.path:
+            is_socket = spec.kind == "socket"
+            yield str(spec), spec.path, spec.access.for_socket() if is_socket else spec.access, is_socket
+    if settings.state is not None:
+        yield f"state:{settings.state.path}", settings.state.path, settings.state.access, False
+
+
+def _foreseen(path: str, access: Access, is_socket: bool) -> str:
+    """Mode and owner of what would be made at ``path``; raises OSError where it could not be."""
+    if os.path.lexists(path):
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
+            raise OSError(errno.EISDIR, "it is a folder")
+        if is_socket and stat.S_ISSOCK(mode):
+            return "there is a socket already, of a daemon that runs or that has died, or made by init"
+        if is_socket:
+            raise OSError(errno.EEXIST, "it exists and is no socket")
+    if is_socket and len(os.fsencode(path)) > _LONGEST_SOCKET_PATH:
+        raise OSError(errno.ENAMETOOLONG, f"its path is longer than {_LONGEST_SOCKET_PATH} bytes")
+    return trial(path, access)
+
+
+def _mend(error: OSError) -> str:
+    if error.errno == errno.EPERM:
+        return (
+            "let the daemon run with that group, or with CAP_CHOWN and, under systemd, SystemCallFilter=@chown;"
+            " and check as the user that it runs as"
+        )
+    return "choose another path, or see that the user that the daemon runs as may write there, and check as that user"
 
 
 def say_unneeded(settings: Settings) -> None:

@@ -7,10 +7,11 @@ import argparse
 import os
 import sys
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from ambient_model import __version__
 from ambient_model.faults import Refused
-from ambientd.config import RATE_RANGE_HZ, Settings
+from ambientd.config import RATE_RANGE_HZ, Settings, publishing_to
 from ambientd.publish.spec import KINDS, Spec, parse
 
 
@@ -39,8 +40,26 @@ def _failed(message: str) -> int:
     return 1
 
 
+class _Help(argparse.HelpFormatter):
+    """As wide as the terminal. To find that out argparse imports shutil, 0.8 MB, where no help is asked for, too."""
+
+    def __init__(self, prog: str) -> None:
+        try:
+            columns = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size(1).columns
+        except (ValueError, OSError):
+            columns = 0
+        super().__init__(prog, width=(columns or 80) - 2)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Formats with :class:`_Help`, and so do its commands."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(formatter_class=_Help, **options)
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser: argparse.ArgumentParser = _Parser(
         prog="ambientd", description="Tell a device how warm the air around it is, from the temperatures inside it."
     )
     parser.add_argument("--version", action="version", version=f"ambientd {__version__}")
@@ -48,8 +67,15 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_replay(commands)
     _add_check(commands)
-    watch = commands.add_parser("watch", help="follow a running daemon's socket, one line a tick")
+    watch = commands.add_parser("watch", help="follow a running daemon's socket, and the next one's, a line a tick")
     watch.add_argument("socket", metavar="SOCKET")
+    watch.add_argument(
+        "--stale-after",
+        metavar="S",
+        type=_number(0.1, 1e6),
+        default=15.0,  # the slowest daemon speaks every 10 s
+        help="say so when nothing has come for S seconds (default: 15)",
+    )
     watch.set_defaults(command=_watch)
     return parser
 
@@ -95,7 +121,7 @@ def _add_replay(commands: "_Commands[argparse.ArgumentParser]") -> None:
 
 
 def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
-    check = commands.add_parser("check", help="prove a model file right and find its sensors on this device")
+    check = commands.add_parser("check", help="prove a model file right, find its sensors, try its outputs")
     _add_origin(check)
     check.set_defaults(command=_check)
 
@@ -146,7 +172,7 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     def settings() -> Settings:
         """What the configuration says now, and the call overrides."""
         found = _settings(options)
-        return found._replace(publish=tuple(options.publish)) if options.publish else found
+        return publishing_to(found, options.publish) if options.publish else found
 
     def settings_at_rate() -> Settings:
         found = settings()
@@ -166,7 +192,7 @@ def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Non
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    from ambientd.check import check_files, check_sensors, say_unneeded
+    from ambientd.check import check_all, check_files, check_outlets, check_sensors, say_unneeded
 
     settings = _settings(options)
     check_files(settings)
@@ -174,10 +200,10 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     if options.config is None and options.sysfs_root is None:
         say_unneeded(settings)
     else:
-        check_sensors(settings)
+        check_all(settings, (check_sensors, check_outlets))
 
 
 def _watch(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     from ambientd.watch import watch
 
-    watch(options.socket)
+    watch(options.socket, options.stale_after)

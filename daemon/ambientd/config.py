@@ -1,16 +1,19 @@
 """A configuration is YAML, or JSON where the file ends with .json; it is taken whole or refused with every fault.
 
-Paths that are not absolute are taken from the configuration's own folder.
+Paths that are not absolute are taken from the configuration's own folder. A file that was made to do harm costs no more
+than a large honest one.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import LEVELS_PERCENT
-from ambientd.publish.spec import MILLIDEGREES_LIMIT, MODES, Spec, parse
+from ambientd.publish.access import Access, read_access
+from ambientd.publish.spec import AT_EXIT, MILLIDEGREES_LIMIT, MODES, Spec, parse
 from ambientd.sources.spec import Location, read_location, read_rules
 from ambientd.sources.supervision import Rules
 
@@ -30,9 +33,17 @@ _KEYS = (
     "zones_by_name",
     "sensors",
     "supervision",
+    "access",
 )
-_STATE_KEYS = ("path", "max_age_s")
-_PUBLISH_KEYS = ("kind", "path", "mode", "poison_millidegC")
+_LARGEST_BYTES = 2**16
+_LONGEST_TEXT = 1000
+_LONGEST_SAID = 200
+_MOST_FAULTS = 100
+_MOST_PUBLISHERS = 32
+_STATE_KEYS = ("path", "max_age_s", "access")
+_FILE_KEYS = ("mode", "poison_millidegC", "offset_millidegC", "at_exit")
+_PUBLISH_KEYS = ("kind", "path", *_FILE_KEYS, "access")
+_OFFSET_LIMIT_MILLIDEGC = 10**6
 
 
 class StateSpec(NamedTuple):
@@ -41,6 +52,7 @@ class StateSpec(NamedTuple):
     path: str
     max_age_s: float = 30.0
     """How old it may be; it also lapses with the model's own limit for a gap, whichever comes first."""
+    access: Access = Access()
 
 
 class Settings(NamedTuple):
@@ -64,6 +76,8 @@ class Settings(NamedTuple):
     sensors: Mapping[str, Location] = MappingProxyType({})
     """Per input name where it is read, where that is not the model's zone."""
     supervision: Rules = Rules()
+    access: Access = Access()
+    """Of all that is created, where a publication or the state says nothing else."""
 
 
 def settings_for_model(path: str) -> Settings:
@@ -71,20 +85,29 @@ def settings_for_model(path: str) -> Settings:
     return Settings(source=path, model=path)
 
 
+def publishing_to(settings: Settings, specs: Sequence[Spec]) -> Settings:
+    """``settings`` with ``specs``, which say nothing of their access, in place of what is published."""
+    return settings._replace(publish=tuple([_accessible(spec, settings.access) for spec in specs]))
+
+
+def _accessible(spec: Spec, access: Access) -> Spec:
+    return spec._replace(access=access) if spec.path else spec
+
+
 def load_settings(path: str) -> Settings:
     """The settings in the file at ``path``; raises :class:`Refused` with every fault."""
+    content = read_whole(path, _LARGEST_BYTES)
+    if len(content) > _LARGEST_BYTES:
+        raise refuse(path, "", "larger than 64 KiB", "a configuration is some lines: is this one?")
     try:
-        with open(path, encoding="utf-8") as stream:
-            text = stream.read()
-    except OSError as error:
-        raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+        text = content.decode()
     except UnicodeDecodeError as error:
         raise refuse(path, "", f"not text ({error})", "save it as UTF-8") from error
     data = _json(path, text) if path.endswith(".json") else _yaml(path, text)
     reading = _Reading(path)
     settings = reading.settings(data)
     if reading.faults:
-        raise Refused(path, reading.faults)
+        raise Refused(path, reading.faults[:_MOST_FAULTS])
     return settings
 
 
@@ -113,33 +136,50 @@ def _yaml(path: str, text: str) -> Any:
             "install 'ambientd[yaml]', or write the same keys as JSON into a file that ends with .json",
         ) from error
     try:
-        _refuse_doubles(yaml.compose(text, yaml.SafeLoader))
-        return yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        _refuse_tricks(node, set())
+        return None if node is None else loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = f"line {mark.line + 1}, column {mark.column + 1}" if mark else ""
         raise refuse(path, place, f"not YAML ({error.problem})", "correct it there") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except RecursionError as error:
+        raise refuse(path, "", "nested too deep", "nest less") from error
+    except (yaml.YAMLError, ValueError) as error:
         raise refuse(path, "", str(error), "correct it") from error
+    except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of a value that belies its tag
+        raise refuse(path, "", f"a value is not what its tag says ({error})", "write it without a tag") from error
 
 
-def _refuse_doubles(node: Any) -> None:
-    """YAML lets a later key silently win over its double."""
-    if node is not None and node.id == "mapping":
+def _refuse_tricks(node: Any, seen: set[int]) -> None:
+    """Refuse what YAML takes in silence: a key's double, which the later wins, and aliases, which multiply."""
+    if node is None:
+        return
+    if node.id == "scalar" and len(node.value) > _LONGEST_TEXT:
+        raise ValueError(f"what stands in line {node.start_mark.line + 1} has {len(node.value)} characters")
+    if id(node) in seen:
+        raise ValueError(f"what begins in line {node.start_mark.line + 1} is used again by an alias: write it twice")
+    seen.add(id(node))
+    if node.id == "mapping":
         _without_doubles([(str(key.value), value) for key, value in node.value])
-        for _, value in node.value:
-            _refuse_doubles(value)
-    elif node is not None and node.id == "sequence":
-        for item in node.value:
-            _refuse_doubles(item)
+    for each in node.value if node.id != "scalar" else ():
+        for child in each if node.id == "mapping" else (each,):
+            _refuse_tricks(child, seen)
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    names = [name for name, _ in pairs]
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"key {name!r} stands twice in one mapping")
+    double = first_double([name for name, _ in pairs])
+    if double is not None:
+        raise ValueError(f"key {shown(double)} stands twice in one mapping")
     return dict(pairs)
+
+
+def _said(text: str) -> str:
+    """``text`` on one line of a sane length: keys and values are anybody's."""
+    if not text.isprintable():
+        text = repr(text)
+    return text if len(text) <= _LONGEST_SAID else f"{text[: _LONGEST_SAID - 3]}..."
 
 
 class _Reading:
@@ -148,9 +188,10 @@ class _Reading:
     def __init__(self, path: str) -> None:
         self.path = path
         self.faults: list[Fault] = []
+        self.common_access = Access()
 
     def fault(self, place: str, problem: str, mend: str) -> None:
-        self.faults.append(Fault(place, problem, mend))
+        self.faults.append(Fault(_said(place), _said(problem), mend))
 
     def settings(self, data: Any) -> Settings:
         settings = Settings(source=self.path, model="")
@@ -158,6 +199,9 @@ class _Reading:
             self.fault("", "holds no keys", f"start with 'model: MODEL.json'; known keys are {', '.join(_KEYS)}")
             return settings
         self.unknown("", data, _KEYS)
+        if "access" in data:  # what follows builds on it
+            self.common_access = self.access("access", data["access"])
+        settings = settings._replace(access=self.common_access)
         readers: dict[str, Callable[[str, Any], Any]] = {
             "model": self.file,
             "rate_hz": self.rate,
@@ -186,6 +230,10 @@ class _Reading:
         if not isinstance(value, str) or not value:
             self.fault(place, f"is {value!r}", "a text is wanted")
             return ""
+        if not value.isprintable() or len(value) > _LONGEST_TEXT:
+            wanted = f"a text of at most {_LONGEST_TEXT} printable characters is wanted"
+            self.fault(place, f"is {shown(value)}", wanted)
+            return ""
         return value
 
     def file(self, place: str, value: Any) -> str:
@@ -212,7 +260,9 @@ class _Reading:
         if "path" not in value:
             self.fault(f"{place}.path", "missing", "name the file that the state is kept in")
             return None
-        spec = StateSpec(self.file(f"{place}.path", value["path"]))
+        spec = StateSpec(self.file(f"{place}.path", value["path"]), access=self.common_access)
+        if "access" in value:
+            spec = spec._replace(access=self.access(f"{place}.access", value["access"]))
         if "max_age_s" not in value:
             return spec
         return spec._replace(max_age_s=self.number(f"{place}.max_age_s", value["max_age_s"], MAX_AGE_RANGE_S))
@@ -244,6 +294,9 @@ class _Reading:
         if not isinstance(value, list) or not value:
             self.fault(place, f"is {value!r}", "a list of KIND:PATH or of mappings is wanted")
             return ()
+        if len(value) > _MOST_PUBLISHERS:
+            self.fault(place, f"has {len(value)} entries", f"at most {_MOST_PUBLISHERS} are wanted")
+            return ()
         specs = [self.spec(f"{place}[{index}]", item) for index, item in enumerate(value)]
         targets = [spec.path for spec in specs if spec and spec.path]
         for target in sorted({target for target in targets if targets.count(target) > 1}):
@@ -262,13 +315,23 @@ class _Reading:
         spec = self.parsed(place, f"{kind}:{path}" if path else kind) if kind else None
         if spec is None:
             return None
-        for key in ("mode", "poison_millidegC"):
+        for key in _FILE_KEYS:
             if key in value and spec.kind != "file":
                 self.fault(f"{place}.{key}", f"says nothing for kind {spec.kind!r}", "only 'file' takes it: remove it")
-        if "mode" in value:
-            spec = spec._replace(mode=self.mode(f"{place}.mode", value["mode"]))
-        if "poison_millidegC" in value:
-            spec = spec._replace(poison_millidegC=self.poison(f"{place}.poison_millidegC", value["poison_millidegC"]))
+        if "access" in value and not spec.path:
+            self.fault(f"{place}.access", f"says nothing for kind {spec.kind!r}", "remove it")
+        readers: dict[str, Callable[[str, Any], Any]] = {
+            "mode": lambda place, value: self.choice(place, value, MODES),
+            "poison_millidegC": lambda place, value: self.millidegrees(place, value, MILLIDEGREES_LIMIT),
+            "offset_millidegC": lambda place, value: self.millidegrees(place, value, _OFFSET_LIMIT_MILLIDEGC),
+            "at_exit": lambda place, value: self.choice(place, value, AT_EXIT),
+            "access": self.access,
+        }
+        spec = spec._replace(
+            **{key: read(f"{place}.{key}", value[key]) for key, read in readers.items() if key in value}
+        )
+        if (spec.at_exit, spec.poison_millidegC) == ("poison", None):
+            self.fault(f"{place}.at_exit", "there is no poison to leave", "give poison_millidegC, too")
         return spec
 
     def parsed(self, place: str, text: str) -> Spec | None:
@@ -278,16 +341,20 @@ class _Reading:
             problem, _, mend = str(error).partition("; ")
             self.fault(place, problem, mend)
             return None
-        return spec._replace(path=self.file(place, spec.path)) if spec.path else spec
+        return _accessible(spec._replace(path=self.file(place, spec.path)), self.common_access) if spec.path else spec
 
-    def mode(self, place: str, value: Any) -> str:
-        if value not in MODES:
-            self.fault(place, f"is {value!r}", f"one of {', '.join(MODES)} is wanted")
-            return MODES[0]
+    def access(self, place: str, value: Any) -> Access:
+        return read_access(place, value, self.common_access, self.fault)
+
+    def choice(self, place: str, value: Any, known: tuple[str, ...]) -> str:
+        if value not in known:
+            self.fault(place, f"is {value!r}", f"one of {', '.join(known)} is wanted")
+            return known[0]
         return str(value)
 
-    def poison(self, place: str, value: Any) -> int:
-        if type(value) is not int or abs(value) >= MILLIDEGREES_LIMIT:
-            self.fault(place, f"is {value!r}", "an integer in millidegrees, of at most 12 digits, is wanted")
+    def millidegrees(self, place: str, value: Any, limit: int) -> int:
+        if type(value) is not int or abs(value) >= limit:
+            digits = len(str(limit - 1))
+            self.fault(place, f"is {value!r}", f"an integer in millidegrees, of at most {digits} digits, is wanted")
             return 0
         return value

@@ -1,27 +1,20 @@
 """While one input is away, the estimator that does without it speaks: the rule for taking over without a jump.
 
-Every fallback runs beside the main estimator all the time, so that it has settled when it is needed. Where the voice
-changes, the difference to what was last said is added to what the new one says, and fades as a thermal state does.
-It knows no clock: time comes in as an argument.
+Every fallback knows all that the main estimator knew, so that it has settled when it is needed; as long as nobody asks
+it, it takes the samples some at a time, which costs a fraction and comes to the same. Where the voice changes, the
+difference to what was last said is added to what the new one says, and fades as a thermal state does. It knows no
+clock: time comes in as an argument.
 """
 
 import math
 from typing import NamedTuple
 
 from ambient_model.model import Estimator, Model
-from ambient_model.tracking import (
-    DEGRADED,
-    TRACKING,
-    WARMING_UP,
-    Estimate,
-    Readings,
-    Snapshot,
-    Tracker,
-    bridge_limit_s,
-    nearest_discrete,
-)
+from ambient_model.tracking import Estimate, Readings, Snapshot, Tracker, bridge_limit_s, nearest_discrete
+from ambientd.health import MAIN, decide, has_all_inputs
 
-_FRESH = (TRACKING, WARMING_UP)
+_MOST_BEHIND = 128
+"""Samples that the fallbacks may owe: enough for the cost to vanish, few enough to be made up for in a millisecond."""
 
 
 class FallbackState(NamedTuple):
@@ -47,6 +40,11 @@ class _Voice:
     def update(self, time_s: float, readings: Readings) -> Estimate:
         return self.tracker.update(time_s, [readings[index] for index in self._picks])
 
+    def follow(self, samples: list[tuple[float, list[float]]]) -> None:
+        """Take samples that the main estimator has found complete and in their ranges, which are the same here."""
+        for time_s, readings in samples:
+            self.tracker.follow(time_s, [readings[index] for index in self._picks])
+
     def used(self, estimate: Estimate) -> tuple[float | None, ...]:
         """What it used, per input of the model: None for the one that it does without."""
         values: list[float | None] = [None] * self._width
@@ -70,6 +68,7 @@ class FallbackTracker:
         settling_steps = max(voice.tracker.settling_steps for voice in (self._main, *self._fallbacks))
         # down to 5 % when the slowest has settled; a static model has no time of its own
         self._fading_s = max(self.limit_s, settling_steps * self.period_s / 3)
+        self._behind: list[tuple[float, list[float]]] = []
         self._speaking = self._main
         self._difference_degC = 0.0
         self._said_degC: float | None = None
@@ -79,8 +78,14 @@ class FallbackTracker:
     def _voices(self) -> list[_Voice]:
         return [self._main, *self._fallbacks]
 
+    def _make_up(self) -> None:
+        for voice in self._fallbacks:
+            voice.follow(self._behind)
+        self._behind = []
+
     def snapshot(self) -> FallbackState:
         """What it rests on, for :meth:`restore`."""
+        self._make_up()
         return FallbackState(
             tuple([voice.tracker.snapshot() for voice in self._voices]),
             self._voices.index(self._speaking),
@@ -97,6 +102,7 @@ class FallbackTracker:
         pairs = [(voice.tracker, snapshot) for voice, snapshot in zip(voices, state.voices) if snapshot is not None]
         if not all([tracker.fits(snapshot) for tracker, snapshot in pairs]):
             raise ValueError("it has another period or shape")
+        self._make_up()
         for tracker, snapshot in pairs:
             tracker.restore(snapshot)
         self._speaking = voices[state.speaking]
@@ -104,36 +110,46 @@ class FallbackTracker:
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input of the model (degC, A, ...; None where missing)."""
+        main = self._main.tracker.update(time_s, readings)
         if not self._fallbacks:
-            return self._main.tracker.update(time_s, readings)
-        main = self._main.update(time_s, readings)
+            return main
+        if has_all_inputs(main.status):
+            self._behind.append((time_s, self._main.tracker.last))
+            if len(self._behind) >= _MOST_BEHIND:
+                self._make_up()
+            if self._speaking is self._main and self._difference_degC == 0:  # nothing is left to fade
+                self._said_degC, self._said_s = main.ambient_degC, time_s
+                return main
+            return self._say(time_s, self._main, main)
+        self._make_up()
         others = [(voice, voice.update(time_s, readings)) for voice in self._fallbacks]
-        voice, estimate = self._choose(main, others)
-        ambient, low, high = estimate[:3]
+        return self._say(time_s, *self._choose(main, others))
+
+    def _say(self, time_s: float, voice: _Voice, estimate: Estimate) -> Estimate:
+        """What is published of what ``voice`` says."""
+        ambient, low, high, status, used = estimate
         if ambient is None or low is None or high is None:
             self._speaking, self._said_degC = voice, None
             return estimate
         self._difference_degC = difference = self._bridge(time_s, voice, ambient)
         self._speaking, self._said_degC, self._said_s = voice, ambient + difference, time_s
         # the interval holds both ends of the bridge
-        return estimate._replace(
-            ambient_degC=self._said_degC,
-            low_degC=low + min(0.0, difference),
-            high_degC=high + max(0.0, difference),
-            used=estimate.used if voice is self._main else voice.used(estimate),
+        return Estimate(
+            self._said_degC,
+            low + min(0.0, difference),
+            high + max(0.0, difference),
+            status,
+            used if voice is self._main else voice.used(estimate),
         )
 
     def _choose(self, main: Estimate, others: list[tuple[_Voice, Estimate]]) -> tuple[_Voice, Estimate]:
-        """Who speaks: the main one if it can, the fallback that has all its inputs, or who speaks already."""
-        if main.status in _FRESH:
+        """Who speaks where the main one lacks an input."""
+        heard = self._voices.index(self._speaking)
+        number, status = decide(main.status, [estimate.status for _, estimate in others], heard)
+        if number == MAIN:
             return self._main, main
-        for voice, estimate in others:
-            if estimate.status in _FRESH:
-                return voice, estimate._replace(status=DEGRADED)
-        for voice, estimate in others:
-            if voice is self._speaking and estimate.ambient_degC is not None:
-                return voice, estimate
-        return self._main, main
+        voice, estimate = others[number - 1]
+        return voice, estimate._replace(status=status)
 
     def _bridge(self, time_s: float, voice: _Voice, ambient_degC: float) -> float:
         """What is to be added to ``ambient_degC``, which ``voice`` has at ``time_s``."""

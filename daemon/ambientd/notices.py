@@ -1,14 +1,24 @@
-"""What goes wrong is said once, and once when it is well again; what flaps does not flood the log."""
+"""What goes wrong is said once, and once when it is well again; what flaps does not flood the log.
 
-import sys
+A log that is full, gone or not read loses words, and holds up nothing.
+"""
 
+import contextlib
+import os
+import select
+
+_STDERR = 2
 _MOST = 6
 _WITHIN_S = 600.0
 
 
 def say(message: str) -> None:
-    """Say ``message`` on standard error, where the journal finds it."""
-    print(f"ambientd: {message}", file=sys.stderr, flush=True)
+    """Say ``message`` on standard error, where the journal finds it, if there is room."""
+    room = select.poll()
+    room.register(_STDERR, select.POLLOUT)
+    with contextlib.suppress(OSError):
+        if room.poll(0):
+            os.write(_STDERR, f"ambientd: {message}\n".encode(errors="backslashreplace"))
 
 
 class Notice:

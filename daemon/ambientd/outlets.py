@@ -1,5 +1,6 @@
 """Each publisher fails alone: it is told of once, and stops nothing. Another set takes over without a gap."""
 
+import os
 from collections.abc import Callable, Sequence
 
 from ambientd.notices import Notice
@@ -28,32 +29,53 @@ class Outlets:
         return [str(spec) for spec in self._open if spec not in self._heard]
 
     def become(self, specs: Sequence[Spec]) -> None:
-        """Open what is new in ``specs`` and close what is no longer there; what stays is not touched.
+        """Open what is new in ``specs``, close what is no longer there, and tell what stays how it is to go on.
 
         Raises :class:`~ambient_model.faults.Refused` where one cannot start, and then nothing has changed.
         """
+        stay = {_place(spec): spec for spec in self._open}
         opened: dict[Spec, tuple[Publisher, Notice]] = {}
         try:
             for spec in specs:
-                if spec not in self._open:
+                if _place(spec) not in stay:
                     opened[spec] = (open_publisher(spec, self._patience_ms), Notice())
         except BaseException:
             for spec, (publisher, _) in opened.items():
                 self._close(spec, publisher)
             raise
+        for spec in specs:
+            before = stay.pop(_place(spec), None)
+            if before is not None:
+                opened[spec] = self._open.pop(before)
+                self._adapt(before, spec, opened[spec][0])
+            elif (descriptor := opened[spec][0].descriptor()) is not None:
+                self._waiter.serve(descriptor, opened[spec][0].serve)
         for spec, (publisher, _) in self._open.items():
-            if spec not in specs:
-                descriptor = publisher.descriptor()
-                if descriptor is not None:
-                    self._waiter.forget(descriptor)
-                self._heard.discard(spec)
-                self._close(spec, publisher)
-        for publisher, _ in opened.values():
-            descriptor = publisher.descriptor()
-            if descriptor is not None:
-                self._waiter.serve(descriptor, publisher.serve)
-        known = {**self._open, **opened}
-        self._open = {spec: known[spec] for spec in specs}
+            if (descriptor := publisher.descriptor()) is not None:
+                self._waiter.forget(descriptor)
+            self._heard.discard(spec)
+            self._close(spec, publisher)
+        # killed between two of them, it must not leave a status that is newer than what it speaks of
+        self._open = {spec: opened[spec] for spec in sorted(specs, key=_says_status)}
+        self._tell_unused()
+
+    def _tell_unused(self) -> None:
+        """A socket that was handed over and is not served keeps its clients waiting."""
+        if not any(name == "LISTEN_FDS" or name.startswith("ANDROID_SOCKET_") for name in os.environ):
+            return
+        from ambientd.publish.inherited import handed_over
+
+        served = [os.path.abspath(spec.path) for spec in self._open if spec.kind == "socket"]
+        for path in handed_over(os.environ):
+            if path not in served:
+                self._note(f"{path}: was handed over, and no one serves it; publish 'socket:{path}', or do not make it")
+
+    def _adapt(self, before: Spec, spec: Spec, publisher: Publisher) -> None:
+        if before != spec:
+            publisher.adapt(spec)
+            if before in self._heard:
+                self._heard.remove(before)
+                self._heard.add(spec)
 
     def publish(self, report: Report) -> None:
         """Take ``report`` to each."""
@@ -78,3 +100,12 @@ class Outlets:
             publisher.close()
         except OSError as error:
             self._note(f"{spec}: cannot be removed ({error.strerror or error})")
+
+
+def _says_status(spec: Spec) -> bool:
+    return spec.kind == "status"
+
+
+def _place(spec: Spec) -> tuple[str, str, str]:
+    """What makes another publisher of one; all else it can adapt to."""
+    return spec.kind, spec.mode, spec.path

@@ -16,9 +16,9 @@ from ambientd.notify import Notifier
 from ambientd.outlets import Outlets
 from ambientd.schedule import Waiter, clock_s, ticks
 from ambientd.service import Service
-from ambientd.sources.replay import Sample, TraceSource, tracker_for
 
 if TYPE_CHECKING:
+    from ambientd.sources.replay import Sample
     from ambientd.sources.sensors import Sensors
     from ambientd.state import StateFile
 
@@ -103,10 +103,13 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
     period_s = 1 / work.settings.rate_hz
     notifier.expect(period_s)
     tell: Callable[[str], None] = notifier.ready
+    told = ""
     for now_s in ticks(period_s, waiter.until):
         estimate = service.tick((now_s, work.sensors.read(now_s)))
-        tell(f"model '{work.model.name}': {estimate.status}")
-        tell = notifier.status
+        if estimate.status != told:
+            told = estimate.status
+            tell(f"model '{work.model.name}': {told}")
+            tell = notifier.status
         notifier.ticked(now_s)
         if work.state is not None:
             work.state.ticked(work.tracker, now_s)
@@ -119,6 +122,8 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
     A row comes 1 / ``rate_hz`` s after the last, or, where that is None, as the trace's times say, ``speed`` times as
     fast; 0 is as fast as it goes.
     """
+    from ambientd.sources.replay import TraceSource, tracker_for
+
     model = load_model(settings.model)
     in_a_hurry = rate_hz is None and speed == 0
     with (
@@ -132,12 +137,15 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
         say(f"model '{model.name}' at {tracker.period_s:g} s on {trace}, to {', '.join(map(str, settings.publish))}")
         service = Service(model, settings.level_percent, tracker, outlets.publish)
         tell: Callable[[str], None] = notifier.ready
+        told = ""
         for sample in _paced(iter(source), _delay_after_start(rate_hz, speed), waiter.until):
             estimate = service.tick(sample)
-            tell(f"model '{model.name}': {estimate.status}")
-            tell = notifier.status
+            if estimate.status != told:
+                told = estimate.status
+                tell(f"model '{model.name}': {told}")
+                tell = notifier.status
             notifier.ticked(clock_s())
-        if outlets.unheard:
+        if outlets.unheard and not waiter.ended:
             raise refuse(", ".join(outlets.unheard), "", "could not be written at any row", "see the message above")
 
 
@@ -151,8 +159,8 @@ def _delay_after_start(rate_hz: float | None, speed: float) -> Callable[[int, fl
 
 
 def _paced(
-    rows: Iterator[Sample], delay_s: Callable[[int, float], float], until: Callable[[float], bool]
-) -> Iterator[Sample]:
+    rows: "Iterator[Sample]", delay_s: Callable[[int, float], float], until: Callable[[float], bool]
+) -> "Iterator[Sample]":
     start_s = clock_s()
     first_s: float | None = None
     for index, sample in enumerate(rows):

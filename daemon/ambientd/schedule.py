@@ -1,6 +1,7 @@
 """Deadlines are absolute, on a clock that also counts suspend; missed ones are skipped; a signal ends it all."""
 
 import contextlib
+import functools
 import math
 import os
 import select
@@ -12,13 +13,13 @@ from types import FrameType, TracebackType
 from ambientd.notices import say
 
 _CLOCK: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
+_NONE: tuple[int, ...] = ()
 _GRACE_S = 0.5
 """How long a reading or a writing that blocks may keep a daemon that is to end."""
 
 
-def clock_s() -> float:
-    """Seconds since boot, suspend included where the system can tell."""
-    return time.clock_gettime(_CLOCK)
+clock_s: Callable[[], float] = functools.partial(time.clock_gettime, _CLOCK)
+"""Seconds since boot, suspend included where the system can tell."""
 
 
 class _Overdue(BaseException):
@@ -37,19 +38,22 @@ class Waiter:
         self._paused = False
         self._pausing = pausing
         self._served: dict[int, Callable[[], None]] = {}
+        self._watched: list[int] = []
 
     def serve(self, descriptor: int, call: Callable[[], None]) -> None:
         """Call ``call`` whenever ``descriptor`` is readable while a deadline is waited for."""
         self._served[descriptor] = call
+        self._watched = list(self._served)
 
     def forget(self, descriptor: int) -> None:
         """Serve ``descriptor`` no longer."""
         del self._served[descriptor]
+        self._watched = list(self._served)
 
     def until(self, due_s: float) -> bool:
         """Wait for ``due_s`` on :func:`clock_s`; False where a signal ended it. What is ready is always served."""
         while not (self.ended or self._paused):
-            for descriptor in select.select(list(self._served), [], [], max(0.0, due_s - clock_s()))[0]:
+            for descriptor in select.select(self._watched, _NONE, _NONE, max(0.0, due_s - clock_s()))[0]:
                 self._served[descriptor]()
             if clock_s() >= due_s:
                 break

@@ -1,12 +1,15 @@
 """The daemon's round: a sample in, an estimate and its age out."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from ambient_model.model import Model
 from ambient_model.tracking import DEGRADED, TRACKING, WARMING_UP, Estimate
 from ambientd.fallback import FallbackTracker
 from ambientd.report import Report
-from ambientd.sources.replay import Sample
+
+if TYPE_CHECKING:
+    from ambientd.sources.replay import Sample
 
 
 class Service:
@@ -25,7 +28,7 @@ class Service:
         self._level_percent = level_percent
         self._tracker = tracker
 
-    def tick(self, sample: Sample) -> Estimate:
+    def tick(self, sample: "Sample") -> Estimate:
         """One round; the estimate that was published."""
         time_s, raw = sample
         estimate = self._tracker.update(time_s, raw)

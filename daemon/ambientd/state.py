@@ -8,16 +8,19 @@ the samples, which counts from boot and through suspend.
 import importlib
 import json
 import math
+import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ambient_model.codec import encode as encode_model
+from ambient_model.faults import Refused
+from ambient_model.intake import read_whole
 from ambient_model.model import Model
 from ambient_model.tracking import Snapshot
 from ambientd.config import StateSpec
 from ambientd.fallback import FallbackState, FallbackTracker
 from ambientd.notices import Notice
-from ambientd.publish.swap import swap_in
+from ambientd.publish.swap import swap_in, sweep
 
 FORMAT = "ambientd-state"
 VERSION = 1
@@ -156,24 +159,24 @@ class StateFile:
     """The state of one model in one file. ``note`` is told what becomes of it."""
 
     def __init__(self, spec: StateSpec, model: Model, note: Callable[[str], None]) -> None:
-        self._path, self._max_age_s = spec
+        self._path, self._max_age_s, self._access = spec
         self._model = model_identity(model)
         self._boot = boot_identity()
         self._note = note
         self._notice = Notice()
         self._saved_s = -math.inf
         self._last: tuple[FallbackTracker, float] | None = None
+        sweep(self._path)
 
     def take_back(self, tracker: FallbackTracker, now_s: float) -> None:
         """Let ``tracker`` go on from the file, where that may be believed."""
-        try:
-            with open(self._path, "rb") as stream:
-                content = stream.read(_LARGEST_BYTES + 1)
-            age_s = take_back(decode(content), tracker, self._model, self._boot, now_s, self._max_age_s)
-        except FileNotFoundError:
+        if not os.path.lexists(self._path):
             return
-        except OSError as error:
-            self._note(f"state {self._path}: cannot be read ({error.strerror}); starting anew")
+        try:
+            content = read_whole(self._path, _LARGEST_BYTES)
+            age_s = take_back(decode(content), tracker, self._model, self._boot, now_s, self._max_age_s)
+        except Refused as refused:
+            self._note(f"state {self._path}: {refused.faults[0].problem}; starting anew")
         except ValueError as error:
             self._note(f"state {self._path}: {error}; starting anew")
         else:
@@ -197,7 +200,7 @@ class StateFile:
             return
         problem = ""
         try:
-            swap_in(self._path, encode(state))
+            swap_in(self._path, encode(state), self._access)
         except OSError as error:
             problem = error.strerror or str(error)
         if self._notice.changed(now_s, bool(problem)):

@@ -1,48 +1,66 @@
-"""``ambientd watch``: what a running daemon says on its socket, for people."""
+"""``ambientd watch``: what a running daemon says on its socket, for people; it goes on with the next daemon.
 
-import json
-import socket
-from typing import Any
+Lines go to standard output. That nothing comes, and that it comes again, is said once each on standard error. The
+user's Ctrl-C is the end, and no failure.
+"""
+
+import math
 
 from ambient_model.faults import refuse
+from ambientd.client import Follower, Reading, clock_s
 from ambientd.notices import say
 
-
-def watch(path: str) -> None:
-    """Print one line a tick until the daemon ends or the user does; raises :class:`Refused` where no one listens."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        try:
-            connection.connect(path)
-        except OSError as error:
-            raise refuse(
-                path,
-                "",
-                f"no daemon listens there ({error.strerror or error})",
-                f"start one with 'ambientd run ... --publish socket:{path}'",
-            ) from error
-        try:
-            with connection.makefile("r", encoding="utf-8") as lines:
-                for line in lines:
-                    print(as_text(json.loads(line)), flush=True)
-        except KeyboardInterrupt:
-            return
-        except (ConnectionResetError, json.JSONDecodeError):
-            pass  # it ended in the middle of a line
-    say(f"{path}: the daemon has ended")
+_LOOK_S = 0.25
 
 
-def as_text(report: dict[str, Any]) -> str:
-    """One line for people from one report."""
-    if report["ambient_degC"] is None:
-        ambient = "no estimate"
-    else:
+def watch(path: str, stale_after_s: float) -> None:
+    """Print one line a tick until the user ends it; raises :class:`Refused` where no one listens at the beginning."""
+    try:
+        with Follower(path, math.inf) as follower:
+            reading = follower.wait(0.0)
+            if follower.problem:
+                raise refuse(
+                    path,
+                    "",
+                    f"no daemon listens there ({follower.problem})",
+                    f"start one with 'ambientd run ... --publish socket:{path}'",
+                )
+            _go_on(follower, reading, stale_after_s)
+    except KeyboardInterrupt:
+        return
+
+
+def _go_on(follower: Follower, reading: Reading | None, stale_after_s: float) -> None:
+    heard_s = clock_s()
+    told = False
+    while True:
+        if reading is not None:
+            heard_s = clock_s()
+            if told:
+                say(f"{follower.path}: it is back")
+            told = False
+            print(as_text(reading), flush=True)
+        elif not told and follower.problem:
+            say(f"{follower.path}: the daemon has ended; waiting for the next")
+            told = True
+        elif not told and clock_s() - heard_s >= stale_after_s:
+            skipped = f", but {follower.skipped} lines that are no readings" if follower.skipped else ""
+            say(f"{follower.path}: nothing has come for {stale_after_s:g} s{skipped}; what was said last is stale")
+            told = True
+        reading = follower.wait(_LOOK_S)
+
+
+def as_text(reading: Reading) -> str:
+    """One line for people."""
+    ambient = "no estimate"
+    if reading.ambient_degC is not None:
         ambient = (
-            f"{report['ambient_degC']:.2f} degC"
-            f" ({report['low_degC']:.2f} to {report['high_degC']:.2f}, {report['level_percent']} %)"
+            f"{reading.ambient_degC:.2f} degC"
+            f" ({_value(reading.low_degC)} to {_value(reading.high_degC)}, {reading.level_percent} %)"
         )
-    sensors = "  ".join(f"{name} {_value(each['raw'])}" for name, each in report["sensors"].items())
-    return f"{report['time_s']:12.1f} s  {report['status']:<10}  {ambient}  {sensors}"
+    sensors = "  ".join(f"{name} {_value(each.raw)}" for name, each in reading.sensors.items())
+    return f"{reading.time_s:12.1f} s  {reading.status:<10}  {ambient}  {sensors}"
 
 
-def _value(raw: float | None) -> str:
-    return "missing" if raw is None else f"{raw:.2f}"
+def _value(value: float | None) -> str:
+    return "missing" if value is None else f"{value:.2f}"

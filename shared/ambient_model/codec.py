@@ -2,15 +2,21 @@
 
 The unknown is refused: a key, a version, a shape. So is what cannot run: numbers that are not finite, an unstable A,
 inputs without a range. Version 1 files are read for ever; a file without a version is not a model file.
+
+A file that was made to do harm costs no more than a large honest one: its size, its counts, its numbers, its names and
+what is said of its faults are bounded.
 """
 
+import contextlib
 import itertools
 import json
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from ambient_model.atomic import replacing
 from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import LEVELS_PERCENT, Band, Conformance, Discrete, Estimator, Input, Matrix, Model, Quantiles
 from ambient_model.recursion import is_stable
 
@@ -18,24 +24,28 @@ FORMAT = "ambient-model"
 VERSION = 1
 _ESTIMATOR_KEYS = ("inputs", "states", "discrete", "offset", "initial", "interval")
 _KEYS = ("format", "version", "name", "created", "output", *_ESTIMATOR_KEYS, "fallbacks", "provenance", "conformance")
-_LARGEST_BYTES = 16 * 2**20
+_LARGEST_BYTES = 2**20
 _LARGEST_INTEGER_DIGITS = 300
+_LARGEST_NUMBER = 1e12
+_LONGEST_TEXT = 200
+_PERIOD_RANGE_S = (0.001, 86400.0)
+_MOST_INPUTS = 32
+_MOST_STATES = 16
+_MOST_PERIODS = 16
+_DEEPEST = 32
+_MOST_FAULTS = 100
+_LONGEST_KEY = 40
 
 
 def load_model(path: str) -> Model:
     """The model in the file at ``path``; raises :class:`Refused` with every fault."""
-    try:
-        with open(path, "rb") as stream:
-            content = stream.read(_LARGEST_BYTES + 1)
-    except OSError as error:
-        raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
-    return decode(content, path)
+    return decode(read_whole(path, _LARGEST_BYTES), path)
 
 
 def decode(content: bytes, source: str) -> Model:
     """The model in ``content``; ``source`` names it in messages. Raises :class:`Refused` with every fault."""
     if len(content) > _LARGEST_BYTES:
-        raise refuse(source, "", "larger than 16 MiB", "a model file is some kilobytes: is this one?")
+        raise refuse(source, "", "larger than 1 MiB", "a model file is some kilobytes: is this one?")
     if not content.strip():
         raise refuse(source, "", "the file is empty", "export the model again with 'ambient-trainer fit'")
     try:
@@ -52,7 +62,9 @@ def decode(content: bytes, source: str) -> Model:
     except (ValueError, RecursionError) as error:
         raise refuse(source, "", f"not JSON ({error})", "export the model again with 'ambient-trainer fit'") from error
     reading = _Reading()
-    model = reading.model(data)
+    model = None
+    with contextlib.suppress(_TooManyFaults):
+        model = reading.model(data)
     if model is None or reading.faults:
         raise Refused(source, reading.faults)
     return model
@@ -104,8 +116,7 @@ def _estimator_data(estimator: Estimator) -> dict[str, Any]:
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"key {next(name for name in names if names.count(name) > 1)!r} stands twice in one object")
+        raise ValueError(f"key {shown(first_double([name for name, _ in pairs]))} stands twice in one object")
     return found
 
 
@@ -114,8 +125,12 @@ def _integer(text: str) -> float:
     return int(text) if len(text) <= _LARGEST_INTEGER_DIGITS else float("-inf" if text[0] == "-" else "inf")
 
 
+class _TooManyFaults(Exception):
+    """There is no point in reading on."""
+
+
 class _Reading:
-    """One pass over the decoded JSON that notes every fault and goes on."""
+    """One pass over the decoded JSON that notes every fault and goes on, up to a number that no honest file has."""
 
     def __init__(self) -> None:
         self.faults: list[Fault] = []
@@ -125,6 +140,9 @@ class _Reading:
     def fault(self, place: str, problem: str, mend: str) -> None:
         if place not in self._absent:
             self.faults.append(Fault(place, problem, mend))
+        if len(self.faults) > _MOST_FAULTS:
+            self.faults[-1] = Fault("", "and there may be more", "is this a model file?")
+            raise _TooManyFaults
 
     def model(self, data: Any) -> Model | None:
         if not isinstance(data, dict):
@@ -167,6 +185,9 @@ class _Reading:
         if not isinstance(value, str) or not value or not value.isprintable():
             self.fault(place, f"is {_short(value)}", "a text of printable characters is wanted")
             return ""
+        if len(value) > _LONGEST_TEXT:
+            self.fault(place, f"has {len(value)} characters", f"at most {_LONGEST_TEXT} are wanted")
+            return ""
         return value
 
     def object(self, place: str, value: Any) -> dict[str, Any]:
@@ -186,29 +207,39 @@ class _Reading:
 
     def provenance(self, value: Any) -> dict[str, Any]:
         """Any object whose numbers are finite."""
-        waiting: list[tuple[str, Any]] = [("provenance", value)]
-        while waiting:
-            place, each = waiting.pop()
-            if isinstance(each, dict):
-                waiting.extend([(_join(place, key), item) for key, item in each.items()])
-            elif isinstance(each, list):
-                waiting.extend([(f"{place}[{index}]", item) for index, item in enumerate(each)])
-            elif isinstance(each, float):
-                self.number(place, each)
+        self.document("provenance", value, _DEEPEST)
         return self.object("provenance", value)
 
-    def items(self, place: str, value: Any) -> list[Any]:
+    def document(self, place: str, value: Any, deepest: int) -> None:
+        if isinstance(value, float) and not math.isfinite(value):
+            self.fault(place, f"is {_short(value)}", "a finite number is wanted")
+        elif isinstance(value, (dict, list)) and deepest == 0:
+            self.fault(place, f"lies {_DEEPEST} levels deep", "nest less")
+        elif isinstance(value, dict):
+            for key, item in value.items():
+                self.document(_join(place, key), item, deepest - 1)
+        elif isinstance(value, list):
+            for index, item in enumerate(value):
+                self.document(f"{place}[{index}]", item, deepest - 1)
+
+    def items(self, place: str, value: Any, most: int | None) -> list[Any]:
         if not isinstance(value, list):
             self.fault(place, f"is {_kind(value)}", "a list is wanted")
             return []
+        if most is not None and len(value) > most:
+            self.fault(place, f"has {len(value)} entries", f"at most {most} are wanted")
+            return value[:most]
         return value
 
-    def each(self, place: str, value: Any) -> list[tuple[str, Any]]:
-        return [(f"{place}[{index}]", item) for index, item in enumerate(self.items(place, value))]
+    def each(self, place: str, value: Any, most: int | None = None) -> Iterator[tuple[str, Any]]:
+        return ((f"{place}[{index}]", item) for index, item in enumerate(self.items(place, value, most)))
 
     def number(self, place: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not _finite(value):
             self.fault(place, f"is {_short(value)}", "a finite number is wanted")
+            return 0.0
+        if abs(value) > _LARGEST_NUMBER:
+            self.fault(place, f"is {_short(value)}", f"at most {_LARGEST_NUMBER:g} is wanted")
             return 0.0
         return float(value)
 
@@ -225,13 +256,14 @@ class _Reading:
         return found
 
     def estimator(self, place: str, data: dict[str, Any]) -> Estimator:
-        inputs = tuple(self.input(where, each) for where, each in self.each(_join(place, "inputs"), data.get("inputs")))
-        states = tuple(self.text(where, each) for where, each in self.each(_join(place, "states"), data.get("states")))
-        for what, names in (("inputs", [each.name for each in inputs]), ("states", list(states))):
+        given, named = _join(place, "inputs"), _join(place, "states")
+        inputs = tuple(self.input(where, each) for where, each in self.each(given, data.get("inputs"), _MOST_INPUTS))
+        states = tuple(self.text(where, each) for where, each in self.each(named, data.get("states"), _MOST_STATES))
+        for what, names in ((given, [each.name for each in inputs]), (named, list(states))):
             for name in sorted({name for name in names if name and names.count(name) > 1}):
-                self.fault(_join(place, what), f"{name!r} stands twice", "each needs a name of its own")
+                self.fault(what, f"{name!r} stands twice", "each needs a name of its own")
         if not inputs:
-            self.fault(_join(place, "inputs"), "none", "a model reads at least one sensor")
+            self.fault(given, "none", "a model reads at least one sensor")
         discrete = self.discretes(_join(place, "discrete"), data.get("discrete"), len(states), len(inputs))
         return Estimator(
             inputs=inputs,
@@ -254,7 +286,9 @@ class _Reading:
         return Input(name, unit, zone, low, high)
 
     def discretes(self, place: str, value: Any, states: int, inputs: int) -> tuple[Discrete, ...]:
-        found = tuple(self.discrete(where, each, states, inputs) for where, each in self.each(place, value))
+        found = tuple(
+            self.discrete(where, each, states, inputs) for where, each in self.each(place, value, _MOST_PERIODS)
+        )
         if isinstance(value, list) and not found:
             self.fault(place, "none", "a model has coefficients for at least one period")
         self.once(place, [each.period_s for each in found])
@@ -268,8 +302,11 @@ class _Reading:
         before = len(self.faults)
         data = self.record(place, value, Discrete._fields)
         period_s = self.number(f"{place}.period_s", data.get("period_s"))
-        if len(self.faults) == before and period_s <= 0:
-            self.fault(f"{place}.period_s", f"is {period_s:g}", "a period is above 0 s")
+        shortest_s, longest_s = _PERIOD_RANGE_S
+        if len(self.faults) == before and not shortest_s <= period_s <= longest_s:
+            self.fault(
+                f"{place}.period_s", f"is {period_s:g}", f"a period lies between {shortest_s:g} and {longest_s:g} s"
+            )
         A = self.matrix(f"{place}.A", data.get("A"), states, states)
         found = Discrete(
             period_s,
@@ -308,7 +345,7 @@ class _Reading:
 
     def fallbacks(self, value: Any) -> dict[str, Estimator]:
         found: dict[str, Estimator] = {}
-        for place, each in self.each("fallbacks", value):
+        for place, each in self.each("fallbacks", value, _MOST_INPUTS):
             data = self.record(place, each, ("without", *_ESTIMATOR_KEYS))
             without = self.text(f"{place}.without", data.get("without"))
             if without and without in found:
@@ -323,7 +360,7 @@ class _Reading:
         width = len(given[0]) if isinstance(given, list) and given and isinstance(given[0], list) else 0
         inputs = self.matrix("conformance.inputs", given, None, width)
         outputs: list[tuple[float, tuple[float, ...]]] = []
-        for place, each in self.each("conformance.outputs", data.get("outputs")):
+        for place, each in self.each("conformance.outputs", data.get("outputs"), _MOST_PERIODS):
             entry = self.record(place, each, ("period_s", "values"))
             period_s = self.number(f"{place}.period_s", entry.get("period_s"))
             outputs.append((period_s, self.vector(f"{place}.values", entry.get("values"), rows)))
@@ -371,6 +408,8 @@ def _finite(value: float) -> bool:
 
 
 def _join(place: str, key: str) -> str:
+    if not key.isprintable() or len(key) > _LONGEST_KEY:
+        key = shown(key)
     return f"{place}.{key}" if place else key
 
 
@@ -380,5 +419,4 @@ def _kind(value: Any) -> str:
 
 
 def _short(value: Any) -> str:
-    text = _kind(value) if isinstance(value, (dict, list)) or value is None else repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+    return _kind(value) if isinstance(value, (dict, list)) or value is None else shown(value)

@@ -1,4 +1,8 @@
-"""One step of the recursion is defined here and nowhere else."""
+"""One step of the recursion is defined here and nowhere else.
+
+Products are added one by one, from left to right, and not by ``sum``, which since Python 3.12 rounds otherwise: every
+interpreter computes the same bits.
+"""
 
 from collections.abc import Sequence
 from operator import mul
@@ -13,18 +17,36 @@ _DOUBLINGS = 40
 
 def equilibrium(initial: Matrix, u: Vector) -> list[float]:
     """The state in thermal equilibrium with the inputs ``u``: x0 = X0 u."""
-    return [sum(map(mul, row, u)) for row in initial]
+    x = []
+    for row in initial:
+        total = 0.0
+        for factor, value in zip(row, u):
+            total += factor * value
+        x.append(total)
+    return x
 
 
 def output(discrete: Discrete, offset: float, x: Vector, u: Vector) -> float:
     """The ambient in degC: y = C x + D u + offset."""
-    y: float = sum(map(mul, discrete.C[0], x)) + sum(map(mul, discrete.D[0], u)) + offset
-    return y
+    total = 0.0
+    for factor, value in zip(discrete.C[0], x):
+        total += factor * value
+    for factor, value in zip(discrete.D[0], u):
+        total += factor * value
+    return total + offset
 
 
 def advance(discrete: Discrete, x: Vector, u: Vector) -> list[float]:
     """The state one period later: A x + B u."""
-    return [sum(map(mul, a, x)) + sum(map(mul, b, u)) for a, b in zip(discrete.A, discrete.B)]
+    after = []
+    for a, b in zip(discrete.A, discrete.B):
+        total = 0.0
+        for factor, value in zip(a, x):
+            total += factor * value
+        for factor, value in zip(b, u):
+            total += factor * value
+        after.append(total)
+    return after
 
 
 def spectral_norms(A: Matrix, doublings: int) -> list[float]:

@@ -1,6 +1,7 @@
 """A trace is CSV: a ``time_s`` that increases, ``<name>_<unit>`` columns, empty for missing, ``# key: value`` on top.
 
-Read and written here only. A missing value is ``None``, never a number; what is not a finite number is refused.
+Read and written here only. A missing value is ``None``, never a number; what is not a finite number is refused, and so
+is one that no instrument gives but to say that it has nothing to say.
 """
 
 import csv
@@ -13,6 +14,9 @@ from ambient_model.faults import Refused, refuse
 
 TIME = "time_s"
 REFERENCE = "ambient_degC"
+LARGEST = 1e30
+"""An open thermocouple says 9.9e37, and with what is larger sums of squares soon leave what a float holds."""
+_LONGEST_LINE = 2**20
 _UNITS_OF_TWO = ("W_m2", "m_s")
 
 _Read = TypeVar("_Read")
@@ -62,6 +66,7 @@ class TraceReader:
     def __init__(self, path: str) -> None:
         self.path = path
         self._stream = _open(path)
+        self._lines = _lines(self._stream)
         self._line = 0
         try:
             self.header = self._read_header()
@@ -89,7 +94,7 @@ class TraceReader:
 
     def _read_header(self) -> Header:
         notes: dict[str, str] = {}
-        while (line := self._next(self._stream)) is not None:
+        while (line := self._next(self._lines)) is not None:
             if not line.isascii() and _UNDECODED & set(line):
                 raise self._refuse(f"line {self._line + 1}", "not UTF-8 text", "save it as UTF-8 CSV")
             if line.startswith("#"):  # free text, in which a quote is only a quote
@@ -116,7 +121,7 @@ class TraceReader:
     def __iter__(self) -> Iterator[Row]:
         width = len(self.header.columns) + 1
         before = -math.inf
-        rows = csv.reader(self._stream, strict=True)
+        rows = csv.reader(self._lines, strict=True)
         above = self._line
         while (cells := self._next(rows)) is not None:
             self._line = above + rows.line_num
@@ -132,8 +137,8 @@ class TraceReader:
                 numbers = [float(cell) if cell else None for cell in cells]
             except ValueError:
                 numbers = [self._number(cell, index) for index, cell in enumerate(cells)]
-            if not all([math.isfinite(number) for number in numbers if number is not None]):
-                raise self._not_finite(cells, numbers)
+            if not all([abs(number) <= LARGEST for number in numbers if number is not None]):
+                raise self._no_measurement(cells, numbers)
             time_s = numbers[0]
             if time_s is None:
                 raise self._refuse(f"line {self._line}, column {TIME}", "no time", "every row needs one")
@@ -156,11 +161,10 @@ class TraceReader:
                 "correct it, or leave the cell empty for a missing value",
             ) from None
 
-    def _not_finite(self, cells: list[str], numbers: list[float | None]) -> Refused:
-        index = next(k for k, number in enumerate(numbers) if number is not None and not math.isfinite(number))
-        return self._refuse(
-            self._place(index), f"{cells[index]!r} is not a finite number", "leave the cell empty for a missing value"
-        )
+    def _no_measurement(self, cells: list[str], numbers: list[float | None]) -> Refused:
+        index = next(k for k, number in enumerate(numbers) if number is not None and not abs(number) <= LARGEST)
+        what = "is beyond any measurement" if math.isfinite(numbers[index] or 0.0) else "is not a finite number"
+        return self._refuse(self._place(index), f"{cells[index]!r} {what}", "leave the cell empty for a missing value")
 
     def _place(self, index: int) -> str:
         return f"line {self._line}, column {(TIME, *self.header.columns)[index]}"
@@ -175,6 +179,15 @@ def _open(path: str) -> IO[str]:
         return open(path, encoding="utf-8-sig", errors="surrogateescape", newline="")
     except OSError as error:
         raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
+
+
+def _lines(stream: IO[str]) -> Iterator[str]:
+    """The lines of ``stream``; raises csv.Error for one that does not end, as a device's."""
+    readline = stream.readline
+    while line := readline(_LONGEST_LINE):
+        if len(line) == _LONGEST_LINE:
+            raise csv.Error(f"a line of more than {_LONGEST_LINE} characters")
+        yield line
 
 
 def _unreadable() -> tuple[type[Exception], ...]:
@@ -220,13 +233,13 @@ def write_trace(
             if (
                 len(values) != len(columns)
                 or not time_s > before
-                or not all([math.isfinite(number) for number in numbers if number is not None])
+                or not all([abs(number) <= LARGEST for number in numbers if number is not None])
             ):
                 raise refuse(
                     path,
                     f"row {count + 1}",
                     f"{numbers} is no sample of {len(columns)} values after {before:.15g} s",
-                    "time increases, and what is not a finite number is missing: nothing was written",
+                    "time increases, and what is not a finite number, or a huge one, is missing: nothing was written",
                 )
             stream.write(",".join(["" if number is None else repr(number) for number in numbers]) + "\n")
             before = time_s

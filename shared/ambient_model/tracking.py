@@ -50,12 +50,14 @@ class Snapshot(NamedTuple):
     u: tuple[float, ...]
 
 
-class _Anchor(NamedTuple):
-    """The last moment at which every input was there."""
+class _Away(NamedTuple):
+    """Where the recursion has come to since an input went away, and what was read on the way."""
 
     step: int
     x: list[float]
     u: list[float]
+    readings: list[tuple[int, Readings]]
+    """Per sample since then its step and its inputs."""
 
 
 def bridge_limit_s(period_s: float) -> float:
@@ -98,19 +100,20 @@ class Tracker:
         self._restart()
 
     def _restart(self) -> None:
-        self._anchor: _Anchor | None = None
-        self._pending: list[tuple[int, Readings]] = []
+        self._begun = False
+        self.last: list[float] = []
+        """Each input at the last moment at which all were there."""
         self._x: list[float] = []
-        self._u: list[float] = []
+        """The state at that moment."""
         self._step = 0
+        self._away: _Away | None = None
         self._start_s = 0.0
 
     def snapshot(self) -> Snapshot | None:
         """What it rests on, for :meth:`restore`; None where it has not begun."""
-        if self._anchor is None:
+        if not self._begun:
             return None
-        step, x, u = self._anchor
-        return Snapshot(self.discrete.period_s, self._start_s, step, tuple(x), tuple(u))
+        return Snapshot(self.discrete.period_s, self._start_s, self._step, tuple(self._x), tuple(self.last))
 
     def fits(self, snapshot: Snapshot) -> bool:
         """Whether ``snapshot`` has this tracker's period and shapes."""
@@ -120,66 +123,82 @@ class Tracker:
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from ``snapshot``, which :meth:`fits`, under the same rule for gaps as from a moment of its own."""
         self._restart()
+        self._begun = True
         self._start_s, self._step = snapshot.start_s, snapshot.step
-        self._x, self._u = list(snapshot.x), list(snapshot.u)
-        self._anchor = _Anchor(self._step, self._x, self._u)
+        self._x, self.last = list(snapshot.x), list(snapshot.u)
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input (degC, A, ...; None where missing).
 
         A reading outside its input's range counts as missing. Time that goes back to an earlier period starts again.
         """
+        u = [value for value, (low, high) in zip(readings, self._ranges) if value is not None and low <= value <= high]
+        if len(u) < len(self._ranges):
+            return self._hold(time_s, readings)
+        self.follow(time_s, u)
+        return self._estimate(TRACKING if self._step >= self.settling_steps else WARMING_UP, self._x, self.last)
+
+    def follow(self, time_s: float, u: list[float]) -> None:
+        """:meth:`update` with one reading per input, each in its range, where nobody asks for the estimate."""
+        step = self._step + 1
+        # a sample that comes when the next one is due, with nothing missing before it
+        if (
+            self._begun
+            and self._away is None
+            and step <= (time_s - self._start_s) / self.discrete.period_s + 0.5 < step + 1
+        ):
+            self._x = advance(self.discrete, self._x, self.last)
+            self._step, self.last = step, u
+        else:
+            self._catch_up(time_s, u)
+
+    def _reached(self, time_s: float) -> int | None:
+        """The step that ``time_s`` lies at; None where it can't be reached from where the recursion is."""
+        steps = (time_s - self._start_s) / self.discrete.period_s + 0.5
+        latest = self._step if self._away is None else self._away.step
+        if not self._begun or not latest <= steps < latest + self.limit_steps + 1:
+            return None
+        step = math.floor(steps)
+        return step if step - self._step <= max(self._coast_steps, self.limit_steps) else None
+
+    def _catch_up(self, time_s: float, u: list[float]) -> None:
+        """Go on from the last moment with all inputs, along straight lines where some were missing; or begin.
+
+        Within the first period a later sample is a better start.
+        """
+        step = self._reached(time_s)
+        if step is None:
+            self._restart()
+            self._begun = True
+            self._start_s = time_s
+            step = 0
+        if step == 0:
+            self._x = equilibrium(self.estimator.initial, u)
+        elif self._away is not None:
+            self._x = self._bridge(self._away.readings, step, u)
+        else:
+            self._x = self._along_line(self._x, self.last, u, step - self._step)
+        self._away = None
+        self._step, self.last = step, u
+
+    def _hold(self, time_s: float, readings: Readings) -> Estimate:
+        """Some input is missing: its last value stands in, and after ``coast_s`` is no longer trusted."""
         inputs = [
             value if value is not None and low <= value <= high else None
             for value, (low, high) in zip(readings, self._ranges)
         ]
-        periods = (time_s - self._start_s) / self.discrete.period_s
-        anchor = self._anchor
-        if anchor is None or not self._step <= periods + 0.5 < self._step + self.limit_steps + 1:
-            return self._begin(time_s, inputs)
-        step = math.floor(periods + 0.5)
-        if step - anchor.step > max(self._coast_steps, self.limit_steps):
-            return self._begin(time_s, inputs)
-        if None in inputs:
-            return self._coast(step, inputs, anchor)
-        return self._follow(step, [value for value in inputs if value is not None], anchor)
-
-    def _begin(self, time_s: float, inputs: Readings) -> Estimate:
-        self._restart()
-        u = [value for value in inputs if value is not None]
-        if len(u) < len(inputs):
+        step = self._reached(time_s)
+        if step is None:
+            self._restart()
             return _nothing(inputs)
-        self._start_s = time_s
-        self._x = equilibrium(self.estimator.initial, u)
-        self._anchor = _Anchor(0, self._x, u)
-        self._u = u
-        return self._estimate(WARMING_UP if self.settling_steps else TRACKING)
-
-    def _follow(self, step: int, u: list[float], anchor: _Anchor) -> Estimate:
-        """All inputs are there: go on from the last such moment, along straight lines where some were missing.
-
-        Within the first period a later sample is a better start.
-        """
-        if step == 0:
-            self._x = equilibrium(self.estimator.initial, u)
-        elif self._pending:
-            self._x = self._bridge(anchor, step, u)
-        else:
-            self._x = self._along_line(anchor.x, anchor.u, u, step - anchor.step)
-        self._pending = []
-        self._anchor = _Anchor(step, self._x, u)
-        self._step, self._u = step, u
-        return self._estimate(TRACKING if step >= self.settling_steps else WARMING_UP)
-
-    def _coast(self, step: int, inputs: Readings, anchor: _Anchor) -> Estimate:
-        """Some input is missing: its last value stands in, and after ``coast_s`` is no longer trusted."""
-        u = [value if value is not None else last for value, last in zip(inputs, self._u)]
-        self._x = self._along_line(self._x, self._u, u, step - self._step)
-        self._pending.append((step, inputs))
-        self._step, self._u = step, u
-        if step - anchor.step > self._coast_steps:
+        before = self._away or _Away(self._step, self._x, self.last, [])
+        u = [value if value is not None else last for value, last in zip(inputs, before.u)]
+        x = self._along_line(before.x, before.u, u, step - before.step)
+        before.readings.append((step, inputs))
+        self._away = _Away(step, x, u, before.readings)
+        if step - self._step > self._coast_steps:
             return _nothing(inputs)
-        return self._estimate(COASTING)
+        return self._estimate(COASTING, x, u)
 
     def _along_line(self, x: list[float], before: list[float], after: list[float], steps: int) -> list[float]:
         if steps == 1:
@@ -188,24 +207,24 @@ class Tracker:
             x = advance(self.discrete, x, [a + (b - a) * k / steps for a, b in zip(before, after)])
         return x
 
-    def _bridge(self, anchor: _Anchor, step: int, u: list[float]) -> list[float]:
+    def _bridge(self, readings: list[tuple[int, Readings]], step: int, u: list[float]) -> list[float]:
         """The state at ``step`` with each missing input drawn as a line between the readings around it."""
         paths = []
-        for index, (first, last) in enumerate(zip(anchor.u, u)):
+        for index, (first, last) in enumerate(zip(self.last, u)):
             known = [
-                (anchor.step, first),
-                *((k, values[index]) for k, values in self._pending if values[index] is not None),
+                (self._step, first),
+                *((k, values[index]) for k, values in readings if values[index] is not None),
                 (step, last),
             ]
             paths.append(_interpolated([(k, value) for k, value in known if value is not None]))
-        x = anchor.x
+        x = self._x
         for inputs in zip(*paths):
             x = advance(self.discrete, x, inputs)
         return x
 
-    def _estimate(self, status: str) -> Estimate:
-        ambient = output(self.discrete, self.estimator.offset, self._x, self._u)
-        return Estimate(ambient, ambient + self.error_low_degC, ambient + self.error_high_degC, status, tuple(self._u))
+    def _estimate(self, status: str, x: list[float], u: list[float]) -> Estimate:
+        ambient = output(self.discrete, self.estimator.offset, x, u)
+        return Estimate(ambient, ambient + self.error_low_degC, ambient + self.error_high_degC, status, tuple(u))
 
 
 def _nothing(inputs: Readings) -> Estimate:

@@ -134,6 +134,7 @@ KEYS = (
 )
 VERSION = "and only 1 is known; export the model again, or update ambientd"
 MODEL_FILE = "is this a model file?"
+PERIOD = "a period lies between 0.001 and 86400 s"
 COLUMN = "one per column is wanted"
 UNSTABLE = "is unstable: an eigenvalue lies on or outside the unit circle; fit again; a passive circuit is stable"
 A = ("discrete", 0, "A")
@@ -212,8 +213,8 @@ BROKEN: dict[str, tuple[list[Edit], list[str]]] = {
         [(("fallbacks", 0, "discrete", 1, "A"), [[1.5]])],
         [f"fallbacks[0].discrete[1].A: {UNSTABLE}"],
     ),
-    "period 0": ([(("discrete", 0, "period_s"), 0)], ["discrete[0].period_s: is 0; a period is above 0 s"]),
-    "period negative": ([(("discrete", 1, "period_s"), -2)], ["discrete[1].period_s: is -2; a period is above 0 s"]),
+    "period 0": ([(("discrete", 0, "period_s"), 0)], [f"discrete[0].period_s: is 0; {PERIOD}"]),
+    "period negative": ([(("discrete", 1, "period_s"), -2)], [f"discrete[1].period_s: is -2; {PERIOD}"]),
     "period twice": (
         [(("discrete", 1, "period_s"), 1)],
         ["discrete: period 1 s stands twice; keep one"],
@@ -320,7 +321,7 @@ BROKEN: dict[str, tuple[list[Edit], list[str]]] = {
             f"created: missing; {AGAIN}",
             f"inputs[0].unit: is nothing; {TEXT}",
             f"discrete[0].A[0][0]: is inf; {NUMBER}",
-            "discrete[1].period_s: is -1; a period is above 0 s",
+            f"discrete[1].period_s: is -1; {PERIOD}",
             "fallbacks[0].interval.98: does not contain the 90 % interval; a higher level is wider",
             "conformance.outputs[1].values: is nothing; a list is wanted",
         ],
@@ -347,9 +348,17 @@ def test_what_no_float_holds_is_refused_by_its_place(text: str) -> None:
     assert faults_of(content) == [f"offset: is {value}; {NUMBER}"]
 
 
-def test_an_integer_is_a_number_up_to_the_largest_float() -> None:
-    content = FROZEN.read_bytes().replace(b'"offset": -1.5', b'"offset": 1' + b"0" * 200)
-    assert decode(content, "m.json").main.offset == 1e200
+@pytest.mark.parametrize("text", ["1000000000001", "-1e300", "1" + "0" * 200])
+def test_what_a_recursion_may_carry_beyond_any_float_is_refused(text: str) -> None:
+    content = FROZEN.read_bytes().replace(b'"offset": -1.5', b'"offset": ' + text.encode())
+    [fault] = faults_of(content)
+    assert fault.startswith(f"offset: is {text[:1]}")
+    assert fault.endswith("; at most 1e+12 is wanted")
+
+
+def test_an_integer_is_a_number() -> None:
+    content = FROZEN.read_bytes().replace(b'"offset": -1.5', b'"offset": -1000000000000')
+    assert decode(content, "m.json").main.offset == -1e12
 
 
 @pytest.mark.parametrize("slow", [[[1 - 1e-7, 0], [0, 0.5]], [[1 - 1e-7, 1e-7], [0, 1 - 2e-7]]])
@@ -370,7 +379,7 @@ WHOLE = {
     "deep": (b"[" * 200_000, None),
     "deep object": (b'{"a":' * 200_000, None),
     "key twice": (b'{"format": "a", "format": "b"}', f"not JSON (key 'format' stands twice in one object); {AGAIN}"),
-    "large": (b" " * (2**24 + 1), "larger than 16 MiB; a model file is some kilobytes: is this one?"),
+    "large": (b" " * (2**20 + 1), "larger than 1 MiB; a model file is some kilobytes: is this one?"),
 }
 
 

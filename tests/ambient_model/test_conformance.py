@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_model.conformance import TOLERANCE_DEGC, conformance_of, run_recursion, worst_difference_degC
+from ambient_model.conformance import (
+    TOLERANCE,
+    TOLERANCE_DEGC,
+    conformance_of,
+    run_recursion,
+    worst_contradictions,
+    worst_difference_degC,
+)
 from ambient_model.model import Conformance, Discrete, Estimator, Input, Model
 
 BANDS = {50: (-0.1, 0.1), 90: (-0.5, 0.5), 98: (-1.0, 1.0)}
@@ -68,3 +75,76 @@ def test_a_recursion_that_overflows_agrees_with_nothing(C: float) -> None:
 def test_no_rows_no_outputs() -> None:
     main = model({}).main
     assert run_recursion(main, main.discrete[0], ()) == ()
+
+
+def lagging(period_s: float, tau_s: float = 40.0) -> Discrete:
+    """Two exact lags, the second of twice the time; C and D differ by period, as a first-order hold makes them."""
+    a, b = math.exp(-period_s / tau_s), math.exp(-period_s / tau_s / 2)
+    tilt = 0.01 * period_s
+    return Discrete(
+        period_s,
+        ((a, 0.0), (0.0, b)),
+        ((1 - a, 0.0), (0.5 * (1 - b), 0.5 * (1 - b))),
+        ((0.5 - tilt, 0.25),),
+        ((0.25 + tilt, 0.0),),
+    )
+
+
+def with_fallback(*discrete: Discrete, initial: tuple = ((1.0, 0.0), (0.5, 0.5))) -> Model:
+    inputs = tuple(Input(name, "degC", name, -20.0, 80.0) for name in ("usb", "cpu", "battery"))
+    main = Estimator(
+        inputs,
+        (),
+        tuple(Discrete(each.period_s, (), (), ((),), ((0.5, 0.25, 0.25),)) for each in discrete),
+        0.0,
+        (),
+        BANDS,
+    )
+    fallback = Estimator((inputs[2], inputs[0]), ("case", "core"), discrete, -1.0, initial, BANDS)
+    rows = ((20.0, 70.0, 25.0), (30.0, -20.0, 24.0), (28.0, 20.0, 40.0))
+    return Model("m", "today", "ambient_degC", main, {"cpu": fallback}, {}, conformance_of(main, rows))
+
+
+FINE = tuple(lagging(period_s) for period_s in (1.0, 0.1, 0.25, 10.0))
+
+
+def test_a_right_fallback_contradicts_itself_by_rounding_only() -> None:
+    worst = worst_contradictions(with_fallback(*FINE))
+    assert worst.keys() == {"cpu"}
+    assert worst["cpu"] < 1e-13
+    assert worst_contradictions(with_fallback(*FINE)._replace(fallbacks={})) == {}
+
+
+@pytest.mark.parametrize("index", range(len(FINE)))
+@pytest.mark.parametrize("name", ["A", "B"])
+@pytest.mark.parametrize(("row", "column"), [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_a_perturbed_coefficient_of_a_fallback_is_seen(index: int, name: str, row: int, column: int) -> None:
+    matrix = [list(values) for values in getattr(FINE[index], name)]
+    matrix[row][column] += 1e-7
+    wrong = FINE[index]._replace(**{name: tuple(map(tuple, matrix))})
+    assert worst_contradictions(with_fallback(*FINE[:index], wrong, *FINE[index + 1 :]))["cpu"] > TOLERANCE
+
+
+@pytest.mark.parametrize("name", ["C", "D"])
+def test_a_perturbed_gain_at_rest_of_one_period_is_seen(name: str) -> None:
+    wrong = FINE[2]._replace(**{name: ((0.5, 0.251),)})
+    assert worst_contradictions(with_fallback(*FINE[:2], wrong, FINE[3]))["cpu"] > 1e-4
+
+
+def test_a_lag_that_is_another_at_another_period_is_seen() -> None:
+    """Each period is sound by itself: the equilibrium is one, and so is the gain at rest."""
+    assert worst_contradictions(with_fallback(*FINE[:3], lagging(10.0, tau_s=41.0)))["cpu"] > 1e-3
+
+
+def test_a_start_that_is_no_equilibrium_is_seen() -> None:
+    assert worst_contradictions(with_fallback(*FINE, initial=((1.0, 0.0), (0.5, 0.51))))["cpu"] > 1e-4
+
+
+def test_a_fallback_that_overflows_contradicts_itself() -> None:
+    discrete = tuple(each._replace(B=((1e308, 0.0), (0.0, 1e308))) for each in FINE)
+    assert worst_contradictions(with_fallback(*discrete))["cpu"] == math.inf
+
+
+def test_periods_that_are_no_multiples_are_held_against_their_equilibrium() -> None:
+    assert worst_contradictions(with_fallback(lagging(1.0), lagging(2.5, tau_s=41.0)))["cpu"] < 1e-13
+    assert worst_contradictions(with_fallback(lagging(0.001), lagging(10.0)))["cpu"] < 1e-13

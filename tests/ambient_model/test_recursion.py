@@ -108,3 +108,10 @@ def test_settling_against_matrix_powers(slowest: float, remainder: float) -> Non
 
 def test_what_never_settles_takes_for_ever() -> None:
     assert settling_steps(((1.0,),), 0.05) == 2**40
+
+
+def test_products_are_added_from_left_to_right_on_every_interpreter() -> None:
+    """1e16 + 1 is 1e16: a sum that compensates, as the built-in one does since Python 3.12, would give 1.0."""
+    assert advance(Discrete(1.0, ((1e16,),), ((1.0, -1e16),), ((0.0,),), ((0.0, 0.0),)), [1.0], [1.0, 1.0]) == [0.0]
+    assert equilibrium(((1e16, 1.0, -1e16),), [1.0, 1.0, 1.0]) == [0.0]
+    assert output(Discrete(1.0, ((0.0,),), ((0.0, 0.0),), ((1e16,),), ((1.0, -1e16),)), 2.0, [1.0], [1.0, 1.0]) == 2.0

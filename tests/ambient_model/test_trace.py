@@ -8,9 +8,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_model.trace import Header, Row, TraceReader, write_trace
+from ambient_model.trace import LARGEST, Header, Row, TraceReader, write_trace
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
+finite = st.floats(-LARGEST, LARGEST)
 words = st.text(st.characters(exclude_characters='_,"', exclude_categories=["C", "Z"]), min_size=1, max_size=6)
 names = st.builds("{}_{}".format, words, words).filter(lambda name: name != "time_s")
 notes = st.dictionaries(
@@ -124,6 +124,15 @@ FAULTY = {
         f"line 2, column b_K: 'nan' is not a finite number; {FINITE}",
     ),
     "inf": (HEAD + b"0,-inf\n", f"line 2, column usb_degC: '-inf' is not a finite number; {FINITE}"),
+    "an open thermocouple": (
+        HEAD + b"0,20\n1,-9.9E+37\n",
+        f"line 3, column usb_degC: '-9.9E+37' is beyond any measurement; {FINITE}",
+    ),
+    "a time of its own": (HEAD + b"1.1e30,0\n", f"line 2, column time_s: '1.1e30' is beyond any measurement; {FINITE}"),
+    "a line without an end": (
+        HEAD + b"0," + b"0" * 2**20,
+        "line 2: not CSV (a line of more than 1048576 characters); save it as UTF-8 CSV",
+    ),
     "1e999": (HEAD + b"1e999,0\n", f"line 2, column time_s: '1e999' is not a finite number; {FINITE}"),
     "backwards": (HEAD + b"2,0\n1,0\n", f"line 3, column time_s: 1 s does not come after 2 s; {SORT}"),
     "equal": (
@@ -199,7 +208,7 @@ def assert_rows_or_refused(path: str) -> None:
         for row in reader:
             assert before < row.time_s < float("inf")
             assert len(row.values) == len(reader.header.columns)
-            assert all(value is None or abs(value) < float("inf") for value in row.values)
+            assert all(value is None or abs(value) <= LARGEST for value in row.values)
             before = row.time_s
 
 
@@ -254,7 +263,7 @@ def test_what_would_not_be_read_is_not_written(tmp_path, columns: list[str], row
     path = tmp_path / "trace.csv"
     path.write_text("old")
     if rows:
-        message += "; time increases, and what is not a finite number is missing: nothing was written"
+        message += "; time increases, and what is not a finite number, or a huge one, is missing: nothing was written"
     with pytest.raises(Refused) as refused:
         write_trace(str(path), columns, rows)
     assert str(refused.value) == f"{path}: {message}"

@@ -339,3 +339,15 @@ def test_nothing_raises_and_nothing_is_not_finite(estimator: Estimator, data: st
         else:
             assert estimate.status in (WARMING_UP, TRACKING, COASTING)
             assert all(math.isfinite(number) for number in (*numbers, *estimate.used))
+
+
+@given(st.lists(st.floats(0, 40) | st.sampled_from([1.0, 1.0, 1.0, -3.0, 1e9]), max_size=30))
+def test_to_follow_is_to_update_without_an_estimate(steps_s: list[float]) -> None:
+    updated, followed = tracker_of(ESTIMATOR), tracker_of(ESTIMATOR)
+    time_s = 0.0
+    for step_s, u in zip(steps_s, wander(30).tolist()):
+        time_s += step_s
+        updated.update(time_s, u)
+        followed.follow(time_s, u)
+        assert followed.snapshot() == updated.snapshot()
+        assert followed.last == u

@@ -60,7 +60,7 @@ def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = Fal
     return decode(encode(model).encode(), "made by hand")
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def make_model() -> Callable[..., Model]:
     return made_model
 

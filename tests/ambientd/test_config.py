@@ -88,7 +88,7 @@ publish:
     assert refusal(path).splitlines() == [
         f"{path}: 15 faults",
         "  poll: unknown key; known are model, rate_hz, sysfs_root, publish, level_percent, zones, coast_s, state,"
-        " zones_by_name, sensors, supervision",
+        " zones_by_name, sensors, supervision, access",
         "  model: missing; name the model file",
         "  rate_hz: is 50; a number between 0.1 and 20 is wanted",
         "  sysfs_root: is 7; a text is wanted",
@@ -96,7 +96,8 @@ publish:
         "  publish[1]: 'file' has no path; write file:PATH",
         "  publish[2]: 'stdout:x' has a path; stdout takes none",
         "  publish[3]: is 12; KIND:PATH or a mapping is wanted",
-        "  publish[4].owner: unknown key; known are kind, path, mode, poison_millidegC",
+        "  publish[4].owner: unknown key; known are kind, path, mode, poison_millidegC,"
+        " offset_millidegC, at_exit, access",
         "  publish[4].mode: is 'append'; one of rename, in-place is wanted",
         "  publish[4].poison_millidegC: is 1.5; an integer in millidegrees, of at most 12 digits, is wanted",
         "  publish[5].mode: says nothing for kind 'socket'; only 'file' takes it: remove it",

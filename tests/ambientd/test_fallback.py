@@ -103,3 +103,27 @@ def test_without_fallbacks_a_loss_is_coasted_over(make_model):
     tracker = FallbackTracker(make_model(), 1.0)
     feed(tracker, [REST] * 10)
     assert feed(tracker, [(None, 25.0)], start=10)[0].status == "coasting"
+
+
+@pytest.mark.parametrize("count", [1, 2, 127, 128, 129, 300])
+def test_a_fallback_that_nobody_asked_has_missed_nothing(make_model, count):
+    """To the bit: the same state as a tracker that took every sample at its time, before and after it is asked."""
+    model = make_model(fallbacks=True)
+    together = FallbackTracker(model, 1.0)
+    alone = {name: Tracker(each, nearest_discrete(each, 1.0)) for name, each in model.fallbacks.items()}
+    rows = [(30 + math.sin(k / 9), 25 + math.cos(k / 7)) for k in range(count)] + [(None, 25.5), (None, 26.0)]
+    for k, (usb, battery) in enumerate(rows):
+        time_s = k + 0.3 * math.sin(k) + (20 if k > 100 else 0)
+        together.update(time_s, (usb, battery))
+        alone["usb"].update(time_s, (battery,))
+        alone["battery"].update(time_s, (usb,))
+    assert together.snapshot().voices[1:] == tuple(each.snapshot() for each in alone.values())
+
+
+def test_a_state_taken_in_between_is_whole(make_model):
+    rows = [(30 + math.sin(k / 9), 25 + math.cos(k / 7)) for k in range(200)]
+    watched, left = FallbackTracker(make_model(fallbacks=True), 1.0), FallbackTracker(make_model(fallbacks=True), 1.0)
+    for k, row in enumerate(rows):
+        assert watched.update(float(k), row) == left.update(float(k), row)
+        watched.snapshot()
+    assert watched.snapshot() == left.snapshot()

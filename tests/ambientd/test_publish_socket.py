@@ -2,7 +2,9 @@
 
 import json
 import os
+import resource
 import select
+import shutil
 import socket
 import stat
 
@@ -11,7 +13,9 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_model.model import Input
 from ambient_model.tracking import Estimate
+from ambientd.publish.access import Access
 from ambientd.publish.socket import SocketServer
+from ambientd.publish.spec import Spec
 from ambientd.report import Report
 
 INPUTS = tuple(Input(f"s{k}", "degC", "zone", 0, 1) for k in range(10))
@@ -29,7 +33,7 @@ def path(tmp_path):
 
 @pytest.fixture
 def server(path):
-    opened = SocketServer(path)
+    opened = SocketServer(Spec("socket", path))
     yield opened
     opened.close()
 
@@ -103,11 +107,140 @@ def test_a_reader_that_leaves_is_let_go(server, path):
 
 
 def test_one_reader_too_many_is_let_go(server, path):
-    readers = [connected(server, path) for _ in range(33)]
+    readers = [connected(server, path) for _ in range(257)]
     server.publish(report(1))
-    assert [bool(received(reader)) for reader in readers] == [True] * 32 + [False]
+    assert [bool(received(reader)) for reader in readers] == [True] * 256 + [False]
     for reader in readers:
         reader.close()
+
+
+def test_where_all_places_are_taken_who_reads_least_makes_room(server, path):
+    """A consumer that leaks its connections does not shut the others out."""
+    readers = [connected(server, path) for _ in range(256)]
+    for k in range(100):
+        server.publish(report(k))
+        for reader in readers[1:]:
+            received(reader)
+    with connected(server, path) as late:
+        assert times(received(late)) == [99]
+        server.publish(report(100))
+        assert times(received(late)) == [100]
+    said = received(readers[0])
+    assert times(said[: said.rindex(b"\n")])[-1] < 99
+    assert readers[0].recv(1) == b""  # it was let go
+    for reader in readers:
+        reader.close()
+
+
+def test_two_hundred_readers_of_which_half_never_read(server, path):
+    """The others miss nothing, and of the kernel's memory a reader that stops has little."""
+    readers = [connected(server, path) for _ in range(200)]
+    quick, idle = readers[::2], readers[1::2]
+    heard = dict.fromkeys(quick, b"")
+    for k in range(200):
+        server.publish(report(k))
+        for reader in quick:
+            heard[reader] += received(reader)
+    assert all(times(heard[reader]) == list(range(200)) for reader in quick)
+    late = {reader: received(reader) for reader in idle}
+    assert all(0 < len(content) <= 16384 for content in late.values())
+    server.publish(report(200))
+    for reader in idle:
+        every = times(late[reader])
+        assert every == list(range(len(every)))  # the eldest, whole and in their order
+        assert times(received(reader)) == [200]  # and none that was lost
+    for reader in readers:
+        reader.close()
+
+
+def test_without_readers_no_line_is_made(server, path, monkeypatch):
+    monkeypatch.setattr("ambientd.publish.socket.as_json", lambda _: pytest.fail("made"))
+    server.publish(report(1))
+    monkeypatch.undo()
+    with connected(server, path) as reader:
+        assert times(received(reader)) == [1]
+
+
+def test_where_no_descriptor_is_free_the_slowest_makes_room(server, path):
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with connected(server, path) as first, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as second:
+        second.connect(path)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (second.fileno() + 1, hard))
+        try:
+            spare = fill_descriptors()
+            server.serve()
+            assert first.recv(1) == b""
+            server.serve()
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            for descriptor in spare:
+                os.close(descriptor)
+        server.publish(report(1))
+        assert times(received(second)) == [1]
+
+
+def fill_descriptors():
+    taken = []
+    while True:
+        try:
+            taken.append(os.dup(0))
+        except OSError:
+            return taken
+
+
+def test_when_its_folder_was_gone_it_is_made_anew_and_its_readers_stay(tmp_path):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    path = str(folder / "s")
+    server = SocketServer(Spec("socket", path))
+    descriptor = server.descriptor()
+    with connected(server, path) as early:
+        shutil.rmtree(folder)
+        for k in range(2):
+            with pytest.raises(FileNotFoundError):
+                server.publish(report(k))
+        assert times(received(early)) == [0, 1]
+        folder.mkdir()
+        server.publish(report(2))
+        assert server.descriptor() == descriptor  # which is what is watched
+        assert stat.S_IMODE(os.stat(path).st_mode) == 0o666
+        with connected(server, path) as late:
+            server.publish(report(3))
+            assert times(received(late)) == times(received(early)) == [2, 3]
+    server.close()
+    assert os.listdir(folder) == []
+
+
+def test_a_path_that_another_has_taken_is_its_own_and_told_of(server, path):
+    with connected(server, path) as early:
+        os.unlink(path)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
+            other.bind(path)
+            other.listen()
+            with pytest.raises(OSError, match="another daemon listens there"):
+                server.publish(report(1))
+            assert times(received(early)) == [1]
+        server.publish(report(2))  # it is dead now
+        connected(server, path).close()
+
+
+def test_no_one_enters_before_it_is_settled_who_may(path, monkeypatch):
+    def refuse(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "chown", refuse)
+    server = SocketServer(Spec("socket", path, access=Access(0o600, owner=4711)))
+    for k in range(2):
+        assert not os.path.exists(path)
+        with pytest.raises(PermissionError):
+            server.publish(report(k))
+    assert select.select([server.descriptor()], [], [], 0)[0] == []  # nothing that would keep the daemon busy
+    server.adapt(Spec("socket", path, access=Access(0o600)))
+    server.publish(report(2))
+    assert stat.S_IMODE(os.stat(path).st_mode) == 0o600
+    with connected(server, path) as reader:
+        assert times(received(reader)) == [2]
+    server.close()
 
 
 def test_whoever_may_enter_the_folder_may_connect(server, path):
@@ -115,21 +248,21 @@ def test_whoever_may_enter_the_folder_may_connect(server, path):
 
 
 def test_the_socket_is_removed_at_the_end(path):
-    SocketServer(path).close()
+    SocketServer(Spec("socket", path)).close()
     assert not os.path.exists(path)
 
 
 def test_a_dead_daemons_socket_is_replaced(path):
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
         dead.bind(path)
-    server = SocketServer(path)
+    server = SocketServer(Spec("socket", path))
     connected(server, path).close()
     server.close()
 
 
 def test_a_live_daemons_socket_is_refused_and_left(server, path):
     with pytest.raises(Refused) as refused:
-        SocketServer(path)
+        SocketServer(Spec("socket", path))
     assert str(refused.value) == f"{path}: another daemon listens there; stop it first, or choose another path"
     connected(server, path).close()
 
@@ -138,14 +271,14 @@ def test_what_is_no_socket_is_refused_and_left(path):
     with open(path, "w") as stream:
         stream.write("mine")
     with pytest.raises(Refused) as refused:
-        SocketServer(path)
+        SocketServer(Spec("socket", path))
     assert str(refused.value) == f"{path}: exists and is no socket; remove it, or choose another path"
     with open(path) as stream:
         assert stream.read() == "mine"
 
 
 def test_a_socket_that_another_put_in_its_place_is_left(path):
-    server = SocketServer(path)
+    server = SocketServer(Spec("socket", path))
     os.unlink(path)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
         other.bind(path)
@@ -156,4 +289,4 @@ def test_a_socket_that_another_put_in_its_place_is_left(path):
 @pytest.mark.parametrize("name", ["missing/s", "x" * 120])
 def test_a_path_that_cannot_be_bound_is_refused(tmp_path, name):
     with pytest.raises(Refused, match="cannot be listened on"):
-        SocketServer(str(tmp_path / name))
+        SocketServer(Spec("socket", str(tmp_path / name)))

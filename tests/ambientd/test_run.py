@@ -245,37 +245,6 @@ def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, 
     assert ended(daemon)[0] == 0
 
 
-def test_watch_tells_people_each_tick_and_when_the_daemon_ends(start, until, ended, on_phone, phone, tmp_path):
-    say(phone, 3, b"24500\n")
-    daemon = start(*on_phone, "--publish", f"socket:{tmp_path}/s")
-    until(lambda: (tmp_path / "s").exists())
-    watcher = start("watch", tmp_path / "s")
-    lines = [watcher.stdout.readline() for _ in range(6)]
-    assert lines[0].split(" s  ")[1] == "warming_up  22.60 degC (22.10 to 23.35, 90 %)  usb 30.00  battery 24.50\n"
-    assert lines[0] < lines[5]  # shown to a tenth of a second: two ticks
-    assert ended(daemon)[0] == 0
-    _, log = watcher.communicate(timeout=15)
-    assert (watcher.returncode, log) == (0, f"ambientd: {tmp_path}/s: the daemon has ended\n")
-
-
-def test_watch_ends_quietly_when_its_user_ends_it(start, until, ended, on_phone, tmp_path):
-    start(*on_phone, "--publish", f"socket:{tmp_path}/s")
-    until(lambda: (tmp_path / "s").exists())
-    watcher = start("watch", tmp_path / "s")
-    watcher.stdout.readline()
-    status, _, log = ended(watcher, signal.SIGINT)
-    assert (status, log) == (0, "")
-
-
-def test_watch_says_where_no_one_listens(ambientd, tmp_path):
-    done = ambientd("watch", tmp_path / "s")
-    assert done.returncode == 1
-    assert done.stderr == (
-        f"ambientd: {tmp_path}/s: no daemon listens there (No such file or directory);"
-        f" start one with 'ambientd run ... --publish socket:{tmp_path}/s'\n"
-    )
-
-
 def test_a_stopped_reader_of_the_socket_delays_no_tick(start, until, ended, on_phone, tmp_path):
     daemon = start(*on_phone, "--publish", f"socket:{tmp_path}/s", "--publish", f"status:{tmp_path}/status")
     until(lambda: text(tmp_path / "status"))

@@ -175,47 +175,34 @@ def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, make_sensors, n
 
 
 class Blocking:
-    """os.pread that takes three seconds on the usb zone where the ticks are, and elsewhere until it is told not to.
-
-    It is the clock, too.
-    """
+    """os.pread that takes until it is told to be quick on the usb zone."""
 
     def __init__(self):
-        self.ticking = threading.get_ident()
         self.quick = threading.Event()
         self.tries = []
-        self.now_s = 0.0
         self._pread = os.pread
-
-    def monotonic(self):
-        return self.now_s
 
     def __call__(self, descriptor, *rest):
         if os.readlink(f"/proc/self/fd/{descriptor}").endswith("thermal_zone10/temp"):
             self.tries.append(threading.get_ident())
-            if threading.get_ident() != self.ticking:
-                self.quick.wait(15)
-            elif not self.quick.is_set():
-                self.now_s += 3.0
+            self.quick.wait(60)
         return self._pread(descriptor, *rest)
 
 
 @pytest.fixture
 def blocking(monkeypatch):
     pread = Blocking()
-    monkeypatch.setattr("ambientd.sources.sensor.time", pread)
-    monkeypatch.setattr("ambientd.sources.trial.time", pread)
     monkeypatch.setattr(os, "pread", pread)
     yield pread
     pread.quick.set()
 
 
-def test_a_read_that_blocks_holds_the_others_up_once_and_never_again(sensors, notes, blocking, until):
+def test_a_read_that_blocks_is_left_behind_and_never_waited_for_again(sensors, notes, blocking, until):
     """The second time it is tried in a thread that hangs until the end of the ticks."""
     assert [sensors.read(float(k)) for k in range(1000)] == [[None, 25.0]] * 1000
     until(lambda: len(blocking.tries) == 2)
-    assert blocking.tries[0] == blocking.ticking != blocking.tries[1]
-    assert notes == ["sensor usb: no value (a reading took 3.0 s)"]
+    assert threading.get_ident() not in blocking.tries
+    assert notes == ["sensor usb: no value (a reading takes more than 0.25 s)"]
 
 
 def test_one_that_blocked_comes_back_when_it_is_quick(sensors, notes, blocking, until):
@@ -224,7 +211,15 @@ def test_one_that_blocked_comes_back_when_it_is_quick(sensors, notes, blocking, 
     now_s = iter(range(1, 100000))
     until(lambda: sensors.read(100.0 * next(now_s)) == [30.0, 25.0])
     assert sensors.read(1e9) == [30.0, 25.0]
-    assert notes == ["sensor usb: no value (a reading took 3.0 s)", "sensor usb: is back"]
+    assert notes == ["sensor usb: no value (a reading takes more than 0.25 s)", "sensor usb: is back"]
+
+
+def test_without_a_thread_to_spare_it_reads_by_itself(sensors, monkeypatch):
+    def none_left(*_):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("_thread.start_new_thread", none_left)
+    assert [sensors.read(float(k)) for k in range(3)] == [[30.0, 25.0]] * 3
 
 
 def test_every_kind_side_by_side(sysfs, make_hwmon, make_supply, notes):

@@ -287,7 +287,7 @@ def test_the_configuration_names_it(tmp_path):
     [
         ('"state": "/s"', "state: is '/s'; a mapping with path and max_age_s is wanted"),
         ('"state": {}', "state.path: missing; name the file that the state is kept in"),
-        ('"state": {"path": "/s", "age": 1}', "state.age: unknown key; known are path, max_age_s"),
+        ('"state": {"path": "/s", "age": 1}', "state.age: unknown key; known are path, max_age_s, access"),
         ('"state": {"path": "/s", "max_age_s": 0}', "state.max_age_s: is 0; a number between 1 and 3600 is wanted"),
         ('"coast_s": -1', "coast_s: is -1; a number between 0 and 600 is wanted"),
         ('"coast_s": "1m"', "coast_s: is '1m'; a number between 0 and 600 is wanted"),

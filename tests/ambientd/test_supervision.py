@@ -159,6 +159,16 @@ def test_one_other_of_three_that_moves_is_not_enough():
     assert doubted([USB, BATTERY, case, SOC], STUCK, moments) == {}
 
 
+@pytest.mark.parametrize(
+    ("rules", "spike"),
+    [(Rules(stuck_after_s=60.0, jump_K_per_s=5.0), 70.0), (Rules(stuck_after_s=60.0), 125.0)],
+    ids=["it jumps", "it leaves its range"],
+)
+def test_one_that_is_not_believed_is_no_witness_against_the_others(rules, spike):
+    moments = [(float(k), [spike if k % 30 > 26 else 30.0, 25.0]) for k in range(600)]
+    assert 1 not in doubted([USB, BATTERY], rules, moments)
+
+
 def test_the_same_reading_on_both_sides_of_a_suspend_is_not_stuck():
     moments = [(float(k), [30.0, 25.0]) for k in range(500)]
     moments += [(4000.0 + k, [45.0, 25.0]) for k in range(500)]

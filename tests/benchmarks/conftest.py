@@ -8,6 +8,12 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_limits
 
+from ambient_model.model import Estimator, Matrix, Model
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.export.model_file import model_of
+from ambient_trainer.identify.fit import Effort, fit_circuit
+from ambient_trainer.simulation.phone import simulate
+
 HERE = Path(__file__).parent
 ROWS: pytest.StashKey[list[tuple[str, ...]]] = pytest.StashKey()
 HEADER = ("task", "method", "wall s", "result")
@@ -49,3 +55,25 @@ def noted(request: pytest.FixtureRequest) -> Callable[[str, str, float, str], No
         request.config.stash[ROWS].append((task, method, f"{wall_s:.3g}", result))
 
     return note
+
+
+def _without(estimator: Estimator, index: int) -> Estimator:
+    """The same without one input: what a fallback costs does not depend on how good it is."""
+
+    def cut(matrix: Matrix) -> Matrix:
+        return tuple(row[:index] + row[index + 1 :] for row in matrix)
+
+    return estimator._replace(
+        inputs=estimator.inputs[:index] + estimator.inputs[index + 1 :],
+        initial=cut(estimator.initial),
+        discrete=tuple(each._replace(B=cut(each.B), D=cut(each.D)) for each in estimator.discrete),
+    )
+
+
+@pytest.fixture(scope="session")
+def model() -> Model:
+    """4 inputs, 3 states, and a fallback without each input."""
+    fit = fit_circuit(load_circuit("model2_ss_free_cd"), [simulate("5", seed=1, period_s=5.0)], Effort(starts=1))
+    found = model_of(fit, [], {})
+    others = {each.name: _without(found.main, index) for index, each in enumerate(found.main.inputs)}
+    return found._replace(fallbacks=others)

@@ -18,6 +18,9 @@ class Publisher(Protocol):
     def serve(self) -> None:
         """Serve a reader that came; called when the descriptor is readable."""
 
+    def adapt(self, spec: Spec) -> None:
+        """Go on as ``spec`` of the same kind, mode and path says; what fails in that, fails at the next tick."""
+
     def close(self) -> None:
         """Leave nothing behind that could be taken for a live value."""
 
@@ -41,19 +44,19 @@ def open_publisher(spec: Spec, patience_ms: int | None) -> Publisher:
     if spec.kind == "file":
         from ambientd.publish.file import InPlaceFile, RenamedFile
 
-        return (RenamedFile if spec.mode == "rename" else InPlaceFile)(spec.path, spec.poison_millidegC)
+        return RenamedFile(spec) if spec.mode == "rename" else InPlaceFile(spec)
     if spec.kind == "status":
         from ambientd.publish.status import StatusFile
 
-        return StatusFile(spec.path)
+        return StatusFile(spec)
     if spec.kind == "prometheus":
         from ambientd.publish.prometheus import PrometheusFile
 
-        return PrometheusFile(spec.path)
+        return PrometheusFile(spec)
     if spec.kind == "socket":
         from ambientd.publish.socket import SocketServer
 
-        return SocketServer(spec.path)
+        return SocketServer(spec)
     from ambientd.publish.stdout import Stdout
 
     return Stdout(patience_ms)

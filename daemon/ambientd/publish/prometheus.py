@@ -7,7 +7,8 @@ from collections.abc import Iterable
 
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMING_UP
 from ambientd.publish import Quiet
-from ambientd.publish.swap import remove, swap_in
+from ambientd.publish.spec import Spec
+from ambientd.publish.swap import remove, swap_in, sweep
 from ambientd.report import Report
 
 _STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
@@ -16,16 +17,21 @@ _STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
 class PrometheusFile(Quiet):
     """A ``*.prom`` file, replaced by rename."""
 
-    def __init__(self, path: str) -> None:
-        self._path = path
+    def __init__(self, spec: Spec) -> None:
+        self._spec = spec
+        sweep(spec.path)
+
+    def adapt(self, spec: Spec) -> None:
+        """Let ``spec`` hold from the next tick on."""
+        self._spec = spec
 
     def publish(self, report: Report) -> None:
         """Replace the gauges; raises OSError."""
-        swap_in(self._path, exposition(report).encode())
+        swap_in(self._spec.path, exposition(report).encode(), self._spec.access)
 
     def close(self) -> None:
         """Remove the file: its gauges would otherwise be scraped for ever."""
-        remove(self._path)
+        remove(self._spec.path)
 
 
 def exposition(report: Report) -> str:

@@ -2,10 +2,13 @@
 
 from typing import NamedTuple
 
+from ambientd.publish.access import Access
+
 KINDS = ("file", "file-in-place", "status", "prometheus", "socket", "stdout")
 MODES = ("rename", "in-place")
+AT_EXIT = ("remove", "poison")
 MILLIDEGREES_LIMIT = 10**12
-"""Below it a sign, the digits and a newline stay within the 15 bytes that in-place readers take at once."""
+"""Below it, an offset included, sign, digits and newline stay within the 15 bytes that such readers take at once."""
 
 
 class Spec(NamedTuple):
@@ -17,6 +20,11 @@ class Spec(NamedTuple):
     """How a ``file`` changes: a new file renamed over the old, or the same file written in place."""
     poison_millidegC: int | None = None
     """What a ``file`` says instead of a value that is not trusted; None removes the file."""
+    offset_millidegC: int = 0
+    """What is added to the value in a ``file``, for a reader that knows no negative numbers; not to the poison."""
+    at_exit: str = "remove"
+    """Whether a ``file`` goes when the daemon ends, or stays and says the poison."""
+    access: Access = Access()
 
     def __str__(self) -> str:
         kind = "file-in-place" if (self.kind, self.mode) == ("file", "in-place") else self.kind

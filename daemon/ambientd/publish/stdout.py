@@ -4,6 +4,7 @@ import os
 import select
 
 from ambientd.publish import Quiet
+from ambientd.publish.spec import Spec
 from ambientd.report import Report, as_json
 
 _STDOUT = 1
@@ -22,6 +23,9 @@ class Stdout(Quiet):
         # a pipe that polls writable takes a whole line of up to 4 KiB without blocking
         if self._room.poll(self._patience_ms):
             os.write(_STDOUT, f"{as_json(report)}\n".encode())
+
+    def adapt(self, spec: Spec) -> None:
+        """Nothing of it is configurable."""
 
     def close(self) -> None:
         """Nothing stays behind."""

@@ -1,31 +1,87 @@
-"""A published file changes by rename, so that a reader never sees half of it.
+"""A published file changes by rename, so that a reader never sees half of it, nor what it may not see.
 
 Unlike a model or a trace it need not outlive a power cut, and is not flushed to the disk: ten flushes a second wear
-out the flash.
+out the flash. Until the rename it is a neighbour, ``PATH.PID.part``, which stays behind only where the process is
+killed; :func:`sweep` removes it then.
 """
 
 import contextlib
+import errno
 import os
 
+from ambientd.publish.access import Access, described, grant
 
-def swap_in(path: str, content: bytes) -> None:
-    """Replace the file at ``path`` by one that holds ``content``; raises OSError, and then leaves it as it was."""
+_CREATE = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+
+
+def put(path: str, content: bytes, access: Access) -> int:
+    """Replace the file at ``path`` by one that holds ``content``, and return that one's descriptor.
+
+    Raises OSError, and then leaves the old file as it was.
+    """
     temporary = f"{path}.{os.getpid()}.part"
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    descriptor = -1
     try:
-        try:
-            if os.write(descriptor, content) < len(content):
-                raise OSError(28, "No space left on device", path)
-        finally:
-            os.close(descriptor)
+        descriptor = _created(temporary, 0o644 if access.mode is None else 0o600)
+        if os.write(descriptor, content) < len(content):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+        grant(descriptor, access)
         os.rename(temporary, path)
-    except OSError:
+        return descriptor
+    except BaseException:  # an alarm, too, that ends a write which blocks
+        if descriptor >= 0:
+            os.close(descriptor)
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
+
+
+def _created(path: str, mode: int) -> int:
+    """A file that is new: what lies there is someone's with this process's number who was killed, or no friend's."""
+    try:
+        return os.open(path, _CREATE, mode)
+    except FileExistsError:
+        os.unlink(path)
+        return os.open(path, _CREATE, mode)
+
+
+def swap_in(path: str, content: bytes, access: Access) -> None:
+    """As :func:`put`, without the descriptor."""
+    os.close(put(path, content, access))
+
+
+def trial(path: str, access: Access) -> str:
+    """Make the neighbour that :func:`put` would rename, and remove it: its mode and owner; raises OSError."""
+    temporary = f"{path}.{os.getpid()}.part"
+    try:
+        os.close(_created(temporary, 0o644 if access.mode is None else 0o600))
+        grant(temporary, access)
+        return described(temporary)
+    finally:
+        remove(temporary)
 
 
 def remove(path: str) -> None:
     """Remove the file at ``path``, if it is there."""
     with contextlib.suppress(FileNotFoundError):
         os.unlink(path)
+
+
+def sweep(path: str) -> None:
+    """Remove the unfinished neighbours of ``path`` whose processes are no more; what cannot be removed stays."""
+    folder, name = os.path.split(path)
+    with contextlib.suppress(OSError):
+        for found in os.listdir(folder or "."):
+            process = found.removeprefix(f"{name}.").removesuffix(".part")
+            if found == f"{name}.{process}.part" and process.isascii() and process.isdigit() and not _lives(process):
+                os.unlink(os.path.join(folder, found))
+
+
+def _lives(process: str) -> bool:
+    try:
+        os.kill(int(process), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True

@@ -1,5 +1,7 @@
 """What the kernel says in whole numbers becomes degC, A and V here and nowhere else; what is no number is missing."""
 
+import math
+
 BUFFER_BYTES = 32
 """More than any attribute that holds one number; what fills it holds something else."""
 _ABSOLUTE_ZERO_DEGC = -273.15
@@ -8,29 +10,23 @@ _ABSOLUTE_ZERO_DEGC = -273.15
 
 def degC_from_millidegrees(content: bytes) -> float | None:
     """The temperature in the bytes of a thermal zone's or hwmon's attribute, or None where they hold none."""
-    return _degC(content, 1000)
+    return _in_steps(content, 1000, _ABSOLUTE_ZERO_DEGC)
 
 
 def degC_from_tenths(content: bytes) -> float | None:
     """The temperature in the bytes of a power supply's ``temp``, or None where they hold none."""
-    return _degC(content, 10)
+    return _in_steps(content, 10, _ABSOLUTE_ZERO_DEGC)
 
 
 def from_micro(content: bytes) -> float | None:
     """The current in A or the voltage in V in the bytes of a power supply's attribute, or None."""
-    micro = _integer(content)
-    return None if micro is None else micro / 1_000_000
+    return _in_steps(content, 1_000_000, -math.inf)
 
 
-def _degC(content: bytes, steps_per_degC: int) -> float | None:
-    steps = _integer(content)
-    if steps is None or steps / steps_per_degC < _ABSOLUTE_ZERO_DEGC:
-        return None
-    return steps / steps_per_degC
-
-
-def _integer(content: bytes) -> int | None:
+def _in_steps(content: bytes, steps: int, lowest: float) -> float | None:
+    """The number in ``content``, of which ``steps`` make a unit; None where it is none, or below ``lowest`` units."""
     digits = content.strip()
-    if len(content) >= BUFFER_BYTES or not digits.removeprefix(b"-").isdigit():
+    if len(content) >= BUFFER_BYTES or not (digits.isdigit() or (digits[:1] == b"-" and digits[1:].isdigit())):
         return None
-    return int(digits)
+    value = int(digits) / steps
+    return value if value >= lowest else None

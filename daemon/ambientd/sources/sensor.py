@@ -5,17 +5,14 @@ What the attribute means and where it lies is the business of its :class:`Source
 
 import errno
 import os
-import time
 from typing import Protocol
 
 from ambient_model.model import Input
-from ambientd.sources.quantities import BUFFER_BYTES
+from ambientd.sources.reader import PATIENCE_S, Content
 from ambientd.sources.trial import Trial, open_attribute
 
 _PASSING = (errno.EAGAIN, errno.EINTR, errno.ENODATA, errno.EBUSY)
 """The driver has no value now; the same descriptor will have one."""
-_PATIENCE_S = 0.25
-"""A reading that takes longer is a failure; the clock stands still in a suspend."""
 
 
 class Source(Protocol):
@@ -47,7 +44,8 @@ class Sensor:
         """What was found when it was last opened; the first is read."""
         self.trouble = ""
         """Why the last reading gave no value."""
-        self._descriptor = -1
+        self.descriptor = -1
+        """What is to be read; below 0 where there is nothing."""
         self._slow = False
         self._trial: Trial | None = None
 
@@ -64,7 +62,7 @@ class Sensor:
             self.trouble = self.source.absent
             return
         try:
-            self._descriptor = open_attribute(self.paths[0])
+            self.descriptor = open_attribute(self.paths[0])
         except OSError as error:
             self.trouble = f"{error.filename}: {error.strerror}"
 
@@ -72,42 +70,33 @@ class Sensor:
         if self._trial is not None:
             if self._trial.took_s is None:
                 return False  # it is still at it
-            if self._trial.took_s <= _PATIENCE_S:
+            if self._trial.took_s <= PATIENCE_S:
                 self._slow, self._trial = False, None
                 return True
         self._trial = Trial(self.paths[0])
         return False
 
-    def read(self) -> float | None:
-        """The value in the source's unit, or None where there is none now."""
-        if self._descriptor < 0:
+    def take(self, content: Content) -> float | None:
+        """The value in the source's unit from what was read of ``descriptor``, or None where there is none now."""
+        if self.descriptor < 0:
             return None
-        start_s = time.monotonic()
-        try:
-            content = os.pread(self._descriptor, BUFFER_BYTES, 0)
-        except OSError as error:
-            self.trouble = error.strerror or str(error)
-            if error.errno not in _PASSING:
+        if content is None:
+            self.trouble = f"a reading takes more than {PATIENCE_S:g} s"
+            self._slow = True
+            self.close()
+            return None
+        if isinstance(content, OSError):
+            self.trouble = content.strerror or str(content)
+            if content.errno not in _PASSING:
                 self.close()
-            self._note_slow(start_s)
-            return None
-        if self._note_slow(start_s):
             return None
         value = self.source.value(content)
         if value is None:
             self.trouble = f"it says {content!r}"
         return value
 
-    def _note_slow(self, start_s: float) -> bool:
-        took_s = time.monotonic() - start_s
-        if took_s > _PATIENCE_S:
-            self.close()
-            self._slow = True
-            self.trouble = f"a reading took {took_s:.1f} s"
-        return self._slow
-
     def close(self) -> None:
         """Let the descriptor go."""
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        if self.descriptor >= 0:
+            os.close(self.descriptor)
+            self.descriptor = -1

@@ -6,6 +6,7 @@ It is told of once when it goes and once when it returns, and looked up again, b
 from collections.abc import Callable, Sequence
 
 from ambientd.notices import Notice
+from ambientd.sources.reader import Reader
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
 
@@ -14,7 +15,10 @@ class Sensors:
     """Some sensors, in their order. ``note`` is told what goes and what returns, once each."""
 
     def __init__(self, sensors: Sequence[Sensor], rules: Rules, note: Callable[[str], None]) -> None:
-        self._sensors = [(sensor, BackOff(), Notice()) for sensor in sensors]
+        self._sensors = sensors
+        self._back_offs = [BackOff() for _ in sensors]
+        self._notices = [Notice() for _ in sensors]
+        self._reader = Reader()
         self._supervision = Supervision([each.given for each in sensors], rules)
         self._note = note
         for sensor in sensors:
@@ -27,9 +31,11 @@ class Sensors:
 
         A value outside its input's range is told of, and given: what it was is to be seen, and no estimate uses it.
         """
-        values = [self._value(now_s, sensor, back_off) for sensor, back_off, _ in self._sensors]
+        values = values_of(self._sensors, self._reader)
+        if None in values:
+            self._try_again(now_s, values)
         doubts = self._supervision.judge(now_s, values)
-        for index, (sensor, _, notice) in enumerate(self._sensors):
+        for index, (sensor, notice) in enumerate(zip(self._sensors, self._notices)):
             value = values[index]
             if value is None:
                 trouble = f"no value ({sensor.trouble})"
@@ -42,14 +48,23 @@ class Sensors:
             values[index] = None
         return values
 
-    def _value(self, now_s: float, sensor: Sensor, back_off: BackOff) -> float | None:
-        value = sensor.read()
-        if value is None and back_off.due(now_s):
+    def _try_again(self, now_s: float, values: list[float | None]) -> None:
+        """Look those up anew that gave no value, where it is time to, and put into ``values`` what they then say."""
+        places = [place for place, value in enumerate(values) if value is None and self._back_offs[place].due(now_s)]
+        sensors = [self._sensors[place] for place in places]
+        for sensor in sensors:
             sensor.open()
-            value = sensor.read()
-        return value
+        for place, value in zip(places, values_of(sensors, self._reader)):
+            values[place] = value
 
     def close(self) -> None:
         """Let all descriptors go."""
-        for sensor, _, _ in self._sensors:
+        self._reader.close()
+        for sensor in self._sensors:
             sensor.close()
+
+
+def values_of(sensors: Sequence[Sensor], reader: Reader) -> list[float | None]:
+    """One value per sensor, None where it has none now."""
+    contents = reader.read([sensor.descriptor for sensor in sensors])
+    return [sensor.take(content) for sensor, content in zip(sensors, contents)]

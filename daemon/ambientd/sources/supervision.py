@@ -61,6 +61,7 @@ class Supervision:
 
     def __init__(self, inputs: Sequence[Input], rules: Rules) -> None:
         self._temperatures = [index for index, each in enumerate(inputs) if each.unit == "degC"]
+        self._inputs = inputs
         after_s, within_K, limit_K_per_s = rules
         self._stuck = None if after_s is None else _Stuck(len(self._temperatures), after_s, within_K)
         self._jumps = [] if limit_K_per_s is None else [_Jump(limit_K_per_s) for _ in self._temperatures]
@@ -68,14 +69,20 @@ class Supervision:
     def judge(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
         """Why some of ``values`` (one per input, None where missing) are not to be believed, per index."""
         reasons: dict[int, str] = {}
-        if self._stuck is not None:
-            found = self._stuck.judge(now_s, [values[index] for index in self._temperatures])
-            reasons.update((self._temperatures[place], reason) for place, reason in found.items())
         for index, jump in zip(self._temperatures, self._jumps):
             reason = jump.judge(now_s, values[index])
             if reason:
                 reasons[index] = reason
+        if self._stuck is not None:
+            # one that is not believed is no witness against the others
+            witnesses = [None if index in reasons else self._in_range(index, values) for index in self._temperatures]
+            found = self._stuck.judge(now_s, witnesses)
+            reasons.update((self._temperatures[place], reason) for place, reason in found.items())
         return reasons
+
+    def _in_range(self, index: int, values: Sequence[float | None]) -> float | None:
+        value = values[index]
+        return None if value is None or outside(self._inputs[index], value) else value
 
 
 class _Jump:

@@ -23,7 +23,7 @@ def measured() -> Path:
 
 @pytest.fixture(scope="session")
 def maps() -> Path:
-    return _REPOSITORY / "tests" / "data" / "maps"
+    return _REPOSITORY / "tests" / "data" / "measured"
 
 
 @pytest.fixture

@@ -135,7 +135,7 @@ def test_a_map_that_is_no_mapping_is_refused(write, text):
 
 def test_a_measured_export_comes_in(measured, maps):
     path = measured / "thermal-shock-chamber" / "dat00002.csv"
-    trace = import_benchlink(str(path), str(maps / "thermal-shock-chamber-thesis-names.yaml")).trace
+    trace = import_benchlink(str(path), str(maps / "thermal-shock-chamber-thesis-names.map.yaml")).trace
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)[:, 2:]
     raw[np.abs(raw) > 1e37] = np.nan
     channels = {"flash": 102, "battery": 112, "usb": 105, "display": 110, "soc": 108, "ambient": 101}
@@ -157,7 +157,7 @@ def test_other_measured_exports_come_in_without_a_map(measured, name, count):
 
 def test_the_other_map_fits_the_measured_file(measured, maps):
     path = measured / "thermal-shock-chamber" / "dat00002.csv"
-    trace = import_benchlink(str(path), str(maps / "thermal-shock-chamber.yaml")).trace
+    trace = import_benchlink(str(path), str(maps / "thermal-shock-chamber.map.yaml")).trace
     assert list(trace.columns) == ["ch102_degC", "ch105_degC", "ch110_degC", "ch112_degC", "ambient_degC"]
 
 

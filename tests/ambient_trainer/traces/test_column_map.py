@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.strict_yaml import parse_yaml
-from ambient_trainer.traces.column_map import load_map, parse_map
+from ambient_trainer.traces.column_map import ColumnMap, load_map, parse_map
 
 _GOOD = "time: {column: t, unit: s}\ncolumns:\n  usb_degC: T_usb\n"
 
@@ -50,7 +50,8 @@ def test_numbers_name_columns_and_missing_values():
         (
             _GOOD + "colums: 1",
             "colums: unknown key; remove it or correct its name; "
-            "known are time, columns, missing, delimiter, decimal, skip_rows, comment, encoding",
+            "known are time, columns, constants, missing, delimiter, decimal, header, skip_rows, skip_under_header, "
+            "drop_rows, bad_rows, notes, comment, encoding",
         ),
         (
             _GOOD.replace("T_usb", "{from: T, scal: 2}"),
@@ -87,6 +88,37 @@ def test_numbers_name_columns_and_missing_values():
             "columns.usb: is no column's name; name it <name>_<unit>, such as usb_degC",
         ),
         (_GOOD.replace("usb_degC", "time_s"), "columns.time_s: the time is not mapped here; describe it under 'time'"),
+        (_GOOD + "constants: {usb_degC: 22}", "constants.usb_degC: stands under 'columns' too; remove one"),
+        (
+            _GOOD + "constants: {room: 22}",
+            "constants.room: is no column's name; name it <name>_<unit>, such as usb_degC",
+        ),
+        (_GOOD + "constants: {time_s: 0}", "constants.time_s: the time is not mapped here; describe it under 'time'"),
+        (_GOOD + "constants: {a_W: 2e40}", "constants: a_W is 2e+40; give what an instrument could read"),
+        (
+            _GOOD + "delimiter: ', '",
+            "delimiter: ', ' is no delimiter; give one character, or 'whitespace' for runs of blanks",
+        ),
+        (
+            _GOOD + "delimiter: '\"'",
+            "delimiter: '\"' is no delimiter; give one character, or 'whitespace' for runs of blanks",
+        ),
+        (
+            _GOOD + "header: false\nskip_under_header: 1",
+            "'skip_under_header' without a header; count those lines in 'skip_rows'",
+        ),
+        (_GOOD + "header: 1", "header: 1: input should be a valid boolean; correct it"),
+        (_GOOD + "drop_rows: {Status: [on]}", "drop_rows.Status[0]: YAML reads True here, not text; put it in quotes"),
+        (_GOOD + "bad_rows: keep", "bad_rows: 'keep': input should be 'refuse' or 'drop'; correct it"),
+        (_GOOD + "notes: {start: 5}", "notes: 'start' is a note that the import writes; call it otherwise"),
+        (
+            _GOOD + "notes: {'a: b': c}",
+            "notes: 'a: b' is no note; give a key without ':' or '#', and one line of text",
+        ),
+        (
+            _GOOD + 'notes: {a: "b\\nc"}',
+            "notes: 'a' is no note; give a key without ':' or '#', and one line of text",
+        ),
         (_GOOD + "decimal: ','", "',' is both delimiter and decimal; give 'delimiter: \";\"'"),
         (_GOOD + "encoding: cp99", "encoding: no encoding is called 'cp99'; take utf-8, utf-16, cp1252 or latin-1"),
         (
@@ -146,9 +178,7 @@ _entry = st.dictionaries(
 )
 
 
-@given(
-    st.dictionaries(st.sampled_from(["time", "columns", "missing", "decimal", "encoding", "skip_rows"]), _part), _entry
-)
+@given(st.dictionaries(st.sampled_from([*ColumnMap.model_fields]), _part), _entry)
 def test_any_structure_is_a_map_or_refused(data, entry):
     for columns in (data.get("columns"), {"usb_degC": entry}):
         try:

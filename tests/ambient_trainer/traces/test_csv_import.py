@@ -131,11 +131,95 @@ def test_rows_that_go_backwards_are_dropped_where_the_map_says_so(write):
     assert imported.trace.notes["dropped_rows"] == "2"
 
 
+def test_a_table_without_names_between_blanks(write):
+    path = write("a.txt", "#1 \ndouble data(2,3) \n 20044800.0  24.5\t-1e1 \n\n20045400.0 24.25   3 \n")
+    imported = _imported(
+        path, {"a_degC": 2, "b_W": {"from": 3, "scale": -1}}, time={"column": 1, "unit": "s"},
+        delimiter="whitespace", header=False, skip_rows=2,
+    )  # fmt: skip
+    assert imported.trace.time_s.tolist() == [0, 600]
+    assert imported.trace.columns["a_degC"].tolist() == [24.5, 24.25]
+    assert imported.trace.columns["b_W"].tolist() == [10, -3]
+    assert imported.trace.notes == {"source": "a.txt", "start": "20044800.0 s"}
+
+
+def test_a_testers_export_with_a_units_row_and_its_own_steps(write):
+    rows = "1,PAU,0.5,20.5,\n2,RANGE,0.5,20.5,\n3,DCH,1.5,21,\n9999,STO,1.5,21,\n"
+    path = write("a.csv", f"\n\nName,LG\nStep,Status,Prog Time,T,\n[],[],[s],[T1],\n{rows}")
+    imported = _imported(
+        path, {"a_degC": "T"}, time={"column": "Prog Time", "unit": "s"},
+        skip_rows=3, skip_under_header=1, drop_rows={"Status": ["STO"], "Step": 2},
+    )  # fmt: skip
+    assert imported.trace.time_s.tolist() == [0, 1]
+    assert imported.dropped == {"the map's 'drop_rows' names them": 2}
+
+
+def test_rows_that_cannot_be_read_are_dropped_where_the_map_says_so(write):
+    rows = ["nan,1", "0,1", "later,2", "1,warm", "2,inf", "3", "4,2,?", "5,", "4,7", "-1e308,1", "6,1e300", "7,2"]
+    imported = _imported(
+        write("a.csv", "\n".join(["t,a", *rows]) + "\n"), {"a_degC": {"from": "a", "unit": "mdegC", "scale": 1000}},
+        time={**_TIME, "not_increasing": "drop"}, bad_rows="drop",
+    )  # fmt: skip
+    assert imported.trace.time_s.tolist() == [0, 5, 7]
+    assert imported.trace.columns["a_degC"].tolist() == pytest.approx([1, np.nan, 2], nan_ok=True)
+    assert imported.trace.notes["start"] == "0 s"
+    assert imported.dropped == {"they cannot be read": 8, "their time did not increase": 1}
+    assert imported.trace.notes["dropped_rows"] == "9"
+
+
+def test_a_row_that_cannot_be_read_hides_no_step_back_in_time(write):
+    path = write("a.csv", "t,a\n5,1\n9,x\n3,2\n")
+    assert _message(path, bad_rows="drop") == (
+        f"{path}: line 4, column t: 3 does not come after 5 (rows out of order: 1); "
+        "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'"
+    )
+
+
+def test_what_nobody_logged_comes_in_as_assumed(write, tmp_path):
+    path = write("a.csv", "t,a\n0,1\n1,2\n")
+    trace = _imported(
+        path, {"a_degC": "a"}, constants={"ambient_degC": 21.5, "idle_W": 2}, notes={"room": "by the window"}
+    ).trace
+    assert trace.reference.tolist() == [21.5, 21.5]
+    assert trace.columns["idle_W"].tolist() == [2, 2]
+    out = str(tmp_path / "o.csv")
+    save_trace(out, trace)
+    assert load_trace(out).notes == {
+        "source": "a.csv",
+        "start": "0 s",
+        "assumed": "ambient_degC = 21.5, idle_W = 2 (not logged)",
+        "room": "by the window",
+    }
+
+
 @pytest.mark.parametrize(
     ("text", "layout", "message"),
     [
         ("", {}, "{path}: no header line; check 'skip_rows' and 'comment', or the file: it may be empty"),
         ("t,a\n", {}, "{path}: no rows under the header; log something first"),
+        (
+            "",
+            {"header": False},
+            "{path}: no row; check 'skip_rows' and 'comment', or the file: it may be empty",
+        ),
+        (
+            "0,1\n1,2\n",
+            {"header": False, "time": {"column": 1, "unit": "s"}},
+            "m.yaml: columns.a_degC.from: no column 'a' in {path}; line 1 has 1, 2",
+        ),
+        ("t,a\n0,1\n", {"drop_rows": {"s": ["x"]}}, "m.yaml: drop_rows.s: no column 's' in {path}; line 1 has t, a"),
+        (
+            "t,a\n0,1\n1,1\n",
+            {"drop_rows": {"a": [1]}},
+            "{path}: no row is left (2 dropped since the map's 'drop_rows' names them); "
+            "check 'drop_rows' and 'delimiter' in the map",
+        ),
+        (
+            "t,a\nx,1\n1,y\nnan,1\n",
+            {"bad_rows": "drop"},
+            "{path}: no row is left (3 dropped since they cannot be read); "
+            "import it with 'bad_rows: refuse' to see why",
+        ),
         ("t,b\n0,1\n", {}, "m.yaml: columns.a_degC.from: no column 'a' in {path}; line 1 has t, b"),
         ("t,a,a\n0,1,2\n", {}, "m.yaml: columns.a_degC.from: column 'a' stands twice in {path}; rename one in line 1"),
         (
@@ -196,7 +280,7 @@ def test_each_column_tells_its_first_fault(write):
 def test_a_value_that_scales_out_of_range_is_refused(write):
     path = write("a.csv", "t,a\n0,1\n1,1e300\n")
     assert _message(path, {"a_degC": {"from": "a", "scale": 1e10}}) == (
-        f"{path}: line 3, column a: '1e300' converts to no finite number; "
+        f"{path}: line 3, column a: '1e300' converts to no measurement; "
         "correct it, or list it under 'missing' in columns.a_degC"
     )
 
@@ -211,7 +295,7 @@ def test_bytes_in_another_encoding_are_refused_by_line(tmp_path):
 
 def test_a_phones_zones_come_in(measured, maps, tmp_path):
     path = measured / "s25plus-zones" / "s25_zones_tidy.csv"
-    imported = import_csv(str(path), load_map(str(maps / "s25plus-zones.yaml")), "map")
+    imported = import_csv(str(path), load_map(str(maps / "s25plus-zones.map.yaml")), "map")
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)
     clock = raw[:, 0]
     kept = np.array([k == 0 or clock[k] > clock[:k].max() for k in range(len(clock)) if k < 3000])
@@ -220,10 +304,40 @@ def test_a_phones_zones_come_in(measured, maps, tmp_path):
     assert (np.diff(trace.time_s) > 0).all()
     head = int(kept.sum())
     assert trace.time_s[:head] == pytest.approx(clock[:3000][kept] - clock[0], abs=1e-6)
-    names = ["cpu_big_degC", "cpu_little_degC", "gpu_degC", "battery_degC", "modem_degC", "chassis_degC", "stuck_degC"]
+    names = ["cpu_big_degC", "cpu_little_degC", "gpu_degC", "battery_degC", "modem_degC", "chassis_degC", "skin_degC"]
     for index, name in enumerate(names):
         np.testing.assert_array_equal(trace.columns[name][:head], raw[:3000][kept][:, index + 1])
     assert 16 <= np.isnan(trace.columns["cpu_big_degC"]).sum() <= 36
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5, unique=True).map(sorted),
+    st.data(),
+    st.sampled_from([",", ";", "\t", "|", "whitespace"]),
+    st.booleans(),
+    st.integers(0, 3),
+    st.integers(0, 2),
+)
+def test_any_layout_of_the_same_numbers_is_the_same_trace(
+    tmp_path_factory, times, data, delimiter, header, above, below
+):
+    values = data.draw(st.lists(st.floats(-1e6, 1e6), min_size=len(times), max_size=len(times)))
+    path = tmp_path_factory.getbasetemp() / "layout.txt"
+    by = data.draw(st.text(" \t", min_size=1, max_size=3)) if delimiter == "whitespace" else delimiter
+    lines = [f"about it {line}" for line in range(above)]
+    lines += [f"t{by}s{by}a", *[f"s{by}x{by}K"] * below] if header else []
+    for time_s, value in zip(times, values):
+        lines += [f"{time_s!r}{by}ok{by}{value!r}", f"0{by}skipped{by}7"]
+    path.write_text("\n".join(lines), newline="")
+    t, s, a = ("t", "s", "a") if header else ("1", "2", "3")
+    trace = _imported(
+        str(path), {"a_K": a}, time={"column": t, "unit": "s", "not_increasing": "drop"}, delimiter=delimiter,
+        header=header, skip_rows=above, skip_under_header=below if header else 0, drop_rows={s: ["skipped"]},
+    ).trace  # fmt: skip
+    seconds = np.round(np.array(times) - times[0], 6)
+    kept = [row for row in range(len(seconds)) if row == 0 or seconds[row] > seconds[:row].max()]
+    assert trace.time_s.tolist() == seconds[kept].tolist()
+    assert trace.columns["a_K"].tolist() == [values[row] for row in kept]
 
 
 _cell = st.text(st.sampled_from('0123456789.,-+eE"; nNaA\t#'), max_size=6)
@@ -244,8 +358,13 @@ def test_any_bytes_become_a_trace_or_are_refused(tmp_path_factory, raw):
 
 
 def _becomes_a_trace_or_is_refused(path):
+    for layout in ({}, {"bad_rows": "drop"}, {"delimiter": "whitespace"}):
+        _is_a_trace_or_refused(path, missing=["#"], constants={"b_degC": 1}, **layout)
+
+
+def _is_a_trace_or_refused(path, **layout):
     try:
-        trace = _imported(str(path), {"a_degC": {"from": "a", "unit": "degF"}}, missing=["#"]).trace
+        trace = _imported(str(path), {"a_degC": {"from": "a", "unit": "degF"}}, **layout).trace
     except Refused:
         return
     out = str(path.with_suffix(".out"))

@@ -24,6 +24,21 @@ def test_what_came_in_is_shown(run, write, tmp_path):
     assert load_trace(out).columns["usb_degC"].tolist() == [20.0, 21.0, 25.0]
 
 
+def test_what_was_left_out_and_what_is_assumed_is_said(run, write, tmp_path):
+    out = str(tmp_path / "o.csv")
+    mapped = write("m.yaml", _MAP + "bad_rows: drop\ndrop_rows: {b: out}\nconstants: {ambient_degC: 22}\n")
+    path = write("a.csv", _TABLE + "4,warm,\n5,1,out\n6,1,out\n")
+    status, shown, error = run(path, "--format", "csv", "--map", mapped, "-o", out)
+    assert (status, error) == (0, "")
+    assert shown.splitlines()[-5:] == [
+        "dropped 2 of 7 rows: the map's 'drop_rows' names them",
+        "dropped 1 of 7 rows: they cannot be read",
+        "dropped 1 of 7 rows: their time did not increase",
+        "assumed ambient_degC = 22 (not logged)",
+        f"wrote {out}",
+    ]
+
+
 def test_gz_compresses(run, write, tmp_path):
     out = str(tmp_path / "o.csv.gz")
     assert run(write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)[0] == 0

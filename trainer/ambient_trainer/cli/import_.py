@@ -38,6 +38,11 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
         battery_degC: T_battery
         cpu_degC: {from: T_cpu, unit: mdegC}
         ambient_degC: {from: [T1, T2], combine: mean}
+      constants: {ambient_degC: 22}    # not logged: noted as assumed
+      delimiter: whitespace            # or one character; decimal: "," for 3,5
+      header: false                    # columns are called 1, 2, 3, ...
+      skip_rows: 15                    # above the names; skip_under_header: 1 below them
+      drop_rows: {Status: [STOP]}      # rows to leave out; bad_rows: drop for unreadable ones
     """
     check_outputs([output], [src, *([map_path] if map_path else [])])
     if kind == "benchlink":
@@ -56,9 +61,11 @@ def _show(imported: Imported, output: str) -> None:
     console.print(_extent(trace.time_s), soft_wrap=True)
     rows = tuple((name, *_figures(trace, name)) for name in trace.columns)
     console.print(for_terminal(Table("", ("column", "min", "mean", "max", "missing"), rows)))
-    if imported.dropped_rows:
-        total = imported.dropped_rows + len(trace.time_s)
-        console.print(f"dropped {imported.dropped_rows} of {total} rows: their time did not increase")
+    total = imported.dropped_rows + len(trace.time_s)
+    for why, count in imported.dropped.items():
+        console.print(f"dropped {count} of {total} rows: {why}")
+    if "assumed" in trace.notes:
+        console.print(f"assumed {escape(trace.notes['assumed'])}", soft_wrap=True)
     console.print(f"wrote {escape(output)}", soft_wrap=True)
 
 

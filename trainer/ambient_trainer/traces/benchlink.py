@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.strict_yaml import load_yaml
 from ambient_trainer.traces.column_map import ColumnMap, ColumnSource, parse_map
-from ambient_trainer.traces.csv_import import Imported, decoded, import_csv
+from ambient_trainer.traces.csv_import import Imported, import_csv
+from ambient_trainer.traces.csv_table import decoded
 from ambient_trainer.traces.units import target_unit
 
 _TIME = {"column": "Time", "format": "%m/%d/%Y %H:%M:%S:%f"}

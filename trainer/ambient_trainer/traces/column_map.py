@@ -10,17 +10,32 @@ columns:
 
 A value is converted from ``unit`` to the unit that the trace column's name ends with, then multiplied by ``scale``,
 then raised by ``offset``.
+
+A table need not be parted by commas, nor start with its names, nor be whole:
+
+```yaml
+delimiter: whitespace                    # runs of blanks; or one character
+skip_rows: 15                            # lines above the names
+skip_under_header: 1                     # lines with something in them between the names and the rows: their units
+drop_rows: {Status: [RANGE, STO]}        # rows to leave out, by what a column says
+bad_rows: drop                           # leave out what cannot be read, instead of refusing the file
+constants: {ambient_degC: 22}            # a column that nobody logged; the trace's notes call it assumed
+notes: {room: nobody logged it}          # more to say in the trace's notes
+```
+
+Without names, ``header: false``, its columns are called 1, 2, 3, ...
 """
 
 from __future__ import annotations
 
 import codecs
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
 
 from ambient_model.faults import Fault
-from ambient_model.trace import split_column
+from ambient_model.trace import LARGEST, split_column
 from ambient_trainer.strict_yaml import Strict, load_yaml, validated, wrong
 from ambient_trainer.traces.units import UNITS, target_unit, units_of
 
@@ -94,15 +109,28 @@ class ColumnSource(Strict):
         return self
 
 
+WHITESPACE = "whitespace"
+"""The delimiter of a table whose cells are parted by runs of blanks."""
+OWN_NOTES = ("source", "start", "dropped_rows", "assumed")
+"""What the import itself says in a trace's notes."""
+_NO_DELIMITERS = ('"', "\r", "\n", "\0")
+
+
 class ColumnMap(Strict):
     """The whole file. ``missing`` counts for all columns, beside empty cells and NaN."""
 
     time: TimeSource
     columns: dict[Text, ColumnSource] = Field(min_length=1)
+    constants: dict[Text, float] = Field(default_factory=dict)
     missing: tuple[Text, ...] = ()
-    delimiter: str = Field(",", min_length=1, max_length=1)
+    delimiter: str = ","
     decimal: Literal[".", ","] = "."
+    header: StrictBool = True
     skip_rows: int = Field(0, ge=0)
+    skip_under_header: int = Field(0, ge=0)
+    drop_rows: dict[Text, Annotated[tuple[Text, ...], BeforeValidator(_as_list)]] = Field(default_factory=dict)
+    bad_rows: Literal["refuse", "drop"] = "refuse"
+    notes: dict[Text, Text] = Field(default_factory=dict)
     comment: str | None = Field(None, min_length=1)
     encoding: str | None = None
 
@@ -122,6 +150,38 @@ class ColumnMap(Strict):
         except (LookupError, ValueError):
             raise wrong(f"no encoding is called {encoding!r}", "take utf-8, utf-16, cp1252 or latin-1") from None
         return encoding
+
+    @field_validator("delimiter")
+    @classmethod
+    def _delimits(cls, delimiter: str) -> str:
+        if delimiter != WHITESPACE and (len(delimiter) != 1 or delimiter in _NO_DELIMITERS):
+            mend = f"give one character, or '{WHITESPACE}' for runs of blanks"
+            raise wrong(f"{delimiter!r} is no delimiter", mend)
+        return delimiter
+
+    @field_validator("constants")
+    @classmethod
+    def _measurable(cls, constants: dict[str, float]) -> dict[str, float]:
+        for name, value in constants.items():
+            if abs(value) > LARGEST:
+                raise wrong(f"{name} is {value:g}", "give what an instrument could read")
+        return constants
+
+    @field_validator("notes")
+    @classmethod
+    def _one_line(cls, notes: dict[str, str]) -> dict[str, str]:
+        for key, text in notes.items():
+            if key in OWN_NOTES:
+                raise wrong(f"'{key}' is a note that the import writes", "call it otherwise")
+            if not key or ":" in key or key != key.strip("# ") or not (key + text).isprintable():
+                raise wrong(f"{key!r} is no note", "give a key without ':' or '#', and one line of text")
+        return notes
+
+    @model_validator(mode="after")
+    def _under_a_header(self) -> ColumnMap:
+        if self.skip_under_header and not self.header:
+            raise wrong("'skip_under_header' without a header", "count those lines in 'skip_rows'")
+        return self
 
     @model_validator(mode="after")
     def _distinct(self) -> ColumnMap:
@@ -155,21 +215,30 @@ def _over(presets: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
 
 def _target_faults(data: Any) -> list[Fault]:
     """What is wrong between a trace column's name and its source's unit, in a map that may be wrong otherwise."""
-    columns = data.get("columns") if isinstance(data, dict) else None
     faults = []
-    for name, entry in columns.items() if isinstance(columns, dict) else ():
-        place = f"columns.{name}"
+    for section, name, entry in _targets(data):
+        place = f"{section}.{name}"
         if not _is_column_name(str(name)):
             faults.append(Fault(place, "is no column's name", "name it <name>_<unit>, such as usb_degC"))
             continue
         if name == "time_s":
             faults.append(Fault(place, "the time is not mapped here", "describe it under 'time'"))
+        if section == "constants" and name in [other for where, other, _ in _targets(data) if where == "columns"]:
+            faults.append(Fault(place, "stands under 'columns' too", "remove one"))
         unit = entry.get("unit") if isinstance(entry, dict) else None
         target = target_unit(name)
         if isinstance(unit, str) and unit in UNITS and UNITS[unit].base != target:
             mend = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{UNITS[unit].base}"
             faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", mend))
     return faults
+
+
+def _targets(data: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Section, name and entry of every trace column that a map, which may be wrong otherwise, makes."""
+    for section in ("columns", "constants"):
+        entries = data.get(section) if isinstance(data, dict) else None
+        for name, entry in entries.items() if isinstance(entries, dict) else ():
+            yield section, name, entry
 
 
 def _is_column_name(name: str) -> bool:

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime, timezone
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import Fault, Refused, refuse
-from ambient_trainer.traces.column_map import ColumnMap, ColumnSource, TimeSource
+from ambient_model.trace import LARGEST
+from ambient_trainer.traces.column_map import ColumnMap, ColumnSource
+from ambient_trainer.traces.csv_table import UNREADABLE, Table, read_table
 from ambient_trainer.traces.trace import Trace
 from ambient_trainer.traces.units import to_base
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _SECONDS = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _TIME_DIGITS = 6
 _VALUE_DIGITS = 9
+_NOT_INCREASING = "their time did not increase"
 
 
 @dataclass(frozen=True)
@@ -30,20 +31,13 @@ class Imported:
     """What came in."""
 
     trace: Trace
-    dropped_rows: int
-    """Rows left out because their time did not increase."""
+    dropped: dict[str, int]
+    """How many rows were left out, by why."""
 
-
-@dataclass(frozen=True)
-class _Table:
-    """The columns of a file that a map asks for, as text; ``lines`` holds the line number of each row."""
-
-    path: str
-    lines: list[int]
-    cells: dict[str, list[str]]
-
-    def place(self, row: int, column: str) -> str:
-        return f"line {self.lines[row]}, column {column}"
+    @property
+    def dropped_rows(self) -> int:
+        """How many rows were left out in all."""
+        return sum(self.dropped.values())
 
 
 def import_csv(path: str, column_map: ColumnMap, map_source: str) -> Imported:
@@ -51,131 +45,141 @@ def import_csv(path: str, column_map: ColumnMap, map_source: str) -> Imported:
 
     ``map_source`` names the map in messages. Raises :class:`~ambient_model.faults.Refused`: one fault a column.
     """
-    table = _read_table(path, column_map, map_source)
-    time_s, start = _time(table, column_map)
-    kept = _increasing(table, column_map.time, time_s)
-    faults: list[Fault] = []
-    columns: dict[str, Array] = {}
-    for name, source in column_map.columns.items():
-        try:
-            columns[name] = _column(table, column_map, name, source)[kept]
-        except Refused as refused:
-            faults.extend(refused.faults)
-    if faults:
-        raise Refused(path, faults)
-    dropped = len(time_s) - int(kept.sum())
+    reading = _Reading(read_table(path, column_map, map_source), column_map)
+    time_s, start = reading.time()
+    columns = reading.columns()
+    kept = reading.increasing(time_s)
+    dropped = dict(reading.table.dropped)
+    dropped[UNREADABLE] += int(reading.unreadable.sum())
+    dropped[_NOT_INCREASING] = len(time_s) - int(kept.sum()) - int(reading.unreadable.sum())
+    dropped = {why: count for why, count in dropped.items() if count}
+    taken = {name: values[kept] for name, values in columns.items()}
+    taken.update({name: np.full(int(kept.sum()), value) for name, value in column_map.constants.items()})
+    notes = _notes(path, start, dropped, column_map)
+    return Imported(Trace(path, time_s[kept], taken, notes), dropped)
+
+
+def _notes(path: str, start: str, dropped: dict[str, int], column_map: ColumnMap) -> dict[str, str]:
     notes = {"source": os.path.basename(path), "start": start}
     if dropped:
-        notes["dropped_rows"] = str(dropped)
-    return Imported(Trace(path, time_s[kept], columns, notes), dropped)
+        notes["dropped_rows"] = str(sum(dropped.values()))
+    if column_map.constants:
+        assumed = [f"{name} = {value:g}" for name, value in column_map.constants.items()]
+        notes["assumed"] = f"{', '.join(assumed)} (not logged)"
+    return notes | column_map.notes
 
 
-def decoded(path: str, encoding: str | None) -> str:
-    """The text of the file at ``path``: in ``encoding``, else UTF-16 where its first bytes say so, else UTF-8."""
-    try:
-        raw = Path(path).read_bytes()
-    except OSError as error:
-        raise refuse(path, "", f"cannot be read ({error.strerror})", "check the name and the permissions") from error
-    chosen = encoding or ("utf-16" if raw.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig")
-    try:
-        return raw.decode(chosen)
-    except UnicodeError as error:
-        line = raw[: getattr(error, "start", 0)].count(b"\n") + 1
-        raise refuse(
-            path, f"line {line}", f"is not {chosen} text", "name its encoding in the map, such as 'encoding: cp1252'"
-        ) from error
+class _Reading:
+    """The table's text as numbers; ``unreadable`` marks the rows to leave out, none where the map refuses them."""
 
+    def __init__(self, table: Table, column_map: ColumnMap) -> None:
+        self.table = table
+        self.map = column_map
+        self.unreadable: Mask = np.zeros(len(table.lines), dtype=bool)
 
-def _rows(path: str, layout: ColumnMap) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each row that is neither skipped, nor a comment, nor empty."""
-    lines = io.StringIO(decoded(path, layout.encoding), newline="")
-    rows = csv.reader(_without_comments(lines, layout), delimiter=layout.delimiter)
-    while True:
-        try:
-            cells = next(rows, None)
-        except csv.Error as error:
+    def _bad(self, rows: Mask, column: str, fault: Callable[[str], tuple[str, str]]) -> None:
+        """Refuse the first of ``rows``, with the problem and the mend that ``fault`` says of its text, or drop all."""
+        if self.map.bad_rows == "drop":
+            self.unreadable |= rows
+        elif rows.any():
+            row = int(np.argmax(rows))
+            problem, mend = fault(self.table.cells[column][row])
+            raise refuse(self.table.path, self.table.place(row, column), problem, mend)
+
+    def time(self) -> tuple[Array, str]:
+        """Seconds since the first row, to the microsecond, and the first row's time as it is written."""
+        source = self.map.time
+        texts = self.table.cells[source.column]
+        moments, wrong = _parsed(texts, lambda text: _moment(text, self.map))
+        how = f"the format {source.format!r}" if source.format else "a number"
+        mend = "correct or remove the row, or describe the time otherwise in the map"
+        self._bad(wrong, source.column, lambda text: (f"{text!r} is not {how}", mend))
+        first = int(np.argmax(np.isfinite(moments)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            seconds = np.round((moments - moments[first]) * _SECONDS[source.unit or "s"], _TIME_DIGITS)
+        none = f"is no time to count from {texts[first]!r}"
+        beyond = ~(np.abs(seconds) <= LARGEST)
+        self._bad(beyond, source.column, lambda text: (f"{text!r} {none}", "correct or remove the row"))
+        return seconds, f"{texts[first]} {source.unit}" if source.unit else texts[first]
+
+    def columns(self) -> dict[str, Array]:
+        """Every column that the map makes of the table's; raises with the first fault of each."""
+        faults: list[Fault] = []
+        columns: dict[str, Array] = {}
+        for name, source in self.map.columns.items():
+            try:
+                columns[name] = self._column(name, source)
+            except Refused as refused:
+                faults.extend(refused.faults)
+        if faults:
+            raise Refused(self.table.path, faults)
+        return columns
+
+    def increasing(self, time_s: Array) -> Mask:
+        """Which rows to keep: those that can be read and are later than every such row before them."""
+        rows = np.flatnonzero(~self.unreadable)
+        if not len(rows):
+            problem = f"no row is left ({len(time_s)} dropped since {UNREADABLE})"
+            raise refuse(self.table.path, "", problem, "import it with 'bad_rows: refuse' to see why")
+        later = np.ones(len(rows), dtype=bool)
+        later[1:] = time_s[rows[1:]] > np.maximum.accumulate(time_s[rows])[:-1]
+        source = self.map.time
+        if source.not_increasing == "refuse" and not later.all():
+            index = int(np.argmin(later))
+            before, row = rows[index - 1], rows[index]
+            texts = self.table.cells[source.column]
             raise refuse(
-                path, f"line {rows.line_num}", f"not readable as CSV ({error})", "correct the quotes"
-            ) from error
-        if cells is None:
-            return
-        if any(cells):
-            yield rows.line_num, cells
-
-
-def _without_comments(lines: Iterator[str], layout: ColumnMap) -> Iterator[str]:
-    """Empty lines in place of what is skipped, so that line numbers stay those of the file."""
-    for index, line in enumerate(lines):
-        hidden = index < layout.skip_rows or (layout.comment and line.startswith(layout.comment))
-        yield "\n" if hidden else line
-
-
-def _header(path: str, rows: Iterator[tuple[int, list[str]]]) -> tuple[int, list[str]]:
-    for line, cells in rows:
-        return line, [cell.strip() for cell in cells]
-    raise refuse(path, "", "no header line", "check 'skip_rows' and 'comment', or the file: it may be empty")
-
-
-def _read_table(path: str, column_map: ColumnMap, map_source: str) -> _Table:
-    rows = _rows(path, column_map)
-    header_line, header = _header(path, rows)
-    asked = {"time.column": column_map.time.column}
-    for name, source in column_map.columns.items():
-        several = len(source.sources) > 1
-        for index, each in enumerate(source.sources):
-            asked[f"columns.{name}.from[{index}]" if several else f"columns.{name}.from"] = each
-    _check_asked(path, header_line, header, asked, map_source)
-    indexes = {name: header.index(name) for name in asked.values()}
-    lines: list[int] = []
-    cells: dict[str, list[str]] = {name: [] for name in indexes}
-    takers = [(values.append, indexes[name]) for name, values in cells.items()]
-    for line, row in rows:
-        if len(row) != len(header) and (len(row) < len(header) or any(row[len(header) :])):
-            raise refuse(
-                path,
-                f"line {line}",
-                f"{len(row)} cells where the header has {len(header)}",
-                "correct or remove the row; check 'delimiter' and 'decimal' in the map",
+                self.table.path,
+                self.table.place(row, source.column),
+                f"{texts[row]} does not come after {texts[before]} (rows out of order: {int((~later).sum())})",
+                "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'",
             )
-        lines.append(line)
-        for take, index in takers:
-            take(row[index].strip())
-    if not lines:
-        raise refuse(path, "", "no rows under the header", "log something first")
-    return _Table(path, lines, cells)
+        kept = np.zeros(len(time_s), dtype=bool)
+        kept[rows[later]] = True
+        return kept
+
+    def _column(self, name: str, source: ColumnSource) -> Array:
+        missing = {"", *self.map.missing, *source.missing}
+        probes = np.stack([self._numbers(each, missing) for each in source.sources])
+        with np.errstate(over="ignore", invalid="ignore"):
+            if source.unit:
+                probes = to_base(probes, source.unit)
+            values = _combined(probes, source.combine) * source.scale + source.offset
+            if (source.unit, source.combine, source.scale, source.offset) != (None, None, 1.0, 0.0):
+                values = np.round(values, _VALUE_DIGITS)
+        beyond = ~(np.abs(values) <= LARGEST) & np.isfinite(probes).any(axis=0)
+        mend = f"correct it, or list it under 'missing' in columns.{name}"
+        self._bad(beyond, source.sources[0], lambda text: (f"{text!r} converts to no measurement", mend))
+        return values
+
+    def _numbers(self, column: str, missing: set[str]) -> Array:
+        """The column's cells, NaN where missing: empty, NaN, or in ``missing`` as text or as the same number."""
+        decimal = self.map.decimal
+        texts = self.table.cells[column]
+        values, wrong = _parsed(texts, lambda text: np.nan if text in missing else _number(text, decimal))
+        self._bad(wrong, column, lambda text: (f"{text!r} is not a number", _mend_number(text, decimal)))
+        values[np.isin(values, list(_as_numbers(missing)))] = np.nan
+        mend = "correct it, or list it under 'missing' in the map"
+        self._bad(np.isinf(values), column, lambda text: (f"{text!r} is not a finite number", mend))
+        return values
 
 
-def _check_asked(path: str, line: int, header: list[str], asked: dict[str, str], map_source: str) -> None:
-    faults = []
-    for place, name in asked.items():
-        if header.count(name) != 1:
-            known = ", ".join(header)
-            problem = f"no column '{name}'" if name not in header else f"column '{name}' stands twice"
-            mend = f"line {line} has {known}" if name not in header else f"rename one in line {line}"
-            faults.append(Fault(place, f"{problem} in {path}", mend))
-    if faults:
-        raise Refused(map_source, faults)
-
-
-def _time(table: _Table, column_map: ColumnMap) -> tuple[Array, str]:
-    """Seconds since the first row, to the microsecond, and the first row's time as it is written."""
-    source = column_map.time
-    texts = table.cells[source.column]
-    seconds = np.empty(len(texts))
+def _parsed(texts: list[str], number: Callable[[str], float]) -> tuple[Array, Mask]:
+    """What ``number`` makes of each text, and which it cannot read: NaN there."""
+    values = np.full(len(texts), np.nan)
+    wrong = np.zeros(len(texts), dtype=bool)
     for row, text in enumerate(texts):
         try:
-            seconds[row] = _clock(text, source.format) if source.format else _number(text, column_map.decimal)
+            values[row] = number(text)
         except (ValueError, OverflowError):
-            how = f"the format {source.format!r}" if source.format else "a number"
-            mend = "correct or remove the row, or describe the time otherwise in the map"
-            raise refuse(table.path, table.place(row, source.column), f"{text!r} is not {how}", mend) from None
-    with np.errstate(over="ignore", invalid="ignore"):
-        seconds = np.round((seconds - seconds[0]) * _SECONDS[source.unit or "s"], _TIME_DIGITS)
-    if not np.isfinite(seconds).all():
-        row = int(np.argmin(np.isfinite(seconds)))
-        problem = f"{texts[row]!r} is no time to count from {texts[0]!r}"
-        raise refuse(table.path, table.place(row, source.column), problem, "correct or remove the row")
-    return seconds, f"{texts[0]} {source.unit}" if source.unit else texts[0]
+            wrong[row] = True
+    return values, wrong
+
+
+def _moment(text: str, column_map: ColumnMap) -> float:
+    """The time in its own unit; raises ValueError or OverflowError where it is none."""
+    source = column_map.time
+    return _clock(text, source.format) if source.format else _number(text, column_map.decimal)
 
 
 def _clock(text: str, pattern: str) -> float:
@@ -187,40 +191,6 @@ def _clock(text: str, pattern: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=timezone.utc)).timestamp()
 
 
-def _increasing(table: _Table, source: TimeSource, time_s: Array) -> NDArray[np.bool_]:
-    """Which rows to keep: those later than every row before them."""
-    kept = np.ones(len(time_s), dtype=bool)
-    kept[1:] = time_s[1:] > np.maximum.accumulate(time_s)[:-1]
-    if source.not_increasing == "refuse" and not kept.all():
-        row = int(np.argmin(kept))
-        texts = table.cells[source.column]
-        raise refuse(
-            table.path,
-            table.place(row, source.column),
-            f"{texts[row]} does not come after {texts[row - 1]} (rows out of order: {int((~kept).sum())})",
-            "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'",
-        )
-    return kept
-
-
-def _column(table: _Table, column_map: ColumnMap, name: str, source: ColumnSource) -> Array:
-    missing = {"", *column_map.missing, *source.missing}
-    probes = np.stack([_numbers(table, each, missing, column_map.decimal) for each in source.sources])
-    with np.errstate(over="ignore", invalid="ignore"):
-        if source.unit:
-            probes = to_base(probes, source.unit)
-        values = _combined(probes, source.combine) * source.scale + source.offset
-        if (source.unit, source.combine, source.scale, source.offset) != (None, None, 1.0, 0.0):
-            values = np.round(values, _VALUE_DIGITS)
-    beyond = ~np.isfinite(values) & np.isfinite(probes).any(axis=0)
-    if beyond.any():
-        row = int(np.argmax(beyond))
-        text = table.cells[source.sources[0]][row]
-        mend = f"correct it, or list it under 'missing' in columns.{name}"
-        raise refuse(table.path, table.place(row, source.sources[0]), f"{text!r} converts to no finite number", mend)
-    return values
-
-
 def _combined(probes: Array, combine: str | None) -> Array:
     """One value a row from those probes, of shape (n, rows), that have one; NaN where none has."""
     if combine is None:
@@ -228,24 +198,6 @@ def _combined(probes: Array, combine: str | None) -> Array:
     values = np.full(probes.shape[1], np.nan)
     some = ~np.isnan(probes).all(axis=0)
     values[some] = (np.nanmean if combine == "mean" else np.nanmedian)(probes[:, some], axis=0)
-    return values
-
-
-def _numbers(table: _Table, column: str, missing: set[str], decimal: str) -> Array:
-    """The column's cells, NaN where they are missing: empty, NaN, or in ``missing`` as text or as the same number."""
-    texts = table.cells[column]
-    values = np.empty(len(texts))
-    for row, text in enumerate(texts):
-        try:
-            values[row] = np.nan if text in missing else _number(text, decimal)
-        except ValueError:
-            problem = f"{text!r} is not a number"
-            raise refuse(table.path, table.place(row, column), problem, _mend_number(text, decimal)) from None
-    values[np.isin(values, list(_as_numbers(missing)))] = np.nan
-    if np.isinf(values).any():
-        row = int(np.argmax(np.isinf(values)))
-        mend = "correct it, or list it under 'missing' in the map"
-        raise refuse(table.path, table.place(row, column), f"{texts[row]!r} is not a finite number", mend)
     return values
 
 

@@ -1,0 +1,508 @@
+"""The client against what lies in files and comes from sockets, whole, torn, old or hostile; nothing of it hangs."""
+
+import json
+import math
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from ambientd import client
+from ambientd.client import (
+    Absent,
+    Follower,
+    Malformed,
+    NoValue,
+    Poisoned,
+    Reading,
+    Sensor,
+    Stale,
+    clock_s,
+    parse_reading,
+    read_file_degC,
+    read_status,
+)
+
+SOURCE = Path(client.__file__)
+
+
+def line(time_s=12.5, status="tracking", ambient_degC=23.4, **changes):
+    around = isinstance(ambient_degC, float)
+    low, high = (ambient_degC - 0.5, ambient_degC + 0.75) if around else (None, None)
+    said = {
+        "time_s": time_s,
+        "model": "bench",
+        "status": status,
+        "ambient_degC": ambient_degC,
+        "low_degC": low,
+        "high_degC": high,
+        "level_percent": 90,
+        "age_s": 0.0,
+        "sensors": {"usb": {"unit": "degC", "raw": None, "used": 30.0}},
+    }
+    return json.dumps({**said, **changes}).encode() + b"\n"
+
+
+@pytest.fixture
+def value_file(tmp_path):
+    """Write a file, some seconds ago."""
+
+    def write(content, ago_s=0.0):
+        path = tmp_path / "file"
+        path.write_bytes(content)
+        os.utime(path, (time.time() - ago_s,) * 2)
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("content", "degC"), [(b"23400\n", 23.4), (b"-5001\n", -5.001), (b"0\n", 0.0), (b"5000\n\n\n", 5.0)]
+)
+def test_a_file_is_read_in_degrees(value_file, content, degC):
+    assert read_file_degC(value_file(content), 60) == degC
+
+
+def test_a_files_offset_is_taken_off_again_and_not_off_its_poison(value_file):
+    path = value_file(b"95000\n")
+    assert read_file_degC(path, 60, offset_millidegC=100_000) == -5.0
+    with pytest.raises(Poisoned, match="says 95000, the poison"):
+        read_file_degC(path, 60, poison_millidegC=95_000, offset_millidegC=100_000)
+
+
+@pytest.mark.parametrize(
+    ("content", "ago_s", "kind", "message"),
+    [
+        (b"23400\n", 61, Stale, "is 61.0 s old"),
+        (b"23400\n", -61, Stale, "is -61.0 s old"),  # written before the clock was set back
+        (b"60000\n", 0, Poisoned, "says 60000, the poison"),
+        (b"-274000\n", 0, Poisoned, "says -274000, below absolute zero"),
+        (b"", 0, Malformed, "says b''"),
+        (b"23400", 0, Malformed, "says b'23400'"),  # torn
+        (b"-\n", 0, Malformed, "says b'-"),
+        (b"26.5\n", 0, Malformed, "says b'26.5"),
+        (b"nan\n", 0, Malformed, "says b'nan"),
+        (b"2_3\n", 0, Malformed, "says b'2_3"),
+        (b" 23\n", 0, Malformed, "says b' 23"),
+        (b"5000\n00\n", 0, Malformed, "says b'5000"),  # a longer value overwritten and not cut off yet
+        (b"1" * 16 + b"\n", 0, Malformed, "is longer than 15 bytes"),
+    ],
+)
+def test_a_file_without_a_value_to_be_trusted_gives_none(value_file, content, ago_s, kind, message):
+    path = value_file(content, ago_s)
+    with pytest.raises(kind, match=f"^{path}: {message}"):
+        read_file_degC(path, 60, poison_millidegC=60_000)
+
+
+def test_what_is_not_there_or_no_file_neither_gives_a_value_nor_hangs(tmp_path):
+    with pytest.raises(Absent, match="No such file or directory"):
+        read_file_degC(str(tmp_path / "none"), 60)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(Malformed, match="is no regular file"):
+        read_file_degC(str(tmp_path / "pipe"), 60)
+    with pytest.raises(Malformed, match="is no regular file"):
+        read_file_degC(str(tmp_path), 60)
+    with pytest.raises(Malformed, match="is no regular file"):
+        read_status("/dev/zero", 60)
+
+
+@given(content=st.binary(max_size=20) | st.from_regex(rb"\A-?[0-9]{1,14}\n{0,3}\Z"))
+@example(content=b"-273150\n")
+def test_whatever_a_file_holds_it_is_a_value_or_none(content, tmp_path_factory):
+    path = tmp_path_factory.mktemp("values") / "file"
+    path.write_bytes(content)
+    try:
+        degC = read_file_degC(str(path), 60)
+    except NoValue:
+        whole = re.fullmatch(rb"(-?[0-9]+)\n+", content)
+        assert whole is None or len(content) > 15 or int(whole[1]) < -273_150
+    else:
+        assert degC == int(content) / 1000 >= -273.15
+
+
+def test_a_line_becomes_a_reading():
+    assert parse_reading(line(12)) == Reading(
+        12.0, "bench", "tracking", 23.4, 22.9, 24.15, 90, 0.0, {"usb": Sensor("degC", None, 30.0)}
+    )
+    assert parse_reading(line(status="faulted", ambient_degC=None, age_s=None, later="more")).ambient_degC is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (line()[:-30], "JSONDecodeError"),
+        (line().decode().encode("utf-16"), "UnicodeDecodeError"),
+        (b"[]", "TypeError"),
+        (b"{}", "KeyError: 'time_s'"),
+        (b"[" * 60000, "RecursionError"),
+        (line(time_s=None), "TypeError: None is no number"),
+        (line(time_s=10**400), "OverflowError"),
+        (line(ambient_degC=math.nan), "TypeError: nan is no number"),
+        (line(low_degC=-math.inf), "TypeError: -inf is no number"),
+        (line(ambient_degC=True), "TypeError: True is no number"),
+        (line(ambient_degC=-300.0), "ValueError: -300.0 degC is below absolute zero"),
+        (line(status="fine"), "ValueError: unknown status 'fine'"),
+        (line(status="faulted"), "ValueError: faulted with ambient_degC 23.4"),
+        (line(ambient_degC=None), "ValueError: tracking with ambient_degC None"),
+        (line(sensors=[]), "AttributeError"),
+        (line(sensors={"usb": 30.0}), "TypeError"),
+        (line(model=7), "TypeError: 7 is no text"),
+    ],
+    ids=lambda value: None if isinstance(value, bytes) else value,
+)
+def test_a_line_that_the_daemon_does_not_write_is_no_reading(wrong, said):
+    with pytest.raises(ValueError, match=r"^is no reading") as refused:
+        parse_reading(wrong)
+    assert str(said) in str(refused.value)
+    assert len(str(refused.value)) <= 200
+
+
+VALUES = st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=5)
+ANYTHING = st.recursive(VALUES, lambda each: st.lists(each) | st.dictionaries(st.text(max_size=5), each), max_leaves=5)
+KEYS = ("time_s", "model", "status", "ambient_degC", "low_degC", "high_degC", "level_percent", "age_s", "sensors")
+
+
+@given(
+    content=st.binary(max_size=200)
+    | st.builds(lambda cut, more: line()[:cut] + more, st.integers(0, 300), st.binary(max_size=20))
+    | st.builds(lambda changes: line(**changes), st.dictionaries(st.sampled_from(KEYS), ANYTHING, max_size=3))
+)
+def test_whatever_a_line_holds_it_is_a_finite_reading_or_none(content):
+    try:
+        reading = parse_reading(content)
+    except ValueError:
+        return
+    values = [reading.ambient_degC, reading.low_degC, reading.high_degC]
+    assert all(value is None for value in values) == (reading.status == "faulted")
+    assert all(math.isfinite(value) for value in [reading.time_s, reading.age_s or 0.0, *values] if value is not None)
+    assert reading.status in client.STATUSES
+
+
+def test_a_status_file_is_read_and_its_age_counts(value_file):
+    assert read_status(value_file(line()), 60) == parse_reading(line())
+    with pytest.raises(Stale):
+        read_status(value_file(line(), 61), 60)
+    with pytest.raises(Malformed, match="is no reading"):
+        read_status(value_file(line()[:50]), 60)
+
+
+class Server:
+    """A daemon's socket in the hands of the test."""
+
+    def __init__(self, path):
+        self.path = path
+        self.listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.listener.settimeout(10)
+        self.listener.bind(path)
+        self.listener.listen()
+
+    def accept(self):
+        connection, _ = self.listener.accept()
+        return connection
+
+    def close(self):
+        self.listener.close()
+        os.unlink(self.path)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return f"{tmp_path}/s"
+
+
+@pytest.fixture
+def server(path):
+    opened = Server(path)
+    yield opened
+    opened.listener.close()
+
+
+class MovingPoll:
+    """A poll that waits a little, and then moves the clock by what it was to wait."""
+
+    def __init__(self, now_s, real):
+        self.now_s = now_s
+        self.real = real
+
+    def register(self, *arguments):
+        self.real.register(*arguments)
+
+    def poll(self, timeout_ms):
+        ready = self.real.poll(min(timeout_ms, 200))
+        if not ready:
+            self.now_s[0] += timeout_ms / 1000
+        return ready
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that the test moves; waiting moves it, too."""
+    now_s = [1000.0]
+    poll = client.select.poll
+    monkeypatch.setattr(client, "clock_s", lambda: now_s[0])
+    monkeypatch.setattr(client.time, "sleep", lambda seconds: now_s.__setitem__(0, now_s[0] + seconds))
+    monkeypatch.setattr(client.select, "poll", lambda: MovingPoll(now_s, poll()))
+    return now_s
+
+
+def test_each_line_is_a_reading_and_halves_are_joined(server, path):
+    with Follower(path, 60) as follower:
+        assert follower.wait(0) is None
+        with server.accept() as daemon:
+            daemon.sendall(line(1) + line(2) + line(3)[:20])
+            assert [follower.wait(10).time_s, follower.wait(10).time_s] == [1, 2]
+            assert follower.wait(0) is None
+            daemon.sendall(line(3)[20:])
+            assert follower.wait(10).time_s == 3
+            assert follower.newest().time_s == 3
+            assert (follower.skipped, follower.problem) == (0, "")
+
+
+def test_what_is_no_reading_is_skipped_and_counted(server, path):
+    with Follower(path, 60) as follower:
+        follower.wait(0)
+        with server.accept() as daemon:
+            daemon.sendall(b"\n" + line(1)[:-9] + b"\n" + line(2) + b"\xff\n")
+            assert follower.wait(10).time_s == 2
+            assert follower.wait(0) is None
+            assert follower.skipped == 3
+
+
+def test_who_talks_without_lines_is_left(server, path):
+    with Follower(path, 60) as follower:
+        follower.wait(0)
+        with server.accept() as talker:
+            sender = threading.Thread(target=lambda: talker.sendall(b"x" * 65537))
+            sender.start()
+            while not follower.problem:
+                assert follower.wait(0.01) is None
+            sender.join()
+        assert follower.problem == "what is said there has no lines"
+
+
+def test_half_a_line_at_the_end_of_a_daemon_is_nothing(server, path):
+    with Follower(path, 60) as follower:
+        follower.wait(0)
+        with server.accept() as daemon:
+            daemon.sendall(line(1)[:-1])
+        assert follower.wait(0.3) is None
+        assert follower.skipped == 0
+        with server.accept() as daemon:  # it is back by itself, and what was begun is not joined to what comes
+            daemon.sendall(line(2))
+            assert follower.wait(10).time_s == 2
+
+
+def test_without_a_daemon_it_tries_ever_more_rarely_and_never_hangs(path, clock, monkeypatch):
+    follower = Follower(path, 5)
+    tried_s = []
+    connect = follower._connect
+    monkeypatch.setattr(follower, "_connect", lambda now_s: (tried_s.append(now_s - 1000), connect(now_s)))
+    with pytest.raises(Absent, match="not connected yet"):
+        follower.newest()
+    assert follower.wait(20) is None
+    assert clock[0] == pytest.approx(1020)
+    assert tried_s == pytest.approx([0, 0.1, 0.3, 0.7, 1.5, 3.1, 6.3, 11.3, 16.3])
+    assert follower.problem == "No such file or directory"
+    server = Server(path)
+    assert follower.wait(2) is None
+    with server.accept() as daemon:
+        daemon.sendall(line(1))
+        assert follower.wait(0).time_s == 1
+    server.close()
+    tried_s.clear()
+    assert follower.wait(0.35) is None  # something was said: it starts over
+    assert len(tried_s) == 2
+
+
+def test_a_path_that_no_socket_can_have_is_a_problem_and_no_traceback(tmp_path):
+    follower = Follower(f"{tmp_path}/{'x' * 200}", 5)
+    assert follower.wait(0) is None
+    assert follower.problem == "AF_UNIX path too long"
+
+
+def test_without_a_free_descriptor_there_is_a_problem_and_no_traceback(path, monkeypatch):
+    def refuse(*_):
+        raise OSError(24, "Too many open files")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    follower = Follower(path, 5)
+    assert follower.wait(0) is None
+    assert follower.problem == "Too many open files"
+
+
+def test_the_newest_becomes_stale_by_the_clock_alone(server, path, clock):
+    with Follower(path, 5) as follower:
+        assert follower.age_s == math.inf
+        follower.wait(0)
+        with server.accept() as daemon:
+            threading.Timer(0.05, daemon.sendall, [line(1)]).start()
+            assert follower.wait(3).time_s == 1
+            clock[0] += 5
+            assert follower.age_s == 5
+            assert follower.newest().time_s == 1
+            clock[0] += 0.1
+            with pytest.raises(Stale, match=r"the newest is 5.1 s old$"):
+                follower.newest()
+
+
+def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, clock):
+    """The daemon's buffer for a consumer that slept holds the eldest lines, not the newest."""
+    with Follower(path, 5) as follower:
+        follower.wait(0)
+        with server.accept() as daemon:
+            threading.Timer(0.05, daemon.sendall, [line(100)]).start()
+            assert follower.wait(3).time_s == 100
+            daemon.sendall(line(101) + line(102) + line(158))
+            clock[0] += 60
+            assert follower.wait(0).time_s == 158  # 101 and 102 are no news
+            assert follower.age_s == pytest.approx(2)
+            clock[0] += 2
+            threading.Timer(0.05, daemon.sendall, [line(162)]).start()
+            assert follower.wait(3).time_s == 162
+            assert follower.age_s == pytest.approx(0)
+
+
+def test_what_waited_since_the_connection_is_taken_for_as_old_as_that(server, path, clock):
+    with Follower(path, 5) as follower:
+        follower.wait(0)
+        with server.accept() as daemon:
+            daemon.sendall(line(100) + line(101))
+            clock[0] += 4
+            assert follower.wait(0).time_s == 100
+            assert follower.age_s == 4
+            clock[0] += 2
+            assert follower.wait(0) is None
+
+
+def test_iterating_says_none_when_it_becomes_stale_and_then_regularly(server, path, clock):
+    with Follower(path, 5) as follower:
+        rounds = iter(follower)
+        follower._connect(clock[0])
+        follower._waiting.append(parse_reading(line(1)))
+        assert next(rounds).time_s == 1
+        clock[0] += 3  # what its consumer takes for it
+        said_s = []
+        for _ in range(3):
+            assert next(rounds) is None
+            said_s.append(clock[0] - 1000)
+        assert said_s == pytest.approx([5, 10, 15], abs=0.01)
+
+
+@given(chunks=st.lists(st.binary(max_size=300) | st.just(line(1)) | st.just(line(2)[:40]), max_size=6))
+def test_whatever_comes_is_taken_in_whole_lines(chunks, tmp_path_factory):
+    path = str(tmp_path_factory.mktemp("s") / "s")
+    server = Server(path)
+    with Follower(path, 60) as follower:
+        follower.wait(0)
+        with server.accept() as daemon:
+            daemon.sendall(b"".join(chunks))
+        heard = []
+        while not follower.problem or follower._waiting:
+            reading = follower.wait(0)
+            heard += [] if reading is None else [reading]
+    server.close()
+    lines = b"".join(chunks).split(b"\n")[:-1]
+    assert len(heard) + follower.skipped == len(lines)
+    assert all(isinstance(each, Reading) for each in heard)
+
+
+def test_it_follows_a_real_daemon_over_its_death_and_return(start, until, model_file, phone, path):
+    run = ("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20", "--publish", f"socket:{path}")
+    first = start(*run)
+    with Follower(path, 1.0) as follower:
+        until(lambda: follower.wait(0.5))
+        for _ in range(5):
+            reading = follower.wait(10)
+            assert reading.ambient_degC == pytest.approx(23.0)
+            # its time is this clock's, and it came at once
+            assert 0 <= clock_s() - reading.time_s < 5
+        first.kill()
+        first.wait()
+        until(lambda: follower.wait(0.1) is None and follower.problem)
+        until(lambda: follower.age_s > 1)
+        with pytest.raises(Stale):
+            follower.newest()
+        start(*run)
+        until(lambda: follower.wait(0.5))
+        assert follower.newest().status in ("warming_up", "tracking")
+
+
+def test_a_daemon_that_is_stopped_makes_it_stale(start, until, model_file, phone, tmp_path, path):
+    daemon = start(
+        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20"),
+        *(
+            "--publish",
+            f"socket:{path}",
+            "--publish",
+            f"file:{tmp_path}/temp",
+            "--publish",
+            f"status:{tmp_path}/status",
+        ),
+    )
+    with Follower(path, 0.5) as follower:
+        until(lambda: follower.wait(0.5))
+        assert read_file_degC(f"{tmp_path}/temp", 5) == pytest.approx(23.0)
+        assert read_status(f"{tmp_path}/status", 5).model == "bench"
+        os.kill(daemon.pid, signal.SIGSTOP)
+        rounds = iter(follower)
+        until(lambda: next(rounds) is None)
+        with pytest.raises(Stale):
+            follower.newest()
+        until(lambda: raised(Stale, read_file_degC, f"{tmp_path}/temp", 0.5))
+        os.kill(daemon.pid, signal.SIGCONT)
+        until(lambda: next(rounds))
+        until(lambda: not raised(Stale, read_status, f"{tmp_path}/status", 0.5))
+
+
+def raised(kind, call, *arguments):
+    try:
+        call(*arguments)
+    except kind:
+        return True
+    return False
+
+
+def test_it_may_be_copied_and_reads_a_file_without_sockets_or_json(tmp_path):
+    (tmp_path / "copied.py").write_bytes(SOURCE.read_bytes())
+    (tmp_path / "value").write_text("23400\n")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import copied\n"
+        f"print(copied.read_file_degC({str(tmp_path / 'value')!r}, 60))\n"
+        "print(*sorted({'json', 'socket', 'ambientd', 'ambient_model', 'logging', 'asyncio'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, timeout=30)
+    assert (done.stdout, done.stderr) == ("23.4\n\n", "")
+
+
+def test_the_example_in_its_docstring_runs(start, until, model_file, phone, tmp_path, monkeypatch):
+    start(
+        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20"),
+        *("--publish", f"socket:{tmp_path}/s", "--publish", f"file:{tmp_path}/temp"),
+    )
+    until((tmp_path / "temp").exists)
+    example = client.__doc__.split("::\n\n", 1)[1].split("\n\nNothing here", 1)[0]
+    code = "\n".join(text[4:] for text in example.splitlines())
+    code = code.replace("/run/ambientd/ambient.sock", f"{tmp_path}/s")
+    code = code.replace("/run/ambientd/ambient_temp", f"{tmp_path}/temp")
+    acted = []
+
+    class EnoughError(Exception):
+        pass
+
+    def act_on(ambient_degC):
+        acted.append(ambient_degC)
+        if len(acted) == 3:
+            raise EnoughError
+
+    with pytest.raises(EnoughError):
+        exec(code, {"act_on": act_on, "act_without_it": lambda: None})
+    assert acted == pytest.approx([23.0] * 3)

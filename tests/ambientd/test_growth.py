@@ -1,0 +1,116 @@
+"""A daemon that runs for months must not grow: a million replayed ticks, with sensors that come and go.
+
+Once as a process, by its resident memory, and once by what the interpreter itself has allocated.
+"""
+
+import itertools
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+TICKS = 1_000_000
+SETTLED = 100_000
+"""By then everything has happened that ever happens."""
+MOST_KB = 256
+"""Of resident memory: pages that are touched anew, where 1 byte a tick would be 900 KB."""
+MOST_BYTES = 1024
+
+pytestmark = pytest.mark.slow
+
+
+def rows() -> Iterator[str]:
+    """Every thousand samples one sensor is away for 50, and every ten thousand both, for longer than is bridged."""
+    for k in range(TICKS):
+        usb = (
+            "" if k % 2000 in range(500, 550) or k % 10_000 in range(9000, 9100) else f"{30 + 5 * math.sin(k / 80):.2f}"
+        )
+        battery = "" if k % 2000 in range(1500, 1550) or k % 10_000 in range(9000, 9100) else f"{25 + k % 37 / 10:.2f}"
+        yield f"{k},{usb},{battery}\n"
+
+
+@pytest.fixture
+def long_trace(tmp_path: Path) -> Path:
+    path = tmp_path / "trace.csv"
+    with path.open("w") as stream:
+        stream.write("time_s,usb_degC,battery_degC\n")
+        stream.writelines(rows())
+    return path
+
+
+def rss_KB(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/status").read_text().partition("VmRSS:")[2].split()[0])
+
+
+@pytest.fixture
+def memory(tmp_path: Path) -> Iterator[Path]:
+    """A folder in memory, as /run is, where there is one: a disk takes an hour for a million renames."""
+    folder = Path(f"/dev/shm/ambientd-growth-{os.getpid()}") if os.access("/dev/shm", os.W_OK) else tmp_path / "run"
+    folder.mkdir()
+    yield folder
+    shutil.rmtree(folder)
+
+
+def test_the_process_does_not_grow(fallback_model_file, long_trace, memory):
+    command = [sys.executable, "-m", "ambientd", "run", "--model", fallback_model_file, "--replay", str(long_trace)]
+    command += ["--speed", "0", "--publish", "stdout", "--publish", f"file:{memory}/ambient"]
+    sizes_KB = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        lines = process.stdout
+        for _ in range(TICKS // 10_000):
+            *_, line = itertools.islice(lines, 10_000)
+            sizes_KB.append(rss_KB(process.pid) if len(sizes_KB) < TICKS // 10_000 - 1 else sizes_KB[-1])
+        assert lines.read() == ""
+    assert process.returncode == 0
+    assert json.loads(line)["time_s"] == TICKS - 1
+    settled = SETTLED // 10_000
+    assert max(sizes_KB[settled:]) - max(sizes_KB[:settled]) <= MOST_KB
+
+
+ALLOCATED = """
+import gc, itertools, sys, tracemalloc
+from ambient_model.codec import load_model
+from ambient_model.trace import TraceReader
+from ambientd.fallback import FallbackTracker
+from ambientd.outlets import Outlets
+from ambientd.publish.spec import parse
+from ambientd.schedule import Waiter
+from ambientd.service import Service
+
+model_path, trace_path, target, settled, ticks = sys.argv[1:]
+model = load_model(model_path)
+tracker = FallbackTracker(model, 1.0)
+outlets = Outlets(Waiter(), 0, print)
+outlets.become([parse("file:" + target)])
+service = Service(model, 90, tracker, outlets.publish)
+statuses = set()
+
+def run(rows):
+    for row in rows:
+        statuses.add(service.tick((row.time_s, list(row.values))).status)
+    tracker.snapshot()
+    gc.collect()
+    return tracemalloc.get_traced_memory()[0]
+
+rows = iter(TraceReader(trace_path))
+tracemalloc.start(1)
+early = run(itertools.islice(rows, int(settled)))
+late = run(itertools.islice(rows, int(ticks) - int(settled)))
+outlets.close()
+print(late - early, len(statuses), next(rows, None))
+"""
+
+
+def test_nothing_that_is_allocated_stays(fallback_model_file, long_trace, memory):
+    words = [sys.executable, "-c", ALLOCATED, fallback_model_file, str(long_trace), str(memory / "ambient")]
+    done = subprocess.run([*words, str(SETTLED), str(TICKS)], capture_output=True, text=True, check=True)
+    grown_bytes, statuses, rest = done.stdout.split()
+    assert int(statuses) == 5, "every status occurs"
+    assert rest == "None", "the trace was read to its end"
+    assert int(grown_bytes) <= MOST_BYTES

@@ -1,0 +1,113 @@
+"""The status table, whole: by itself, and as the daemon's own statuses lead from one to the other."""
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambientd.fallback import FallbackTracker
+from ambientd.health import MAIN, TABLE, decide
+
+OWN = ("warming_up", "tracking", "coasting", "faulted")
+FRESH = ("warming_up", "tracking")
+
+
+@pytest.mark.parametrize(("main", "one", "other", "heard"), list(itertools.product(OWN, OWN, OWN, range(3))))
+def test_every_case_is_decided_as_it_was_promised(main, one, other, heard):
+    """In words of the test's own: the complete speak first, the main one before all; then who spoke; then the main."""
+    statuses = [main, one, other]
+    complete = [number for number, status in enumerate(statuses) if status in FRESH]
+    if complete:
+        who = complete[0]
+        status = statuses[who] if who == MAIN else "degraded"
+    else:
+        who = heard if statuses[heard] == "coasting" else MAIN
+        status = statuses[who]
+    assert decide(main, [one, other], heard) == (who, status)
+
+
+def test_the_table_is_complete_and_without_a_fallback_nothing_changes():
+    offers = {offer for _, offer in TABLE}
+    assert set(TABLE) == set(itertools.product(OWN, offers))
+    assert [decide(status, [], MAIN) for status in OWN] == [(MAIN, status) for status in OWN]
+
+
+# What may happen in a second to a device whose model settles in time, has a fallback for each of its two inputs,
+# and lets last values stand in for 30 s.
+SETTLING_S = 200
+EVENTS = {
+    "both there": (1.0, (30.0, 25.0)),
+    "both there, long enough": (1.0, (30.0, 25.0)),
+    "usb lost": (1.0, (None, 25.0)),
+    "usb out of its range": (1.0, (91.0, 25.0)),
+    "battery lost": (1.0, (30.0, None)),
+    "both lost": (1.0, (None, None)),
+    "both lost for long": (31.0, (None, None)),
+    "a suspend": (3600.0, (30.0, 25.0)),
+    "a suspend, then usb lost": (3600.0, (None, 25.0)),
+    "a suspend, then both lost": (3600.0, (None, None)),
+    "the clock back": (-86400.0, (30.0, 25.0)),
+    "the clock back, then both lost": (-86400.0, (None, None)),
+}
+WAYS = {
+    "warming_up": [("both there", 1)],
+    "tracking": [("both there", SETTLING_S)],
+    "degraded": [("both there", SETTLING_S), ("usb lost", 3)],
+    "coasting": [("both there", SETTLING_S), ("both lost", 3)],
+    "faulted": [("both there", SETTLING_S), ("both lost", 40)],
+}
+TRANSITIONS = {
+    # from warming_up, tracking, degraded, coasting and faulted
+    "both there": ("warming_up", "tracking", "tracking", "tracking", "warming_up"),
+    "both there, long enough": ("tracking",) * 5,
+    "usb lost": ("degraded",) * 5,
+    "usb out of its range": ("degraded",) * 5,
+    "battery lost": ("degraded",) * 5,
+    "both lost": ("coasting", "coasting", "coasting", "coasting", "faulted"),
+    "both lost for long": ("faulted",) * 5,
+    "a suspend": ("warming_up",) * 5,
+    "a suspend, then usb lost": ("degraded",) * 5,
+    "a suspend, then both lost": ("faulted",) * 5,
+    "the clock back": ("warming_up",) * 5,
+    "the clock back, then both lost": ("faulted",) * 5,
+}
+
+
+@pytest.mark.parametrize(("before", "event"), list(itertools.product(WAYS, TRANSITIONS)))
+def test_every_event_leads_from_every_status_where_the_table_says(before, event, make_model):
+    tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
+    now_s, status = 1e6, ""
+
+    def happens(name):
+        nonlocal now_s, status
+        passed_s, readings = EVENTS[name]
+        now_s += passed_s
+        status = tracker.update(now_s, list(readings)).status
+
+    for name, times in WAYS[before]:
+        for _ in range(times):
+            happens(name)
+    assert status == before
+    for _ in range(SETTLING_S if event.endswith("long enough") else 1):
+        happens(event)
+    assert status == TRANSITIONS[event][list(WAYS).index(before)]
+
+
+readings = st.none() | st.sampled_from([-20.1, -20.0, 25.0, 69.9, 70.0, 70.1, 90.0, 90.1, 1e30])
+seconds = st.sampled_from([0.0, 0.3, 1.0, 1.0, 1.0, 5.0, 29.0, 31.0, 3600.0, -1.0, -86400.0])
+
+
+@given(st.lists(st.tuples(seconds, readings, readings), max_size=40), st.booleans())
+def test_whatever_happens_only_trusted_inputs_are_tracked(make_model, drawn, fallbacks):
+    model = make_model(fallbacks=fallbacks)
+    tracker = FallbackTracker(model, 1.0)
+    now_s = 1e6
+    for passed_s, *raw in drawn:
+        now_s += passed_s
+        estimate = tracker.update(now_s, raw)
+        trusted = [value is not None and each.min <= value <= each.max for each, value in zip(model.main.inputs, raw)]
+        assert (estimate.status in FRESH) == all(trusted)
+        if fallbacks:
+            assert (estimate.status == "degraded") <= any(trusted)
+        assert (estimate.ambient_degC is None) == (estimate.status == "faulted")

@@ -1,0 +1,138 @@
+"""Sockets that init or systemd made: real processes that inherit a descriptor, as those hand it over."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from ambient_model.faults import Refused
+from ambientd.publish.inherited import handed_over, listener_at
+from ambientd.publish.socket import SocketServer
+from ambientd.publish.spec import Spec
+
+AS_SYSTEMD = (
+    "import os, sys; os.dup2(int(sys.argv[1]), 3); os.environ.update(LISTEN_PID=str(os.getpid()), LISTEN_FDS='1');"
+    "os.execv(sys.executable, [sys.executable, '-m', 'ambientd', *sys.argv[2:]])"
+)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return f"{tmp_path}/ambientd"
+
+
+@pytest.fixture
+def made(path):
+    """A socket as init makes it: bound, with a mode of its own, and not listening."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(path)
+        os.chmod(path, 0o640)
+        yield listener
+
+
+@pytest.fixture
+def daemon(made, model_file, phone):
+    """Start a daemon that inherits the socket, as from Android's init or from systemd."""
+    running = []
+
+    def start(manager, *publish):
+        arguments = ["run", "--model", model_file, "--sysfs-root", str(phone.root), "--rate", "20"]
+        arguments += [part for each in publish for part in ("--publish", each)]
+        descriptor = made.fileno()
+        if manager == "init":
+            call = [sys.executable, "-m", "ambientd", *arguments]
+            environment = {**os.environ, "ANDROID_SOCKET_ambientd": str(descriptor)}
+        else:
+            call = [sys.executable, "-c", AS_SYSTEMD, str(descriptor), *arguments]
+            environment = dict(os.environ)
+        process = subprocess.Popen(
+            call, env=environment, pass_fds=[descriptor], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        running.append(process)
+        return process
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("manager", ["init", "systemd"])
+def test_a_socket_that_was_handed_over_is_served_and_left(daemon, until, ended, made, path, tmp_path, manager):
+    if manager == "systemd":
+        made.listen()
+    process = daemon(manager, f"socket:{path}", f"status:{tmp_path}/status")
+    inode = os.stat(path).st_ino
+    until((tmp_path / "status").exists)
+    for _ in range(2):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
+            reader.settimeout(10)
+            reader.connect(path)
+            lines = reader.makefile()
+            assert json.loads(lines.readline())["ambient_degC"] == pytest.approx(23.0)
+            assert json.loads(lines.readline())["ambient_degC"] == pytest.approx(23.0)
+    status, _, log = ended(process)
+    assert (status, len(log.splitlines())) == (0, 1)
+    found = os.stat(path)
+    assert (found.st_ino, found.st_mode & 0o777) == (inode, 0o640)  # whose it is, is for who made it to say
+
+
+def test_one_that_no_publication_names_is_told_of(daemon, until, ended, path, tmp_path):
+    process = daemon("init", f"status:{tmp_path}/status")
+    until((tmp_path / "status").exists)
+    _, _, log = ended(process)
+    assert log.splitlines()[0] == (
+        f"ambientd: {path}: was handed over, and no one serves it; publish 'socket:{path}', or do not make it"
+    )
+
+
+def test_the_path_says_which_is_meant(made, path, tmp_path):
+    environment = {"ANDROID_SOCKET_ambientd": str(made.fileno())}
+    assert handed_over(environment) == {path: made.fileno()}
+    assert listener_at(f"{tmp_path}/other", environment) is None
+    with listener_at(f"{tmp_path}/./ambientd", environment) as listener:
+        assert listener.getsockname() == path
+        assert listener.fileno() != made.fileno()  # a copy: a publication may go and come back
+    for _ in range(2):
+        server = SocketServer(Spec("socket", path), environment)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
+            reader.connect(path)
+        server.close()
+        assert os.path.exists(path)
+
+
+@pytest.mark.parametrize(
+    "environment",
+    [
+        {"ANDROID_SOCKET_ambientd": "999"},
+        {"ANDROID_SOCKET_ambientd": "-1"},
+        {"ANDROID_SOCKET_ambientd": "x"},
+        {"ANDROID_SOCKET_ambientd": "9" * 30},
+        {"ANDROID_SOCKET_ambientd": "0"},
+        {"LISTEN_FDS": "1024", "LISTEN_PID": "1"},
+        {"LISTEN_FDS": "1024"},
+        {"LISTEN_FDS": "", "LISTEN_PID": str(os.getpid())},
+        {},
+    ],
+)
+def test_what_is_no_socket_or_meant_for_another_process_is_left_alone(environment, made):
+    assert handed_over(environment) == {}
+
+
+def test_systemd_hands_over_many_and_not_all_are_unix_sockets(made, path):
+    """This process has descriptors from 3 on, and some are no sockets."""
+    found = handed_over({"LISTEN_FDS": "5000", "LISTEN_PID": str(os.getpid())})
+    assert found[path] == made.fileno()
+
+
+def test_a_datagram_socket_is_refused(path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as made:
+        made.bind(path)
+        with pytest.raises(Refused) as refused:
+            SocketServer(Spec("socket", path), {"ANDROID_SOCKET_ambientd": str(made.fileno())})
+        assert str(refused.value) == (
+            f"{path}: was handed over, and is no stream socket; make it 'stream' in the .rc or .socket file"
+        )

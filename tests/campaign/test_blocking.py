@@ -1,0 +1,85 @@
+"""A sensor whose driver blocks, for seconds or for ever, deaf to signals: it is left behind, and nothing else waits."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+FOR_EVER_S = 1e6
+
+
+def test_one_that_blocks_is_done_without_until_it_answers(tracking, zones):
+    """The others are read and all is published meanwhile, tick by tick."""
+    descriptors = tracking.descriptors
+    zones.fail("usb-therm", block_s=FOR_EVER_S)
+    seen = []
+    for k in range(300):
+        zones.say("battery", 30000 + k)
+        seen.append(tracking.step())
+    assert {each["status"] for each in seen} == {"degraded"}
+    assert [each["sensors"]["battery"]["used"] for each in seen] == [30 + k / 1000 for k in range(300)]
+    assert zones.tries("usb-therm") == 2  # the first, and the one that waits for the driver to answer
+    assert tracking.threads <= 4
+    zones.heal("usb-therm")
+    assert tracking.steps(150)[-1]["status"] == "tracking"
+    assert (tracking.descriptors, tracking.threads) == (descriptors, 2)
+    assert tracking.end() == [
+        "ambientd: sensor usb: no value (a reading takes more than 0.25 s)",
+        "ambientd: sensor usb: is back",
+    ]
+
+
+@pytest.mark.parametrize("kind", ["usb-therm", "battery", "cpu-0-0"])
+@pytest.mark.parametrize("block_s", [0.4, 1.5])
+def test_one_that_always_takes_too_long_is_never_waited_for_again(tracking, zones, kind, block_s):
+    zones.fail(kind, block_s=block_s)
+    tracking.steps(60)
+    assert zones.tries(kind) <= 9  # the first, and those of the back-off
+    assert tracking.threads <= 4
+    assert len(tracking.end()) == 1
+
+
+def test_one_that_blocks_and_then_fails_is_one_that_blocks(tracking, zones):
+    zones.fail("battery", "ETIMEDOUT", block_s=1.0)
+    assert {each["status"] for each in tracking.steps(20)} == {"degraded"}
+    assert tracking.end() == ["ambientd: sensor battery: no value (a reading takes more than 0.25 s)"]
+
+
+def test_one_that_blocks_from_the_start_on_delays_no_start(start, zones):
+    zones.fail("usb-therm", block_s=FOR_EVER_S)
+    daemon = start()
+    statuses = [each["status"] for each in daemon.steps(40)]
+    assert set(statuses) == {"degraded"}  # the fallback without it never knew it
+    zones.heal("usb-therm")
+    assert daemon.steps(120)[-1]["status"] == "tracking"
+
+
+def test_when_all_block_it_says_so_and_goes_on(tracking, zones):
+    kinds = ("usb-therm", "battery", "cpu-0-0")
+    for kind in kinds:
+        zones.fail(kind, block_s=FOR_EVER_S)
+    statuses = [each["status"] for each in tracking.steps(40)]
+    assert statuses == ["coasting"] * 30 + ["faulted"] * 10
+    for kind in kinds:
+        zones.heal(kind)
+    assert tracking.steps(120)[-1]["status"] == "tracking"
+    assert len(tracking.end()) == 6
+
+
+def test_it_ends_and_reloads_while_one_blocks(tracking, zones):
+    zones.fail("cpu-0-0", block_s=FOR_EVER_S)
+    tracking.steps(3)
+    tracking.process.send_signal(signal.SIGHUP)
+    tracking.steps(3)
+    assert [line.split(":")[1] for line in tracking.end()] == [" sensor soc", " reloaded", " sensor soc"]
+
+
+def test_check_names_one_that_blocks(device_library, config, make_outputs, clock, zones, tmp_path):
+    zones.fail("battery", block_s=FOR_EVER_S)
+    call = [sys.executable, "-m", "ambientd", "check", "--config", str(config(make_outputs(tmp_path / "out")))]
+    env = {"LD_PRELOAD": str(device_library), "CAMPAIGN_CLOCK": str(clock.path)}
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60, env=env)
+    assert done.returncode == 1
+    assert "sensor battery: a reading takes more than 0.25 s" in done.stderr
+    assert "usb, " in done.stdout

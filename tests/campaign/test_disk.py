@@ -1,0 +1,148 @@
+"""Where it publishes fails: the disk is full, the folder gone, no one takes the log. What stays is true or nothing."""
+
+import contextlib
+import json
+import os
+import resource
+import shutil
+import socket
+import subprocess
+
+import pytest
+
+
+@pytest.fixture
+def newest_or_nothing(zones, number_in):
+    """Ticks in which every value differs from the last: of those that are published, none is older than the tick."""
+
+    def tick(daemon, count, first):
+        there = []
+        for k in range(first, first + count):
+            zones.say("usb-therm", 30000 + 10 * k)
+            daemon.tick()
+            found = []
+            for path in (daemon.outputs.temp, daemon.outputs.same):
+                with contextlib.suppress(FileNotFoundError):
+                    found.append(number_in(path.read_bytes()))
+            assert set(found) <= {28000 + 9 * k, 99000}
+            there.append(found)
+            for path in (daemon.outputs.status_file, daemon.outputs.prometheus):
+                with contextlib.suppress(FileNotFoundError):
+                    assert path.read_bytes().endswith(b"\n")
+            with contextlib.suppress(FileNotFoundError):
+                json.loads(daemon.outputs.status_file.read_bytes())
+        return there
+
+    return tick
+
+
+def test_nothing_can_be_written_not_even_the_log(tracking, zones, newest_or_nothing):
+    """No file may grow, the log's neither: it lives, leaves no old value, and goes on when it can."""
+    descriptors = tracking.descriptors
+    before = resource.prlimit(tracking.process.pid, resource.RLIMIT_FSIZE, (0, -1))
+    newest_or_nothing(tracking, 20, 1)
+    zones.fail("battery", "EIO")  # which is worth a word that no one takes
+    tracking.tick()
+    zones.heal("battery")
+    newest_or_nothing(tracking, 20, 22)
+    resource.prlimit(tracking.process.pid, resource.RLIMIT_FSIZE, before)
+    tracking.tick()
+    assert tracking.steps(3)[-1]["status"] == "tracking"
+    assert tracking.descriptors == descriptors
+    tracking.end()
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A file system of 64 KiB; yields its folder."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mount = shutil.which("mount")
+    done = mount and subprocess.run([mount, "-t", "tmpfs", "-o", "size=64k", "none", folder], capture_output=True)
+    if not done or done.returncode:
+        pytest.skip("no file system may be mounted here")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+def fill(folder):
+    with open(folder / "filling", "wb", buffering=0) as stream, contextlib.suppress(OSError):
+        while True:
+            stream.write(bytes(512))
+
+
+def test_a_full_disk_holds_no_old_value_and_is_told_of_once(start, small_disk, make_outputs, newest_or_nothing):
+    outputs = make_outputs(small_disk / "out")
+    daemon = start(outputs)
+    newest_or_nothing(daemon, 40, 1)
+    descriptors = daemon.descriptors
+    fill(small_disk)
+    newest_or_nothing(daemon, 60, 41)
+    (small_disk / "filling").unlink()
+    daemon.tick()
+    assert daemon.steps(3)[-1]["status"] == "tracking"
+    assert daemon.descriptors == descriptors
+    log = daemon.end()
+    assert [line for line in log if "No space left on device" not in line and "is back" not in line] == []
+    assert len(log) <= 6 * len(outputs.publish())
+
+
+@pytest.mark.parametrize("removed", [True, False], ids=["removed", "renamed"])
+def test_a_folder_that_goes_and_comes_back_is_published_in_again(tracking, tmp_path, removed):
+    """All of it, and readers can connect again."""
+    descriptors = tracking.descriptors
+    folder = tracking.outputs.folder
+    if removed:
+        shutil.rmtree(folder)
+    else:
+        folder.rename(tmp_path / "elsewhere")
+    for _ in range(20):
+        tracking.tick()
+    assert not folder.exists()
+    folder.mkdir()
+    assert tracking.step()["status"] == "tracking"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
+        reader.connect(str(tracking.outputs.socket))
+        with reader.makefile() as lines:
+            assert json.loads(lines.readline()) == tracking.outputs.status()
+    tracking.tick()
+    assert tracking.descriptors == descriptors
+    log = tracking.end()
+    gone = [line for line in log if "cannot be" in line]
+    assert len(gone) == len(tracking.outputs.publish())
+    assert len(log) == 2 * len(gone)
+    assert [line for line in log if line.endswith("is back")] == [line for line in log if line not in gone]
+    if not removed:
+        for path in (tmp_path / "elsewhere").iterdir():
+            assert path.name != "same" or path.read_bytes() == b"99000\n"  # who keeps it open reads the poison
+
+
+def test_a_log_that_no_one_reads_any_more_ends_nothing(start, zones):
+    """The other end of its pipe is closed, as `2>&1 | head -1` does it."""
+    reading, writing = os.pipe()
+    daemon = start(log=writing)
+    os.close(writing)
+    os.close(reading)
+    zones.fail("battery", "EIO")
+    assert daemon.steps(5)[-1]["status"] == "degraded"
+    zones.heal("battery")
+    assert daemon.steps(60)[-1]["status"] == "tracking"
+    daemon.process.terminate()
+    assert daemon.process.wait(30) == 0
+
+
+def test_a_log_whose_reader_has_stopped_delays_nothing(start, zones):
+    """Its pipe is full: what is to be said is lost."""
+    reading, writing = os.pipe()
+    daemon = start(log=writing)
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
+    zones.fail("battery", "EIO")
+    assert daemon.steps(5)[-1]["status"] == "degraded"
+    daemon.process.terminate()
+    assert daemon.process.wait(30) == 0
+    os.close(reading)
+    os.close(writing)

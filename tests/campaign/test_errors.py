@@ -1,0 +1,66 @@
+"""A sensor that fails with an errno: set aside, told of, taken back; the others never notice."""
+
+import errno
+import os
+
+import pytest
+
+ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV", "EINVAL")
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_one_that_fails_is_done_without_and_taken_back(tracking, zones, error):
+    """First one with a fallback, then one without."""
+    before = tracking.step()
+    descriptors = tracking.descriptors
+    zones.fail("usb-therm", error)
+    failed = tracking.steps(12)
+    assert {each["status"] for each in failed} == {"degraded"}
+    assert abs(failed[0]["ambient_degC"] - before["ambient_degC"]) < 0.02  # it takes over without a jump
+    assert {each["sensors"]["usb"]["raw"] for each in failed} == {None}
+    zones.say("battery", 31000)
+    assert tracking.step()["sensors"]["battery"] == {"unit": "degC", "raw": 31.0, "used": 31.0}
+    zones.heal("usb-therm")
+    back = tracking.steps(40)[-1]
+    assert (back["status"], back["sensors"]["usb"]["used"]) == ("tracking", 30.0)
+
+    zones.fail("cpu-0-0", error)
+    assert {each["status"] for each in tracking.steps(12)} == {"coasting"}
+    zones.heal("cpu-0-0")
+    assert tracking.steps(40)[-1]["status"] == "tracking"
+    assert tracking.descriptors == descriptors
+    reason = os.strerror(getattr(errno, error))
+    assert tracking.end() == [
+        f"ambientd: sensor {name}: {what}" for name in ("usb", "soc") for what in (f"no value ({reason})", "is back")
+    ]
+
+
+def test_one_that_goes_on_failing_is_tried_less_and_less_often(tracking, zones):
+    zones.fail("usb-therm", "EIO")
+    tracking.steps(600)
+    assert 5 < zones.tries("usb-therm") < 30
+
+
+def test_when_all_fail_the_state_coasts_and_then_no_value_stays(tracking, zones):
+    kinds = ("usb-therm", "battery", "cpu-0-0")
+    for kind, error in zip(kinds, ERRORS):
+        zones.fail(kind, error)
+    statuses = [each["status"] for each in tracking.steps(50)]
+    assert statuses == ["coasting"] * 30 + ["faulted"] * 20
+    for kind in kinds:
+        zones.heal(kind)
+    statuses = [each["status"] for each in tracking.steps(80)]
+    assert [each for each, before in zip(statuses, [None, *statuses]) if each != before] == [
+        "faulted",
+        "warming_up",
+        "tracking",
+    ]
+    assert len(tracking.end()) == 6
+
+
+def test_a_flapping_sensor_is_told_of_a_few_times_and_no_more(tracking, zones):
+    """Four hours in which it fails and works by turns."""
+    for k in range(1800):
+        (zones.heal if k % 2 else zones.fail)("usb-therm", *(() if k % 2 else ("EIO",)))
+        tracking.step(8.0)
+    assert len(tracking.end()) <= 6 * (4 * 6 + 1)

@@ -1,0 +1,117 @@
+"""Everything at once, for long: what a device does to the daemon in months, by the throw of a die."""
+
+import random
+import shutil
+import signal
+import socket
+from pathlib import Path
+
+import pytest
+
+KINDS = ("usb-therm", "battery", "cpu-0-0")
+ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV")
+GARBAGE = (b"", b"-32768000\n", b"nan\n", b"125000\n", b"\xff" * 50)
+
+
+class Months:
+    """A running daemon, and what happens around it."""
+
+    def __init__(self, daemon, zones, seed):
+        self.daemon = daemon
+        self.zones = zones
+        self.dice = random.Random(seed)
+        self.readers = []
+        self.numbers = iter(range(100, 100_000))
+
+    def healed(self, kind):
+        if (self.zones.find(kind) / "temp.fault").exists():
+            self.zones.heal(kind)
+        self.zones.say(kind, self.dice.randrange(20000, 40000))
+
+    def heal(self):
+        self.healed(self.dice.choice(KINDS))
+
+    def fail(self):
+        self.zones.fail(self.dice.choice(KINDS), self.dice.choice(ERRORS))
+
+    def garble(self):
+        self.zones.say(self.dice.choice(KINDS), self.dice.choice(GARBAGE))
+
+    def warm(self):
+        self.zones.say(self.dice.choice(KINDS), self.dice.randrange(-10000, 60000))
+
+    def renumber(self):
+        kind = self.dice.choice(KINDS)
+        self.zones.unplug(kind)
+        self.zones.add(next(self.numbers), kind, 30000)
+
+    def connect(self):
+        self.readers.append(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        self.readers[-1].connect(str(self.daemon.outputs.socket))
+
+    def leave(self):
+        if self.readers:
+            self.readers.pop(self.dice.randrange(len(self.readers))).close()
+
+    def suspend(self):
+        with self.daemon.suspended(float(2 ** self.dice.randrange(13))):
+            self.healed(self.dice.choice(KINDS))
+
+    def set_clock(self):
+        self.daemon.clock.set_wall_back_s(self.dice.uniform(-1e6, 1e6))
+
+    def lose_folder(self):
+        folder = self.daemon.outputs.folder
+        shutil.rmtree(folder)
+        for _ in range(self.dice.randrange(5)):
+            self.daemon.tick()
+        folder.mkdir()
+        self.daemon.tick()
+
+    def reload(self):
+        self.daemon.process.send_signal(signal.SIGHUP)
+
+    def block(self):
+        self.zones.fail(self.dice.choice(KINDS), block_s=0.3)
+
+    def pass_by(self, events, steps):
+        for _ in range(steps):
+            if self.dice.random() < 0.1:
+                self.dice.choice(events)()
+            self.daemon.step()
+
+    def rest(self):
+        """All is well again, and quiet; what of the daemon is then to be seen."""
+        for kind in KINDS:
+            self.healed(kind)
+        for reader in self.readers:
+            reader.close()
+        self.readers = []
+        assert self.daemon.steps(150)[-1]["status"] == "tracking"
+        return self.daemon.descriptors, self.daemon.threads
+
+    def resident_kB(self):
+        lines = Path(f"/proc/{self.daemon.process.pid}/status").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
+
+
+@pytest.mark.parametrize("rounds", [2, pytest.param(40, marks=pytest.mark.slow)])
+def test_whatever_happens_it_says_the_same_everywhere_and_keeps_nothing(start, zones, rounds):
+    """At each tick all that is published agrees; after each round it holds what it held before, and not more."""
+    months = Months(start(supervision={"jump_K_per_s": 20, "stuck_after_s": 600}), zones, seed=4)
+    quick = [months.heal, months.fail, months.garble, months.warm, months.renumber, months.connect, months.leave]
+    quick += [months.suspend, months.set_clock, months.lose_folder]
+    rare = [months.reload, months.block, months.heal]
+    held = months.rest()
+    resident_kB = []
+    try:
+        for _ in range(rounds):
+            months.pass_by(quick, 600)
+            months.pass_by(rare, 30)
+            assert months.rest() == held
+            resident_kB.append(months.resident_kB())
+    finally:
+        for reader in months.readers:
+            reader.close()
+    assert resident_kB[-1] - resident_kB[len(resident_kB) // 3] < 1024
+    months.daemon.end()

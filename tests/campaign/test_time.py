@@ -1,0 +1,108 @@
+"""Time that passes unseen: suspends, and a wall clock that someone sets."""
+
+import math
+
+import pytest
+
+LAG_S = 10.0
+REST_DEGC = 28.0
+
+
+def warmed(passed_s, rising_K, over_s):
+    """The ambient, from rest, ``passed_s`` after the soc began a ramp of ``rising_K`` over ``over_s``; by hand.
+
+    The lag of a ramp is the ramp, late, and an exponential.
+    """
+    slope = rising_K / over_s
+
+    def ramp(t):
+        return slope * (t - LAG_S * (1 - math.exp(-t / LAG_S))) if t > 0 else 0.0
+
+    return REST_DEGC - 0.3 * (ramp(passed_s) - ramp(passed_s - over_s))
+
+
+def test_a_suspend_of_a_second_changes_nothing(tracking):
+    with tracking.suspended(1.0):
+        pass
+    report = tracking.settled()
+    assert (report["status"], report["age_s"]) == ("tracking", 0.0)
+    assert report["ambient_degC"] == pytest.approx(REST_DEGC)
+    assert tracking.end() == []
+
+
+def test_a_short_suspend_is_bridged_along_a_straight_line(tracking, zones):
+    """20 s in which the soc warms by 8 K: exactly what the lag makes of a straight line, to the steps' own corners."""
+    with tracking.suspended(20.0):
+        zones.say("cpu-0-0", 38000)
+    report = tracking.settled()
+    assert report["status"] == "tracking"
+    assert report["ambient_degC"] == pytest.approx(warmed(20.0, 8.0, 20.0), abs=0.3 * 8.0 / 20.0)
+    assert report["ambient_degC"] < REST_DEGC - 0.8
+    assert report["sensors"]["soc"]["used"] == 38.0
+
+
+@pytest.mark.parametrize("for_s", [60.0, 3600.0])
+def test_a_long_suspend_starts_again_from_equilibrium(tracking, zones, for_s):
+    """Nothing of before is left, nothing is caught up, and the first value is there with the first tick."""
+    due_s = tracking.outputs.status()["time_s"]
+    with tracking.suspended(for_s):
+        for kind in ("usb-therm", "battery", "cpu-0-0"):
+            zones.say(kind, 5000)
+    report = tracking.settled()
+    assert (report["status"], report["time_s"], report["age_s"]) == ("warming_up", due_s + for_s, 0.0)
+    assert report["ambient_degC"] == pytest.approx(3.0)
+    after = tracking.steps(40)
+    assert [each["time_s"] for each in after] == [due_s + for_s + k for k in range(1, 41)]
+    assert after[-1]["status"] == "tracking"
+    assert tracking.end() == []
+
+
+def test_ticks_that_were_missed_are_skipped(start):
+    """One tick for all of an hour, and the grid is the old one."""
+    daemon = start()
+    daemon.steps(5)
+    with daemon.suspended(3600.25):
+        pass
+    times_s = [daemon.settled()["time_s"], *(each["time_s"] for each in daemon.steps(8, 0.25))]
+    assert [each - 1005.0 for each in times_s] == [3600.25] * 3 + [3601.0] * 4 + [3602.0] * 2
+
+
+def test_sensors_that_fail_after_the_resume_are_waited_for(tracking, zones):
+    """As drivers do that wake later than the daemon."""
+    with tracking.suspended(3600.0):
+        zones.fail("usb-therm", "ENXIO")
+        zones.fail("battery", "EAGAIN")
+    assert tracking.settled()["status"] == "faulted"
+    tracking.steps(3)
+    for kind in ("usb-therm", "battery"):
+        zones.heal(kind)
+    statuses = [each["status"] for each in tracking.steps(60)]
+    assert statuses[-1] == "tracking"
+    assert statuses.index("tracking") < 45
+    assert len(tracking.end()) == 4
+
+
+@pytest.mark.parametrize("by_s", [86400.0, -86400.0], ids=["back", "forward"])
+def test_a_wall_clock_that_is_set_by_a_day_is_not_looked_at(tracking, by_s):
+    before = tracking.step()
+    tracking.clock.set_wall_back_s(by_s)
+    after = tracking.steps(60)
+    assert [each["time_s"] for each in after] == [before["time_s"] + k for k in range(1, 61)]
+    assert {each["status"] for each in after} == {"tracking"}
+    assert tracking.end() == []
+
+
+def test_the_state_of_before_is_used_after_a_short_suspend_and_restart_alone(start, tmp_path):
+    """The state's age is time that passed, whether awake or not."""
+    keys = {"state": {"path": str(tmp_path / "state"), "max_age_s": 30}}
+    first = start(**keys)
+    first.steps(40)
+    first.end()
+    first.clock.now_s += 10.0
+    second = start(**keys)
+    assert second.step()["status"] == "tracking"
+    second.end()
+    second.clock.now_s += 3600.0
+    third = start(**keys)
+    assert third.step()["status"] == "warming_up"
+    third.end()

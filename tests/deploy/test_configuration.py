@@ -1,0 +1,47 @@
+"""The shipped configuration: what stands in its comments is as good as what it says, and no key is kept quiet."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from ambient_model.faults import Refused
+from ambientd.config import load_settings
+
+LINES = (Path(__file__).resolve().parents[2] / "deploy" / "ambientd.yaml").read_text().splitlines()
+COMMENTED = re.compile(r"^( *)# ((?:[a-zA-Z_]+: |- )[^ ].*)$")
+SETTINGS = [number for number, line in enumerate(LINES) if COMMENTED.match(line)]
+
+
+def loaded(tmp_path, uncommented):
+    lines = [COMMENTED.sub(r"\1\2", line) if number in uncommented else line for number, line in enumerate(LINES)]
+    path = tmp_path / "ambientd.yaml"
+    path.write_text("\n".join(lines) + "\n")
+    return load_settings(str(path))
+
+
+def test_as_it_is_shipped_it_is_valid(tmp_path):
+    settings = loaded(tmp_path, ())
+    assert [str(spec) for spec in settings.publish] == [
+        "file:/run/ambientd/ambient_temp",
+        "status:/run/ambientd/status.json",
+        "socket:/run/ambientd/ambient.sock",
+    ]
+
+
+@pytest.mark.parametrize("number", SETTINGS, ids=[LINES[number].strip("# ").split(":")[0] for number in SETTINGS])
+def test_each_commented_line_is_valid_without_its_hash(number, tmp_path):
+    poison = [other for other in SETTINGS if "poison_millidegC" in LINES[other]] if "at_exit" in LINES[number] else []
+    loaded(tmp_path, [number, *poison])
+
+
+def test_all_together_are_valid_and_leave_no_key_out(tmp_path):
+    loaded(tmp_path, SETTINGS)
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text('{"nonsense": 1, "publish": [{"kind": "file", "path": "x", "nonsense": 1}]}')
+    with pytest.raises(Refused) as refused:
+        load_settings(str(wrong))
+    said = "\n".join(LINES)
+    known = re.findall(r"nonsense: unknown key; known are (.*)", str(refused.value))
+    assert len(known) == 2
+    assert [key for keys in known for key in keys.split(", ") if f"{key}:" not in said] == []

@@ -1,0 +1,169 @@
+"""The Debian package: built twice alike, understood by dpkg, and installed, run, upgraded and purged for real."""
+
+import hashlib
+import io
+import os
+import re
+import shutil
+import subprocess
+import tarfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DEPLOY = ROOT / "deploy"
+INSTALLED = {
+    "./etc/ambientd/ambientd.yaml": 0o644,
+    "./usr/bin/ambientd": 0o755,
+    "./usr/lib/systemd/system/ambientd.service": 0o644,
+    "./usr/share/doc/ambientd/README.md": 0o644,
+    "./usr/share/doc/ambientd/copyright": 0o644,
+    "./usr/share/doc/ambientd/examples/node-exporter/ambientd.conf": 0o644,
+    "./usr/share/doc/ambientd/examples/thermald/ambientd.conf": 0o644,
+    "./usr/share/doc/ambientd/examples/thermald/thermal-conf.xml": 0o644,
+}
+
+
+@pytest.fixture(scope="module")
+def deb(build, tmp_path_factory):
+    path = tmp_path_factory.mktemp("deb") / "ambientd.deb"
+    done = build("build_deb.py", "-o", path, "--maintainer", "Jane Doe <jane@example.com>")
+    assert (done.returncode, done.stderr) == (0, "")
+    return path
+
+
+def members(path):
+    """The files in an ar archive."""
+    content = path.read_bytes()
+    assert content.startswith(b"!<arch>\n")
+    at, found = 8, {}
+    while at < len(content):
+        name, size = content[at : at + 16].decode().strip(), int(content[at + 48 : at + 58])
+        found[name] = content[at + 60 : at + 60 + size]
+        at += 60 + size + size % 2
+    return found
+
+
+def test_two_builds_are_the_same_bytes(deb, build, tmp_path):
+    before = os.umask(0o077)
+    try:
+        done = build("build_deb.py", "-o", tmp_path / "again.deb", "--maintainer", "Jane Doe <jane@example.com>")
+    finally:
+        os.umask(before)
+    assert done.returncode == 0
+    assert (tmp_path / "again.deb").read_bytes() == deb.read_bytes()
+
+
+def test_it_holds_what_belongs_where_and_all_of_it_is_roots(deb):
+    parts = members(deb)
+    assert list(parts) == ["debian-binary", "control.tar", "data.tar"]
+    with tarfile.open(fileobj=io.BytesIO(parts["data.tar"])) as archive:
+        files = {entry.name: entry.mode for entry in archive if entry.isfile()}
+        assert {(entry.uid, entry.gid, entry.uname, entry.mtime) for entry in archive} == {(0, 0, "root", 0)}
+        unit = archive.extractfile("./usr/lib/systemd/system/ambientd.service").read()
+        program = archive.extractfile("./usr/bin/ambientd").read()
+    assert files == INSTALLED
+    assert unit == (DEPLOY / "ambientd.service").read_bytes()
+    assert program.startswith(b"#!/usr/bin/python3 -I\n"), "isolated, and with Debian's PyYAML"
+
+
+def test_a_maintainer_without_an_address_is_refused(build, tmp_path):
+    done = build("build_deb.py", "-o", tmp_path / "x.deb", "--maintainer", "Jane")
+    assert done.returncode == 2
+    assert "argument --maintainer: 'Jane' is not such as 'Jane Doe <jane@example.com>'" in done.stderr
+
+
+@pytest.fixture
+def dpkg_deb(deb):
+    if shutil.which("dpkg-deb") is None:
+        pytest.skip("dpkg-deb is not installed: what it makes of the package is unknown")
+    return lambda *words: subprocess.run(["dpkg-deb", *words], capture_output=True, text=True, timeout=60, check=True)
+
+
+def test_dpkg_understands_it(dpkg_deb, deb, build):
+    fields = dict(
+        line.split(": ", 1) for line in dpkg_deb("-f", str(deb)).stdout.splitlines() if not line.startswith(" ")
+    )
+    version = re.search(r'__version__ = "(.+)"', (ROOT / "shared/ambient_model/__init__.py").read_text())[1]
+    assert (fields["Package"], fields["Version"], fields["Architecture"]) == ("ambientd", version, "all")
+    assert fields["Depends"] == "python3 (>= 3.10), python3-yaml"
+    assert fields["Maintainer"] == "Jane Doe <jane@example.com>"
+    with tarfile.open(fileobj=io.BytesIO(members(deb)["data.tar"])) as archive:
+        kib = sum(-(-entry.size // 1024) for entry in archive)
+    assert int(fields["Installed-Size"]) == kib
+    assert "./usr/bin/ambientd" in dpkg_deb("-c", str(deb)).stdout
+    assert dpkg_deb("-I", str(deb), "conffiles").stdout == "/etc/ambientd/ambientd.yaml\n"
+
+
+def test_what_is_unpacked_runs(dpkg_deb, deb, tmp_path, model_file, deployed):
+    dpkg_deb("-x", str(deb), str(tmp_path / "root"))
+    program = tmp_path / "root/usr/bin/ambientd"
+    trace = tmp_path / "trace.csv"
+    trace.write_text("time_s,usb_degC,battery_degC\n" + "".join(f"{k},{25 + k / 7!r},25\n" for k in range(50)))
+    for words, name in (([str(program)], "package"), (deployed(), "file")):
+        call = [*words, "replay", str(model_file), str(trace), "-o", str(tmp_path / name)]
+        done = subprocess.run(call, env={}, capture_output=True, text=True, timeout=30)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "package").read_bytes() == (tmp_path / "file").read_bytes()
+    check = [str(program), "check", "--config", str(tmp_path / "root/etc/ambientd/ambientd.yaml")]
+    done = subprocess.run(check, env={}, capture_output=True, text=True, timeout=30)
+    if "PyYAML is not installed" in done.stderr:
+        pytest.skip("python3-yaml, which the package asks for, is not installed: it could not read its configuration")
+    assert "/etc/ambientd/model.json: cannot be read (No such file or directory)" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["postinst", "prerm", "postrm"])
+def test_its_scripts_are_in_order(name):
+    if shutil.which("shellcheck") is None:
+        pytest.skip("shellcheck is not installed")
+    done = subprocess.run(["shellcheck", DEPLOY / "debian" / name], capture_output=True, text=True, timeout=30)
+    assert (done.returncode, done.stdout) == (0, "")
+
+
+def test_lintian_finds_no_error(deb):
+    if shutil.which("lintian") is None:
+        pytest.skip("lintian is not installed")
+    done = subprocess.run(["lintian", "--allow-root", str(deb)], capture_output=True, text=True, timeout=120)
+    assert not [line for line in done.stdout.splitlines() if line.startswith("E:")], done.stdout
+
+
+def test_it_is_installed_started_upgraded_removed_and_purged(boot, at_rest, deb, tmp_path, model_file, until):
+    if shutil.which("dpkg-query") is None:
+        pytest.skip("dpkg is not installed: the package cannot be")
+    for package in ("python3", "python3-yaml"):
+        asked = subprocess.run(["dpkg-query", "-W", "-f", "${Status}", package], capture_output=True, text=True)
+        if not asked.stdout.startswith("install ok installed"):
+            pytest.skip(f"{package}, which the package depends on, is not installed")
+    etc = tmp_path / "files/etc/ambientd"
+    at_rest(etc / "sys")
+    shutil.copy(deb, tmp_path / "ambientd.deb")
+    with boot(tmp_path) as machine:
+        machine.run("dpkg", "-i", "/box/ambientd.deb")
+        assert machine.show("ActiveState") == "inactive", "there is no model yet"
+        # what the guide says comes next
+        machine.file("/etc/ambientd/model.json").write_text(model_file.read_text())
+        configuration = machine.file("/etc/ambientd/ambientd.yaml")
+        configuration.write_text(configuration.read_text().replace("sysfs_root: /sys", "sysfs_root: sys"))
+        assert "usb" in machine.run("ambientd", "check", "--config", "/etc/ambientd/ambientd.yaml")
+        machine.run("systemctl", "enable", "--now", "ambientd")
+        assert machine.file("/run/ambientd/ambient_temp").read_text() == "23000\n"
+        process = machine.show("MainPID")
+
+        machine.run("dpkg", "-i", "/box/ambientd.deb")
+        assert machine.show("ActiveState") == "active"
+        assert machine.show("MainPID") != process, "the old one goes on with the old files"
+        assert "sysfs_root: sys" in configuration.read_text(), "a configuration that was changed is kept"
+
+        machine.run("dpkg", "-r", "ambientd")
+        assert not machine.file("/usr/bin/ambientd").exists()
+        assert not machine.file("/run/ambientd").exists()
+        assert machine.file("/var/lib/private/ambientd/state.json").exists()
+        machine.run("dpkg", "-P", "ambientd")
+        assert not machine.file("/var/lib/private/ambientd").exists()
+        assert not configuration.exists()
+        assert machine.file("/etc/ambientd/model.json").exists(), "that is the user's"
+    assert (
+        hashlib.sha256(deb.read_bytes()).digest() == hashlib.sha256((tmp_path / "ambientd.deb").read_bytes()).digest()
+    )
+    assert not Path("/usr/lib/systemd/system/ambientd.service").exists(), "it was installed on this very machine"

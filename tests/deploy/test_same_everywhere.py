@@ -1,0 +1,247 @@
+"""The same replay is the same bytes: by whichever Python, as whoever, from wherever, in whatever environment."""
+
+import importlib.util
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from ambient_model.codec import encode
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Discrete, Estimator, Input, Model
+
+ROOT = Path(__file__).resolve().parents[2]
+NOBODY = 65534
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """A folder that everyone may enter; pytest's own are closed."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o755)
+        yield Path(folder)
+
+
+INPUTS = tuple(Input(name, "degC", f"{name}-therm", -20.0, 90.0) for name in ("usb", "battery", "cpu", "skin", "modem"))
+
+
+def ugly(rows, columns, scale):
+    """Numbers whose sums depend on the order and the way in which they are added."""
+    return tuple(tuple(scale * math.sin(1 + 7 * row + 3 * column) for column in range(columns)) for row in range(rows))
+
+
+def estimator(inputs, states=4):
+    return Estimator(
+        inputs=inputs,
+        states=tuple(f"x{k}" for k in range(states)),
+        discrete=(
+            Discrete(
+                1.0,
+                A=ugly(states, states, 0.2),
+                B=ugly(states, len(inputs), 0.3),
+                C=ugly(1, states, 1.1),
+                D=ugly(1, len(inputs), 0.7),
+            ),
+        ),
+        offset=-1.3,
+        initial=ugly(states, len(inputs), 0.4),
+        interval={50: (-0.1, 0.2), 90: (-0.3, 0.5), 98: (-0.7, 1.1)},
+    )
+
+
+def wide_model():
+    """As large as real ones, with a name that a locale may stumble over."""
+    main = estimator(INPUTS)
+    without = {"battery": estimator(tuple(each for each in INPUTS if each.name != "battery"))}
+    rows = tuple(tuple(20.0 + k + n for n in range(len(INPUTS))) for k in range(6))
+    return Model("Tastentelefon \u00fc\u2603", "2024", "ambient_degC", main, without, {}, conformance_of(main, rows))
+
+
+def trace():
+    """Gaps, losses, a jitter, and digits without end."""
+    for k in range(600):
+        values = [repr(30 + 5 * math.sin(k / (40 + 7 * n)) + n / 3) for n in range(len(INPUTS))]
+        if 100 <= k < 110:
+            values[0] = ""
+        if 200 <= k < 240:
+            values[1] = ""
+        yield f"{k + (0.25 if k % 7 == 0 else 0) + (40 if k > 400 else 0)!r},{','.join(values)}"
+
+
+@pytest.fixture(scope="module")
+def case(shared, zipapp):
+    """The one file, a model and a trace, for all to read."""
+    header = ",".join(["time_s", *(each.column for each in INPUTS)])
+    (shared / "trace.csv").write_text("\n".join([header, *trace()]) + "\n")
+    (shared / "model.json").write_text(encode(wide_model()))
+    shutil.copy(zipapp, shared / "ambientd.pyz")
+    for path in shared.iterdir():
+        path.chmod(0o644)
+    return shared
+
+
+def outputs(words, case, out, **options):
+    """The bytes of a replay into a file, and of a run into a pipe."""
+    options = {"cwd": "/", "env": {}, **options}
+    paths = [str(case / "model.json"), str(case / "trace.csv")]
+    done = subprocess.run([*words, "replay", *paths, "-o", str(out)], capture_output=True, timeout=60, **options)
+    assert done.returncode == 0, done.stderr.decode()
+    arguments = ["run", "--model", paths[0], "--replay", paths[1], "--speed", "0"]
+    ran = subprocess.run([*words, *arguments], capture_output=True, timeout=60, **options)
+    assert ran.returncode == 0, ran.stderr.decode()
+    content = out.read_bytes()
+    out.unlink()
+    return content, ran.stdout
+
+
+@pytest.fixture(scope="module")
+def reference(case):
+    """What this Python says, from the sources."""
+    env = {"PYTHONPATH": f"{ROOT / 'shared'}:{ROOT / 'daemon'}"}
+    content, said = outputs([sys.executable, "-m", "ambientd"], case, case / "reference.csv", env=env)
+    assert len(content.splitlines()) == 601
+    assert len(said.splitlines()) == 600
+    statuses = {json.loads(line)["status"] for line in said.splitlines()}
+    assert statuses == {"warming_up", "tracking", "coasting", "degraded"}
+    return content, said
+
+
+def pythons():
+    """One Python of each version that this machine has, by its version."""
+    found = {}
+    patterns = ("/usr/bin/python3.[0-9]*", "/usr/local/bin/python3.[0-9]*", "~/.pyenv/versions/*/bin/python3.[0-9]*")
+    for pattern in patterns:
+        folder, name = os.path.split(os.path.expanduser(pattern))
+        top, _, rest = folder.partition("/*")
+        for each in sorted(Path(top).glob(f"*{rest}/{name}" if rest else name)) if Path(top).is_dir() else ():
+            minor = each.name.removeprefix("python3.")
+            if minor.isdigit() and int(minor) >= 10:
+                found.setdefault(f"3.{minor}", str(each))
+    return found
+
+
+PYTHONS = pythons()
+
+
+@pytest.mark.parametrize("version", ["3.10", "3.11", "3.12", "3.13", "3.14"])
+def test_every_python_says_the_same(version, case, reference):
+    if version not in PYTHONS:
+        pytest.skip(f"no Python {version} on this machine")
+    words = [PYTHONS[version], "-I", "-S", str(case / "ambientd.pyz")]
+    assert outputs(words, case, case / "version.csv") == reference
+
+
+ENVIRONMENTS = {
+    "bare": {},
+    "C": {"LC_ALL": "C"},
+    "POSIX": {"LANG": "POSIX"},
+    "German": {"LC_ALL": "de_DE.UTF-8"},
+    "German in Latin-1": {"LC_ALL": "de_DE.ISO-8859-1"},
+    "Turkish": {"LC_ALL": "tr_TR.UTF-8"},
+    "no UTF-8 mode": {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    "ASCII streams": {"PYTHONIOENCODING": "ascii:strict"},
+    "another time zone": {"TZ": "Asia/Kathmandu"},
+    "one hash seed": {"PYTHONHASHSEED": "1"},
+    "another hash seed": {"PYTHONHASHSEED": "4242"},
+    "optimised": {"PYTHONOPTIMIZE": "2"},
+    "no integer limit": {"PYTHONINTMAXSTRDIGITS": "640"},
+}
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_every_environment_says_the_same(name, case, reference):
+    """The sources, since -I would shut the environment out."""
+    env = {"PYTHONPATH": f"{ROOT / 'shared'}:{ROOT / 'daemon'}", **ENVIRONMENTS[name]}
+    assert outputs([sys.executable, "-m", "ambientd"], case, case / "environment.csv", env=env) == reference
+
+
+@pytest.mark.parametrize("name", ["no UTF-8 mode", "ASCII streams", "German in Latin-1"])
+def test_letters_that_a_locale_lacks_are_escaped(name, case):
+    env = {"PYTHONPATH": f"{ROOT / 'shared'}:{ROOT / 'daemon'}", **ENVIRONMENTS[name]}
+    words = [sys.executable, "-m", "ambientd", "check", "--model", str(case / "model.json")]
+    done = subprocess.run(words, env=env, capture_output=True, timeout=60)
+    assert b"Tastentelefon" in done.stdout
+    assert b"Traceback" not in done.stderr
+
+
+def test_every_folder_says_the_same(case, reference, tmp_path):
+    """Even one that holds modules by the names of the standard library's, and that names its files from there."""
+    for name in ("json.py", "math.py", "csv.py", "ambientd.py"):
+        (tmp_path / name).write_text("raise SystemExit('the wrong module')\n")
+    words = [sys.executable, "-I", "-S", str(case / "ambientd.pyz")]
+    assert outputs(words, case, case / "folder.csv", cwd=tmp_path) == reference
+    relative = [sys.executable, "-I", "-S", "ambientd.pyz", "replay", "model.json", "trace.csv", "-o", "relative.csv"]
+    assert subprocess.run(relative, cwd=case, env={}, capture_output=True, timeout=60).returncode == 0
+    assert (case / "relative.csv").read_bytes() == reference[0]
+
+
+def test_nobody_says_the_same_as_root(case, reference):
+    if os.geteuid() != 0:
+        pytest.skip("only root can become somebody else")
+    python = next((path for path in PYTHONS.values() if path.startswith("/usr/")), None)
+    if python is None:
+        pytest.skip("every Python here lies in a folder that only its owner may enter")
+    own = case / "nobody"
+    own.mkdir()
+    os.chown(own, NOBODY, NOBODY)
+    options = {"user": NOBODY, "group": NOBODY, "extra_groups": []}
+    words = [python, "-I", "-S", str(case / "ambientd.pyz")]
+    assert outputs(words, case, own / "out.csv", **options) == reference
+    done = subprocess.run([python, "-c", "import os; print(os.getuid())"], capture_output=True, text=True, **options)
+    assert done.stdout == f"{NOBODY}\n", "it was root all the time"
+
+
+def test_a_shell_says_the_same(case, reference):
+    call = f"'{sys.executable}' -IS ambientd.pyz run --model model.json --replay trace.csv --speed 0"
+    words = ["/bin/sh", "-c", f"{call} 2>/dev/null | cat"]
+    done = subprocess.run(words, cwd=case, capture_output=True, timeout=60)
+    assert done.stdout == reference[1]
+
+
+def pip(*arguments):
+    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *map(str, arguments)]
+    return subprocess.run(words, capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel, as it would be released."""
+    folder = tmp_path_factory.mktemp("wheel")
+    backend = []
+    if importlib.util.find_spec("hatchling") is None:
+        done = pip("install", "--target", folder / "backend", "hatchling")
+        if done.returncode != 0:
+            pytest.skip(f"hatchling, which builds the wheel, cannot be had: {done.stderr.strip()[-200:]}")
+        backend = [str(folder / "backend")]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(backend)}
+    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "-q", "--no-deps"]
+    words += ["--no-build-isolation", "-w", str(folder), str(ROOT)]
+    done = subprocess.run(words, env=env, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    [path] = folder.glob("*.whl")
+    return path
+
+
+def test_the_wheel_holds_the_three_packages_and_asks_the_device_for_nothing(wheel):
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        [metadata] = [archive.read(name).decode() for name in names if name.endswith(".dist-info/METADATA")]
+    tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
+    assert tops == {"ambient_model", "ambientd", "ambient_trainer"}
+    needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist:") and "extra ==" not in line]
+    assert needed == []
+
+
+def test_the_wheel_in_a_fresh_environment_says_the_same(wheel, case, reference, tmp_path):
+    made = subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(tmp_path / "venv")], timeout=60)
+    assert made.returncode == 0
+    done = pip("--python", tmp_path / "venv" / "bin" / "python", "install", "--no-deps", "--no-index", wheel)
+    assert done.returncode == 0, done.stderr
+    assert outputs([str(tmp_path / "venv" / "bin" / "ambientd")], case, case / "wheel.csv") == reference

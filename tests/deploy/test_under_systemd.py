@@ -1,0 +1,139 @@
+"""The unit under a real systemd, with the real sandbox: one that the test boots for itself, beside the machine's."""
+
+import json
+import shutil
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+
+
+def configuration(state="/var/lib/ambientd/state.json"):
+    publish = [
+        "file:/run/ambientd/ambient_temp",
+        "status:/run/ambientd/status.json",
+        "socket:/run/ambientd/ambient.sock",
+    ]
+    state = {"path": state, "max_age_s": 30}
+    return json.dumps({"model": "model.json", "sysfs_root": "sys", "state": state, "publish": publish})
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory, zipapp, model_file, boot, at_rest):
+    """A machine that has the one file, the unit, a model, a configuration and a fake sysfs at rest at 23 degC."""
+    box = tmp_path_factory.mktemp("box")
+    etc, local = box / "files/etc/ambientd", box / "files/usr/local/bin"
+    at_rest(etc / "sys")
+    (etc / "ambientd.json").write_text(configuration())
+    shutil.copy(model_file, etc / "model.json")
+    local.mkdir(parents=True)
+    shutil.copy(zipapp, local / "ambientd")
+    units = box / "units"
+    (units / "ambientd.service.d").mkdir(parents=True)
+    shutil.copy(DEPLOY / "ambientd.service", units)
+    # what the guide says of the one file: it reads JSON, and the unit is to name that
+    shipped = "ExecStart=/usr/bin/env ambientd run --config /etc/ambientd/ambientd.yaml\n"
+    assert shipped in (DEPLOY / "ambientd.service").read_text()
+    ours = "RestartSec=0.1\nStandardError=append:/box/stderr\n"
+    override = f"[Service]\nExecStart=\n{shipped.replace('.yaml', '.json')}{ours}"
+    (units / "ambientd.service.d" / "json.conf").write_text(override)
+    with boot(box) as running:
+        yield running
+
+
+@pytest.fixture
+def started(machine):
+    """The unit, started: that comes back when the first estimate is out."""
+    machine.run("systemctl", "start", "ambientd")
+    yield machine
+    machine.run("systemctl", "stop", "ambientd")
+    machine.run("systemctl", "reset-failed", "ambientd", check=False)
+
+
+def test_the_unit_publishes_to_all_and_stops_clean(started):
+    assert started.file("/run/ambientd/ambient_temp").read_text() == "23000\n"
+    assert json.loads(started.file("/run/ambientd/status.json").read_text())["ambient_degC"] == 23.0
+    assert started.show("StatusText") == "model 'phone': warming_up"
+    owners = started.run("stat", "-c", "%U %a", "/run/ambientd", "/run/ambientd/ambient_temp").splitlines()
+    assert owners == ["ambientd 755", "ambientd 644"]
+    # any user inside reads the file, and follows the socket
+    nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+    assert started.run(*nobody, "cat", "/run/ambientd/ambient_temp") == "23000\n"
+    assert started.run(*nobody, "stat", "-c", "%a", "/run/ambientd/ambient.sock") == "666\n"
+    with socket.socket(socket.AF_UNIX) as follower:
+        follower.connect(str(started.file("/run/ambientd/ambient.sock")))
+        assert json.loads(follower.makefile().readline())["ambient_degC"] == 23.0
+    started.run("systemctl", "stop", "ambientd")
+    assert (started.show("Result"), started.show("ExecMainStatus")) == ("success", "0")
+    assert not started.file("/run/ambientd").exists()
+    assert started.file("/var/lib/private/ambientd/state.json").exists()
+
+
+def test_a_restart_goes_on_and_a_reload_with_a_bad_model_changes_nothing(started, until):
+    started.run("systemctl", "restart", "ambientd")
+    assert "state /var/lib/ambientd/state.json: going on from" in (started.box / "stderr").read_text()
+    process = started.show("MainPID")
+    model = started.file("/etc/ambientd/model.json")
+    good = model.read_text()
+    try:
+        model.write_text("{}")
+        started.run("systemctl", "reload", "ambientd")
+        until(lambda: "not reloaded" in (started.box / "stderr").read_text())
+    finally:
+        model.write_text(good)
+    assert (started.show("MainPID"), started.show("ActiveState")) == (process, "active")
+
+
+@pytest.fixture
+def short_watchdog(machine):
+    """Two seconds, to be waited for in a test."""
+    folder = machine.file("/run/systemd/system/ambientd.service.d")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "watchdog.conf").write_text("[Service]\nWatchdogSec=2\n")
+    machine.run("systemctl", "daemon-reload")
+    yield
+    (folder / "watchdog.conf").unlink()
+    machine.run("systemctl", "daemon-reload")
+
+
+def test_a_daemon_that_hangs_is_killed_and_started_again(short_watchdog, started, until):
+    process = started.show("MainPID")
+    started.run("kill", "-STOP", process)
+    until(lambda: started.show("MainPID") not in (process, "0") and started.show("ActiveState") == "active")
+    assert started.show("NRestarts") == "1"
+    assert started.file("/run/ambientd/ambient_temp").read_text() == "23000\n"
+
+
+def test_it_is_closed_in(started):
+    """As the kernel says of the process itself."""
+    status = started.run("cat", f"/proc/{started.show('MainPID')}/status")
+    told = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+    assert (told["NoNewPrivs"], told["Seccomp"], told["CapEff"]) == ("1", "2", "0" * 16)
+    assert "0" not in told["Uid"].split()
+
+
+def test_a_replay_under_systemd_run_is_that_of_a_shell(machine, deployed, model_file):
+    rows = [f"{k},{25 + k % 7 / 3!r},{24 + k % 5 / 7!r}" for k in range(200)]
+    rows[50] = "50,,24"
+    (machine.box / "trace.csv").write_text("\n".join(["time_s,usb_degC,battery_degC", *rows]) + "\n")
+    replayed, said = machine.box / "replayed.csv", machine.box / "said"
+    streams = [f"--property=StandardOutput=truncate:/box/{said.name}", "--property=StandardError=null"]
+    run = ["systemd-run", "--quiet", "--property=Type=oneshot", *streams]
+    daemon = ["/usr/bin/env", "ambientd"]
+    model = "/etc/ambientd/model.json"
+    machine.run(*run, *daemon, "replay", model, "/box/trace.csv", "-o", f"/box/{replayed.name}")
+    here = machine.box / "here.csv"
+    words = deployed("replay", model_file, machine.box / "trace.csv", "-o", here)
+    assert subprocess.run(words, env={}, capture_output=True, timeout=30).returncode == 0
+    assert replayed.read_bytes() == here.read_bytes()
+    assert len(here.read_bytes().splitlines()) == 201
+
+    arguments = ["run", "--model", model, "--replay", "/box/trace.csv", "--speed", "0"]
+    machine.run(*run, *daemon, *arguments)
+    words = deployed("run", "--model", model_file, "--replay", machine.box / "trace.csv", "--speed", "0")
+    done = subprocess.run(words, env={}, capture_output=True, timeout=30)
+    assert said.read_bytes() == done.stdout
+    assert len(done.stdout.splitlines()) == 200
