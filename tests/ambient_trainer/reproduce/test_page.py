@@ -1,72 +1,16 @@
 """The page in a real browser, from a file: no error, no request beyond its folder, nothing wider than the screen."""
 
-import html
-import json
 import re
-import shutil
-import subprocess
 
 import pytest
 
-from ambient_trainer.report.page import write_report
 from ambient_trainer.reproduce.page import reproduction_page
 from ambient_trainer.thesis.errata import text_errata
-
-QUIET = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--no-first-run", "--host-resolver-rules=MAP * ~NOTFOUND",
-)  # fmt: skip
-LISTEN = """<script>
-window.faults = [];
-addEventListener("error", (event) => faults.push(String(event.message || event.target.src)), true);
-addEventListener("unhandledrejection", (event) => faults.push(String(event.reason)));
-for (const level of ["error", "warn"]) console[level] = (...said) => faults.push(said.join(" "));
-addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringify({
-  faults,
-  fetched: performance.getEntriesByType("resource").map((each) => each.name),
-  wide: document.documentElement.scrollWidth, room: innerWidth,
-  plots: [...document.querySelectorAll(".js-plotly-plot .subplot")].map(
-    (each) => each.closest(".js-plotly-plot").querySelector(".nsewdrag").getBoundingClientRect().width),
-}), "*"), 3000));
-</script>"""
-FRAME = """<html><body><pre id="said"></pre><iframe src="{page}" style="width:{width}px;height:900px;border:0"></iframe>
-<script>addEventListener("message", (event) => document.getElementById("said").textContent = event.data);</script>
-</body></html>"""
 
 
 @pytest.fixture
 def page(made):
     return reproduction_page(made(), text_errata())
-
-
-@pytest.fixture
-def opened(tmp_path):
-    """What a page says of itself in a window of some width."""
-    if shutil.which("chromium") is None:
-        pytest.skip("no chromium to open the page with")
-
-    def open_page(page, width):
-        path = write_report(str(tmp_path / "report"), page.replace("<head>", "<head>" + LISTEN, 1))
-        frame = tmp_path / "frame.html"
-        frame.write_text(FRAME.format(page=f"file://{path}", width=width))
-        shown = subprocess.run(
-            [
-                "chromium",
-                *QUIET,
-                f"--user-data-dir={tmp_path / 'profile'}",
-                "--window-size=1400,1000",
-                "--virtual-time-budget=15000",
-                "--dump-dom",
-                f"file://{frame}",
-            ],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        ).stdout
-        return json.loads(html.unescape(re.search(r'<pre id="said">(.*?)</pre>', shown, re.DOTALL)[1]))
-
-    return open_page
 
 
 @pytest.mark.parametrize("width", [1280, 390])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
@@ -46,6 +47,10 @@ def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(monkeypatch, ca
         (["7"], "'7' is not one of '1', '2.1', '2.2', '2.3', '2.4', '2.5', '3', '4', '5'"),
         (["1", "--seed", "-1"], "-1 is not in the range x>=0"),
         (["1", "--period", "0"], "0.0 is not in the range 0.1<=x<=60.0"),
+        (["1", "--hide", "sensor_bias:usb:2W"], "'sensor_bias:usb:2W', size: 'W' is not a unit of it; give it in degC"),
+        (["1", "--hide", "sensor_bias:usb:from=31min"], "from: 1860 s is outside the run; it lasts from 0 to 1800 s"),
+        (["1", "--decoy", "moon_on"], "decoy 'moon_on': there is no such signal; take one of radio_on, "),
+        (["1", "--truth", "nowhere/t.json"], "nowhere/t.json: there is no folder "),
     ],
 )
 def test_a_wrong_call_is_status_2(monkeypatch, capsys, tmp_path, arguments, message):
@@ -61,3 +66,37 @@ def test_all_zones_on_request(monkeypatch, capsys, tmp_path):
     columns = [set(path.read_text().splitlines()[3].split(",")) for path in (few, many)]
     assert columns[0] < columns[1]
     assert len([name for name in columns[1] if name.endswith("_degC")]) > 48
+
+
+def test_an_effect_is_hidden_in_the_trace_and_told_elsewhere(monkeypatch, capsys, tmp_path):
+    clean, trace, truth = (tmp_path / name for name in ("clean.csv", "trace.csv", "truth.json"))
+    calm = ["2.3", "--period", "5", "-o"]
+    assert _run(monkeypatch, *calm, str(clean)) == 0
+    capsys.readouterr()
+    text = "sensor_bias:usb:2K:from=10min"
+    hide = ["--hide", text, "--hide", "ambient_coupling:all:signal=fan_on", "--decoy", "wifi_on"]
+    assert _run(monkeypatch, *calm, str(trace), *hide, "--truth", str(truth)) == 0
+    assert capsys.readouterr() == (
+        f"wrote {trace}: 360 simulated samples, one every 5 s, with 2 hidden effects\n"
+        f"wrote {truth}: what is hidden in it\n",
+        "",
+    )
+    head = trace.read_text().splitlines()[:4]
+    assert head[:3] == clean.read_text().splitlines()[:3]
+    assert head[3] == clean.read_text().splitlines()[3] + ",fan_on,wifi_on"
+    bias, coupling = json.loads(truth.read_text())["effects"]
+    assert bias["hidden"].startswith("sensor_bias:usb:2.0degC:from=600.0:to=")
+    assert (bias["location"], bias["onset_s"], bias["unit"], bias["worst"]) == ("usb", 600.0, "degC", "usb_degC")
+    assert bias["magnitude"] == pytest.approx(2.0, abs=0.1)
+    assert (coupling["signal"], coupling["location"]) == ("fan_on", None)
+    assert coupling["magnitude"] < -0.1
+
+
+def test_the_same_seed_hides_the_same(monkeypatch, tmp_path):
+    def written(name, *options):
+        path = tmp_path / name
+        assert _run(monkeypatch, "2.5", "--period", "5", "--hide", "random", *options, "-o", str(path)) == 0
+        return path.read_bytes()
+
+    assert written("a", "--seed", "3") == written("b", "--seed", "3")
+    assert written("a", "--seed", "3") != written("c", "--seed", "4")

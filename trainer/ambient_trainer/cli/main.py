@@ -19,6 +19,7 @@ COMMANDS = {
     "fit": "fit",
     "identifiability": "identifiability",
     "import": "import_",
+    "mitigate": "mitigate",
     "reproduce": "reproduce",
     "simulate": "simulate",
 }

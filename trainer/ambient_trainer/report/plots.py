@@ -106,6 +106,16 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     return figure
 
 
+def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
+    """An empty plot of one panel that is not over time, in the same style."""
+    figure = go.Figure()
+    _style(figure, height_px)
+    figure.update_layout(hovermode="closest", margin={**_MARGIN_PX, "t": 30})
+    figure.update_xaxes(title_text=_plain(x_title))
+    figure.update_yaxes(title_text=_plain(y_title))
+    return figure
+
+
 def with_legend_above(figure: go.Figure) -> go.Figure:
     """``figure``, of one panel, with its legend in rows above it and no buttons there: narrow screens have no room."""
     figure.update_layout(
@@ -113,6 +123,17 @@ def with_legend_above(figure: go.Figure) -> go.Figure:
         modebar={"remove": ["zoom", "pan", "zoomIn", "zoomOut", "autoScale", "resetScale", "toImage"]},
     )
     return figure
+
+
+def with_one_legend_above(figure: go.Figure) -> go.Figure:
+    """``figure``, of many panels, with one legend in rows above them: what has the same name in all is named once."""
+    seen: set[str] = set()
+    for trace in figure.data:
+        trace.update(legend="legend", legendgroup=trace.name, showlegend=trace.name not in seen)
+        seen.add(trace.name)
+    for key in [each for each in figure.layout if each.startswith("legend") and each != "legend"]:
+        figure.layout[key] = None
+    return with_legend_above(figure)
 
 
 def to_markup(figure: go.Figure, identity: str) -> Markup:
@@ -199,6 +220,13 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
 
 
 def _lay_out(figure: go.Figure, panels: Sequence[Panel], height_px: int) -> None:
+    _style(figure, height_px)
+    for row in range(1, len(panels) + 1):
+        top = figure.layout[_axis(row)].domain[1]
+        figure.layout[_legend(row)] = {"x": 1.01, "xanchor": "left", "y": top, "yanchor": "top", "font": {"size": 12}}
+
+
+def _style(figure: go.Figure, height_px: int) -> None:
     axis = {"gridcolor": "#e5e7eb", "linecolor": "#9ca3af", "zerolinecolor": "#9ca3af", "showline": True}
     figure.update_xaxes(**axis, ticks="outside", tickcolor="#9ca3af", hoverformat=".3f", zeroline=False)
     figure.update_yaxes(**axis, hoverformat=".2f", title_standoff=8)
@@ -212,9 +240,6 @@ def _lay_out(figure: go.Figure, panels: Sequence[Panel], height_px: int) -> None
         plot_bgcolor="white",
         paper_bgcolor="white",
     )
-    for row in range(1, len(panels) + 1):
-        top = figure.layout[_axis(row)].domain[1]
-        figure.layout[_legend(row)] = {"x": 1.01, "xanchor": "left", "y": top, "yanchor": "top", "font": {"size": 12}}
 
 
 def _legend(row: int) -> str:

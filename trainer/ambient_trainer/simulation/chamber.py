@@ -42,9 +42,14 @@ def coloured(count: int, period_s: float, memory_s: float, random: np.random.Gen
 
 def lagged(values: Array, lag_s: float, period_s: float) -> Array:
     """``values``, shape (..., n), behind a first-order lag: exact where they run straight between samples."""
-    ratio = period_s / lag_s
-    kept = math.exp(-ratio)
-    gained = (1.0 - kept) / ratio
+    kept, gained = lag_weights(lag_s, period_s)
     start = gained * values[..., :1]  # settled
     result, _ = lfilter([1.0 - gained, gained - kept], [1.0, -kept], values, zi=start)
     return np.asarray(result)
+
+
+def lag_weights(lag_s: float, period_s: float) -> tuple[float, float]:
+    """(kept, gained) of a lag's next value: kept last + (1 - gained) input now + (gained - kept) input before."""
+    ratio = period_s / lag_s
+    kept = math.exp(-ratio)
+    return kept, (1.0 - kept) / ratio

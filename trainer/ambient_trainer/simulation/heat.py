@@ -42,7 +42,8 @@ class HeatBalance:
         self._conductance = np.array([[phone.conductance_W_K[edge] for edge in edges] for phone in phones])
         self._ends = _incidence(edges)
         surface = np.array([_per_node(phone.surface_m2) for phone in phones])
-        self._convection = np.array([[phone.convection_W_m2_K125] for phone in phones]) * surface
+        self.convection = np.array([[phone.convection_W_m2_K125] for phone in phones]) * surface
+        """By phone and node, in W/K^1.25."""
         self._radiation = np.array([[phone.emissivity] for phone in phones]) * c.STEFAN_BOLTZMANN_W_M2_K4 * surface
         self._low = np.array([phone.governor_low_degC for phone in phones])
         self._band = np.array([phone.governor_high_degC for phone in phones]) - self._low
@@ -92,12 +93,19 @@ class HeatBalance:
 
     def lost(self, nodes: Array, air_degC: Array) -> Array:
         """The heat that every node loses to air and walls at ``air_degC``, shape (batch,)."""
+        return self.convected(nodes, air_degC) + self.radiated(nodes, air_degC)
+
+    def convected(self, nodes: Array, air_degC: Array) -> Array:
+        """What of it goes to the air."""
         difference = nodes - air_degC[:, None]
+        return self.convection * difference * np.sqrt(np.sqrt(np.abs(difference)))
+
+    def radiated(self, nodes: Array, air_degC: Array) -> Array:
+        """What of it goes to the walls."""
         kelvin, walls = nodes + c.ZERO_DEGC_K, air_degC + c.ZERO_DEGC_K
         kelvin *= kelvin
         walls = walls * walls
-        radiated = kelvin * kelvin - (walls * walls)[:, None]
-        return self._convection * difference * np.sqrt(np.sqrt(np.abs(difference))) + self._radiation * radiated
+        return self._radiation * (kelvin * kelvin - (walls * walls)[:, None])
 
     def rates(self, nodes: Array, air_degC: Array, demand: Demand) -> Array:
         """dT/dt in K/s."""

@@ -11,7 +11,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.simulation import constants as c
 from ambient_trainer.simulation.constants import Activity
 from ambient_trainer.simulation.device import Chamber, Phone
-from ambient_trainer.simulation.instruments import felt, probe_reading, zone_reading
+from ambient_trainer.simulation.instruments import Sound, felt, probe_reading, zone_reading
 from ambient_trainer.simulation.run import Driven, Progress, integrate, prepare, stream
 from ambient_trainer.simulation.scenario import load_scenario
 from ambient_trainer.simulation.zones import Zone, all_zones, thesis_zones
@@ -68,19 +68,21 @@ def _traces(
     phone, chamber = parts[0] or Phone.shipped(), parts[1] or Chamber.shipped()
     prepared = [prepare(load_scenario(name), seed, period_s, phone, chamber) for name, seed in runs]
     driven = integrate(prepared, period_s, progress)
-    return [trace_of(each, name, seed, period_s, zones) for each, (name, seed) in zip(driven, runs)]
+    return [trace_of(each, name, seed, period_s, zones, Sound()) for each, (name, seed) in zip(driven, runs)]
 
 
-def trace_of(driven: Driven, scenario_name: str, seed: int, period_s: float, zones: Sequence[Zone]) -> Trace:
+def trace_of(
+    driven: Driven, scenario_name: str, seed: int, period_s: float, zones: Sequence[Zone], instruments: Sound
+) -> Trace:
     """What phone and laboratory log of a run, from the recording's first sample on."""
     kept = slice(driven.run.unrecorded, None)
     columns: dict[str, Array] = {}
     for zone in zones:
-        reading = zone_reading(
-            zone, felt(zone, driven.run.phone, driven.nodes_degC, period_s), stream(seed, f"zone {zone.name}")
-        )
-        columns[f"{zone.name}_degC"] = reading[kept]
-    columns[REFERENCE] = probe_reading(driven.run.air_degC, period_s, stream(seed, "probes"))[kept]
+        warm = instruments.felt(zone.name, felt(zone, driven.run.phone, driven.nodes_degC, period_s))
+        reading = zone_reading(zone, warm, stream(seed, f"zone {zone.name}"))
+        columns[f"{zone.name}_degC"] = instruments.read(zone.name, reading, zone.step_degC)[kept]
+    air_degC = instruments.air(driven.run.air_degC)
+    columns[REFERENCE] = probe_reading(air_degC, period_s, stream(seed, "probes"))[kept]
     columns["soc_power_W"] = np.round(driven.soc_W[kept], 3)
     activity = driven.run.activity[kept]
     columns["charging_on"] = np.array([float(each in c.CHARGING_A) for each in Activity])[activity]

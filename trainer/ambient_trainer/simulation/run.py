@@ -10,12 +10,13 @@ import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.simulation import constants as c
+from ambient_trainer.simulation.additions import Added, Additions
 from ambient_trainer.simulation.chamber import ramped, wobble
 from ambient_trainer.simulation.constants import NODES, Activity
 from ambient_trainer.simulation.device import Chamber, Phone
@@ -62,6 +63,8 @@ class Driven:
     nodes_degC: Array
     soc_W: Array
     current_A: Array
+    bodies_degC: Array
+    """Of what is added to the phone, shape (n, bodies)."""
 
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
@@ -99,35 +102,52 @@ def schedule(scenario: Scenario, time_s: Array) -> tuple[Array, NDArray[np.intp]
     return set_points[current], activities[current]
 
 
-def integrate(runs: Sequence[Run], period_s: float, progress: Progress | None = None) -> list[Driven]:
-    """The runs' temperatures, sample by sample; the longest run sets the time it takes."""
+def integrate(
+    runs: Sequence[Run], period_s: float, progress: Progress | None = None, added: Sequence[Added] = ()
+) -> list[Driven]:
+    """The runs' temperatures, sample by sample; the longest run sets the time it takes.
+
+    ``added`` is what comes to each run's phone, or nothing for all of them.
+    """
     balance = HeatBalance([run.phone for run in runs])
+    additions = Additions(balance, added) if any(each.terms or each.links for each in added) else None
     count = max(run.samples for run in runs)
     air = _stacked([run.air_degC for run in runs], count)
     activity = _stacked([run.activity for run in runs], count)
     burst = _stacked([run.burst for run in runs], count)
-    nodes = np.empty((count, len(runs), len(NODES)))
+    size = len(NODES)
+    nodes = np.empty((count, len(runs), additions.width if additions else size))
     drives = np.empty((count, 2, len(runs)))
     start_degC = np.array([run.start_degC for run in runs])
-    state = balance.equilibrium(start_degC, balance.demand(activity[0], np.ones(len(runs))))
+    resting = balance.demand(activity[0], np.ones(len(runs)))
+    state = balance.equilibrium(start_degC, resting)
+    if additions:
+        state = additions.start(state, start_degC, resting)
     for k in range(count):
         demand = balance.demand(activity[k], burst[k])
         nodes[k] = state
         drawn, current_A = balance.drawn(state, demand)
         drives[k] = drawn[:, SOC], current_A
         if k + 1 < count:
-            state = _advanced(balance, state, demand, (air[k], air[k + 1]), period_s)
+            physics = additions.during(k) if additions else balance
+            state = advanced(physics, state, demand, (air[k], air[k + 1]), period_s)
         if progress and k % _PROGRESS_EVERY == 0:
             progress(k, count)
     return [
-        Driven(run, nodes[: run.samples, index], drives[: run.samples, 0, index], drives[: run.samples, 1, index])
+        Driven(run, each[:, :size], drives[: run.samples, 0, index], drives[: run.samples, 1, index], each[:, size:])
         for index, run in enumerate(runs)
+        for each in (nodes[: run.samples, index],)
     ]
 
 
-def _advanced(
-    balance: HeatBalance, state: Array, demand: Demand, air_degC: tuple[Array, Array], period_s: float
-) -> Array:
+class Rates(Protocol):
+    """Equations: those of the phones alone, or with what is added to them."""
+
+    def rates(self, state: Array, air_degC: Array, demand: Demand, /) -> Array:
+        """dT/dt in K/s."""
+
+
+def advanced(balance: Rates, state: Array, demand: Demand, air_degC: tuple[Array, Array], period_s: float) -> Array:
     """The state one sample later, while the air goes straight from the one temperature to the other."""
     now, slope_K_s = air_degC[0], (air_degC[1] - air_degC[0]) / period_s
     substeps = math.ceil(period_s / LONGEST_STEP_S)

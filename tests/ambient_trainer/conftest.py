@@ -1,0 +1,70 @@
+"""A page in a real browser, from a file: what it complains of, what it fetches, how wide it is."""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ambient_trainer.report.page import write_report
+
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync", "--no-first-run", "--host-resolver-rules=MAP * ~NOTFOUND",
+)  # fmt: skip
+LISTEN = """<script>
+window.faults = [];
+addEventListener("error", (event) => faults.push(String(event.message || event.target.src)), true);
+addEventListener("unhandledrejection", (event) => faults.push(String(event.reason)));
+for (const level of ["error", "warn"]) console[level] = (...said) => faults.push(said.join(" "));
+addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringify({
+  faults,
+  fetched: performance.getEntriesByType("resource").map((each) => each.name),
+  wide: document.documentElement.scrollWidth, room: innerWidth,
+  plots: [...document.querySelectorAll(".js-plotly-plot .subplot")].map(
+    (each) => each.closest(".js-plotly-plot").querySelector(".nsewdrag").getBoundingClientRect().width),
+}), "*"), 3000));
+</script>"""
+FRAME = """<html><body><pre id="said"></pre><iframe src="{page}" style="width:{width}px;height:900px;border:0"></iframe>
+<script>addEventListener("message", (event) => document.getElementById("said").textContent = event.data);</script>
+</body></html>"""
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Callable[[str, int], dict[str, Any]]:
+    """What a page says of itself in a window of some width."""
+    if shutil.which("chromium") is None:
+        pytest.skip("no chromium to open the page with")
+
+    def open_page(page: str, width: int) -> dict[str, Any]:
+        path = write_report(str(tmp_path / "report"), page.replace("<head>", "<head>" + LISTEN, 1))
+        frame = tmp_path / "frame.html"
+        frame.write_text(FRAME.format(page=f"file://{path}", width=width))
+        shown = subprocess.run(
+            [
+                "chromium",
+                *QUIET,
+                f"--user-data-dir={tmp_path / 'profile'}",
+                "--window-size=1400,1000",
+                "--virtual-time-budget=15000",
+                "--dump-dom",
+                f"file://{frame}",
+            ],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        ).stdout
+        found = re.search(r'<pre id="said">(.*?)</pre>', shown, re.DOTALL)
+        assert found
+        said: dict[str, Any] = json.loads(html.unescape(found[1]))
+        return said
+
+    return open_page
