@@ -281,11 +281,16 @@ def _teach(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str
         elif np.abs(known).max() > _NO_SENSOR:
             worst = known[np.abs(known).argmax()]
             faults.append(Fault(f"column {name}", f"holds {worst:g}", "no sensor reads that: leave such cells empty"))
-        elif np.ptp(known) == 0 and (name in inputs or len(outputs) == 1):
+        elif np.ptp(known) == 0 and _must_move(name, outputs):
             mend = "a stuck sensor teaches nothing: leave it out" if name in inputs else "log a run in which it changes"
             faults.append(Fault(f"column {name}", f"is {known[0]:g} all the time", mend))
     if faults:
         raise Refused(", ".join(trace.path for trace in traces), faults)
+
+
+def _must_move(name: str, outputs: Sequence[str]) -> bool:
+    """An estimate of the ambient needs inputs that move; a simulation may have a constant boundary, but one output not."""
+    return tuple(outputs) == (REFERENCE,) or tuple(outputs) == (name,)
 
 
 def _enough(traces: Sequence[Trace], structure: Structure) -> None:

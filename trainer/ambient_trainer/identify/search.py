@@ -156,7 +156,8 @@ class _Run:
         """
         here = self._evaluate(theta)
         bounds = self.structure.search
-        room = 1e-6 * (bounds.high - bounds.low)
+        wide = bounds.high - bounds.low
+        room = np.where(np.isfinite(wide), 1e-6 * wide, 0.0)
         J = here.jacobian[:, (theta > bounds.low + room) & (theta < bounds.high - room)]
         lengths = np.linalg.norm(J, axis=0)
         J = J[:, lengths > _ROUNDING * lengths.max(initial=0.0)]
