@@ -42,7 +42,8 @@ def _check_fallbacks(settings: Settings, model: Model) -> None:
     worst = worst_contradictions(model)
     doubtful = [name for name in worst if not worst[name] <= TOLERANCE]
     for name in doubtful:
-        _say("warning", f"without {name} it contradicts itself by {worst[name]:g} (equilibrium moves, or periods disagree)")
+        by = f"{worst[name]:g} (equilibrium moves, or periods disagree)"
+        _say("warning", f"without {name} it contradicts itself by {by}")
     if worst and not doubtful:
         _say("", f"passed: {len(worst)} fallbacks keep their equilibrium, and their periods agree")
 
