@@ -15,6 +15,8 @@ COMMANDS = {
     "calibrate-phone": "calibrate_phone",
     "compare": "compare",
     "demo": "demo",
+    "diagnose": "diagnose",
+    "discover": "discover",
     "evaluate": "evaluate",
     "fit": "fit",
     "identifiability": "identifiability",

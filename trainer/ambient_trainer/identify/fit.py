@@ -289,7 +289,7 @@ def _teach(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str
 
 
 def _must_move(name: str, outputs: Sequence[str]) -> bool:
-    """An estimate of the ambient needs inputs that move; a simulation may have a constant boundary, but one output not."""
+    """An estimate needs inputs that move; a simulation may have a constant boundary, but no lone constant output."""
     return tuple(outputs) == (REFERENCE,) or tuple(outputs) == (name,)
 
 

@@ -70,6 +70,7 @@ _TYPICAL: Mapping[str, float] = {
 }
 """The size at scale 1, by cause, or by cause and place: about 2 K in the sensor that feels it most in scenario 5."""
 _SINCE_EVER = ("convection_law", "clock_offset")
+_LASTING = (*_SINCE_EVER, "sensor_drift")
 _STUCK_DEGC = (15.0, 40.0)
 
 
@@ -97,7 +98,7 @@ def draw_hidden(random: np.random.Generator, cause: str, duration_s: float, scal
         "end_s": None,
         "size": stuck_degC if cause == "sensor_stuck" else _size(cause, place, signal, scale * spread, sign),
     }
-    if not (for_good or signal or cause in _SINCE_EVER):
+    if not (for_good or signal or cause in _LASTING):
         begun_s = given.get("onset_s", onset_s)
         if begun_s < duration_s:
             drawn["end_s"] = begun_s + math.ceil(length * (duration_s - begun_s))

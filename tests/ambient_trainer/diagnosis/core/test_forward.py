@@ -1,0 +1,100 @@
+"""A circuit of either form read forward has the physics' A and B; one that cannot be is refused with the way out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambient_model.faults import Refused
+from ambient_trainer.circuits.assemble import assemble
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.diagnosis.forward import forward
+
+HEAD = "format: ambient-circuit\nversion: 1\nname: small\nabout: Small\n"
+RISE = (
+    HEAD
+    + """
+form: rise
+nodes:
+  board: {capacitance: C_board, sensor: board}
+  shell: {capacitance: C_shell, sensor: skin}
+  chip: {sensor: soc}
+edges:
+  - {between: [chip, board], resistance: R_inner}
+  - {between: [board, shell], resistance: R_inner}
+  - {between: [shell, ambient], resistance: R_outer}
+  - {between: [board, ambient], resistance: R_far}
+sources:
+  - {into: board, signal: charger_W, share: k}
+outputs:
+  ambient: {states: parallel, inputs: {skin_degC: w}, offset: d}
+parameters:
+  C_board: {unit: J/K, initial: 12}
+  C_shell: {unit: J/K, initial: 30}
+  R_inner: {unit: K/W, initial: 4}
+  R_outer: {unit: K/W, initial: 20}
+  R_far: {unit: K/W, initial: 50}
+  k: {unit: "1", initial: 0.5, min: 0, max: 1}
+  w: {unit: "1", initial: 1, min: 0, max: 2}
+  d: {unit: K, initial: 0, min: -1, max: 1}
+"""
+)
+
+
+def test_rise_circuit_turned_round() -> None:
+    circuit = forward(parse_circuit(RISE, "small.yaml"))
+    assert circuit.form == "temperature"
+    assert [node.name for node in circuit.states] == ["board", "shell"]
+    assert circuit.inputs == ("soc_degC", "ambient_degC", "charger_W")
+    assert [(output.name, output.offset) for output in circuit.outputs] == [("board", None), ("skin", None)]
+    # the rise form's weights and offset have nothing left to weigh
+    assert {each.name for each in circuit.parameters} == {
+        "C_board",
+        "C_shell",
+        "R_inner",
+        "R_outer",
+        "R_far",
+        "k",
+        "whole",
+    }
+    value = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
+    np.testing.assert_allclose(value.A, [[-1 / 24 - 1 / 600, 1 / 48], [1 / 120, -1 / 120 - 1 / 600]], rtol=1e-14)
+    np.testing.assert_allclose(value.B, [[1 / 48, 1 / 600, 0.5 / 12], [0, 1 / 600, 0]], rtol=1e-14)
+    np.testing.assert_array_equal(value.C, np.eye(2))
+    assert not value.D.any()
+    assert not value.offset.any()
+
+
+def test_forward_circuit_stays_as_it_is() -> None:
+    once = forward(parse_circuit(RISE, "small.yaml"))
+    assert forward(once) == once
+
+
+def test_ambient_with_a_capacitance_is_prescribed() -> None:
+    once = forward(parse_circuit(RISE, "small.yaml"))
+    heavy = tuple(replace(node, capacitance="C_shell") if node.name == "ambient" else node for node in once.nodes)
+    assert forward(replace(once, nodes=heavy)) == once
+
+
+def test_no_capacity_is_refused() -> None:
+    """Sensors on nodes without a capacitance only drive; a state that nothing reads shows nothing."""
+    circuit = parse_circuit(RISE, "small.yaml")
+    unread = tuple(replace(node, sensor=None) if node.capacitance else node for node in circuit.nodes)
+    with pytest.raises(Refused) as refused:
+        forward(replace(circuit, nodes=unread))
+    assert str(refused.value) == (
+        "small: nodes: no sensor reads a node with a capacitance: nothing can be simulated;"
+        " take one with heat capacities, such as model2_ss, or write one"
+    )
+
+
+def test_no_way_out_is_refused() -> None:
+    circuit = parse_circuit(RISE, "small.yaml")
+    closed = tuple(edge for edge in circuit.edges if not {"ambient", "chip"} & set(edge.between))
+    with pytest.raises(Refused) as refused:
+        forward(replace(circuit, nodes=circuit.states, edges=closed))
+    assert str(refused.value) == (
+        "small: nodes: nothing is prescribed; join a node to the ambient: heat must have a way out"
+    )

@@ -1,0 +1,121 @@
+"""A record is a trace on a grid of means: nothing is lost to a linear circuit, and gaps stay gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ambient_model.faults import Refused
+from ambient_trainer.diagnosis.record import MOST_SAMPLES, diagnosis_period_s, means, records
+from ambient_trainer.traces.trace import Trace
+
+
+def _trace(time_s: np.ndarray, **columns: np.ndarray) -> Trace:
+    return Trace("made.csv", time_s, columns)
+
+
+def test_a_mean_is_that_of_what_lies_in_the_period() -> None:
+    time_s = np.arange(40.0)
+    values = np.random.default_rng(1).normal(20, 3, 40)
+    values[[3, 12, *range(20, 30)]] = np.nan
+    mean = means(_trace(time_s, a_degC=values), 10.0)
+    np.testing.assert_allclose(mean.time_s, [5, 15, 25, 35])
+    wanted = [np.nanmean(values[:10]), np.nanmean(values[10:20]), np.nan, np.nanmean(values[30:])]
+    np.testing.assert_allclose(mean.columns["a_degC"], wanted)
+
+
+def test_a_trace_about_as_coarse_is_left_alone() -> None:
+    trace = _trace(10.0 * np.arange(20), a_degC=np.arange(20.0))
+    assert means(trace, 15.0) is trace
+    assert means(trace, 20.0) is not trace
+
+
+def test_averaging_commutes_with_a_linear_circuit(chain) -> None:
+    """The record of a finely simulated run is what the coarse circuit simulates from the record's inputs."""
+    fine, factor, samples = 1.0, 10, 12000
+    time_s = fine * np.arange(samples)
+    random = np.random.default_rng(4)
+    bursts = 3.0 * (random.random(samples) < 0.1)  # shorter than the record's period
+    air = 20 + 3 * np.sin(time_s / 900)
+    fine_chain = type(chain)(chain.circuit, fine)
+    inputs = np.stack([air, bursts])
+    rest = np.linalg.solve(chain.plant().A, -chain.plant().B @ inputs[:, 0])
+    plant = fine_chain.plant()
+    nodes = plant.forced(inputs) + np.einsum("i,ink->nk", rest, plant.decays(samples))
+    columns = {"ambient_degC": air, "heater_W": bursts}
+    columns.update({f"{name}_degC": row for name, row in zip(("chip", "board", "shell"), nodes)})
+    (record,) = records(
+        _trace(time_s, **columns), chain.circuit.inputs, ["chip_degC", "board_degC", "shell_degC"], 10.0
+    )
+    assert record.samples == samples // factor
+    np.testing.assert_allclose(record.inputs[1], bursts.reshape(-1, factor).mean(axis=1))
+    coarse = chain.plant()
+    simulated = coarse.forced(record.inputs)
+    decays = coarse.decays(record.samples)[:, coarse.reads]
+    left = record.sensors - simulated
+    start, *_ = np.linalg.lstsq(decays.reshape(3, -1).T, left.reshape(-1), rcond=None)
+    off = left - np.einsum("i,isk->sk", start, decays)
+    sampled = np.stack([air[::factor], bursts[::factor]])
+    worse = nodes[:, ::factor] - coarse.forced(sampled) - np.einsum("i,ink->nk", rest, coarse.decays(samples // factor))
+    # the chip feels where in its period a burst lay, the board hardly; sampling loses most bursts altogether
+    averaged, taken = (np.sqrt(np.mean(each[:, 1:] ** 2, axis=1)) for each in (off, worse))
+    assert (averaged < [0.15, 0.02, 0.005]).all()
+    assert (taken > 10 * averaged).all()
+
+
+def test_gaps_make_records_and_missing_readings_stay_missing() -> None:
+    time_s = np.concatenate([10.0 * np.arange(50), 5000 + 10.0 * np.arange(60)])
+    air = np.full(110, 20.0)
+    chip = np.linspace(30, 40, 110)
+    chip[[5, 70]] = np.nan
+    on = np.ones(110)
+    on[20:23] = np.nan
+    trace = _trace(time_s, ambient_degC=air, chip_degC=chip, camera_on=on)
+    one, two = records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
+    assert (one.samples, two.samples) == (50, 60)
+    assert one.time_s[0] == 0
+    assert two.time_s[0] == 5000
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(one.sensors[0])), [5])
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(two.sensors[0])), [20])
+    np.testing.assert_array_equal(one.signals["camera_on"], np.ones(50))
+    assert set(one.signals) == {"ambient_degC", "camera_on"}
+
+
+def test_a_missing_input_of_a_few_samples_is_bridged_straight() -> None:
+    time_s = 10.0 * np.arange(100)
+    air = 20 + 0.1 * np.arange(100)
+    holed = air.copy()
+    holed[40] = np.nan
+    (record,) = records(_trace(time_s, ambient_degC=holed, chip_degC=air), ["ambient_degC"], ["chip_degC"], 10.0)
+    np.testing.assert_allclose(record.inputs[0], air)
+
+
+def test_a_signal_that_is_never_there_was_off() -> None:
+    time_s = 10.0 * np.arange(100)
+    empty = np.full(100, np.nan)
+    trace = _trace(time_s, ambient_degC=time_s, chip_degC=time_s, camera_on=empty)
+    (record,) = records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
+    np.testing.assert_array_equal(record.signals["camera_on"], np.zeros(100))
+
+
+def test_an_empty_input_is_refused() -> None:
+    trace = _trace(10.0 * np.arange(100), ambient_degC=np.full(100, np.nan), chip_degC=np.zeros(100))
+    with pytest.raises(Refused, match="no 3 samples in a row hold them all"):
+        records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
+
+
+@pytest.mark.parametrize(("samples", "wanted"), [(100, 1.0), (2990, 1.0), (5900, 2.0), (7000, 5.0), (86400, 50.0)])
+def test_the_finest_nice_period(samples: int, wanted: float) -> None:
+    trace = _trace(np.arange(float(samples)), a_degC=np.zeros(samples))
+    assert diagnosis_period_s([trace]) == wanted
+    assert samples / wanted <= MOST_SAMPLES
+
+
+def test_a_gap_of_a_day_costs_nothing() -> None:
+    time_s = np.concatenate([np.arange(1400.0), 86400 + np.arange(1400.0)])
+    assert diagnosis_period_s([_trace(time_s, a_degC=time_s)]) == 1.0
+
+
+def test_the_slowest_trace_sets_the_period() -> None:
+    fast, slow = np.arange(500.0), 10 * np.arange(500.0)
+    assert diagnosis_period_s([_trace(fast, a_degC=fast), _trace(slow, a_degC=slow)]) == 10.0

@@ -1,0 +1,80 @@
+"""The measured sets as traces: imported once a session by the command, from where they lie beside the repository."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from ambient_trainer.cli.main import main
+
+_REPOSITORY = Path(__file__).parents[4]
+_DESCRIBED = _REPOSITORY / "tests" / "data" / "measured"
+"""Maps and circuits; the data themselves are never copied."""
+
+
+class _Source(NamedTuple):
+    file: str
+    map: str
+    format: str = "csv"
+
+
+SOURCES = {
+    "O5": _Source("twinhouse/validationdataO5Exp1.txt", "twinhouse"),
+    "N2": _Source("twinhouse/validationdataN2Exp1.txt", "twinhouse"),
+    "naked": _Source("rpi3-case-fan/pistress_0000000011.csv", "rpi3-case-fan"),
+    "closed": _Source("rpi3-case-fan/pistress_1111100011.csv", "rpi3-case-fan"),
+    "closed_but_for_a_side": _Source("rpi3-case-fan/pistress_1110100011.csv", "rpi3-case-fan"),
+    "holed": _Source("rpi3-case-fan/pistress_1101010011.csv", "rpi3-case-fan"),
+    "fan_in": _Source("rpi3-case-fan/pistress_1111001011.csv", "rpi3-case-fan"),
+    "fan_out": _Source("rpi3-case-fan/pistress_1111000111.csv", "rpi3-case-fan"),
+    "cell_2C": _Source("lg-m50-cell/Cell796_2C_25degC.csv", "lg-m50-cell-2C"),
+    "cell_0": _Source("lg-m50-cell/Cell787_0p5C_0degC.csv", "lg-m50-cell-0degC"),
+    "cell_10": _Source("lg-m50-cell/Cell787_0p5C_10degC.csv", "lg-m50-cell-10degC"),
+    "cell_25": _Source("lg-m50-cell/Cell787_0p5C_25degC.csv", "lg-m50-cell-25degC"),
+    "chamber": _Source("thermal-shock-chamber/dat00002.csv", "thermal-shock-chamber", "benchlink"),
+    "s25": _Source("s25plus-zones/s25_zones_tidy.csv", "s25plus-zones"),
+}
+"""By the name that a test asks for: the file, its map, and how it is read."""
+
+
+@pytest.fixture(scope="session")
+def measured_folder() -> Path:
+    """The measured files as others logged them."""
+    folder = _REPOSITORY.parent / "shared" / "measured"
+    if not folder.is_dir():
+        pytest.skip(f"the measured files are not at {folder}")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def measured(measured_folder, tmp_path_factory) -> Callable[[str], str]:
+    """The path of the trace of a measured set; ``SOURCES`` has the names."""
+    folder = tmp_path_factory.mktemp("measured")
+
+    def imported(name: str) -> str:
+        trace = folder / f"{name}.csv"
+        if not trace.exists():
+            source = SOURCES[name]
+            described = _DESCRIBED / f"{source.map}.map.yaml"
+            _run("import", measured_folder / source.file, "--format", source.format, "--map", described, "-o", trace)
+        return str(trace)
+
+    return imported
+
+
+@pytest.fixture(scope="session")
+def circuit() -> Callable[[str], str]:
+    """The path of the circuit of a measured set, such as ``twinhouse``."""
+    return lambda name: str(_DESCRIBED / f"{name}.circuit.yaml")
+
+
+def _run(*arguments: object) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", ["ambient-trainer", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+    assert stopped.value.code == 0

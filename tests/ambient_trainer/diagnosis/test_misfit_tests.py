@@ -1,0 +1,246 @@
+"""The tests of a residual: right formulas, few false alarms whatever its memory, and an eye for what was planted."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.signal import lfilter
+
+from ambient_trainer.diagnosis.misfit_tests import misfit_tests
+from ambient_trainer.diagnosis.misfit_tests.dependence import Found, thresholds
+from ambient_trainer.diagnosis.misfit_tests.grid import Grid
+from ambient_trainer.diagnosis.misfit_tests.memory import PAST, filters_of, memory_of, past, whitened
+from ambient_trainer.diagnosis.misfit_tests.whiteness import (
+    autocorrelation,
+    cumulated_periodogram,
+    ljung_box,
+    residual_memory,
+)
+
+WHITENESS = {"whiteness", "periodogram", "memory"}
+SENSORS = ("soc", "flash")
+
+
+def remembering(weight, shape, random):
+    """Unit-variance first-order autoregressions."""
+    noise = random.standard_normal((*shape[:-1], 2 * shape[-1]))
+    return lfilter([1.0], [1.0, -weight], noise, axis=-1)[..., shape[-1] :] * np.sqrt(1 - weight**2)
+
+
+def slow(course, steps):
+    return lfilter([1 / steps], [1, 1 / steps - 1], course)
+
+
+class World:
+    """Two nodes, four signals, an ambient, and residuals with some memory and nothing else."""
+
+    def __init__(self, seed, samples=300, weight=0.0, white=0.0):
+        random = np.random.default_rng(seed)
+        self.time_s = 10.0 * np.arange(samples)
+        self.ambient = 20 + 6 * np.sin(self.time_s / 400) + 2 * remembering(0.99, (samples,), random)
+        self.signals = {
+            "cpu_load_frac": (remembering(0.97, (samples,), random) > 0) * 1.0,
+            "camera_on": ((self.time_s > 0.4 * self.time_s[-1]) & (self.time_s < 0.55 * self.time_s[-1])) * 1.0,
+            "radio_power_W": np.abs(remembering(0.9, (samples,), random)),
+            "wind_m_s": np.exp(remembering(0.995, (samples,), random)),
+        }
+        warm = slow(self.ambient - 20, 60) + 20 + 9 * slow(self.signals["cpu_load_frac"], 60)
+        self.simulated = np.stack([warm + 4, warm])
+        self.residual = 0.1 * remembering(weight, (2, samples), random)
+        self.residual += white * random.standard_normal((2, samples))
+
+    def tests(self):
+        heat = np.gradient(self.residual, 10.0, axis=1) + self.residual / 500
+        measured = self.simulated + self.residual
+        return misfit_tests(self.time_s, self.residual, heat, SENSORS, self.signals, self.ambient, measured)
+
+    def significant(self):
+        return {(each.name, each.subject): each for each in self.tests() if each.significant}
+
+
+def test_residuals_that_only_remember_raise_few_alarms():
+    memories = [(0.0, 0.0), (0.95, 0.0), (0.99, 0.0), (0.99, 0.1)]
+    worlds = [World(seed, 400, *memories[seed % 4]) for seed in range(24)]
+    found = [{name for name, _ in each.significant()} for each in worlds]
+    # with 5 % each, more than 4 of 24 come once in 170; 6 of them are white, and more than 2 of 6 come once in 400
+    assert sum(bool(names - WHITENESS) for names in found) <= 4
+    assert sum(bool(names & WHITENESS) for names in found[::4]) <= 2
+
+
+@pytest.mark.parametrize("weight", [0.3, 0.95, 0.99])
+def test_residuals_that_remember_are_not(weight):
+    found = World(1, samples=600, weight=weight).significant()
+    assert {("whiteness", "soc"), ("periodogram", "soc")} <= set(found)
+    assert (("memory", "soc") in found) == (weight > 0.5)
+
+
+@pytest.mark.parametrize(
+    ("planted", "name", "subject"),
+    [
+        ("camera", "cross-correlation", "flash, camera_on"),
+        ("difference", "ambient difference", "flash"),
+        ("bent", "ambient difference, curved", "flash"),
+        ("rate", "ambient rate", "flash"),
+        ("drift", "drift", "flash"),
+        ("step", "change", "flash"),
+        ("heat", "change of heat", "flash"),
+    ],
+)
+def test_what_was_planted_is_found(planted, name, subject):
+    world = World(7, samples=600, weight=0.95)
+    difference = world.simulated[1] - world.ambient
+    centred = difference - difference.mean()
+    world.residual[1] += {
+        "camera": lambda: 3 * slow(world.signals["camera_on"], 30),
+        "difference": lambda: slow(centred, 30),
+        "bent": lambda: 0.4 * slow(centred**2, 30),
+        "rate": lambda: 10 * np.gradient(world.ambient),
+        "drift": lambda: 3 * world.time_s / world.time_s[-1],
+        "step": lambda: 2.0 * (world.time_s > 3600),
+        "heat": lambda: 3 * slow(world.time_s > 3600, 30),
+    }[planted]()
+    found = world.significant()
+    assert (name, subject) in found
+    assert not {each for each in found if each[1].startswith("soc") and each[0] not in WHITENESS}
+    if planted == "camera":
+        assert found[name, subject].sentence == (
+            "flash: the residual follows camera_on with a delay of about 5.0 min, "
+            f"by {found[name, subject].sentence.split(' by ')[1]}"
+        )
+        size = float(found[name, subject].sentence.split(" by ")[1].split()[0])
+        assert size == pytest.approx(3.0, rel=0.15)
+    if planted == "drift":
+        assert float(found[name, subject].sentence.split(" by ")[1].split()[0]) == pytest.approx(3.0, rel=0.15)
+    if planted in ("step", "heat"):
+        hours, minutes, seconds = map(int, found[name, subject].sentence.rstrip(".").split()[-1].split(":"))
+        assert 3600 * hours + 60 * minutes + seconds == pytest.approx(3600, abs=90)
+
+
+def test_a_window_of_heat_turns_twice():
+    world = World(3, samples=600)
+    world.residual[0] += 3 * ((world.time_s > 2000) & (world.time_s < 3500))
+    said = world.significant()["change", "soc"].sentence
+    assert said.startswith("soc: the residual rises by ")
+    assert said.endswith(" and comes back, at about 0:33:20 and 0:58:10.")
+
+
+def test_missing_values_cost_nothing_but_themselves():
+    world = World(5, samples=600)
+    world.residual[1] += 3 * slow(world.signals["camera_on"], 30)
+    world.residual[0, 100:140] = np.nan
+    world.residual[1, ::97] = np.nan
+    world.signals["camera_on"][50:60] = np.nan
+    world.signals["radio_power_W"][:] = np.nan
+    world.ambient[300:310] = np.nan
+    tests = world.tests()
+    assert ("cross-correlation", "flash, camera_on") in {
+        (each.name, each.subject) for each in tests if each.significant
+    }
+    assert not [each for each in tests if "radio_power_W" in each.subject]
+    assert all(np.isfinite([each.statistic, each.threshold]).all() for each in tests)
+
+
+def test_what_cannot_be_tested_is_left_out():
+    world = World(2)
+    world.residual[0] = np.nan
+    world.ambient[:] = 21.0
+    world.signals["camera_on"][:] = 1.0
+    subjects = {each.subject for each in world.tests()}
+    assert subjects == {"flash", *(f"flash, {name}" for name in world.signals if name != "camera_on")}
+    assert not [each for each in world.tests() if each.name.startswith("ambient rate")]
+    short = World(2, samples=30)
+    assert short.tests() == ()
+    world.residual[:] = 0.0
+    assert world.tests() == ()
+
+
+def test_the_same_residual_has_the_same_tests():
+    assert World(4).tests() == World(4).tests()
+
+
+def test_ljung_and_box_by_hand():
+    series = remembering(0.2, (150,), np.random.default_rng(1))
+    said = ljung_box(series, "soc", 0.01)
+    centred = series - series.mean()
+    q = 0.0
+    for lag in range(1, 21):
+        rho = sum(centred[k] * centred[k - lag] for k in range(lag, 150)) / sum(centred**2)
+        q += rho**2 / (150 - lag)
+    assert said.statistic == pytest.approx(150 * 152 * q)
+    assert stats.chi2.cdf(said.threshold, 20) == pytest.approx(0.99)
+
+
+def test_the_autocorrelation_skips_gaps():
+    series = np.random.default_rng(2).standard_normal(60)
+    series[[5, 6, 30]] = np.nan
+    rho, pairs = autocorrelation(series, 5)
+    centred = series - np.nanmean(series)
+    for lag in range(6):
+        products = centred[lag:] * centred[: 60 - lag]
+        assert pairs[lag] == np.isfinite(products).sum()
+        assert rho[lag] == pytest.approx(np.nanmean(products) / np.nanmean(centred**2))
+
+
+@pytest.mark.parametrize("samples", [200, 201])
+def test_the_periodogram_is_kolmogorovs(samples):
+    series = remembering(0.3, (samples,), np.random.default_rng(3))
+    said = cumulated_periodogram(series, "soc", 1.0, 0.05)
+    centred = series - series.mean()
+    k = np.arange(samples)
+    power = [
+        abs(np.sum(centred * np.exp(-2j * np.pi * k * j / samples))) ** 2 for j in range(1, (samples - 1) // 2 + 1)
+    ]
+    oracle = stats.ks_1samp(np.cumsum(power)[:-1] / np.sum(power), stats.uniform.cdf)
+    assert said.statistic == pytest.approx(oracle.statistic)
+    assert said.significant == (oracle.pvalue < 0.05)
+
+
+def test_memory_is_the_time_to_one_over_e():
+    series = remembering(np.exp(-1 / 20), (200_000,), np.random.default_rng(4))
+    assert residual_memory(series, "soc", 5.0).statistic == pytest.approx(100.0, rel=0.05)
+
+
+def test_the_memory_found_whitens_and_simulates_alike():
+    random = np.random.default_rng(5)
+    series = remembering(0.97, (1200,), random) + 0.5 * random.standard_normal(1200)
+    memory = memory_of(series)
+    innovations = whitened(series[None], filters_of(series[None], memory.order, memory.rows), memory.rows)[0]
+    assert not ljung_box(innovations, "", 0.01).significant
+    again = memory.simulated(200, 1200, random)
+    rho = np.mean([autocorrelation(each, 40)[0] for each in again], axis=0)
+    expected = 0.8 * 0.97 ** np.arange(41)
+    assert rho[1:] == pytest.approx(expected[1:], abs=0.12)
+
+
+def test_the_past_is_made_of_means():
+    series = np.arange(40.0) ** 2
+    rows = np.array([33, 39])
+    found = past(series[None], len(PAST), rows)[0]
+    for row, at in zip(found, rows):
+        assert row == pytest.approx([series[at], *(np.mean(series[at - b : at - a + 1]) for a, b in PAST)])
+
+
+def test_the_grid_takes_means_and_bridges_gaps():
+    time_s = np.arange(5000.0)
+    grid = Grid.over(time_s)
+    assert grid.samples <= 1200
+    values = np.sin(time_s / 300)
+    values[1000:1100] = np.nan
+    means = grid.means(values)
+    middle = int((1050 + grid.step_s / 2) / grid.step_s)
+    assert np.isnan(means[middle])
+    known = np.isfinite(means)
+    assert means[known] == pytest.approx(np.sin(grid.time_s / 300)[known], abs=0.01)
+    assert grid.filled(values)[~known] == pytest.approx(np.sin(grid.time_s / 300)[~known], abs=0.02)
+    assert grid.filled(np.full(5000, np.nan)) is None
+    even = Grid.over(10.0 * np.arange(100))
+    assert even.means(np.arange(100.0)).tolist() == list(range(100))
+
+
+def test_the_thresholds_hold_for_all_subjects_together():
+    random = np.random.default_rng(6)
+    found = [Found("drift", "soc", str(k), 0.0, scale * np.abs(random.standard_normal(4000)), 0.0, 0.0)
+             for k, scale in enumerate((1.0, 3.0, 0.2, 1.0))]  # fmt: skip
+    limits = np.array(thresholds(found, 0.05))
+    # of four independent normal ones: the two-sided quantile of the Sidak level
+    expected = stats.norm.isf((1 - 0.95**0.25) / 2)
+    assert limits / [1.0, 3.0, 0.2, 1.0] == pytest.approx(expected, rel=0.06)

@@ -1,0 +1,123 @@
+"""What can be added to a circuit or changed in it, each as a new circuit: nothing is checked here, writing it out is.
+
+What is added starts at the value given and is free; every new name is one that the circuit does not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import exp, inf, log
+from statistics import fmean
+
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Node, Parameter, Source
+
+
+def with_values(circuit: Circuit, values: Mapping[str, float]) -> Circuit:
+    """``circuit`` with its free parameters starting at ``values``, which may lie outside their bounds."""
+    return _with(
+        circuit,
+        {
+            each.name: replace(each, initial=values[each.name])
+            for each in circuit.parameters
+            if each.free and each.name in values
+        },
+    )
+
+
+def with_heat_of(circuit: Circuit, model: Circuit) -> Circuit:
+    """``circuit``, where nothing in it fixes how much heat there is, with as much as in ``model``; all within bounds.
+
+    Every capacitance and source times a factor and every resistance over it is the same circuit for temperatures: a
+    search that knows no better may leave the scale anywhere.
+    """
+    there = {each.name: each.initial for each in model.parameters}
+    here = {each.name: each.initial for each in circuit.parameters}
+    common = [name for node in circuit.states if (name := str(node.capacitance)) in there]
+    watts = {str(node.capacitance) for node in circuit.states} | {source.share for source in circuit.sources}
+    watts |= {output.heat for output in circuit.outputs if output.heat is not None}
+    resistances = {edge.resistance for edge in circuit.edges}
+    factor = 1.0
+    if all(each.free for each in circuit.parameters if each.name in watts | resistances):
+        factor = exp(fmean(log(there[name] / here[name]) for name in common))
+    scales = {**dict.fromkeys(watts, factor), **dict.fromkeys(resistances, 1.0 / factor)}
+    scaled = (replace(each, initial=each.initial * scales.get(each.name, 1.0)) for each in circuit.parameters)
+    within = (replace(each, initial=min(max(each.initial, each.low), each.high)) for each in scaled)
+    return replace(circuit, parameters=tuple(within))
+
+
+def with_source(circuit: Circuit, into: str, signal: str, share: float, unit: str) -> Circuit:
+    """``circuit`` with heat of ``share`` (in ``unit``) times ``signal`` into one node, on top of what there is."""
+    there = next((each for each in circuit.sources if (each.into, each.signal) == (into, signal)), None)
+    known = None if there is None else _parameter(circuit, there.share)
+    if known is not None and known.free and sum(each.share == known.name for each in circuit.sources) == 1:
+        return _with(circuit, {known.name: _moved(known, known.initial + share)})
+    name = _unused(circuit, f"k_{into}_{signal}")
+    added = replace(circuit, sources=(*circuit.sources, Source(into, signal, name)))
+    return _with(added, {name: Parameter(name, unit, share, -inf, inf, free=True)})
+
+
+def with_edge(circuit: Circuit, one: str, other: str, resistance_K_W: float) -> Circuit:
+    """``circuit`` with one more thermal resistance between two nodes."""
+    name = _unused(circuit, f"R_{one}_{other}")
+    added = replace(circuit, edges=(*circuit.edges, Edge((one, other), name)))
+    return _with(added, {name: _positive(name, "K/W", resistance_K_W)})
+
+
+def with_body(circuit: Circuit, neighbour: str, capacitance_J_K: float, resistance_K_W: float) -> Circuit:
+    """``circuit`` with a body that no sensor reads on ``neighbour``."""
+    body = _unused(circuit, f"{neighbour}_mass")
+    name = _unused(circuit, f"C_{body}")
+    added = replace(circuit, nodes=(*circuit.nodes, Node(body, name, None)))
+    held = _with(added, {name: _positive(name, "J/K", capacitance_J_K)})
+    return with_edge(held, neighbour, body, resistance_K_W)
+
+
+def with_ambient_conductance(circuit: Circuit, node: str | None, factor: float) -> Circuit:
+    """``circuit`` with the conductance to the ambient of one node, or of every state, times ``factor``."""
+    states = {each.name for each in circuit.states} if node is None else {node}
+    changed = [edge for edge in circuit.edges if AMBIENT in edge.between and edge.other(AMBIENT) in states]
+    shared = {edge.resistance for edge in circuit.edges if edge not in changed}
+    for name in dict.fromkeys(edge.resistance for edge in changed):
+        known = _parameter(circuit, name)
+        own = name
+        if name in shared:
+            # what else has this resistance keeps it
+            own = _unused(circuit, f"R_{node or 'node'}_{AMBIENT}")
+            edges = (
+                replace(each, resistance=own) if each in changed and each.resistance == name else each
+                for each in circuit.edges
+            )
+            circuit = replace(circuit, edges=tuple(edges))
+        circuit = _with(circuit, {own: replace(_moved(known, known.initial / factor), name=own)})
+    return circuit
+
+
+def _with(circuit: Circuit, parameters: Mapping[str, Parameter]) -> Circuit:
+    """``circuit`` with ``parameters`` by name, in place of those it has or behind them."""
+    names = {each.name for each in circuit.parameters}
+    kept = [parameters.get(each.name, each) for each in circuit.parameters]
+    return replace(circuit, parameters=(*kept, *(each for name, each in parameters.items() if name not in names)))
+
+
+def _parameter(circuit: Circuit, name: str) -> Parameter:
+    return next(each for each in circuit.parameters if each.name == name)
+
+
+def _moved(parameter: Parameter, value: float) -> Parameter:
+    """``parameter`` at ``value``, with bounds that leave it there."""
+    if not parameter.low < parameter.high:
+        return replace(parameter, initial=value, low=value, high=value)
+    return replace(parameter, initial=value, low=min(parameter.low, value), high=max(parameter.high, value))
+
+
+def _positive(name: str, unit: str, value: float) -> Parameter:
+    return Parameter(name, unit, value, 0.0, inf, free=True)
+
+
+def _unused(circuit: Circuit, name: str) -> str:
+    """``name``, or with a number behind it where the circuit has one already."""
+    taken = {each.name for each in circuit.nodes} | {each.name for each in circuit.parameters}
+    if name not in taken:
+        return name
+    return next(f"{name}_{number}" for number in range(2, len(taken) + 3) if f"{name}_{number}" not in taken)

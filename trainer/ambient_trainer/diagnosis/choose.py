@@ -1,0 +1,306 @@
+"""Effects are added one after the other, each the one that gains most on held-out data, until nothing gains.
+
+All candidates are scored by regression; the best are simulated, fitted and measured on held-out blocks. The simplest of
+those that the data cannot tell from the best is taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_trainer.diagnosis.candidate import Candidate, Span
+from ambient_trainer.diagnosis.causes import all_candidates
+from ambient_trainer.diagnosis.extended import Effect, Model, view
+from ambient_trainer.diagnosis.gain import Blocks, differ, gain
+from ambient_trainer.diagnosis.joint import Fitted, Teaching, fitted, nuisances
+from ambient_trainer.diagnosis.noise import Noise
+from ambient_trainer.diagnosis.record import Record
+from ambient_trainer.diagnosis.result import Cause, Gain
+from ambient_trainer.diagnosis.scan import Frame, Scored, refined, scored
+from ambient_trainer.diagnosis.setting import setting_of
+from ambient_trainer.diagnosis.teach import Taught
+from ambient_trainer.diagnosis.view import View
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+
+MOST_STEPS = 4
+SIGNIFICANT = 0.01
+LEAST_GAIN_OF_A_CHANGE, LEAST_GAIN_OF_A_LACK, LEAST_GAIN_OF_A_LESSON = 0.3, 0.08, 0.03
+"""By how much an effect must lower the held-out error, each sensor's in units of what the simulation without it leaves.
+
+A change is looked for beside known-good records, in units of what those leave, a lack in units of its own misfit.
+"""
+TIE_OF_WHAT_IS_LEFT, TIE_OF_WHAT_IS_GAINED, MOST_UNKNOWNS_SAVED = 0.06, 0.02, 2.5
+"""For each unknown that it saves, a simpler cause may leave this share more than the best, or gain this share less."""
+TIE_OF_A_FAULT = 0.97
+LEAST_OF_LATER_STEPS = 0.15
+"""Of what the first step gained: an effect is never quite what it is taken for, and what is left of it is no other."""
+_BUILT_IN = ("convection_law", "thermal_mass", "path", "sensor_lag", "heat_source", "ambient_coupling")
+_COARSE = 60
+_EDGE = 0.5
+_SHAPED = 4
+_REFINED = 14
+_SIMULATED, _SIMULATED_WITH_CIRCUIT = 6, 5
+_ROUNDS, _ROUNDS_WITH_CIRCUIT = 4, 6
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was simulated: the model with it, its errors by block, and its gain."""
+
+    effect: Effect
+    fitted: Fitted
+    blocks: Blocks
+    gain: Gain
+    relative: float
+    """By how much it lowers the held-out error, each sensor's in units of what a good simulation leaves."""
+
+    left: float
+    """The held-out error that remains, in the same units."""
+
+    @property
+    def cause(self) -> Cause:
+        """What it stands for."""
+        return self.effect.candidate.cause
+
+    @property
+    def unknowns(self) -> float:
+        """How much freedom it takes."""
+        edges = (self.effect.onset_s is not None) + (self.effect.end_s is not None)
+        return self.effect.candidate.free + (self.effect.candidate.shape is not None) + _EDGE * edges
+
+    def accepted(self, least: float) -> bool:
+        """Whether it is significant, surely gains, and gains enough to matter."""
+        gains = self.gain.p_value < SIGNIFICANT and self.gain.ci95_degC[0] > 0 and self.relative >= least
+        return gains and (self.effect.candidate.fixed[0] is not None or self._is_there)
+
+    @property
+    def _is_there(self) -> bool:
+        """Whether the interval of its first coefficient excludes zero."""
+        deviation = float(np.sqrt(max(self.effect.covariance[0, 0], 0.0)))
+        return bool(abs(self.effect.values[0]) > 1.96 * deviation)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One step: the trial that was taken, those it cannot be told from, and all trials, best first."""
+
+    taken: Trial | None
+    rivals: tuple[Trial, ...]
+    trials: tuple[Trial, ...]
+    tried: int
+    before: Blocks
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """All steps, and the model with their effects."""
+
+    choices: tuple[Choice, ...]
+    plain: Fitted
+    final: Fitted
+    noise: Noise
+    views: tuple[tuple[View, ...], ...]
+    """After each step."""
+
+
+def unknowns(candidate: Candidate, onset_s: float | None, end_s: float | None) -> float:
+    """Coefficients, shape, and the edges of the window."""
+    return candidate.free + (candidate.shape is not None) + (onset_s is not None) + (end_s is not None)
+
+
+def lacking(taught: Taught, normal: Sequence[Record]) -> Model:
+    """What the circuit needs besides to describe known-good records; it then belongs to the model."""
+    found = choose(taught, normal, wanted=BUILT_IN)
+    effects = tuple(replace(effect, known=True) for effect in found.final.model.effects)
+    return replace(found.final.model, effects=effects)
+
+
+def _built_in(candidate: Candidate) -> Candidate | None:
+    if candidate.cause.name not in _BUILT_IN:
+        return None
+    return replace(candidate, span=Span.WHOLE)
+
+
+def _any(candidate: Candidate) -> Candidate | None:
+    return candidate
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is looked for: the candidates that are ``allowed``, and the ``least`` gain, in units of the noise."""
+
+    allowed: Callable[[Candidate], Candidate | None]
+    least: float
+
+
+CHANGES = Search(_any, LEAST_GAIN_OF_A_CHANGE)
+LACKS = Search(_any, LEAST_GAIN_OF_A_LACK)
+BUILT_IN = Search(_built_in, LEAST_GAIN_OF_A_LESSON)
+
+
+def choose(
+    taught: Taught,
+    own: Sequence[Record],
+    progress: Progress | None = None,
+    wanted: Search | None = None,
+) -> Chosen:
+    """Forward selection of effects in the diagnosed records; by default of every cause."""
+    wanted = wanted or (CHANGES if taught.normal else LACKS)
+    noise = taught.noise
+    current = fitted(taught.model, Teaching(tuple(own), noise, taught.searched), 1)
+    plain = current
+    choices: list[Choice] = []
+    views: list[tuple[View, ...]] = []
+    for step in range(MOST_STEPS):
+        if choices and choices[0].taken is not None and wanted is not BUILT_IN:
+            wanted = replace(wanted, least=max(wanted.least, LEAST_OF_LATER_STEPS * choices[0].taken.relative))
+        choice = _one_more(
+            current,
+            taught,
+            own,
+            noise,
+            wanted,
+            _stage(progress, step),
+        )
+        choices.append(choice)
+        if choice.taken is None:
+            break
+        current = choice.taken.fitted
+        if not taught.normal:
+            noise = Noise.of([each.residual_degC for each in current.views])
+            current = fitted(current.model, Teaching(tuple(own), noise, taught.searched), _ROUNDS_WITH_CIRCUIT)
+        views.append(current.views)
+    return Chosen(tuple(choices), plain, current, noise, tuple(views))
+
+
+def _stage(progress: Progress | None, step: int) -> Callable[[int, int], None]:
+    def show(done: int, total: int) -> None:
+        if progress is not None:
+            progress(f"step {step + 1}", done, total)
+
+    return show
+
+
+def _one_more(
+    current: Fitted,
+    taught: Taught,
+    own: Sequence[Record],
+    noise: Noise,
+    wanted: Search,
+    progress: Callable[[int, int], None],
+) -> Choice:
+    teaching = Teaching(tuple(own), noise, taught.searched)
+    frame = _frame(current, taught, noise)
+    setting = setting_of(taught.model, current.views)
+    there = {
+        (effect.candidate.cause.name, effect.candidate.cause.location)
+        for effect in current.model.effects
+        if not effect.known
+    }
+    candidates = [
+        each
+        for each in map(wanted.allowed, all_candidates(setting))
+        if each is not None and (each.cause.name, each.cause.location) not in there
+    ]
+    first, last = _extent(own)
+    step_s = max((last - first) / _COARSE, 2 * taught.model.plant.period_s)
+    onsets = list(np.arange(first + step_s, last - step_s / 2, step_s))
+    found: dict[Cause, Scored] = {}
+    for index, candidate in enumerate(candidates):
+        progress(index, len(candidates) + _SIMULATED)
+        # the shape first, on a coarse grid; when it acts is refined for the best shape
+        best = scored(frame, candidate, onsets if candidate.shape is None else onsets[::_SHAPED])
+        if best is not None and (candidate.cause not in found or best.score > found[candidate.cause].score):
+            found[candidate.cause] = best
+    ranked = sorted(found.values(), key=lambda each: -each.score)[:_REFINED]
+    ranked = [_rescored(frame, each, onsets) for each in ranked]
+    ranked = sorted((refined(frame, each, step_s) for each in ranked), key=lambda each: -each.score)[
+        : _SIMULATED_WITH_CIRCUIT if taught.searched else _SIMULATED
+    ]
+    before = Blocks.of(current, noise)
+    tries = len(candidates) * len(onsets)
+    trials = []
+    for index, each in enumerate(ranked):
+        progress(len(candidates) + index, len(candidates) + _SIMULATED)
+        trial = _trial(current.model, each, teaching, before, tries)
+        if np.isfinite(trial.fitted.square) and bool(each.candidate.plausible(trial.effect.values)):
+            trials.append(trial)
+    trials.sort(key=lambda each: float(each.blocks.white.sum()))
+    taken, rivals = _simplest(trials, before, wanted.least)
+    return Choice(taken, rivals, tuple(trials), tries, before)
+
+
+def _rescored(frame: Frame, coarse: Scored, onsets: Sequence[float]) -> Scored:
+    if coarse.candidate.shape is None:
+        return coarse
+    finer = scored(frame, coarse.candidate, onsets)
+    return finer if finer is not None and finer.score > coarse.score else coarse
+
+
+def _trial(model: Model, found: Scored, teaching: Teaching, before: Blocks, tries: int) -> Trial:
+    values = found.candidate.start(found.values)
+    if teaching.searched:
+        # its coefficients go with parameters that have yet to move: they start, together, from where the model stands
+        values = np.array([0.0 if fixed is None else fixed for fixed in found.candidate.fixed])
+    effect = Effect(found.candidate, found.onset_s, found.end_s, values, found.covariance)
+    result = fitted(model.with_effect(effect), teaching, _ROUNDS_WITH_CIRCUIT if teaching.searched else _ROUNDS)
+    after = Blocks.of(result, teaching.noise)
+    effect = result.model.effects[-1]
+    free = unknowns(found.candidate, found.onset_s, found.end_s)
+    left = after.relative(teaching.noise)
+    return Trial(effect, result, after, gain(before, after, free, tries), before.relative(teaching.noise) - left, left)
+
+
+def _simplest(trials: Sequence[Trial], before: Blocks, least: float) -> tuple[Trial | None, tuple[Trial, ...]]:
+    """The simplest acceptable trial that is about as good as the best, and those that cannot be told from it."""
+    accepted = [each for each in trials if each.accepted(least)]
+    if not accepted:
+        return None, ()
+    best = accepted[0]
+    most = float((before.white - best.blocks.white).sum())
+    simpler = [each for each in accepted if each.unknowns < best.unknowns and _tied(each, best, before)]
+    taken = min(simpler, key=lambda each: (each.unknowns, float(each.blocks.white.sum()))) if simpler else best
+    alike = [each for each in accepted if abs(differ(each.blocks, taken.blocks)) < 2.0]
+    taken = min((each for each in alike if each.unknowns == taken.unknowns), key=lambda each: each.gain.rmse_after_degC)
+    rivals = [each for each in alike if each is not taken]
+    # heat that no neighbour feels is nothing that a faulty sensor would not show as well, and needs no heat
+    faults = [
+        each
+        for each in rivals
+        if each.effect.sensors
+        and each.unknowns <= taken.unknowns
+        and (before.white - each.blocks.white).sum() >= TIE_OF_A_FAULT * most
+    ]
+    neighbours = len(best.fitted.model.plant.reads) > 1
+    if faults and neighbours and not taken.effect.sensors:
+        rivals = [taken, *(each for each in rivals if each is not faults[0])]
+        taken = faults[0]
+    return taken, tuple(rivals)
+
+
+def _tied(simpler: Trial, best: Trial, before: Blocks) -> bool:
+    """Whether a simpler cause is about as good as the best: by what is left, or by what is gained."""
+    saved = min(best.unknowns - simpler.unknowns, MOST_UNKNOWNS_SAVED)
+    gained, most = (float((before.white - each.blocks.white).sum()) for each in (simpler, best))
+    return simpler.left <= best.left * (1.0 + TIE_OF_WHAT_IS_LEFT * saved) or gained >= most * (
+        1.0 - TIE_OF_WHAT_IS_GAINED * saved
+    )
+
+
+def _frame(current: Fitted, taught: Taught, noise: Noise) -> Frame:
+    normal = None
+    if taught.normal:
+        model = taught.model
+        before = [view(model, record) for record in taught.normal]
+        normal = Frame.of(before, noise, [[] for _ in before])
+    return Frame.of(current.views, noise, nuisances(current, taught.searched), normal=normal)
+
+
+def _extent(own: Sequence[Record]) -> tuple[float, float]:
+    return float(min(each.time_s[0] for each in own)), float(max(each.time_s[-1] for each in own))

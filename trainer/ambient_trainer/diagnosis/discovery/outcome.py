@@ -1,0 +1,26 @@
+"""One case of the discovery benchmark: what was hidden, what was found, and how well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ambient_trainer.diagnosis.result import Cause
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """``true`` and ``found`` are empty where nothing was hidden or found; ``size_in_noise`` is the effect's RMSE in
+    units of the residual's standard deviation without it (of two effects, the smaller one's).
+
+    ``correct`` says whether cause and location of every effect, and no other, were named. The errors are of the first
+    effect, None where it has no magnitude or onset or was not found; ``gain_ci`` is the first step's, in degC.
+    """
+
+    true: tuple[Cause, ...]
+    size_in_noise: float
+    found: tuple[Cause, ...]
+    correct: bool
+    magnitude_error_frac: float | None
+    onset_error_s: float | None
+    gain_ci: tuple[float, float] | None
+    seconds: float

@@ -1,0 +1,92 @@
+"""Which two explanations an experiment is to tell apart, and what is said where there are no two."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambient_trainer.diagnosis.choose import Chosen, Trial
+from ambient_trainer.diagnosis.experiment.difference import Circumstances, Suspicion, largest_difference
+from ambient_trainer.diagnosis.experiment.plan import Happening, bench_of, plans
+from ambient_trainer.diagnosis.experiment.sentence import Wording, claim
+from ambient_trainer.diagnosis.experiment.survey import survey
+from ambient_trainer.diagnosis.extended import Effect
+from ambient_trainer.diagnosis.gain import differ
+from ambient_trainer.diagnosis.result import UNKNOWN, Step
+
+LONGEST_S = 4 * 3600.0
+_LONGEST_PERIODS = 120.0
+"""What is logged every quarter of an hour does not move within four."""
+_HEADROOM_K = 25.0
+"""How far beyond what its records show a device may be taken."""
+
+
+def next_experiment(chosen: Chosen, steps: tuple[Step, ...]) -> str:
+    """What to switch, for how long, which sensor to read, and what each of two explanations predicts for it.
+
+    Of the last step that has rivals it is the taken cause and its closest rival; without any, the first step's cause
+    and the next best; without a step, the best candidate and nothing at all. ``unknown`` asks for a survey.
+    """
+    if any(step.cause.name == UNKNOWN for step in steps):
+        return survey(chosen)
+    if not steps:
+        return _to_rule_out(chosen)
+    taken = [(choice, choice.taken) for choice in chosen.choices if choice.taken is not None]
+    for choice, trial in reversed(taken):
+        if choice.rivals:
+            return _between(chosen, trial, choice.rivals[0])
+    choice, trial = taken[0]
+    others = [each for each in choice.trials if each.cause != trial.cause]
+    closest = min(others, key=lambda each: differ(each.blocks, trial.blocks), default=None)
+    return _between(chosen, trial, closest)
+
+
+def _to_rule_out(chosen: Chosen) -> str:
+    trials = chosen.choices[0].trials if chosen.choices else ()
+    if not trials:
+        return "Nothing is missing, and no candidate is left to rule out."
+    return f"To show or to rule out what comes closest, {trials[0].cause}: {_between(chosen, trials[0], None)}"
+
+
+def _between(chosen: Chosen, one: Trial, other: Trial | None) -> str:
+    """Two trials of the same step; without another, the trial and the model without any effect."""
+    effects = [each.fitted.model.effects[-1] for each in (one, other) if each is not None]
+    happening, repeated = _happening(effects)
+    suspected, against = _suspicion(chosen, one, repeated), _suspicion(chosen, other, repeated)
+    signals = [each.candidate.cause.signal for each in effects if each.candidate.cause.signal is not None]
+    bench = bench_of(chosen.plain.views, signals)
+    facts = _circumstances(chosen)
+    found = largest_difference(suspected, against, plans(bench, happening), bench, facts)
+    claims = (claim(one.cause), claim(None if other is None else other.cause))
+    words = Wording(claims, bench, one.fitted.model.plant.sensors, repeated[0] if repeated else None)
+    return words.not_told_apart(found, facts.longest_s) if found.crossing_s is None else words.told_apart(found)
+
+
+def _suspicion(chosen: Chosen, trial: Trial | None, repeated: Sequence[Effect]) -> Suspicion:
+    if trial is None:
+        return Suspicion(chosen.plain.model, None)
+    model = trial.fitted.model
+    return Suspicion(model, model.effects[-1], any(each is model.effects[-1] for each in repeated))
+
+
+def _happening(effects: Sequence[Effect]) -> tuple[Happening, list[Effect]]:
+    """What can be done about what happened, and the effects that it would bring back."""
+    # what nothing logged drives somebody did at some moment; a sensor fails by itself
+    done = [each for each in effects if not each.sensors and (each.onset_s is not None or each.end_s is not None)]
+    if done:
+        return Happening.UNDONE if any(each.end_s is None for each in done) else Happening.REPEATED, done
+    over = [each for each in effects if each.end_s is not None]
+    return (Happening.AWAITED, over) if over else (Happening.LEFT, [])
+
+
+def _circumstances(chosen: Chosen) -> Circumstances:
+    records = [view.record for view in chosen.plain.views]
+    seen = np.concatenate([record.sensors.reshape(-1) for record in records])
+    return Circumstances(
+        since_s=min(float(record.time_s[0]) for record in records),
+        now_s=max(float(record.time_s[-1]) for record in records),
+        longest_s=max(LONGEST_S, _LONGEST_PERIODS * records[0].period_s),
+        bounds_degC=(float(np.nanmin(seen)) - _HEADROOM_K, float(np.nanmax(seen)) + _HEADROOM_K),
+        noise=chosen.noise,
+    )

@@ -1,0 +1,159 @@
+"""An experiment in words, so that it can be done without asking back: levels, spans, what to read, what to expect."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from ambient_model.trace import split_column
+from ambient_trainer.diagnosis.causes import (
+    ambient_coupling,
+    clock_offset,
+    contact,
+    convection_law,
+    heat_source,
+    path,
+    sensor,
+    thermal_mass,
+)
+from ambient_trainer.diagnosis.experiment.difference import Difference
+from ambient_trainer.diagnosis.experiment.plan import ALWAYS, NEVER, Bench, Plan, Switch
+from ambient_trainer.diagnosis.extended import Effect
+from ambient_trainer.diagnosis.result import Cause
+from ambient_trainer.diagnosis.words import figures, window
+
+_UNITS = {"W_m2": "W/m2", "m_s": "m/s", "on": "", "frac": ""}
+
+_CLAIMS = {
+    heat_source.NAME: "a source heats {place}",
+    ambient_coupling.NAME: "the resistance from {place} to the ambient changed",
+    contact.NAME: "a body holds on at {place}",
+    convection_law.NAME: "the loss from {place} is not proportional to the difference to the ambient",
+    thermal_mass.NAME: "a body that the circuit lacks hangs on {place}",
+    path.NAME: "heat is conducted between {place}",
+    sensor.BIAS: "{place} reads with a bias",
+    sensor.GAIN: "{place} reads with a wrong slope",
+    sensor.LAG: "{place} reads late",
+    sensor.STUCK: "{place} is stuck",
+    sensor.DRIFT: "{place} drifts",
+    clock_offset.NAME: "the reference's clock is off",
+}
+
+
+def claim(cause: Cause | None) -> str:
+    """What a cause says of the device, as a clause; None says that nothing is missing."""
+    if cause is None:
+        return "nothing is missing"
+    place = "all nodes" if cause.location is None else " and ".join(f"`{each}`" for each in cause.location.split("-"))
+    return _CLAIMS[cause.name].format(place=place) + ("" if cause.signal is None else f" with `{cause.signal}`")
+
+
+@dataclass(frozen=True)
+class Wording:
+    """What sentences on two explanations have in common: what each claims, the bench, and the sensors' names.
+
+    ``repeated`` is the effect that tells when what may be done again happened.
+    """
+
+    claims: tuple[str, str]
+    bench: Bench
+    sensors: Sequence[str]
+    repeated: Effect | None
+
+    def told_apart(self, found: Difference) -> str:
+        """What to do, what to read and what each of the two predicts."""
+        one, other = (f"{each:.2f} degC if {said}" for each, said in zip(found.predicted_degC, self.claims))
+        return (
+            f"{self._done(found)}: {_when(found)} {self._look(found)} reads {one}, and {other}"
+            f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC)."
+        )
+
+    def not_told_apart(self, found: Difference, longest_s: float) -> str:
+        """That nothing tells the two apart, and how far the best plan comes."""
+        differ_degC = abs(found.predicted_degC[0] - found.predicted_degC[1])
+        none = f"No experiment of up to {span(longest_s)} that was simulated tells whether {' or '.join(self.claims)}"
+        if differ_degC < _SAME_DEGC:
+            return f"{none}: both predict the same readings throughout."
+        done = self._done(found)
+        return (
+            f"{none}. The most that the two differ by is about {figures(differ_degC, 2)} degC on {self._look(found)}"
+            f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC), {_when(found)}: {_lower(done)}."
+        )
+
+    def _look(self, found: Difference) -> str:
+        beside = " less a second thermometer at its place" if found.beside else ""
+        return f"`{self.sensors[found.sensor]}`{beside}"
+
+    def _done(self, found: Difference) -> str:
+        """What is done until the reading: what is undone beforehand, rest, and every switch."""
+        plan, begun = found.plan, rest(self.bench)
+        when = "" if self.repeated is None else window(self.repeated.onset_s, self.repeated.end_s)
+        if plan.undone:
+            begun = f"Undo what happened {when} and {_lower(begun)}"
+        if plan.again_s == ALWAYS:
+            begun = f"Wait until it is as it was {when} and {_lower(begun)}"
+        if found.reading_s is None:
+            return begun
+        steps = [(each.at_s, _switched(each, plan, self.bench)) for each in plan.switches]
+        if plan.again_s is not None and 0.0 <= plan.again_s < NEVER:
+            steps.append((plan.again_s, f"do again, on purpose, what happened {when}"))
+        # what comes after the reading need not be done
+        steps = sorted(
+            (each for each in steps if each[0] == 0.0 or each[0] < found.reading_s), key=lambda each: each[0]
+        )
+        words = [f", then {text}" for _, text in steps[:1]]
+        for (before_s, _), (at_s, text) in pairwise(steps):
+            words.append(f" and {text}" if at_s == before_s else f" and {span(at_s - before_s)} later {text}")
+        return begun + "".join(words)
+
+
+_SAME_DEGC = 1e-3
+
+
+def _when(found: Difference) -> str:
+    if found.reading_s is None:
+        return "then"
+    if found.reading_s < 0:
+        return f"{span(-found.reading_s)} before the reference shows it"
+    return f"after {span(found.reading_s)}" if found.reading_s > 0 else "at once"
+
+
+def rest(bench: Bench) -> str:
+    """How every experiment begins."""
+    levels = [f"`{name}` at {_level(name, value)}" for name, value in bench.rest.items()]
+    return f"Hold {listed(levels)} until all readings stand still"
+
+
+def _switched(switch: Switch, plan: Plan, bench: Bench) -> str:
+    earlier = [each for each in plan.switches if each.column == switch.column and each.at_s < switch.at_s]
+    level = earlier[-1].level if earlier else bench.rest[switch.column]
+    if earlier and switch.level == bench.rest[switch.column]:
+        return f"take `{switch.column}` back to {_level(switch.column, switch.level)}"
+    return switching(switch.column, level, switch.level)
+
+
+def switching(column: str, before: float, after: float) -> str:
+    """One switch."""
+    return f"take `{column}` from {before:.6g} to {_level(column, after)}"
+
+
+def _level(column: str, value: float) -> str:
+    unit = split_column(column)[1]
+    return f"{value:.6g} {_UNITS.get(unit, unit)}".rstrip()
+
+
+def span(span_s: float) -> str:
+    """A span to the second, in the units that it takes: ``1 h 25 min``."""
+    whole = round(span_s)
+    parts = [(whole // 3600, "h"), (whole // 60 % 60, "min"), (whole % 60, "s")]
+    return " ".join(f"{count} {unit}" for count, unit in parts if count) or "0 s"
+
+
+def listed(parts: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _lower(text: str) -> str:
+    return text[0].lower() + text[1:]

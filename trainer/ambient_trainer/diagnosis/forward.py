@@ -1,0 +1,40 @@
+"""Every circuit can be read forward: ambient and drives in, the temperature of each node out.
+
+In ``rise`` form (the thesis's) the sensors are inputs and the ambient comes out. Turned round, nodes with a heat
+capacity are states that their sensors measure, nodes without one stay prescribed by theirs, and the ambient is
+prescribed by the reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ambient_model.faults import refuse
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Node, Output, Parameter
+
+REFERENCE_SENSOR = "ambient"
+
+
+def forward(circuit: Circuit) -> Circuit:
+    """``circuit`` with the ambient prescribed and every sensor on a state as an output; raises :class:`Refused`."""
+    nodes = tuple(_prescribed(node) for node in circuit.nodes)
+    if any(AMBIENT in edge.between for edge in circuit.edges) and all(node.name != AMBIENT for node in nodes):
+        nodes = (*nodes, Node(AMBIENT, None, REFERENCE_SENSOR))
+    if all(node.capacitance is not None for node in nodes):
+        raise refuse(
+            circuit.name, "nodes", "nothing is prescribed", "join a node to the ambient: heat must have a way out"
+        )
+    read = [node for node in nodes if node.capacitance is not None and node.sensor is not None]
+    if not read:
+        mend = "take one with heat capacities, such as model2_ss, or write one"
+        raise refuse(circuit.name, "nodes", "no sensor reads a node with a capacitance: nothing can be simulated", mend)
+    unit = Parameter("whole", "1", 1.0, 1.0, 1.0, free=False)
+    outputs = tuple(Output(str(node.sensor), {node.name: unit.name}, {}, None) for node in read)
+    used = {node.capacitance for node in nodes} | {edge.resistance for edge in circuit.edges}
+    used |= {source.share for source in circuit.sources}
+    kept = tuple(each for each in circuit.parameters if each.name in used)
+    return replace(circuit, form="temperature", nodes=nodes, outputs=outputs, parameters=(*kept, unit))
+
+
+def _prescribed(node: Node) -> Node:
+    return replace(node, capacitance=None, sensor=REFERENCE_SENSOR) if node.name == AMBIENT else node

@@ -1,0 +1,131 @@
+"""A residual's memory is an autoregression: its next value from its past, and an innovation that none foretells.
+
+White noise on top of something slow needs a long past to be told from it. Long but few: the past is taken as its last
+value, the one before, and the means of the 2, 4, 8 and 16 before those, of which the first ``order`` have a weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+PAST = ((1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32))
+"""The stretches of the past, first and last lag of each."""
+_FEWEST_ROWS = 30
+_CHUNK = 50
+_HAIR = 1e-10
+"""What keeps the normal equations of a series that is all but constant from being singular."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """x[k] = c + sum_j weights[j] mean(x[k - PAST[j]]) + innovation; ``rows`` (m,) are the k with all that known."""
+
+    weights: Array
+    rows: NDArray[np.intp]
+
+    @property
+    def order(self) -> int:
+        """How many stretches of the past have a weight."""
+        return len(self.weights)
+
+    def simulated(self, count: int, samples: int, random: np.random.Generator) -> Array:
+        """``count`` series (count, samples) that remember in the same way, of unit innovations, and hold nothing else.
+
+        The least squares of a series with a long memory make it too short: that is put right first.
+        """
+        run_in = samples
+        innovations = random.standard_normal((count, run_in + samples))
+        series = lfilter([1.0], np.concatenate([[1.0], -self._unbiased(samples)]), innovations, axis=1)
+        return np.asarray(series[:, run_in:])
+
+    def _unbiased(self, samples: int) -> Array:
+        """The weight of each single lag with their sum raised by its bias, (1 + 3 sum) / m, and stable still."""
+        if not self.order:
+            return np.empty(0)
+        spans = np.array([last - first + 1 for first, last in PAST[: self.order]])
+        weights = np.repeat(self.weights / spans, spans)
+        weights[0] += max(0.0, 1 + 3 * float(weights.sum())) / len(self.rows)
+        slowest = float(np.abs(np.roots(np.concatenate([[1.0], -weights]))).max())
+        shrink = min(1.0, (1 - 1 / samples) / slowest)
+        return np.asarray(weights * shrink ** np.arange(1, len(weights) + 1))
+
+
+def memory_of(series: Array) -> Memory | None:
+    """The memory of ``series`` (n,), of the order that Akaike's criterion takes; None where too little is known.
+
+    NaN is a missing value.
+    """
+    common = _rows(series, len(PAST))
+    if len(common) < _FEWEST_ROWS or np.ptp(series[common]) == 0.0:
+        return None
+    windows = centred_past(series[None], len(PAST), common)[0]
+    gram = windows.T @ windows
+    left = [float(gram[0, 0]), *(_left(gram, order) for order in range(1, len(PAST) + 1))]
+    criterion = [len(common) * np.log(max(each, 1e-300)) + 2 * order for order, each in enumerate(left)]
+    order = int(np.argmin(criterion))
+    rows = _rows(series, order)
+    return Memory(-filters_of(series[None], order, rows)[0, 1:], rows)
+
+
+def filters_of(series: Array, order: int, rows: NDArray[np.intp]) -> Array:
+    """The weights (B, order + 1) on :func:`past` that whiten each series of (B, n), by least squares."""
+    filters = np.ones((len(series), order + 1))
+    for part in _chunks(series) if order else ():
+        windows = centred_past(series[part], order, rows)
+        gram = windows.transpose(0, 2, 1) @ windows
+        gram[:, range(1, order + 1), range(1, order + 1)] *= 1 + _HAIR
+        filters[part, 1:] = -np.linalg.solve(gram[:, 1:, 1:], gram[:, 1:, :1])[:, :, 0]
+    return filters
+
+
+def whitened(series: Array, filters: Array, rows: NDArray[np.intp]) -> Array:
+    """The innovations (B, m) that ``filters`` (B, order + 1) make of each series of (B, n), of mean 0."""
+    found = np.empty((len(series), len(rows)))
+    for part in _chunks(series):
+        windows = centred_past(series[part], filters.shape[1] - 1, rows)
+        found[part] = (windows @ filters[part, :, None])[:, :, 0]
+    return found
+
+
+def centred_past(series: Array, order: int, rows: NDArray[np.intp]) -> Array:
+    """As :func:`past`, less the mean over the rows."""
+    windows = past(series, order, rows)
+    windows -= windows.mean(axis=1, keepdims=True)
+    return windows
+
+
+def past(series: Array, order: int, rows: NDArray[np.intp]) -> Array:
+    """Of each of (B, n), at each of ``rows``: its value, then ``order`` stretches of its past, (B, m, order + 1)."""
+    found = np.empty((len(series), len(rows), order + 1))
+    found[:, :, 0] = series[:, rows]
+    summed = np.cumsum(np.concatenate([np.zeros((len(series), 1)), np.nan_to_num(series)], axis=1), axis=1)
+    for column, (first, last) in enumerate(PAST[:order], start=1):
+        found[:, :, column] = (summed[:, rows - first + 1] - summed[:, rows - last]) / (last - first + 1)
+    return found
+
+
+def _chunks(series: Array) -> Iterator[slice]:
+    return (slice(start, start + _CHUNK) for start in range(0, len(series), _CHUNK))
+
+
+def _rows(series: Array, order: int) -> NDArray[np.intp]:
+    """Where ``series`` (n,) and all its past of ``order`` stretches are known."""
+    longest = PAST[order - 1][1] if order else 0
+    if len(series) <= longest:
+        return np.empty(0, dtype=np.intp)
+    unknown = np.cumsum(np.concatenate([[0], ~np.isfinite(series)]))
+    return np.asarray(np.flatnonzero(unknown[longest + 1 :] == unknown[: -longest - 1]) + longest)
+
+
+def _left(gram: Array, order: int) -> float:
+    """The squares that ``order`` stretches of the past leave."""
+    inner = gram[1 : order + 1, 1 : order + 1]
+    inner = inner + _HAIR * np.diag(np.diag(inner))
+    return float(gram[0, 0] - gram[0, 1 : order + 1] @ np.linalg.solve(inner, gram[1 : order + 1, 0]))

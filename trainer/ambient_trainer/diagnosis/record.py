@@ -1,0 +1,96 @@
+"""A trace as the diagnosis sees it: one uniform grid, every logged column on it, means over each interval.
+
+Averaging inputs and outputs alike costs a linear circuit nothing, keeps the heat of short bursts, and lowers noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_trainer.traces.grid import sampling_period_s, segments
+from ambient_trainer.traces.trace import Trace
+
+Array = NDArray[np.float64]
+
+MOST_SAMPLES = 3000
+_NICE = (1.0, 2.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Record:
+    """One gapless stretch of a trace, N samples every ``period_s``.
+
+    ``inputs`` (m, N) are the circuit's, without gaps; ``sensors`` (s, N) the temperatures it predicts, NaN where
+    missing; ``signals`` holds every other logged column and the ambient, by name, each (N,), without gaps.
+    """
+
+    period_s: float
+    time_s: Array
+    inputs: Array
+    sensors: Array
+    signals: Mapping[str, Array]
+
+    @property
+    def samples(self) -> int:
+        """N."""
+        return len(self.time_s)
+
+
+def diagnosis_period_s(traces: Sequence[Trace]) -> float:
+    """The finest period, the traces' own or a multiple of it, that leaves at most ``MOST_SAMPLES`` of the longest."""
+    own = max(sampling_period_s(trace.time_s) for trace in traces)
+    # samples, not seconds: a gap of a day takes no time to simulate
+    wanted = max(_logged_s(trace) / MOST_SAMPLES / own for trace in traces)
+    factors = (base * 10.0**power for power in range(9) for base in _NICE)
+    return own * next(factor for factor in factors if factor >= wanted)
+
+
+def _logged_s(trace: Trace) -> float:
+    period = sampling_period_s(trace.time_s)
+    return float(np.minimum(np.diff(trace.time_s), 10 * period).sum()) if len(trace.time_s) > 1 else 0.0
+
+
+def records(trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_s: float) -> list[Record]:
+    """The stretches of ``trace`` in which all ``inputs`` are there; raises :class:`Refused` where none is."""
+    extra = [name for name in trace.columns if name not in sensors]
+    mean = means(trace, period_s)
+    timed = replace(mean, columns={**mean.columns, _TIME: mean.time_s})
+    return [
+        Record(
+            period_s,
+            segment.outputs[0, 0] + period_s * np.arange(segment.inputs.shape[1]),
+            segment.inputs,
+            segment.outputs[1 : 1 + len(sensors)],
+            {name: _filled(row) for name, row in zip(extra, segment.outputs[1 + len(sensors) :])},
+        )
+        for segment in segments(timed, inputs, [_TIME, *sensors, *extra], period_s)
+    ]
+
+
+_TIME = "grid time"
+
+
+def means(trace: Trace, period_s: float) -> Trace:
+    """The trace with one sample a period: the mean of the values that lie in it, NaN where none does."""
+    if period_s <= 1.5 * sampling_period_s(trace.time_s):
+        return trace
+    position = np.floor((trace.time_s - trace.time_s[0]) / period_s).astype(int)
+    filled, place = np.unique(position, return_inverse=True)
+    columns = {}
+    for name, values in trace.columns.items():
+        known = ~np.isnan(values)
+        count = np.bincount(place[known], minlength=len(filled))
+        total = np.bincount(place[known], weights=values[known], minlength=len(filled))
+        columns[name] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return replace(trace, time_s=trace.time_s[0] + (filled + 0.5) * period_s, columns=columns)
+
+
+def _filled(row: Array) -> Array:
+    known = ~np.isnan(row)
+    if not known.any():
+        return np.zeros_like(row)
+    return np.interp(np.arange(len(row)), np.flatnonzero(known), row[known])

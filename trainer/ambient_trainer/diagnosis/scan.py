@@ -1,0 +1,322 @@
+"""Candidates are compared by regression: what each explains of the whitened residual, wherever it may begin and end.
+
+A term that acts from a to b adds what it adds from a on less what it adds from b on, so one Gram matrix of the
+responses to every onset scores every window at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from ambient_trainer.diagnosis.candidate import Candidate, Span
+from ambient_trainer.diagnosis.noise import ORDER, Noise
+from ambient_trainer.diagnosis.terms import HeatTerm, Term, beginning, ending
+from ambient_trainer.diagnosis.view import View
+
+Array = NDArray[np.float64]
+
+_EDGE_UNKNOWNS = 2.0
+"""What an onset costs beside a coefficient: it is found among many."""
+_DOUBT = 0.1
+_SHORTEST_SAMPLES, _SHORTEST_S = 3, 300.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What all candidates are scored against: R whitened rows of every view, less what the nuisances explain.
+
+    ``keep`` (R,) is 1 where a row may be learned from; ``basis`` (p, R) spans the nuisances, orthonormal; ``left``
+    (R,) is the residual without them.
+    """
+
+    views: tuple[View, ...]
+    noise: Noise
+    keep: Array
+    basis: Array
+    left: Array
+    normal: Frame | None = None
+    """The same of known-good records: what is there too is no change."""
+
+    @staticmethod
+    def of(
+        views: Sequence[View],
+        noise: Noise,
+        nuisances: Sequence[Sequence[Array]],
+        learn: Sequence[Array] | None = None,
+        normal: Frame | None = None,
+    ) -> Frame:
+        """``nuisances`` holds per view what each does to the sensors, (s, N); ``learn`` which samples, (N,)."""
+        residuals = [view.residual_degC for view in views]
+        known = [~np.isnan(noise.white(each)) for each in residuals]
+        if learn is not None:
+            known = [mask & (part[ORDER:] > 0) for mask, part in zip(known, learn)]
+        keep = np.concatenate([mask.reshape(-1) for mask in known]).astype(float)
+        left = np.concatenate([np.nan_to_num(noise.white(each)).reshape(-1) for each in residuals]) * keep
+        columns = [_starts(views, noise)]
+        if nuisances and len(nuisances[0]):
+            columns.append(_side_by_side(noise, nuisances))
+        basis = _orthonormal(np.concatenate(columns) * keep)
+        return Frame(tuple(views), noise, keep, basis, left - basis.T @ (basis @ left), normal)
+
+    @property
+    def rows(self) -> float:
+        """How many rows there are to learn from."""
+        return float(self.keep.sum())
+
+    @property
+    def square(self) -> float:
+        """What is left over, squared and summed."""
+        return float(self.left @ self.left)
+
+    def columns(self, candidate: Candidate, onsets_s: Sequence[float | None]) -> Array:
+        """The candidate's terms from each onset on, whitened, less the nuisances, (k, onsets, R)."""
+        return self._white(candidate, onsets_s, beginning)
+
+    def ends(self, candidate: Candidate, ends_s: Sequence[float | None]) -> Array:
+        """What is gone again of the candidate's terms after each end, likewise."""
+        return self._white(candidate, ends_s, ending)
+
+    def _white(
+        self,
+        candidate: Candidate,
+        onsets_s: Sequence[float | None],
+        drawn: Callable[[View, Term, Sequence[float | None]], Array],
+    ) -> Array:
+        parts = []
+        for view in self.views:
+            parts.append([self.noise.white(drawn(view, term, onsets_s)) for term in candidate.terms(view)])
+        flat = np.concatenate(
+            [np.array(part).reshape(len(part), len(onsets_s), -1) for part in parts],
+            axis=-1,
+        )
+        flat *= self.keep
+        flat -= (flat @ self.basis.T) @ self.basis
+        return np.asarray(flat)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A candidate at its best: when, with which coefficients, and how much of the square that explains.
+
+    ``onset_s`` and ``end_s`` are None where it acts from the start or to the end. ``score`` is twice the gain in log
+    likelihood less a penalty for every unknown (Schwarz 1978).
+    """
+
+    candidate: Candidate
+    onset_s: float | None
+    end_s: float | None
+    values: Array
+    covariance: Array
+    explained: float
+    score: float
+
+
+def scored(frame: Frame, candidate: Candidate, onsets_s: Sequence[float]) -> Scored | None:
+    """The candidate at its best over the windows that its span allows; None where none is plausible."""
+    starts: list[float | None] = [None]
+    if candidate.window is not None:
+        starts.extend(each for each in candidate.window if each is not None)
+    elif candidate.span is not Span.WHOLE:
+        starts.extend(onsets_s)
+    gram, towards, square = _normal_equations(frame, candidate, starts)
+    G, columns = len(starts), towards.shape[1]
+    begin, end = _windows(candidate.span, G)
+    if candidate.window is not None:
+        begin = np.array([0 if candidate.window[0] is None else 1], dtype=np.intp)
+        end = np.array([G if candidate.window[1] is None else G - 1], dtype=np.intp)
+    # what has a memory ends otherwise than it begins: its ends stand behind all beginnings
+    D, M = _differences(gram, towards, begin, np.where(end == G, columns, end + columns - G))
+    values, explained = _solved(D, M, candidate.fixed)
+    lasts = np.array([-np.inf, *starts[1:], np.inf], dtype=float)
+    fine = candidate.plausible(values) & (explained < square) & (lasts[end] - lasts[begin] >= _shortest_s(frame))
+    unknowns = candidate.free + (candidate.shape is not None)
+    edges = (begin > 0).astype(float) + (end < G)
+    rows = frame.rows
+    score = rows * -np.log1p(-np.where(fine, explained, 0.0) / square)
+    score = score - np.log(rows) * (unknowns + _EDGE_UNKNOWNS * edges)
+    score[~fine] = -np.inf
+    if not len(score) or not np.isfinite(score.max()):
+        return None
+    best = int(score.argmax())
+    variance = (square - explained[best]) / max(1.0, rows - len(frame.basis) - unknowns)
+    return Scored(
+        candidate,
+        starts[begin[best]],
+        None if end[best] == G else starts[end[best]],
+        values[best],
+        _covariance(M[best], candidate.fixed) * variance,
+        float(explained[best]),
+        float(score[best]),
+    )
+
+
+def _normal_equations(
+    frame: Frame, candidate: Candidate, starts_s: Sequence[float | None]
+) -> tuple[Array, Array, float]:
+    """Gram matrix (k, G, k, G) of the columns, their products with what is left, (k, G), and the square of that.
+
+    The columns are those from each of ``starts_s`` on, and, for what has a memory, those after each of them as an end.
+    Where there are known-good records, what the candidate explains of them is taken out first: only what it does
+    beyond that is a change.
+    """
+    X = frame.columns(candidate, starts_s)
+    if _remembers(frame, candidate):
+        X = np.concatenate([X, frame.ends(candidate, starts_s)], axis=1)
+    k, G, R = X.shape
+    flat = X.reshape(k * G, R)
+    gram, towards, square = flat @ flat.T, flat @ frame.left, frame.square
+    if frame.normal is not None:
+        before = frame.normal.columns(candidate, [None])[:, 0]
+        normal, own = before @ before.T, X[:, 0] @ X[:, 0].T
+        # what the known-good records hardly hold they cannot speak of
+        doubt = _DOUBT * np.diag(np.diag(own)) + 1e-12 * np.eye(k)
+        apparent = np.linalg.solve(normal + doubt, before @ frame.normal.left)
+        apparent = np.array([each if fixed is None else 0.0 for each, fixed in zip(apparent, candidate.fixed)])
+        towards = towards - flat @ X[:, 0].T @ apparent
+        square = square - float(2 * apparent @ (X[:, 0] @ frame.left) - apparent @ own @ apparent)
+    return gram.reshape(k, G, k, G), towards.reshape(k, G), square
+
+
+def _remembers(frame: Frame, candidate: Candidate) -> bool:
+    terms = candidate.terms(frame.views[0])
+    return any(isinstance(term, HeatTerm) and term.memory_s is not None for term in terms)
+
+
+def _shortest_s(frame: Frame) -> float:
+    return max(_SHORTEST_S, _SHORTEST_SAMPLES * frame.views[0].plant.period_s)
+
+
+def refined(frame: Frame, coarse: Scored, step_s: float) -> Scored:
+    """``coarse`` with onset and end to the sample, its shape to a percent; ``step_s`` is the coarse grid's."""
+    best = coarse if coarse.candidate.window is not None else _plainest(frame, _in_time(frame, coarse, step_s))
+    shape, reshaped = best.candidate.shape, best.candidate.reshaped
+    if shape is None or reshaped is None:
+        return best
+    fixed_window = [each for each in (best.onset_s, best.end_s) if each is not None]
+
+    def at(log_factor: float) -> Scored | None:
+        return scored(frame, reshaped(shape * float(np.exp(log_factor))), fixed_window)
+
+    def cost(log_factor: float) -> float:
+        tried = at(log_factor)
+        return 0.0 if tried is None else -tried.score
+
+    found = minimize_scalar(cost, bounds=(-1.5, 1.5), method="bounded", options={"xatol": 0.01, "maxiter": 16})
+    better = at(float(found.x))
+    return better if better is not None and better.score > best.score else best
+
+
+def _plainest(frame: Frame, best: Scored) -> Scored:
+    """``best`` without an edge that hardly matters."""
+    for onset_s, end_s in ((None, None), (best.onset_s, None), (None, best.end_s)):
+        if (onset_s, end_s) != (best.onset_s, best.end_s):
+            tried = scored(frame, replace(best.candidate, window=(onset_s, end_s)), [])
+            if tried is not None and tried.score >= _AS_GOOD * best.score:
+                return replace(tried, candidate=best.candidate)
+    return best
+
+
+_AS_GOOD = 0.95
+
+
+def _in_time(frame: Frame, coarse: Scored, step_s: float) -> Scored:
+    best = coarse
+    period = frame.views[0].plant.period_s
+    while step_s > period / 4 and (best.onset_s is not None or best.end_s is not None):
+        finer = max(period / 4, step_s / 6)
+        near = [
+            float(edge + shift * finer)
+            for edge in (best.onset_s, best.end_s)
+            if edge is not None
+            for shift in range(-7, 8)
+        ]
+        tried = scored(frame, best.candidate, sorted(set(near)))
+        if tried is None or tried.score <= best.score:
+            tried = best
+        best, step_s = tried, finer
+    return best
+
+
+def _windows(span: Span, onsets: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Indices of where windows begin and end; the end ``onsets`` is that of the record."""
+    if span is Span.WHOLE:
+        return np.zeros(1, dtype=np.intp), np.full(1, onsets, dtype=np.intp)
+    if span is Span.ONSET:
+        return np.arange(onsets), np.full(onsets, onsets, dtype=np.intp)
+    begin, end = np.triu_indices(onsets + 1, k=1)
+    return begin, end
+
+
+def _differences(gram: Array, towards: Array, begin: NDArray[np.intp], end: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Per window, D (w, k) and M (w, k, k) of response-from-begin less response-from-end."""
+    k, G = towards.shape
+    padded = np.zeros((k, G + 1, k, G + 1))
+    padded[:, :G, :, :G] = gram
+    against = np.zeros((k, G + 1))
+    against[:, :G] = towards
+    D = against[:, begin] - against[:, end]
+    M = np.empty((len(begin), k, k))
+    for i in range(k):
+        for j in range(k):
+            block = padded[i, :, j, :]
+            M[:, i, j] = block[begin, begin] - block[begin, end] - block[end, begin] + block[end, end]
+    return D.T, M
+
+
+def _solved(D: Array, M: Array, fixed: tuple[float | None, ...]) -> tuple[Array, Array]:
+    """Per window the coefficients (w, k) and what they explain of the square, (w,)."""
+    free = [index for index, each in enumerate(fixed) if each is None]
+    values = np.tile([0.0 if each is None else each for each in fixed], (len(D), 1))
+    if free:
+        towards = D[:, free] - np.einsum("wij,wj->wi", M[:, free], values)
+        inner = M[:, free][:, :, free]
+        size = np.einsum("wii->wi", inner)
+        # what nothing tells stays at zero
+        inner = inner + np.einsum("wi,ij->wij", 1e-9 * size + 1e-12, np.eye(len(free)))
+        values[:, free] = np.linalg.solve(inner, towards[..., None])[..., 0]
+    explained = 2 * np.einsum("wi,wi->w", values, D) - np.einsum("wi,wij,wj->w", values, M, values)
+    return values, explained
+
+
+def _covariance(M: Array, fixed: tuple[float | None, ...]) -> Array:
+    """Of free coefficients by their normal matrix; a fixed one's is that of itself if it were free alone."""
+    result = np.zeros_like(M)
+    free = [index for index, each in enumerate(fixed) if each is None]
+    if free:
+        result[np.ix_(free, free)] = np.linalg.pinv(M[np.ix_(free, free)])
+    for index, each in enumerate(fixed):
+        if each is not None:
+            result[index, index] = 1.0 / max(M[index, index], 1e-12)
+    return result
+
+
+def _side_by_side(noise: Noise, nuisances: Sequence[Sequence[Array]]) -> Array:
+    """(p, R): each nuisance acts in every view."""
+    return np.concatenate([noise.white(np.array(each)).reshape(len(each), -1) for each in nuisances], axis=1)
+
+
+def _starts(views: Sequence[View], noise: Noise) -> Array:
+    """(sum of n, R): every view starts on its own."""
+    blocks = [noise.white(view.starts).reshape(len(view.starts), -1) for view in views]
+    result = np.zeros((sum(len(each) for each in blocks), sum(each.shape[1] for each in blocks)))
+    row = column = 0
+    for block in blocks:
+        result[row : row + len(block), column : column + block.shape[1]] = block
+        row, column = row + len(block), column + block.shape[1]
+    return result
+
+
+def _orthonormal(rows: Array) -> Array:
+    """An orthonormal basis (p, R) of what ``rows`` span, without what is rounding."""
+    length = np.linalg.norm(rows, axis=1)
+    rows = rows[length > 0] / length[length > 0, None]
+    if not len(rows):
+        return rows
+    values, vectors = np.linalg.eigh(rows @ rows.T)
+    solid = values > 1e-10 * values[-1]
+    return np.asarray((vectors[:, solid] / np.sqrt(values[solid])).T @ rows)

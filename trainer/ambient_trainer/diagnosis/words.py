@@ -1,0 +1,51 @@
+"""How a number is put before a person: times like a clock, spans in the unit that fits, figures as long as meant."""
+
+from __future__ import annotations
+
+import math
+
+
+def clock(time_s: float) -> str:
+    """A time of a trace as h:mm:ss."""
+    whole = math.floor(abs(time_s) + 0.5)
+    sign = "-" if time_s < 0 and whole else ""
+    return f"{sign}{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+
+
+def window(onset_s: float | None, end_s: float | None) -> str:
+    """When something lasted: ``from 1:00:00 to 2:30:00``; an open end is the trace's."""
+    if onset_s is None and end_s is None:
+        return "all the time"
+    start = "from the start" if onset_s is None else f"from {clock(onset_s)}"
+    return f"{start} {'to the end' if end_s is None else f'to {clock(end_s)}'}"
+
+
+def duration(span_s: float) -> str:
+    """A span in the unit that fits it, to two figures: ``12 s``, ``4.5 min``, ``2.1 h``."""
+    for size, unit in ((7200.0, "h"), (120.0, "min")):
+        if span_s >= size:
+            return f"{figures(span_s / {'h': 3600.0, 'min': 60.0}[unit], 2)} {unit}"
+    return f"{figures(span_s, 2)} s"
+
+
+def figures(value: float, count: int = 3) -> str:
+    """``value`` to ``count`` significant figures, without an exponent where it can be read so."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    if not -5 <= exponent <= 6:
+        return f"{value:.{count - 1}e}"
+    rounded = round(value, count - 1 - exponent)
+    return f"{rounded:.{max(0, count - 1 - math.floor(math.log10(abs(rounded))))}f}"
+
+
+def share(part: float) -> str:
+    """A part of the whole in per cent: ``8 %``, ``0.4 %``."""
+    return f"{100 * part:.0f} %" if part >= 0.095 or part == 0 else f"{100 * part:.1f} %"
+
+
+def chance(p_value: float) -> str:
+    """A probability as people read it: ``p = 0.03``, ``p < 0.001``."""
+    return "p < 0.001" if p_value < 0.001 else f"p = {figures(p_value, 2)}"
