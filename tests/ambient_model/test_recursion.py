@@ -45,7 +45,8 @@ def with_eigenvalues(*eigenvalues: complex, transform: np.ndarray | None = None)
     for block in blocks:
         J[at : at + len(block), at : at + len(block)] = block
         at += len(block)
-    T = random.normal(size=(size, size)) if transform is None else transform
+    # drawn anew each time: whichever test comes first, each has its own
+    T = np.random.default_rng(size).normal(size=(size, size)) if transform is None else transform
     return tuple(map(tuple, (T @ J @ np.linalg.inv(T)).tolist()))
 
 

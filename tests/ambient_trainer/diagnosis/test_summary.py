@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from ambient_trainer.diagnosis.result import Cause, Gain
+from ambient_trainer.diagnosis.result import Cause, Gain, Magnitude
 from ambient_trainer.diagnosis.summary import as_json, headline, misfit_table, remarks, show
-from ambient_trainer.diagnosis.words import chance, clock, duration, figures, share, window
+from ambient_trainer.diagnosis.words import chance, clock, duration, figures, growth, share, window
 
 STEP = {
     "cause", "location", "signal", "onset_s", "end_s", "magnitude", "confidence", "gain", "indistinguishable_from",
@@ -95,6 +95,19 @@ def test_the_headline_is_a_sentence(made):
     )
 
 
+def test_a_resistance_that_grows_in_the_cold_is_told_with_its_growth(made):
+    from dataclasses import replace
+
+    cell, gain = Cause("heat_source", "cell", "battery_current_A"), Gain(0.91, 0.43, (0.40, 0.55), 2e-5)
+    size = Magnitude(0.0256, "W/A^2", "heat into cell", (0.025, 0.0262))
+    grown = {"growth_per_K": (0.0304, "1/K")}
+    step = replace(made().steps[0], cause=cell, magnitude=size, gain=gain, parameters=grown, onset_s=None, end_s=None)
+    assert headline(made(steps=(step,), verdict=step)).startswith(
+        "Heat that the circuit does not know, at cell, driven by battery_current_A, all the time, 0.0256 W/A^2 "
+        "(0.0250 to 0.0262 W/A^2), growing in the cold by 3.0 % per K: with it, "
+    )
+
+
 def test_unknown_is_said_openly(made):
     from dataclasses import replace
 
@@ -136,6 +149,7 @@ def test_the_tests_that_failed_come_first(made):
         (figures(0.8249), "0.825"), (figures(-12.35, 2), "-12"), (figures(9.999), "10.0"), (figures(0), "0"),
         (figures(12345.6), "12300"), (figures(1e-7), "1.00e-07"), (figures(math.nan), "-"),
         (share(0.5), "50 %"), (share(0.004), "0.4 %"), (chance(0.0004), "p < 0.001"), (chance(0.034), "p = 0.034"),
+        (growth({"growth_per_K": (0.12, "1/K")}), "by 12 % per K"), (growth({"power": (0.82, "W")}), ""),
         (window(None, None), "all the time"), (window(None, 60), "from the start to 0:01:00"),
     ],
 )  # fmt: skip

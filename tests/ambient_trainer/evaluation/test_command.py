@@ -163,18 +163,16 @@ def test_a_missing_column_ends_a_process_with_1_and_one_message(
     )
 
 
-def test_a_report_that_cannot_be_written_is_said_after_the_figures(
+def test_a_report_that_cannot_be_written_is_said_before_anything_is_evaluated(
     saved: Saved, trace_of: TraceOf, tmp_path: Path
 ) -> None:
     model, trace = saved(trace_of(60))
 
     done = run(model, trace, "--report", trace)
 
-    assert done.returncode == 1
-    assert "Over 60 samples" in done.stdout
-    assert done.stderr.strip() == (
-        f"ambient-trainer: {trace}: cannot be made a folder (File exists); name another folder for the report"
-    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.strip().endswith(f"Error: {trace}: is no folder; name another folder for the report")
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 
 import click
@@ -59,9 +58,7 @@ def command(
     from ambient_trainer.diagnosis.diagnose import diagnose
     from ambient_trainer.diagnosis.summary import as_json, show
 
-    inputs = [*trace_paths, *baseline_paths, circuit_name]
-    pages = [] if report_folder is None else [os.path.join(report_folder, "index.html")]
-    check_outputs([json_path, extended_path], [*inputs, *pages])
+    check_outputs([json_path, extended_path], [*trace_paths, *baseline_paths, circuit_name], report_folder)
     circuit = load_circuit(circuit_name)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     baselines = [load_trace(path) for path in baseline_paths]

@@ -53,8 +53,7 @@ def command(
     of every cause and several sizes, beside signals that drive nothing - is diagnosed by its trace alone. The same seed
     draws the same cases; interrupted, it shows those that are done.
     """
-    pages = [] if report_folder is None else [os.path.join(report_folder, "index.html")]
-    check_outputs([json_path], [circuit_name, *pages])
+    check_outputs([json_path], [circuit_name], report_folder)
     circuit = load_circuit(circuit_name)
     unread = set(THESIS_ZONES) - {node.sensor for node in circuit.states}
     if unread:

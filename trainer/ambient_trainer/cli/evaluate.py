@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Sequence
 
 import click
@@ -49,8 +48,7 @@ def command(
         raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
     if run_in and from_s is None:
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
-    pages = [] if report_folder is None else [os.path.join(report_folder, "index.html")]
-    check_outputs([json_path], [model_path, *trace_paths, *pages])
+    check_outputs([json_path], [model_path, *trace_paths], report_folder)
     model = load_model(model_path)
     evaluated = evaluate_file_run_in if run_in else evaluate_file
     evaluations = _evaluate(trace_paths, lambda path: evaluated(model, path, from_s, to_s))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Iterator
 
 import click
@@ -127,8 +126,7 @@ def command(
         )
     if lose is not None and not lose[1] < lose[2]:
         raise click.UsageError(f"--lose {lose[0]} {lose[1]:g} {lose[2]:g} ends before it begins")
-    pages = [] if report_folder is None else [os.path.join(report_folder, "index.html")]
-    check_outputs([json_path], [model_path, *pages])
+    check_outputs([json_path], [model_path], report_folder)
     model = load_model(model_path)
     setting = Setting(
         limit_degC=limit_degC,

@@ -4,27 +4,34 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import click
 
 from ambient_model.faults import Fault
 
+_OF_A_REPORT = ("index.html", "plotly.min.js")
+"""As ``report/page.py`` names them, which takes half a second to import."""
 
-def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str]) -> None:
+
+def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str], report: str | None = None) -> None:
     """Refuse outputs that stand twice, are inputs, or lie where nothing can be written; None is one not asked for.
 
+    ``report`` is the folder of a page: it may have to be made, and what it will hold are outputs, too.
     Raises :class:`click.UsageError` naming every such output.
     """
-    wanted = [path for path in outputs if path is not None]
+    pages = [] if report is None else [os.path.join(report, name) for name in _OF_A_REPORT]
+    files = [path for path in outputs if path is not None]
+    wanted = [*files, *pages]
     faults = []
     for index, path in enumerate(wanted):
         if any(_same(path, other) for other in inputs):
             faults.append(Fault(path, "would be overwritten by what is made from it", "name another output"))
         elif any(_same(path, other) for other in wanted[:index]):
             faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
-        elif problem := _unwritable(path):
+        elif problem := _no_file(path) or (_no_place(path) if index < len(files) else None):
             faults.append(Fault(path, *problem))
+    if report is not None and (problem := _no_folder(report)):
+        faults.append(Fault(report, *problem))
     if faults:
         raise click.UsageError("\n".join(map(str, faults)))
 
@@ -35,12 +42,33 @@ def _same(one: str, other: str) -> bool:
     return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _unwritable(path: str) -> tuple[str, str] | None:
-    folder = Path(os.path.realpath(path)).parent
-    if os.path.isdir(path):
+def _no_file(path: str) -> tuple[str, str] | None:
+    if os.path.isdir(os.path.realpath(path)):  # no name at all is this folder's
         return "is a folder", "name a file in it"
-    if not folder.is_dir():
-        return f"there is no folder {folder}", "make it first, or name another"
-    if not os.access(folder, os.W_OK):
-        return f"nothing can be written into {folder}", "choose a folder that you may write to"
+    if os.path.exists(path) and not os.path.isfile(path):
+        return "is a device", "name a file"
     return None
+
+
+def _no_place(path: str) -> tuple[str, str] | None:
+    folder = os.path.dirname(os.path.realpath(path))
+    if not os.path.isdir(folder):
+        return f"there is no folder {folder}", "make it first, or name another"
+    return _closed(folder)
+
+
+def _no_folder(path: str) -> tuple[str, str] | None:
+    """Why ``path`` neither is a folder to write into nor can be made one."""
+    whole = there = os.path.abspath(path)
+    while not os.path.lexists(there):
+        there = os.path.dirname(there)
+    if os.path.isdir(there):
+        return _closed(there)
+    problem = "is no folder" if there == whole else f"cannot be made: {there} is no folder"
+    return problem, "name another folder for the report"
+
+
+def _closed(folder: str) -> tuple[str, str] | None:
+    if os.access(folder, os.W_OK):
+        return None
+    return f"nothing can be written into {folder}", "choose a folder that you may write to"

@@ -32,7 +32,7 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
 
     Prints the thesis's tables 5.1 to 5.12 with the published figures beside the simulated ones, and what is not alike.
     """
-    check_outputs([json_path], [])
+    check_outputs([json_path], [], report_folder)
     with _bar() as progress:
         found = reproduce(seed, all_methods, published_results(), progress)
         errata = errata_of(found.runs, progress) if json_path or report_folder else []

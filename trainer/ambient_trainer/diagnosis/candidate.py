@@ -28,14 +28,17 @@ class Span(Enum):
 
 @dataclass(frozen=True)
 class Found:
-    """Coefficients (k,) and their covariance (k, k), fitted to records of which ``view`` is the longest."""
+    """Coefficients (k,) and their covariance, fitted to records of which ``view`` is the longest.
+
+    ``covariance`` (k + 1, k + 1) holds that of the shape's logarithm behind, zero where there is none.
+    """
 
     view: View
     values: Array
     covariance: Array
 
     def deviation(self, index: int) -> float:
-        """The standard error of one coefficient."""
+        """The standard error of one coefficient, or behind them of the shape's logarithm."""
         return float(np.sqrt(max(self.covariance[index, index], 0.0)))
 
     def interval(self, index: int, scale: float = 1.0) -> tuple[float, float]:
@@ -65,6 +68,8 @@ class Candidate:
     parameters: Callable[[Found], Parameters] = field(default=lambda found: {})
     fixed: tuple[float | None, ...] = (None,)
     plausible: Callable[[Array], NDArray[np.bool_]] = field(default=lambda values: np.isfinite(values).all(axis=-1))
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+    """Between which a coefficient is looked for."""
     start: Callable[[Array], Array] = field(default=lambda values: values)
     """Where to start simulating from, given what a regression found, (k,)."""
     shape: float | None = None
@@ -92,6 +97,8 @@ class Setting:
     """What each node of a plant gives off to the ambient, (n, ...) in W, as far as is known."""
     flat: tuple[tuple[float | None, float | None] | None, ...]
     """Per sensor from when until when it read the same while it should have moved; None where it never did."""
+    circuit_is_free: bool = False
+    """Whether the circuit's own parameters are fitted along with a candidate, as freely as it is."""
 
     def heat_unit(self, node: int) -> tuple[float, str]:
         """What a heat in W into ``node`` is multiplied with to be told, and the unit then."""

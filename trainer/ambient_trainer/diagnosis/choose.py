@@ -16,13 +16,14 @@ from ambient_trainer.diagnosis.candidate import Candidate, Span
 from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.extended import Effect, Model, view
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
-from ambient_trainer.diagnosis.joint import Fitted, Teaching, fitted, nuisances
+from ambient_trainer.diagnosis.joint import Fitted, Teaching, cost, fitted, nuisances
 from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import Cause, Gain
 from ambient_trainer.diagnosis.scan import Frame, Scored, refined, scored
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.teach import Taught
+from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
@@ -38,15 +39,17 @@ A change is looked for beside known-good records, in units of what those leave, 
 TIE_OF_WHAT_IS_LEFT, TIE_OF_WHAT_IS_GAINED, MOST_UNKNOWNS_SAVED = 0.06, 0.02, 2.5
 """For each unknown that it saves, a simpler cause may leave this share more than the best, or gain this share less."""
 TIE_OF_A_FAULT = 0.97
-LEAST_OF_LATER_STEPS = 0.15
-"""Of what the first step gained: an effect is never quite what it is taken for, and what is left of it is no other."""
+LEAST_OF_LATER_STEPS, LEAST_OF_WHAT_IS_LEFT = 0.15, 0.3
+"""Of what the first step gained: an effect is never quite what it is taken for, and what is left of it is no other.
+
+It is one if it explains this much of what the others leave beyond the noise.
+"""
 _BUILT_IN = ("convection_law", "thermal_mass", "path", "sensor_lag", "heat_source", "ambient_coupling")
 _COARSE = 60
 _EDGE = 0.5
-_SHAPED = 4
-_REFINED = 14
-_SIMULATED, _SIMULATED_WITH_CIRCUIT = 6, 5
-_ROUNDS, _ROUNDS_WITH_CIRCUIT = 4, 6
+_REFINED = 24
+_SIMULATED, _SIMULATED_WITH_CIRCUIT = 8, 6
+_ROUNDS, _ROUNDS_WITH_CIRCUIT = 6, 6
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,17 @@ class Trial:
     def unknowns(self) -> float:
         """How much freedom it takes."""
         edges = (self.effect.onset_s is not None) + (self.effect.end_s is not None)
-        return self.effect.candidate.free + (self.effect.candidate.shape is not None) + _EDGE * edges
+        return self.effect.candidate.free + (self.effect.candidate.shape is not None) + _EDGE * edges + self._cools
+
+    @property
+    def _cools(self) -> bool:
+        """Whether it takes heat away however cold it is there: a machine does, a loss needs none."""
+        if self.cause.name != "heat_source":
+            return False
+        seen = self.fitted.longest
+        term = self.effect.candidate.terms(seen)[0]
+        assert isinstance(term, HeatTerm)
+        return bool(float(self.effect.values[0]) * float((self.effect.window(seen.record) * term.weight).mean()) < 0.0)
 
     def accepted(self, least: float) -> bool:
         """Whether it is significant, surely gains, and gains enough to matter."""
@@ -153,13 +166,15 @@ def choose(
     """Forward selection of effects in the diagnosed records; by default of every cause."""
     wanted = wanted or (CHANGES if taught.normal else LACKS)
     noise = taught.noise
-    current = fitted(taught.model, Teaching(tuple(own), noise, taught.searched), 1)
+    current = fitted(taught.model, taught.teaching(own, noise), _ROUNDS)
     plain = current
     choices: list[Choice] = []
     views: list[tuple[View, ...]] = []
     for step in range(MOST_STEPS):
         if choices and choices[0].taken is not None and wanted is not BUILT_IN:
-            wanted = replace(wanted, least=max(wanted.least, LEAST_OF_LATER_STEPS * choices[0].taken.relative))
+            excess = Blocks.of(current, noise).relative(noise) - 1.0
+            least = min(LEAST_OF_LATER_STEPS * choices[0].taken.relative, LEAST_OF_WHAT_IS_LEFT * excess)
+            wanted = replace(wanted, least=max(wanted.least, least))
         choice = _one_more(
             current,
             taught,
@@ -174,7 +189,7 @@ def choose(
         current = choice.taken.fitted
         if not taught.normal:
             noise = Noise.of([each.residual_degC for each in current.views])
-            current = fitted(current.model, Teaching(tuple(own), noise, taught.searched), _ROUNDS_WITH_CIRCUIT)
+            current = fitted(current.model, taught.teaching(own, noise), _ROUNDS_WITH_CIRCUIT)
         views.append(current.views)
     return Chosen(tuple(choices), plain, current, noise, tuple(views))
 
@@ -195,9 +210,10 @@ def _one_more(
     wanted: Search,
     progress: Callable[[int, int], None],
 ) -> Choice:
-    teaching = Teaching(tuple(own), noise, taught.searched)
-    frame = _frame(current, taught, noise)
-    setting = setting_of(taught.model, current.views)
+    teaching = taught.teaching(own, noise)
+    from_here = _unmoved(current, taught, teaching)
+    frame = _frame(from_here, taught, teaching)
+    setting = setting_of(current.model, current.views, not taught.normal)
     there = {
         (effect.candidate.cause.name, effect.candidate.cause.location)
         for effect in current.model.effects
@@ -210,25 +226,29 @@ def _one_more(
     ]
     first, last = _extent(own)
     step_s = max((last - first) / _COARSE, 2 * taught.model.plant.period_s)
-    onsets = list(np.arange(first + step_s, last - step_s / 2, step_s))
-    found: dict[Cause, Scored] = {}
+    period_s = taught.model.plant.period_s
+    # with the samples: an edge between two is shared by both, and scores otherwise
+    onsets = [
+        first + period_s * round(each / period_s) for each in np.arange(step_s, last - first - step_s / 2, step_s)
+    ]
+    # of the forms of a cause, the best with each number of coefficients: which is the better, held-out data tell
+    found: dict[tuple[Cause, int], Scored] = {}
     for index, candidate in enumerate(candidates):
         progress(index, len(candidates) + _SIMULATED)
-        # the shape first, on a coarse grid; when it acts is refined for the best shape
-        best = scored(frame, candidate, onsets if candidate.shape is None else onsets[::_SHAPED])
-        if best is not None and (candidate.cause not in found or best.score > found[candidate.cause].score):
-            found[candidate.cause] = best
+        best = scored(frame, candidate, onsets)
+        key = candidate.cause, candidate.free
+        if best is not None and (key not in found or best.score > found[key].score):
+            found[key] = best
     ranked = sorted(found.values(), key=lambda each: -each.score)[:_REFINED]
-    ranked = [_rescored(frame, each, onsets) for each in ranked]
     ranked = sorted((refined(frame, each, step_s) for each in ranked), key=lambda each: -each.score)[
-        : _SIMULATED_WITH_CIRCUIT if taught.searched else _SIMULATED
+        : _SIMULATED if taught.normal else _SIMULATED_WITH_CIRCUIT
     ]
     before = Blocks.of(current, noise)
     tries = len(candidates) * len(onsets)
     trials = []
     for index, each in enumerate(ranked):
         progress(len(candidates) + index, len(candidates) + _SIMULATED)
-        trial = _trial(current.model, each, teaching, before, tries)
+        trial = _trial((from_here.model, current.model), each, teaching, before, tries, not taught.normal)
         if np.isfinite(trial.fitted.square) and bool(each.candidate.plausible(trial.effect.values)):
             trials.append(trial)
     trials.sort(key=lambda each: float(each.blocks.white.sum()))
@@ -236,25 +256,29 @@ def _one_more(
     return Choice(taken, rivals, tuple(trials), tries, before)
 
 
-def _rescored(frame: Frame, coarse: Scored, onsets: Sequence[float]) -> Scored:
-    if coarse.candidate.shape is None:
-        return coarse
-    finer = scored(frame, coarse.candidate, onsets)
-    return finer if finer is not None and finer.score > coarse.score else coarse
+def _unmoved(current: Fitted, taught: Taught, teaching: Teaching) -> Fitted:
+    """``current`` where it was taught: what it has moved since may be what the next effect is to explain."""
+    if not taught.normal:
+        return current
+    own = tuple(effect for effect in current.model.effects if not effect.known)
+    return fitted(replace(taught.model, effects=(*taught.model.effects, *own)), teaching, 0)
 
 
-def _trial(model: Model, found: Scored, teaching: Teaching, before: Blocks, tries: int) -> Trial:
+def _trial(models: Sequence[Model], found: Scored, teaching: Teaching, before: Blocks, tries: int, free: bool) -> Trial:
+    """What was ``found`` added to the one of ``models`` that is then nearer, and fitted along with it."""
     values = found.candidate.start(found.values)
-    if teaching.searched:
+    if free:
         # its coefficients go with parameters that have yet to move: they start, together, from where the model stands
         values = np.array([0.0 if fixed is None else fixed for fixed in found.candidate.fixed])
-    effect = Effect(found.candidate, found.onset_s, found.end_s, values, found.covariance)
-    result = fitted(model.with_effect(effect), teaching, _ROUNDS_WITH_CIRCUIT if teaching.searched else _ROUNDS)
+    unsure = np.zeros((len(values) + 1,) * 2)
+    effect = Effect(found.candidate, found.onset_s, found.end_s, values, unsure)
+    nearest = min((model.with_effect(effect) for model in models), key=lambda each: cost(each, teaching))
+    result = fitted(nearest, teaching, _ROUNDS_WITH_CIRCUIT if free else _ROUNDS)
     after = Blocks.of(result, teaching.noise)
     effect = result.model.effects[-1]
-    free = unknowns(found.candidate, found.onset_s, found.end_s)
+    count = unknowns(found.candidate, found.onset_s, found.end_s)
     left = after.relative(teaching.noise)
-    return Trial(effect, result, after, gain(before, after, free, tries), before.relative(teaching.noise) - left, left)
+    return Trial(effect, result, after, gain(before, after, count, tries), before.relative(teaching.noise) - left, left)
 
 
 def _simplest(trials: Sequence[Trial], before: Blocks, least: float) -> tuple[Trial | None, tuple[Trial, ...]]:
@@ -264,11 +288,11 @@ def _simplest(trials: Sequence[Trial], before: Blocks, least: float) -> tuple[Tr
         return None, ()
     best = accepted[0]
     most = float((before.white - best.blocks.white).sum())
-    simpler = [each for each in accepted if each.unknowns < best.unknowns and _tied(each, best, before)]
+    simpler = [each for each in accepted if each.unknowns < best.unknowns and _tied(each, best, before, least)]
     taken = min(simpler, key=lambda each: (each.unknowns, float(each.blocks.white.sum()))) if simpler else best
     alike = [each for each in accepted if abs(differ(each.blocks, taken.blocks)) < 2.0]
     taken = min((each for each in alike if each.unknowns == taken.unknowns), key=lambda each: each.gain.rmse_after_degC)
-    rivals = [each for each in alike if each is not taken]
+    rivals = [each for each in alike if each.cause != taken.cause]
     # heat that no neighbour feels is nothing that a faulty sensor would not show as well, and needs no heat
     faults = [
         each
@@ -284,22 +308,27 @@ def _simplest(trials: Sequence[Trial], before: Blocks, least: float) -> tuple[Tr
     return taken, tuple(rivals)
 
 
-def _tied(simpler: Trial, best: Trial, before: Blocks) -> bool:
+def _tied(simpler: Trial, best: Trial, before: Blocks, least: float) -> bool:
     """Whether a simpler cause is about as good as the best: by what is left, or by what is gained."""
     saved = min(best.unknowns - simpler.unknowns, MOST_UNKNOWNS_SAVED)
+    if simpler.left <= best.left * (1.0 + TIE_OF_WHAT_IS_LEFT * saved):
+        return True
     gained, most = (float((before.white - each.blocks.white).sum()) for each in (simpler, best))
-    return simpler.left <= best.left * (1.0 + TIE_OF_WHAT_IS_LEFT * saved) or gained >= most * (
-        1.0 - TIE_OF_WHAT_IS_GAINED * saved
+    # that the rest of a cause matters little is no reason to leave it out
+    return simpler.cause != best.cause and (
+        gained >= most * (1.0 - TIE_OF_WHAT_IS_GAINED * saved) and best.relative - simpler.relative < least
     )
 
 
-def _frame(current: Fitted, taught: Taught, noise: Noise) -> Frame:
+def _frame(current: Fitted, taught: Taught, teaching: Teaching) -> Frame:
+    noise = teaching.noise
     normal = None
     if taught.normal:
         model = taught.model
         before = [view(model, record) for record in taught.normal]
-        normal = Frame.of(before, noise, [[] for _ in before])
-    return Frame.of(current.views, noise, nuisances(current, taught.searched), normal=normal)
+        normal = Frame.of(before, noise)
+    free, told = nuisances(current, teaching)
+    return Frame.of(current.views, noise, free, told, normal)
 
 
 def _extent(own: Sequence[Record]) -> tuple[float, float]:

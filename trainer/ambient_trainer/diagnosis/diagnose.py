@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Found
 from ambient_trainer.diagnosis.causes import contact, heat_source
 from ambient_trainer.diagnosis.choose import Choice, Chosen, Trial, choose, lacking
 from ambient_trainer.diagnosis.experiment import next_experiment
@@ -25,6 +24,7 @@ from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ranked, Step
 from ambient_trainer.diagnosis.teach import Taught, records_of, taught_by_baselines, taught_by_itself
 from ambient_trainer.diagnosis.view import conductances_to_ambient
+from ambient_trainer.diagnosis.words import growth
 from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
@@ -150,15 +150,18 @@ def _steps(chosen: Chosen, own: Sequence[Record]) -> tuple[Step, ...]:
 
 def _step(choice: Choice, trial: Trial, effect: Effect, chosen: Chosen, number: int) -> Step:
     view = chosen.final.longest
-    found = Found(view, effect.values, effect.covariance)
+    found = effect.found(view)
     magnitude = effect.candidate.magnitude(found)
     rivals = tuple(dict.fromkeys(rival.cause for rival in choice.rivals))
     when = "all the time" if effect.onset_s is None else f"from {effect.onset_s:.0f} s on"
     if effect.end_s is not None:
         when = f"until {effect.end_s:.0f} s" if effect.onset_s is None else f"{when} until {effect.end_s:.0f} s"
     gain = trial.gain
+    parameters = effect.candidate.parameters(found)
+    grows = growth(parameters)
+    meaning = f"{magnitude.meaning} {grows}:" if grows else magnitude.meaning
     sentence = (
-        f"{effect.candidate.cause}: {magnitude.meaning} {magnitude.value:.3g} {magnitude.unit}"
+        f"{effect.candidate.cause}: {meaning} {magnitude.value:.3g} {magnitude.unit}"
         f" ({magnitude.ci95[0]:.3g} to {magnitude.ci95[1]:.3g}), {when};"
         f" on held-out data {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
     )
@@ -171,7 +174,7 @@ def _step(choice: Choice, trial: Trial, effect: Effect, chosen: Chosen, number: 
         gain=gain,
         indistinguishable_from=rivals,
         sentence=sentence,
-        parameters=effect.candidate.parameters(found),
+        parameters=parameters,
         residual_degC=max(chosen.views[number], key=lambda each: each.record.samples).residual_degC,
     )
 

@@ -7,41 +7,47 @@ measured.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.extended import Effect, Model, view
+from ambient_trainer.diagnosis.columns import columns
+from ambient_trainer.diagnosis.extended import Model, view
 from ambient_trainer.diagnosis.noise import ORDER, Noise
+from ambient_trainer.diagnosis.parameters import bounded, moved_to
 from ambient_trainer.diagnosis.plant import Plant
+from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record
-from ambient_trainer.diagnosis.terms import HeatTerm, Term, beginning, ending
+from ambient_trainer.diagnosis.unknowns import Kind, Unknown, moved, unknowns, within
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
 
 FOLDS = 5
-_BLOCKS = 50
-_STEP = 1e-3
-_LONGEST = 0.7
+_BLOCKS, _CLUSTERS = 50, 12
 _RIDGE, _HELD = 1e-9, 1e-6
 _SETTLED = 1e-3
-_JACKKNIFE = (2.776 / 1.96) ** 2
-"""Student's t of four degrees of freedom over the normal's quantile."""
+_BOUNDS = 8
+_MOST_DAMPING = 300.0
 
 
 @dataclass(frozen=True)
 class Teaching:
     """What a model is fitted to: records, the noise they are whitened by, and the circuit's parameters to search.
 
-    ``searched`` is empty where known-good records have fixed the circuit.
+    ``prior`` says what is known of them, and of the coefficients of the effects that are ``known``.
     """
 
     records: tuple[Record, ...]
     noise: Noise
     searched: tuple[str, ...] = ()
+    prior: Prior | None = None
+
+    def free(self, model: Model) -> tuple[Unknown, ...]:
+        """What is fitted of a model's effects."""
+        return unknowns(model, self.prior is not None)
 
 
 @dataclass(frozen=True)
@@ -69,17 +75,18 @@ def blocks(record: Record) -> NDArray[np.intp]:
 def fitted(model: Model, teaching: Teaching, rounds: int) -> Fitted:
     """``model`` with all that is free in it fitted in so many steps, each taken only as far as it helps."""
     views = _views(model, teaching)
-    square = _square(views, teaching.noise)
+    square = _square(model, views, teaching)
     damping = _RIDGE
+    system = None
     for _ in range(rounds if np.isfinite(square) else 0):
-        system = _System.of(model, views, teaching)
+        system = system or _System.of(model, views, teaching)
         before = square
-        while damping <= 1.0:
-            tried = system.moved(model, system.solution(model.plant, damping))
-            there = _views(tried, teaching)
-            after = _square(there, teaching.noise)
+        while damping <= _MOST_DAMPING:
+            tried = system.moved(model, system.solution(model, damping))
+            there = [view(tried, each.record, each) for each in views]
+            after = _square(tried, there, teaching)
             if after < square:
-                model, views, square = tried, there, after
+                model, views, square, system = tried, there, after, None
                 break
             damping *= 30.0
         if square > (1.0 - _SETTLED) * before:
@@ -87,29 +94,45 @@ def fitted(model: Model, teaching: Teaching, rounds: int) -> Fitted:
         damping = max(_RIDGE, damping / 30.0)
     if not np.isfinite(square):
         return Fitted(model, tuple(views), tuple(each.residual_degC for each in views), np.inf)
-    system = _System.of(model, views, teaching)
+    system = system or _System.of(model, views, teaching)
     held_out = system.held_out()
     model = system.with_covariance(model)
     errors = tuple(_whitened_square(each, teaching.noise) for each in held_out)
     return Fitted(model, tuple(views), held_out, float(sum(errors)))
 
 
-def nuisances(current: Fitted, searched: Sequence[str]) -> list[list[Array]]:
-    """Per view what the searched parameters and the effects that are there already do to the sensors, (s, N) each."""
-    return [
-        [*_slopes(current.model, searched, each), *_effect_columns(current.model, each).values()]
-        for each in current.views
-    ]
+def cost(model: Model, teaching: Teaching) -> float:
+    """What a fit makes as small as it can: the whitened square, and how far what is known of the circuit has moved."""
+    return _square(model, _views(model, teaching), teaching)
+
+
+def nuisances(current: Fitted, teaching: Teaching) -> tuple[list[Array], tuple[Array, Array] | None]:
+    """Per view what all that is free does to the sensors, (c, s, N); and the prior's rows, (c, u), and what is off."""
+    system = _System.of(current.model, current.views, teaching)
+    found = [each[system.first :] for each in system.columns]
+    if teaching.prior is None:
+        return found, None
+    rows, off = teaching.prior.rows(current.model, system.factor)
+    known = np.zeros((len(found[0]), len(off)))
+    known[: rows.shape[1]] = rows.T
+    return found, (known, off)
+
+
+def information(model: Model, teaching: Teaching) -> Array:
+    """Of all free unknowns but the starts, (u, u): the inverse of their covariance."""
+    system = _System.of(model, _views(model, teaching), teaching)
+    return _inverse(system.covariance()[system.first :, system.first :])
 
 
 def _views(model: Model, teaching: Teaching) -> list[View]:
     return [view(model, record) for record in teaching.records]
 
 
-def _square(views: Sequence[View], noise: Noise) -> float:
+def _square(model: Model, views: Sequence[View], teaching: Teaching) -> float:
     if not all(np.isfinite(each.simulated_degC).all() for each in views):
         return np.inf
-    return sum(_whitened_square(each.residual_degC, noise) for each in views)
+    own = sum(_whitened_square(each.residual_degC, teaching.noise) for each in views)
+    return own if teaching.prior is None else own + teaching.prior.square(model)
 
 
 def _whitened_square(residual: Array, noise: Noise) -> float:
@@ -125,195 +148,156 @@ class _System:
     views: Sequence[View]
     teaching: Teaching
     columns: list[Array]
-    places: tuple[tuple[int, int], ...]
-    """Per effect's free coefficient: which effect, which of its coefficients."""
+    unknowns: tuple[Unknown, ...]
     parts: tuple[Array, Array]
     """Per fold the normal matrix (f, c, c) and its right-hand side (f, c)."""
+    held: tuple[Array, Array]
+    """What the prior adds to both, (c, c) and (c,)."""
+    factor: float
+    """By how much harder the prior holds than it knows."""
 
     @staticmethod
     def of(model: Model, views: Sequence[View], teaching: Teaching) -> _System:
-        places = tuple(
-            (index, term)
-            for index, effect in enumerate(model.effects)
-            for term, fixed in enumerate(effect.candidate.fixed)
-            if fixed is None and not effect.known
-        )
-        columns = []
-        for own, each in enumerate(views):
+        free = teaching.free(model)
+        found = [columns(model, teaching.searched, free, each) for each in views]
+        own = []
+        for index, (each, inner) in enumerate(zip(views, found)):
             starts = [
-                each_start for index, there in enumerate(views) for each_start in _own(there.starts, each, index == own)
+                other.starts if index == there else np.zeros((len(other.starts), *each.truth_degC.shape))
+                for there, other in enumerate(views)
             ]
-            slopes = _slopes(model, teaching.searched, each)
-            effects = _effect_columns(model, each)
-            columns.append(np.array([*starts, *slopes, *(effects[place] for place in places)]))
-        return _System(views, teaching, columns, places, _normal(views, teaching.noise, columns))
+            own.append(np.concatenate([*starts, inner]))
+        parts = _normal(views, teaching.noise, own)
+        first = sum(len(each.starts) for each in views)
+        held, factor = (np.zeros_like(parts[0][0]), np.zeros_like(parts[1][0])), 1.0
+        if teaching.prior is not None:
+            factor = teaching.prior.factor(model, parts[0].sum(axis=0), parts[1].sum(axis=0), first)
+            known, pull = teaching.prior.normal(model, factor)
+            held[0][first : first + len(pull), first : first + len(pull)] = known
+            held[1][first : first + len(pull)] = pull
+        return _System(views, teaching, own, free, parts, held, factor)
 
     @property
-    def _count(self) -> int:
-        return len(self.columns[0])
+    def first(self) -> int:
+        """Where the starts end."""
+        return len(self.columns[0]) - len(self.unknowns) - len(self.teaching.searched)
 
-    def solution(self, plant: Plant, damping: float) -> Array:
-        """The step to the least squares of all rows, held back by ``damping`` (Marquardt 1963)."""
-        matrix, side = self.parts[0].sum(axis=0), self.parts[1].sum(axis=0)
-        free = np.ones(len(side), dtype=bool)
-        first = self._count - len(self.places) - len(self.teaching.searched)
-        step = np.zeros(len(side))
-        for _ in range(len(self.teaching.searched) + 1):
-            step = np.zeros(len(side))
-            step[free] = _solved(matrix[np.ix_(free, free)], side[free], damping)
-            stopped = [
-                first + index
-                for index, name in enumerate(self.teaching.searched)
-                if step[first + index]
-                and np.isclose(bounded(plant, name, float(step[first + index])), plant.values[name], rtol=1e-9)
-            ]
-            if not stopped:
+    def _all(self) -> tuple[Array, Array]:
+        return self.parts[0].sum(axis=0) + self.held[0], self.parts[1].sum(axis=0) + self.held[1]
+
+    def solution(self, model: Model, damping: float) -> Array:
+        """The step to the least squares of all rows, held back by ``damping`` (Marquardt 1963) and by bounds."""
+        matrix, side = self._all()
+        step = _solved(matrix, side, damping)
+        stopped = np.zeros(len(step), dtype=bool)
+        for _ in range(_BOUNDS):
+            allowed = self._allowed(model, step)
+            beyond = ~np.isclose(allowed, step, rtol=1e-6, atol=1e-12)
+            if not beyond.any():
                 break
-            # what a bound holds must not be counted on
-            free[stopped] = False
-        return step
+            # what a bound holds must not be counted on: the others do without
+            step = allowed
+            stopped |= beyond
+            rest = ~stopped
+            left = side[rest] - matrix[np.ix_(rest, stopped)] @ step[stopped]
+            step[rest] = _solved(matrix[np.ix_(rest, rest)], left, damping)
+        return self._allowed(model, step)
+
+    def _allowed(self, model: Model, step: Array) -> Array:
+        """As much of ``step`` as the bounds of each unknown allow."""
+        result, searched, first = step.copy(), self.teaching.searched, self.first
+        for index, name in enumerate(searched, start=first):
+            result[index] = moved_to(model.plant, name, bounded(model.plant, name, float(step[index])))
+        for index, each in enumerate(self.unknowns, start=first + len(searched)):
+            result[index] = within(model.effects[each.effect], each, float(step[index]), model.plant.period_s)
+        return result
 
     def held_out(self) -> tuple[Array, ...]:
         """Per view the residual (s, N) with coefficients that have not seen the sample's block."""
-        # where a run began belongs to the run: no other block could tell it
-        starts = sum(len(each.starts) for each in self.views)
-        matrices, sides = self.parts[0][:, starts:, starts:], self.parts[1][:, starts:]
-        whole = _solved(matrices.sum(axis=0), sides.sum(axis=0), _HELD)
-        # what is left to gain on all rows is no gain of a fold
-        steps = [
-            _solved(matrices.sum(axis=0) - matrices[fold], sides.sum(axis=0) - sides[fold], _HELD) - whole
-            for fold in range(FOLDS)
+        # where a run began, and when an effect did, belongs to the run: no other block could tell it
+        edges = [each.kind in (Kind.ONSET, Kind.END) for each in self.unknowns]
+        learned = np.flatnonzero(
+            np.r_[np.ones(len(self.columns[0]) - len(edges), dtype=bool), ~np.array(edges, dtype=bool)]
+        )
+        learned = learned[learned >= self.first]
+        matrix, side = self._all()
+        matrix, side = matrix[np.ix_(learned, learned)], side[learned]
+        whole = _solved(matrix, side, _HELD)
+        folds = [
+            _solved(matrix - own[np.ix_(learned, learned)], side - part[learned], _HELD)
+            for own, part in zip(*self.parts)
         ]
         result = []
-        for each, columns in zip(self.views, self.columns):
+        for each, own in zip(self.views, self.columns):
             fold = blocks(each.record) % FOLDS
             error = each.residual_degC.copy()
-            for index, step in enumerate(steps):
+            for index, found in enumerate(folds):
                 mine = fold == index
-                error[:, mine] -= np.einsum("c,csk->sk", step, columns[starts:, :, mine])
+                # what is left to gain on all rows is no gain of a fold
+                error[:, mine] -= np.einsum("c,csk->sk", found - whole, own[learned][:, :, mine])
             result.append(error)
         return tuple(result)
 
-    def _folds(self) -> Iterator[tuple[Array, Array, Array]]:
-        side = self.parts[1].sum(axis=0)
-        for own, part in zip(*self.parts):
-            yield own, part, side
-
     def moved(self, model: Model, step: Array) -> Model:
         """``model`` with its parameters and coefficients moved; starts are found by every simulation anew."""
-        first = self._count - len(self.places)
+        first = self.first
         searched = self.teaching.searched
         plant = model.plant
         if searched:
-            change = step[first - len(searched) : first]
+            change = step[first : first + len(searched)]
             values = {
                 **plant.values,
                 **{name: bounded(plant, name, float(d)) for name, d in zip(searched, change)},
             }
             plant = Plant.of(plant.circuit, values, plant.period_s)
-        effects = [effect.values.copy() for effect in model.effects]
-        for (index, term), change in zip(self.places, step[first:]):
-            effects[index][term] += change
-        moved = tuple(replace(effect, values=values) for effect, values in zip(model.effects, effects))
-        return Model(plant, moved)
+        effects = list(model.effects)
+        for unknown, change in zip(self.unknowns, step[first + len(searched) :]):
+            effects[unknown.effect] = moved(effects[unknown.effect], unknown, float(change))
+        return Model(plant, tuple(effects))
 
-    def with_covariance(self, model: Model) -> Model:
-        """``model`` with the covariance of each effect's coefficients beside all that is fitted with them.
+    def covariance(self) -> Array:
+        """Of all unknowns, (c, c): that of white noise, and what the blocks of time disagree by besides.
 
-        To that of white noise comes what leaving out a fifth of the blocks changes (jackknife): a circuit is never
-        quite right, and not everywhere in the same way.
+        H^-1 + H^-1 (sum_b g_b g_b') H^-1, g_b being what block b pulls by (Huber 1967, by clusters): a circuit is
+        never quite right, and not everywhere in the same way.
         """
-        matrix = self.parts[0].sum(axis=0)
         noise = self.teaching.noise
         rows = sum(float((~np.isnan(noise.white(each.residual_degC))).sum()) for each in self.views)
-        variance = _square(self.views, noise) / max(1.0, rows - self._count)
-        size = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
-        inverse = np.linalg.pinv(matrix / np.outer(size, size), rcond=1e-10, hermitian=True) / np.outer(size, size)
-        first = self._count - len(self.places)
-        folds = np.array([_solved(matrix - own, side - part, _HELD) for own, part, side in self._folds()])
-        spread = _JACKKNIFE * (FOLDS - 1) * np.cov(folds.T, bias=True)
+        left = sum(_whitened_square(each.residual_degC, noise) for each in self.views)
+        variance = left / max(1.0, rows - len(self.columns[0]))
+        inverse = _inverse(self.parts[0].sum(axis=0) / variance + self.held[0])
+        pulls = np.concatenate([_pulls(each, noise, own) for each, own in zip(self.views, self.columns)]) / variance
+        return np.asarray(inverse + inverse @ (pulls.T @ pulls) @ inverse)
+
+    def with_covariance(self, model: Model) -> Model:
+        """``model`` with the covariance of each effect's coefficients beside all that is fitted with them."""
+        covariance = self.covariance()
+        first = self.first + len(self.teaching.searched)
         effects = []
         for index, effect in enumerate(model.effects):
-            mine = [first + at for at, (owner, _) in enumerate(self.places) if owner == index]
-            terms = [term for owner, term in self.places if owner == index]
-            covariance = effect.covariance.copy()
-            covariance[np.ix_(terms, terms)] = (inverse * variance + spread)[np.ix_(mine, mine)]
-            effects.append(replace(effect, covariance=covariance))
+            count = len(effect.values)
+            places = {
+                count if each.kind is Kind.SHAPE else each.term: first + at
+                for at, each in enumerate(self.unknowns)
+                if each.effect == index and each.kind in (Kind.COEFFICIENT, Kind.SHAPE)
+            }
+            own = np.zeros((count + 1, count + 1))
+            own[np.ix_(list(places), list(places))] = covariance[np.ix_(list(places.values()), list(places.values()))]
+            effects.append(replace(effect, covariance=own))
         return replace(model, effects=tuple(effects))
+
+
+def _inverse(matrix: Array) -> Array:
+    """Of a symmetric matrix whose rows differ in size; zero where it tells nothing."""
+    size = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
+    scaled = matrix / np.outer(size, size)
+    return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) / np.outer(size, size))
 
 
 def _solved(matrix: Array, side: Array, damping: float) -> Array:
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
     scaled = matrix / np.outer(size, size) + damping * np.eye(len(size))
     return np.asarray(np.linalg.solve(scaled, side / size) / size)
-
-
-def _own(starts: Array, each: View, mine: bool) -> Array:
-    return each.starts if mine else np.zeros((len(starts), *each.starts.shape[1:]))
-
-
-def _slopes(model: Model, searched: Sequence[str], here: View) -> list[Array]:
-    """What the logarithm of each searched parameter does to the sensors, (s, N), starts and the effects' heat held."""
-    if not searched:
-        return []
-    plant = model.plant
-    heat_W = _heat_W(model, here)
-    base = _simulated(plant, here, heat_W)
-    result = []
-    for name in searched:
-        values = {**plant.values, name: changed(plant, name, _STEP)}
-        moved = Plant.of(plant.circuit, values, plant.period_s)
-        result.append((_simulated(moved, here, heat_W) - base) / _STEP)
-    return result
-
-
-def _heat_W(model: Model, here: View) -> Array:
-    """What all effects give to each node, (n, N)."""
-    heat = np.zeros_like(here.nodes_degC)
-    for effect in model.effects:
-        window, begins = effect.window(here.record), effect.begins(here.record)
-        for value, term in zip(effect.values, effect.candidate.terms(here)):
-            if isinstance(term, HeatTerm):
-                law = term.value(here.nodes_degC, here.ambient_degC, here.plant.period_s, begins)
-                heat += value * window * term.weight * law
-    return heat
-
-
-def changed(plant: Plant, name: str, step: float) -> float:
-    """A parameter moved by ``step``: resistances and capacitances in their logarithm, a share by as much of itself."""
-    value = plant.values[name]
-    shares = {source.share for source in plant.circuit.sources}
-    # a parameter that the data do not tell asks for steps beyond all measure
-    step = min(max(step, -_LONGEST), _LONGEST)
-    return value + step * max(abs(value), 0.1) if name in shares else value * float(np.exp(step))
-
-
-def bounded(plant: Plant, name: str, step: float) -> float:
-    """As :func:`changed`, within the parameter's bounds."""
-    limits = next(each for each in plant.circuit.parameters if each.name == name)
-    return float(np.clip(changed(plant, name, step), limits.low, limits.high))
-
-
-def _simulated(plant: Plant, here: View, heat_W: Array) -> Array:
-    settled = plant.forced(here.record.inputs) + plant.V @ plant.modal(plant.W @ (heat_W / plant.capacitance[:, None]))
-    # the start that the record was found to have, in the moved circuit
-    decays = plant.decays(here.record.samples)
-    return np.asarray((settled + np.einsum("i,ink->nk", here.start, decays))[plant.reads])
-
-
-def _effect_columns(model: Model, each: View) -> dict[tuple[int, int], Array]:
-    result = {}
-    for index, effect in enumerate(model.effects):
-        for term, fixed in enumerate(effect.candidate.fixed):
-            if fixed is None and not effect.known:
-                result[index, term] = _acting(each, effect.candidate.terms(each)[term], effect)
-    return result
-
-
-def _acting(each: View, term: Term, effect: Effect) -> Array:
-    """What a term adds to each sensor while its effect lasts, (s, N)."""
-    added = beginning(each, term, [effect.onset_s])[0]
-    return added if effect.end_s is None else added - ending(each, term, [effect.end_s])[0]
 
 
 def _normal(views: Sequence[View], noise: Noise, columns: Sequence[Array]) -> tuple[Array, Array]:
@@ -332,3 +316,13 @@ def _normal(views: Sequence[View], noise: Noise, columns: Sequence[Array]) -> tu
             matrices[fold] += part @ part.T
             sides[fold] += part @ left[rows]
     return matrices, sides
+
+
+def _pulls(each: View, noise: Noise, own: Array) -> Array:
+    """By block of time, what its rows would move each unknown by, before the rest holds it, (b, c)."""
+    left = np.nan_to_num(noise.white(each.residual_degC))
+    block = blocks(each.record)[ORDER:]
+    products = np.einsum("csk,sk->ck", noise.white(own), left)
+    block = block * _CLUSTERS // (block[-1] + 1)
+    edges = np.flatnonzero(np.diff(block, prepend=-1))
+    return np.asarray(np.add.reduceat(products, edges, axis=1).T)

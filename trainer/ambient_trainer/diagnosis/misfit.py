@@ -17,6 +17,7 @@ from scipy.signal import lsim, savgol_filter
 from ambient_model.trace import REFERENCE
 from ambient_trainer.diagnosis.misfit_tests import misfit_tests
 from ambient_trainer.diagnosis.plant import Plant
+from ambient_trainer.diagnosis.record import bridged
 from ambient_trainer.diagnosis.result import Misfit
 from ambient_trainer.diagnosis.setting import knows_watts
 from ambient_trainer.diagnosis.view import View, conductances_to_ambient
@@ -163,17 +164,9 @@ def _followed(A: Array, drive: Array, period_s: float) -> Array:
 
 def _left(view: View) -> Array:
     """Measured less simulated, (s, N), with straight lines over gaps."""
-    return np.array([_bridged(row) for row in view.residual_degC])
+    return np.array([bridged(row) for row in view.residual_degC])
 
 
 def _white_noise_degC(rows: Array) -> Array:
     """Per row of (s, N) the deviation of what is in it from one sample to the next, by its second differences."""
     return np.asarray(np.abs(np.diff(rows, 2, axis=1)).mean(axis=1) * np.sqrt(np.pi / 2.0) / np.sqrt(6.0))
-
-
-def _bridged(row: Array) -> Array:
-    """``row`` (N,) with straight lines over its gaps; zero where nothing is known."""
-    known = ~np.isnan(row)
-    if not known.any():
-        return np.zeros_like(row)
-    return np.interp(np.arange(len(row)), np.flatnonzero(known), row[known])

@@ -20,7 +20,7 @@ from ambient_trainer.diagnosis.summary import (
     size_in_words,
     steps_table,
 )
-from ambient_trainer.diagnosis.words import chance, clock, duration, window
+from ambient_trainer.diagnosis.words import chance, clock, duration, growth, window
 from ambient_trainer.report.page import render
 from ambient_trainer.report.plots import (
     BLUE,
@@ -102,9 +102,8 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
     if step is not None:
         facts.append(("when", window(step.onset_s, step.end_s)))
         if step.magnitude is not None:
-            facts.append(
-                ("how much", f"{size_in_words(step.magnitude)}: {step.magnitude.meaning}".replace(" degC", " °C"))
-            )
+            said = f"{size_in_words(step.magnitude)}: {step.magnitude.meaning} {growth(step.parameters)}"
+            facts.append(("how much", said.rstrip().replace(" degC", " °C")))
         facts.append(("confidence", f"{100 * step.confidence:.1f} %"))
     return facts
 

@@ -93,12 +93,13 @@ class Plant:
         return a, whole - later, later
 
     def modal(self, drive: Array) -> Array:
-        """Modal states (n, N) that start at rest, under ``drive`` (n, N): each mode's input in K/s."""
+        """Modal states (..., n, N) that start at rest, under ``drive`` (..., n, N): each mode's input in K/s."""
         a, now, later = self.modal_weights()
         result = np.empty_like(drive)
         for m in range(len(a)):
-            start = np.array([-later[m] * drive[m, 0]])
-            result[m], _ = lfilter([later[m], now[m]], [1.0, -a[m]], drive[m], zi=start)
+            own = drive[..., m, :]
+            start = -later[m] * own[..., :1]
+            result[..., m, :], _ = lfilter([later[m], now[m]], [1.0, -a[m]], own, zi=start)
         return result
 
     def respond(self, node: int, heat_W: Array) -> Array:

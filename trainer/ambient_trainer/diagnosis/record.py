@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.circuits.circuit import Hold
 from ambient_trainer.traces.grid import sampling_period_s, segments
 from ambient_trainer.traces.trace import Trace
 
@@ -54,10 +55,12 @@ def _logged_s(trace: Trace) -> float:
     return float(np.minimum(np.diff(trace.time_s), 10 * period).sum()) if len(trace.time_s) > 1 else 0.0
 
 
-def records(trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_s: float) -> list[Record]:
+def records(
+    trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_s: float, hold: Hold = "first-order"
+) -> list[Record]:
     """The stretches of ``trace`` in which all ``inputs`` are there; raises :class:`Refused` where none is."""
     extra = [name for name in trace.columns if name not in sensors]
-    mean = means(trace, period_s)
+    mean = means(straight(trace, sensors, hold), period_s)
     timed = replace(mean, columns={**mean.columns, _TIME: mean.time_s})
     return [
         Record(
@@ -65,13 +68,29 @@ def records(trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_
             segment.outputs[0, 0] + period_s * np.arange(segment.inputs.shape[1]),
             segment.inputs,
             segment.outputs[1 : 1 + len(sensors)],
-            {name: _filled(row) for name, row in zip(extra, segment.outputs[1 + len(sensors) :])},
+            {name: bridged(row) for name, row in zip(extra, segment.outputs[1 + len(sensors) :])},
         )
         for segment in segments(timed, inputs, [_TIME, *sensors, *extra], period_s)
     ]
 
 
 _TIME = "grid time"
+
+
+def straight(trace: Trace, sensors: Sequence[str], hold: Hold) -> Trace:
+    """``trace`` as if its values were joined by straight lines, whatever the ``hold`` of all columns but ``sensors``.
+
+    A value that lasts until the next acts half a sample later: what it makes of the time around a sample is the mean of
+    it and the one before.
+    """
+    if hold == "first-order":
+        return trace
+    columns = dict(trace.columns)
+    for name in columns.keys() - set(sensors):
+        row = columns[name]
+        before = np.concatenate([row[:1], row[:-1]])
+        columns[name] = np.where(np.isnan(before), row, (before + row) / 2)
+    return replace(trace, columns=columns)
 
 
 def means(trace: Trace, period_s: float) -> Trace:
@@ -89,7 +108,8 @@ def means(trace: Trace, period_s: float) -> Trace:
     return replace(trace, time_s=trace.time_s[0] + (filled + 0.5) * period_s, columns=columns)
 
 
-def _filled(row: Array) -> Array:
+def bridged(row: Array) -> Array:
+    """``row`` (N,) with straight lines over its gaps; zero where nothing is known."""
     known = ~np.isnan(row)
     if not known.any():
         return np.zeros_like(row)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from ambient_trainer.diagnosis.candidate import Candidate, Span
-from ambient_trainer.diagnosis.noise import ORDER, Noise
+from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.terms import HeatTerm, Term, beginning, ending
 from ambient_trainer.diagnosis.view import View
 
@@ -30,8 +30,8 @@ _SHORTEST_SAMPLES, _SHORTEST_S = 3, 300.0
 class Frame:
     """What all candidates are scored against: R whitened rows of every view, less what the nuisances explain.
 
-    ``keep`` (R,) is 1 where a row may be learned from; ``basis`` (p, R) spans the nuisances, orthonormal; ``left``
-    (R,) is the residual without them.
+    ``keep`` (R,) is 1 where a row was measured; rows of what was told before stand behind. ``basis`` (p, R) spans the
+    nuisances, orthonormal; ``left`` (R,) is the residual without them.
     """
 
     views: tuple[View, ...]
@@ -46,21 +46,27 @@ class Frame:
     def of(
         views: Sequence[View],
         noise: Noise,
-        nuisances: Sequence[Sequence[Array]],
-        learn: Sequence[Array] | None = None,
+        nuisances: Sequence[Array] = (),
+        told: tuple[Array, Array] | None = None,
         normal: Frame | None = None,
     ) -> Frame:
-        """``nuisances`` holds per view what each does to the sensors, (s, N); ``learn`` which samples, (N,)."""
+        """``nuisances`` holds per view what each does to the sensors, (p, s, N).
+
+        ``told`` are rows besides, (p, q), which hold the nuisances where they were known to be, and what is off, (q,).
+        """
         residuals = [view.residual_degC for view in views]
-        known = [~np.isnan(noise.white(each)) for each in residuals]
-        if learn is not None:
-            known = [mask & (part[ORDER:] > 0) for mask, part in zip(known, learn)]
-        keep = np.concatenate([mask.reshape(-1) for mask in known]).astype(float)
+        keep = np.concatenate([~np.isnan(noise.white(each)).reshape(-1) for each in residuals]).astype(float)
         left = np.concatenate([np.nan_to_num(noise.white(each)).reshape(-1) for each in residuals]) * keep
-        columns = [_starts(views, noise)]
-        if nuisances and len(nuisances[0]):
-            columns.append(_side_by_side(noise, nuisances))
-        basis = _orthonormal(np.concatenate(columns) * keep)
+        columns = [_starts(views, noise) * keep]
+        if len(nuisances) and len(nuisances[0]):
+            columns.append(_side_by_side(noise, nuisances) * keep)
+        if told is not None:
+            known, off = told
+            more = [np.zeros((len(columns[0]), len(off))), known]
+            columns = [np.concatenate([own, rest], axis=1) for own, rest in zip(columns, more)]
+            left = np.concatenate([left, off])
+            keep = np.concatenate([keep, np.zeros(len(off))])
+        basis = _orthonormal(np.concatenate(columns))
         return Frame(tuple(views), noise, keep, basis, left - basis.T @ (basis @ left), normal)
 
     @property
@@ -94,7 +100,8 @@ class Frame:
             [np.array(part).reshape(len(part), len(onsets_s), -1) for part in parts],
             axis=-1,
         )
-        flat *= self.keep
+        more = self.keep.shape[-1] - flat.shape[-1]
+        flat = np.concatenate([flat * self.keep[: flat.shape[-1]], np.zeros((*flat.shape[:-1], more))], axis=-1)
         flat -= (flat @ self.basis.T) @ self.basis
         return np.asarray(flat)
 
@@ -111,7 +118,6 @@ class Scored:
     onset_s: float | None
     end_s: float | None
     values: Array
-    covariance: Array
     explained: float
     score: float
 
@@ -143,13 +149,11 @@ def scored(frame: Frame, candidate: Candidate, onsets_s: Sequence[float]) -> Sco
     if not len(score) or not np.isfinite(score.max()):
         return None
     best = int(score.argmax())
-    variance = (square - explained[best]) / max(1.0, rows - len(frame.basis) - unknowns)
     return Scored(
         candidate,
         starts[begin[best]],
         None if end[best] == G else starts[end[best]],
         values[best],
-        _covariance(M[best], candidate.fixed) * variance,
         float(explained[best]),
         float(score[best]),
     )
@@ -222,18 +226,21 @@ def _plainest(frame: Frame, best: Scored) -> Scored:
 
 
 _AS_GOOD = 0.95
+_FINER = 12
 
 
 def _in_time(frame: Frame, coarse: Scored, step_s: float) -> Scored:
     best = coarse
     period = frame.views[0].plant.period_s
     while step_s > period / 4 and (best.onset_s is not None or best.end_s is not None):
-        finer = max(period / 4, step_s / 6)
+        # what jumps shows in few samples: on the way there, at least every other is tried
+        finer = period / 4 if step_s <= 2 * period else max(step_s / _FINER, min(2 * period, step_s / 2))
+        reach = round(step_s / finer) + 1
         near = [
             float(edge + shift * finer)
             for edge in (best.onset_s, best.end_s)
             if edge is not None
-            for shift in range(-7, 8)
+            for shift in range(-reach, reach + 1)
         ]
         tried = scored(frame, best.candidate, sorted(set(near)))
         if tried is None or tried.score <= best.score:
@@ -283,19 +290,7 @@ def _solved(D: Array, M: Array, fixed: tuple[float | None, ...]) -> tuple[Array,
     return values, explained
 
 
-def _covariance(M: Array, fixed: tuple[float | None, ...]) -> Array:
-    """Of free coefficients by their normal matrix; a fixed one's is that of itself if it were free alone."""
-    result = np.zeros_like(M)
-    free = [index for index, each in enumerate(fixed) if each is None]
-    if free:
-        result[np.ix_(free, free)] = np.linalg.pinv(M[np.ix_(free, free)])
-    for index, each in enumerate(fixed):
-        if each is not None:
-            result[index, index] = 1.0 / max(M[index, index], 1e-12)
-    return result
-
-
-def _side_by_side(noise: Noise, nuisances: Sequence[Sequence[Array]]) -> Array:
+def _side_by_side(noise: Noise, nuisances: Sequence[Array]) -> Array:
     """(p, R): each nuisance acts in every view."""
     return np.concatenate([noise.white(np.array(each)).reshape(len(each), -1) for each in nuisances], axis=1)
 

@@ -17,18 +17,24 @@ from ambient_trainer.diagnosis.view import View, conductances_to_ambient
 
 Array = NDArray[np.float64]
 
+_VARIES = 0.1
 _STILL_DEGC = 0.15
 _MOVED_DEGC = 1.0
 _STILL_SAMPLES = 30
 
 
-def setting_of(model: Model, views: Sequence[View]) -> Setting:
+def setting_of(model: Model, views: Sequence[View], circuit_is_free: bool = False) -> Setting:
     """The setting of a diagnosis."""
     plant = model.plant
     names = [name for name in views[0].signals if all(name in view.signals for view in views)]
-    varying = tuple(name for name in names if any(np.ptp(view.signals[name]) > 0 for view in views))
+    varying = tuple(name for name in names if any(_varies(view.signals[name]) for view in views))
     still = tuple(_longest_still(views, sensor) for sensor in range(len(plant.reads)))
-    return Setting(plant, varying, knows_watts(plant.circuit), loss_of(model, views[0]), still)
+    return Setting(plant, varying, knows_watts(plant.circuit), loss_of(model, views[0]), still, circuit_is_free)
+
+
+def _varies(signal: Array) -> bool:
+    """Whether it tells one time from another: what hardly leaves its mean is a constant to whatever it drives."""
+    return bool(np.nanmax(signal) - np.nanmin(signal) > _VARIES * np.nanmax(np.abs(signal)))
 
 
 def loss_of(model: Model, view: View) -> Callable[[Plant], Law]:

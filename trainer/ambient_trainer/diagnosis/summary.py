@@ -15,7 +15,7 @@ from ambient_trainer.diagnosis.misfit_tests.grid import Grid
 from ambient_trainer.diagnosis.misfit_tests.memory import memory_of
 from ambient_trainer.diagnosis.misfit_tests.whiteness import residual_memory
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Gain, Magnitude, Step, Tested
-from ambient_trainer.diagnosis.words import chance, duration, figures, window
+from ambient_trainer.diagnosis.words import chance, duration, figures, growth, window
 from ambient_trainer.report.table import Table, for_terminal
 
 SHOWN_RANKED = 8
@@ -65,6 +65,8 @@ def headline(diagnosis: Diagnosis) -> str:
         )
     lasted = window(step.onset_s, step.end_s)
     size = "" if step.magnitude is None else f", {size_in_words(step.magnitude)}"
+    if grows := growth(step.parameters):
+        size += f", growing in the cold {grows}"
     others = len(diagnosis.steps) - 1
     more = "" if not others else f" {'One more effect' if others == 1 else f'{others} more effects'} found after it."
     words = effect(step.cause)

@@ -7,13 +7,16 @@ Without, it is fitted to the diagnosed records themselves and stays free: the qu
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.diagnosis.extended import Model, view
+from ambient_trainer.diagnosis.joint import Teaching, fitted, information
 from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.record import Record, means, records
+from ambient_trainer.diagnosis.prior import Prior
+from ambient_trainer.diagnosis.record import Record, means, records, straight
+from ambient_trainer.diagnosis.setting import knows_watts
 from ambient_trainer.identify.fit import Effort, fit_circuit
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.traces.trace import Trace
@@ -23,13 +26,19 @@ from ambient_trainer.traces.trace import Trace
 class Taught:
     """A forward circuit with values and what else good records need, those that taught it, and the noise they leave.
 
-    ``normal`` is empty, and ``searched`` names the circuit's free parameters, where there are no known-good records.
+    ``searched`` names the circuit's free parameters, ``prior`` says what is known of them; ``normal`` is empty where
+    there are no known-good records.
     """
 
     model: Model
     noise: Noise
     normal: tuple[Record, ...]
     searched: tuple[str, ...]
+    prior: Prior
+
+    def teaching(self, own: Sequence[Record], noise: Noise) -> Teaching:
+        """What a model of the diagnosed records is fitted to."""
+        return Teaching(tuple(own), noise, self.searched, self.prior)
 
 
 def taught_by_baselines(
@@ -42,21 +51,35 @@ def taught_by_baselines(
     """``circuit`` (forward) as known-good traces show it, with what ``lacking`` finds that it needs besides."""
     plant = _fitted(circuit, baselines, period_s, progress)
     normal = tuple(each for trace in baselines for each in records_of(plant.circuit, trace, period_s))
-    plain = Taught(Model(plant), left_over(Model(plant), normal), (), searched(circuit))
-    model = lacking(plain, normal)
-    return Taught(model, left_over(model, normal), normal, ())
+    model = lacking(_by_design(Model(plant), normal, searched(circuit)), normal)
+    noise = left_over(model, normal)
+    names = searched(circuit)
+    told = information(model, Teaching(normal, noise, names, Prior.by_design(model, names)))
+    return Taught(model, noise, normal, names, Prior.taught(model, names, told))
 
 
 def taught_by_itself(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Taught:
     """``circuit`` (forward) as well as it can be made to fit the diagnosed traces."""
     plant = _fitted(circuit, traces, period_s, progress)
     own = [each for trace in traces for each in records_of(plant.circuit, trace, period_s)]
-    return Taught(Model(plant), left_over(Model(plant), own), (), searched(circuit))
+    return _by_design(Model(plant), own, searched(circuit))
+
+
+def _by_design(model: Model, own: Sequence[Record], names: tuple[str, ...]) -> Taught:
+    """What the records do not tell goes back towards what the circuit's file says of it."""
+    noise = left_over(model, own)
+    prior = Prior.by_design(model, names)
+    model = fitted(model, Teaching(tuple(own), noise, names, prior), _ROUNDS).model
+    return Taught(model, left_over(model, own), (), names, prior)
 
 
 def records_of(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
     """The records of a trace, with the circuit's inputs and sensors."""
-    return records(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s)
+    return records(trace, circuit.inputs, _read(circuit), period_s, circuit.hold)
+
+
+def _read(circuit: Circuit) -> list[str]:
+    return [output.column for output in circuit.outputs]
 
 
 def left_over(model: Model, own: Sequence[Record]) -> Noise:
@@ -65,7 +88,8 @@ def left_over(model: Model, own: Sequence[Record]) -> Noise:
 
 
 def _fitted(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Plant:
-    fit = fit_circuit(circuit, [means(trace, period_s) for trace in traces], Effort(starts=_STARTS), progress, period_s)
+    shown = [means(straight(trace, _read(circuit), circuit.hold), period_s) for trace in traces]
+    fit = fit_circuit(replace(circuit, hold="first-order"), shown, Effort(starts=_STARTS), progress, period_s)
     if fit.stopped:
         # a search keeps its best when it is interrupted; whoever waits for a diagnosis wanted it to end
         raise KeyboardInterrupt
@@ -74,11 +98,17 @@ def _fitted(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress
     return Plant.of(circuit, values, period_s)
 
 
-_STARTS = 3
+_STARTS, _ROUNDS = 3, 8
 
 
 def searched(circuit: Circuit) -> tuple[str, ...]:
-    """The free resistances, capacitances and shares of sources."""
+    """The free resistances, capacitances and shares of sources.
+
+    Where no power sets the scale of heat, one capacitance stays as it is: all else is relative to it.
+    """
     used = {each.capacitance for each in circuit.nodes} | {each.resistance for each in circuit.edges}
     used |= {source.share for source in circuit.sources}
-    return tuple(each.name for each in circuit.parameters if each.free and each.name in used)
+    names = [each.name for each in circuit.parameters if each.free and each.name in used]
+    if not knows_watts(circuit):
+        names.remove(next(str(node.capacitance) for node in circuit.states if node.capacitance in names))
+    return tuple(names)

@@ -35,6 +35,8 @@ class View:
     starts: Array
     start: Array
     """The initial states found, (n,)."""
+    model_degC: Array
+    """Every node as the model has it, (n, N)."""
 
     @property
     def simulated_degC(self) -> Array:

@@ -37,8 +37,8 @@ def _named(setting: Setting, cause: str, *, coefficients: int = 1) -> Candidate:
     return next(found)
 
 
-def _found(seen: View, values: list[float], deviations: list[float]) -> Found:
-    return Found(seen, np.array(values), np.diag(np.square(deviations)))
+def _found(seen: View, values: list[float], deviations: list[float], of_shape: float = 0.0) -> Found:
+    return Found(seen, np.array(values), np.diag(np.square([*deviations, of_shape])))
 
 
 TABLE = [
@@ -108,6 +108,11 @@ def test_a_mass_is_conductance_times_time_constant(setting, seen) -> None:
     told = mass.magnitude(_found(seen, [0.1], [0.01]))
     assert (told.value, told.unit) == (pytest.approx(30.0), "J/K")
     assert told.ci95 == pytest.approx((30 - 5.88, 30 + 5.88))
+    # the capacity is a product: by the shape alone, and where both go against each other
+    told = mass.magnitude(_found(seen, [0.1], [0.0], 0.2))
+    assert told.ci95 == pytest.approx((30 - 1.96 * 6, 30 + 1.96 * 6))
+    both = np.array([[0.01**2, -0.01 * 0.1], [-0.01 * 0.1, 0.1**2]])
+    assert mass.magnitude(Found(seen, np.array([0.1]), both)).ci95 == pytest.approx((30.0, 30.0), abs=1e-5)
     assert mass.parameters(_found(seen, [0.1], [0.01])) == {
         "time_constant": (300.0, "s"), "conductance": (pytest.approx(0.1), "W/K"),
     }  # fmt: skip
@@ -115,13 +120,13 @@ def test_a_mass_is_conductance_times_time_constant(setting, seen) -> None:
 
 def test_lag_and_clock_are_their_shape(setting, seen) -> None:
     lag = _named(setting, "sensor_lag at board").reshaped(120.0)
-    told = lag.magnitude(_found(seen, [1.0], [0.1]))
+    told = lag.magnitude(_found(seen, [1.0], [0.0], 0.1))
     assert (told.value, told.unit, told.ci95) == (120.0, "s", pytest.approx((96.48, 143.52)))
     assert lag.fixed == (1.0,)
     assert lag.free == 0
     assert lag.faulty == {1}
     clock = _named(setting, "clock_offset").reshaped(-60.0)
-    told = clock.magnitude(_found(seen, [1.0], [0.1]))
+    told = clock.magnitude(_found(seen, [1.0], [0.0], 0.1))
     assert (told.value, told.unit, told.ci95) == (-60.0, "s", pytest.approx((-71.76, -48.24)))
 
 

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.choose import choose
-from ambient_trainer.diagnosis.extended import Model
-from ambient_trainer.diagnosis.joint import Teaching, fitted
-from ambient_trainer.diagnosis.result import Cause
+from ambient_trainer.diagnosis.choose import (
+    TIE_OF_A_FAULT,
+    TIE_OF_WHAT_IS_GAINED,
+    TIE_OF_WHAT_IS_LEFT,
+    Trial,
+    _simplest,
+    choose,
+)
+from ambient_trainer.diagnosis.extended import view
+from ambient_trainer.diagnosis.gain import Blocks
+from ambient_trainer.diagnosis.joint import Fitted, Teaching, fitted, information
+from ambient_trainer.diagnosis.prior import Prior
+from ambient_trainer.diagnosis.result import Cause, Gain
 from ambient_trainer.diagnosis.teach import Taught, left_over, searched
 
 N = 720
@@ -58,13 +69,19 @@ def _record(chain, seed: int, heat=None, error=None, hidden: int = 0):
 def _alone(chain, record) -> Taught:
     """The circuit as well as it can be made to fit the record itself."""
     names = searched(chain.circuit)
-    own = fitted(chain.model(), Teaching((record,), chain.noise(), names), 8).model
-    return Taught(own, left_over(own, [record]), (), names)
+    prior = Prior.by_design(chain.model(), names)
+    own = fitted(chain.model(), Teaching((record,), chain.noise(), names, prior), 8).model
+    return Taught(own, left_over(own, [record]), (), names, prior)
 
 
 def _known_good(chain) -> Taught:
-    normal = (_record(chain, 11),)
-    return Taught(Model(chain.plant()), left_over(chain.model(), normal), normal, ())
+    """What one known-good record taught of a circuit that began at other values."""
+    normal, names = (_record(chain, 11),), searched(chain.circuit)
+    prior = Prior.by_design(chain.model(), names)
+    found = fitted(chain.model(C_shell=50.0, R_chip_board=7.0), Teaching(normal, chain.noise(0.03), names, prior), 12)
+    noise = left_over(found.model, normal)
+    told = information(found.model, Teaching(normal, noise, names, prior))
+    return Taught(found.model, noise, normal, names, Prior.taught(found.model, names, told))
 
 
 def _first(taught: Taught, record):
@@ -163,3 +180,76 @@ def test_progress_is_told(chain) -> None:
     assert {stage for stage, _, _ in told} == {"step 1"}
     assert all(0 <= done < total for _, done, total in told)
     assert [done for _, done, _ in told] == sorted(done for _, done, _ in told)
+
+
+BLOCKS = 50
+
+
+class _Trials:
+    """Trials by what they gain and leave, all significant; their blocks differ by chance besides."""
+
+    def __init__(self, chain, sensors: int = 3) -> None:
+        inputs = chain.inputs(60)
+        self.chain, self.record = chain, chain.record(inputs, chain.integrated(inputs, START))
+        model = chain.model()
+        seen = view(model, self.record)
+        plant = replace(model.plant, reads=model.plant.reads[:sensors])
+        self.fitted = Fitted(replace(model, plant=plant), (seen,), (seen.residual_degC,), 0.0)
+        self.before = self._blocks(100.0)
+
+    def _blocks(self, each: float, seed: int | None = None) -> Blocks:
+        wobble = 0.0 if seed is None else np.random.default_rng(seed).standard_normal(BLOCKS)
+        white = each + np.asarray(wobble - np.mean(wobble))
+        return Blocks(white * np.ones(BLOCKS), np.ones((BLOCKS, 3)), np.full((BLOCKS, 3), 20.0))
+
+    def __call__(self, cause: str, gained: float, left: float, seed: int, values=(0.5,), **window: float) -> Trial:
+        own = self.chain.effect(self.record, cause, values, **window)
+        gain = Gain(1.0, 0.5 + seed * 1e-3, (0.1, 0.2), 1e-9)
+        return Trial(own, self.fitted, self._blocks(100.0 - gained, seed), gain, 2.0 - left, left)
+
+
+@pytest.mark.parametrize(("share", "simple"), [(0.9, True), (1.1, False)])
+def test_a_simpler_cause_wins_that_leaves_hardly_more(chain, share: float, simple: bool) -> None:
+    """A contact has two coefficients, a heat one; both have edges, so that one unknown is saved."""
+    trial = _Trials(chain)
+    window = {"onset_s": 105.0, "end_s": 405.0}
+    best = trial("contact at shell", 80.0, 1.0, 1, (0.2, 2.0), **window)
+    other = trial("heat_source at shell", 60.0, 1.0 + share * TIE_OF_WHAT_IS_LEFT, 2, **window)
+    taken, rivals = _simplest([best, other], trial.before, 0.01)
+    assert taken is (other if simple else best)
+    assert rivals == ()
+
+
+@pytest.mark.parametrize(("share", "simple"), [(0.9, True), (1.1, False)])
+def test_a_simpler_cause_wins_that_gains_hardly_less(chain, share: float, simple: bool) -> None:
+    trial = _Trials(chain)
+    best = trial("contact at shell", 80.0, 0.5, 1, (0.2, 2.0))
+    other = trial("heat_source at shell", 80.0 * (1.0 - share * TIE_OF_WHAT_IS_GAINED), 0.6, 2)
+    taken, _ = _simplest([best, other], trial.before, 0.3)
+    assert taken is (other if simple else best)
+    # what the two differ by would be an effect of its own
+    assert _simplest([best, other], trial.before, 0.05)[0] is best
+
+
+@pytest.mark.parametrize(
+    ("sensors", "share", "blamed"), [(3, TIE_OF_A_FAULT + 0.001, True), (3, 0.9, False), (1, 0.999, False)]
+)
+def test_heat_that_no_neighbour_feels_is_the_sensors(chain, sensors: int, share: float, blamed: bool) -> None:
+    """Where there are neighbours, and the two cannot be told apart by their blocks."""
+    trial = _Trials(chain, sensors)
+    heat = trial("heat_source at shell", 10.0, 0.5, 1)
+    fault = trial("sensor_bias at shell", 10.0 * share, 0.5, 2)
+    taken, rivals = _simplest([heat, fault], trial.before, 0.01)
+    assert taken is (fault if blamed else heat)
+    assert [each is (heat if blamed else fault) for each in rivals] in ([True], [] if share == 0.9 else [True])
+
+
+def test_what_is_not_sure_is_no_finding(chain) -> None:
+    trial = _Trials(chain)
+    sure = trial("heat_source at shell", 80.0, 0.5, 1)
+    doubtful = replace(sure, effect=replace(sure.effect, covariance=np.diag([0.3**2, 0.0])))
+    chance = replace(sure, gain=replace(sure.gain, p_value=0.02))
+    maybe_worse = replace(sure, gain=replace(sure.gain, ci95_degC=(-0.01, 0.3)))
+    assert sure.accepted(0.3)
+    assert _simplest([doubtful, chance, maybe_worse], trial.before, 0.3) == (None, ())
+    assert _simplest([sure], trial.before, 1.6) == (None, ())

@@ -1,4 +1,4 @@
-"""The joint fit: columns against differences of simulations, its end against another optimiser's, folds by hand."""
+"""The joint fit: its end against another optimiser's, folds and covariance by hand, intervals by counting."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import pytest
 from scipy.optimize import least_squares
 
 from ambient_trainer.diagnosis import joint
-from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import Effect, Model, view
-from ambient_trainer.diagnosis.joint import FOLDS, Teaching, blocks, bounded, changed, fitted
-from ambient_trainer.diagnosis.noise import ORDER
-from ambient_trainer.diagnosis.setting import setting_of
+from ambient_trainer.diagnosis.columns import columns
+from ambient_trainer.diagnosis.extended import Model, view
+from ambient_trainer.diagnosis.joint import FOLDS, Teaching, blocks, fitted, information, nuisances
+from ambient_trainer.diagnosis.noise import ORDER, Noise
+from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.teach import searched
 from ambient_trainer.diagnosis.terms import beginning, ending
+from ambient_trainer.diagnosis.unknowns import Kind, unknowns
 
 N = 360
 START = np.array([30.0, 26.0, 22.0])
@@ -32,10 +33,7 @@ def _heated(t: float, x: np.ndarray, air: float) -> np.ndarray:
 
 
 def _with_source(chain, record, watts: float) -> Model:
-    model = chain.model()
-    setting = setting_of(model, [view(model, record)])
-    candidate = next(each for each in all_candidates(setting) if str(each.cause) == "heat_source at shell")
-    return model.with_effect(Effect(candidate, 1005.0, 2005.0, np.array([watts]), np.zeros((1, 1))))
+    return chain.model().with_effect(chain.effect(record, "heat_source at shell", (watts,), 1005.0, 2005.0))
 
 
 @pytest.fixture(scope="module")
@@ -43,28 +41,18 @@ def heated(chain):
     return _record(chain, heat=_heated)
 
 
-@pytest.mark.parametrize("name", ["C_shell", "R_chip_board"])
-def test_a_parameters_column_is_the_physics_slope(chain, name: str) -> None:
-    """By the logarithm of the parameter, starts held: central differences of the integrated circuit."""
-    record = _record(chain, noise=0.0)
-    seen = view(chain.model(), record)
-    teaching = Teaching((record,), chain.noise(), (name,))
-    system = joint._System.of(chain.model(), [seen], teaching)
-    value, step = chain.plant().values[name], 1e-3
-    up, down = (chain.integrated(record.inputs, START, **{name: value * np.exp(s)}) for s in (step, -step))
-    slope = (up - down) / (2 * step)
-    np.testing.assert_allclose(system.columns[0][3], slope, atol=2e-3 * np.abs(slope).max())
-    for node in range(3):
-        np.testing.assert_array_equal(system.columns[0][node], seen.starts[node])
-
-
-def test_an_effects_column_is_what_its_coefficient_adds(chain, heated) -> None:
+def test_the_columns_are_starts_parameters_and_effects(chain, heated) -> None:
     model = _with_source(chain, heated, 0.5)
     seen = view(model, heated)
-    system = joint._System.of(model, [seen], Teaching((heated,), chain.noise()))
+    names, free = ("C_shell", "R_chip_board"), unknowns(model, known=False)
+    assert [each.kind for each in free] == [Kind.COEFFICIENT, Kind.ONSET, Kind.END]
+    system = joint._System.of(model, [seen], Teaching((heated,), chain.noise(), names))
+    wanted = np.concatenate([seen.starts, columns(model, names, free, seen)])
+    np.testing.assert_array_equal(system.columns[0], wanted)
+    assert system.first == 3
     more = chain.integrated(heated.inputs, START, lambda t, x, air: 2 * _heated(t, x, air))
     once = chain.integrated(heated.inputs, START, _heated)
-    np.testing.assert_allclose(0.5 * system.columns[0][-1], more - once, atol=0.01)
+    np.testing.assert_allclose(0.5 * system.columns[0][5], more - once, atol=0.01)
 
 
 def test_the_end_is_that_of_another_optimiser(chain) -> None:
@@ -92,9 +80,134 @@ def test_the_end_is_that_of_another_optimiser(chain) -> None:
 def test_a_coefficient_is_found_with_its_deviation(chain, heated) -> None:
     found = fitted(_with_source(chain, heated, 0.0), Teaching((heated,), chain.noise()), 5)
     (effect,) = found.model.effects
+    assert effect.covariance.shape == (2, 2)
     deviation = np.sqrt(effect.covariance[0, 0])
     assert effect.values[0] == pytest.approx(0.5, abs=4 * deviation)
     assert 1e-4 < deviation < 0.02
+    assert not effect.covariance[1].any()
+
+
+def test_edges_are_found_between_the_samples(chain) -> None:
+    record = _record(chain, seed=8, heat=lambda t, x, air: np.array([0, 0, 1.5 / 40 * (1013 <= t < 2021)]), noise=0.02)
+    model = chain.model().with_effect(chain.effect(record, "heat_source at shell", (1.0,), 955.0, 2095.0))
+    (effect,) = fitted(model, Teaching((record,), chain.noise(0.02)), 20).model.effects
+    assert effect.onset_s == pytest.approx(1013.0, abs=5.0)
+    assert effect.end_s == pytest.approx(2021.0, abs=5.0)
+    assert effect.values[0] == pytest.approx(1.5, rel=0.01)
+
+
+def test_a_shape_is_found_with_its_deviation(chain) -> None:
+    def mass(t: float, x: np.ndarray, air: float) -> np.ndarray:
+        flow = (x[1] - x[3]) * 0.2
+        return np.array([0.0, -flow / 25, 0.0, flow / 60])
+
+    inputs = chain.inputs(N, 7)
+    nodes = chain.integrated(inputs, np.append(START, START[1]), mass)[:3]
+    record = chain.record(inputs, nodes + 0.05 * np.random.default_rng(7).standard_normal(nodes.shape))
+    model = chain.model().with_effect(chain.effect(record, "thermal_mass at board", (0.1,), shape=700.0))
+    found = fitted(model, Teaching((record,), chain.noise()), 20)
+    (effect,) = found.model.effects
+    coefficient, log_shape = np.sqrt(np.diag(effect.covariance))
+    assert effect.values[0] == pytest.approx(0.2, abs=4 * coefficient)
+    assert np.log(effect.candidate.shape / 300.0) == pytest.approx(0.0, abs=4 * log_shape)
+    assert 1e-4 < log_shape < 0.1
+    told = effect.magnitude(found.longest)
+    assert told.ci95[0] < 60.0 < told.ci95[1]
+    assert told.value == pytest.approx(60.0, rel=0.05)
+
+
+def _by_hand(teaching: Teaching, seen, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """All columns, whitened, (R, c), the residual, (R,), which rows lie in one block, and their twelfth of time."""
+    own = np.concatenate([seen.starts, columns(model, teaching.searched, teaching.free(model), seen)])
+    block, count = blocks(seen.record), len(seen.residual_degC)
+    inside = np.tile(block[ORDER:] == block[:-ORDER], count)
+    twelfth = np.tile(block[ORDER:] * 12 // (block[-1] + 1), count)
+    X = teaching.noise.white(own).reshape(len(own), -1).T
+    return X, teaching.noise.white(seen.residual_degC).reshape(-1), inside, twelfth
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_the_covariance_is_the_sandwich_by_clusters(chain, heated, known: bool) -> None:
+    """(X'X + P)^-1 and what twelve stretches of time disagree by, from plain arrays."""
+    names = ("C_shell", "R_shell_ambient")
+    model = _with_source(chain, heated, 0.5)
+    prior = Prior.by_design(model, names) if known else None
+    teaching = Teaching((heated,), chain.noise(), names, prior)
+    seen = view(model, heated)
+    X, y, inside, twelfth = _by_hand(teaching, seen, model)
+    variance = y @ y / (len(y) - X.shape[1])
+    H = X[inside].T @ X[inside] / variance
+    if known:
+        H[3:5, 3:5] += np.diag([(4 / np.log(200 / 8)) ** 2, (4 / np.log(100 / 3)) ** 2])
+    pulls = np.array([X[twelfth == each].T @ y[twelfth == each] for each in range(12)]) / variance
+    wanted = np.linalg.inv(H) @ (H + pulls.T @ pulls) @ np.linalg.inv(H)
+    system = joint._System.of(model, [seen], teaching)
+    size = np.sqrt(np.diag(wanted))
+    np.testing.assert_allclose(system.covariance() / np.outer(size, size), wanted / np.outer(size, size), atol=1e-5)
+    (effect,) = system.with_covariance(model).effects
+    assert effect.covariance[0, 0] == pytest.approx(wanted[5, 5], rel=1e-5)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say(chain) -> None:
+    """Of a heat among resistances that are free, under noise that remembers: 60 runs."""
+    names = ("R_board_ambient", "R_shell_ambient", "C_shell")
+    random = np.random.default_rng(21)
+    inputs = chain.inputs(N, 9)
+    nodes = chain.integrated(inputs, START, _heated)
+
+    def noise() -> np.ndarray:
+        rows = 0.05 * random.standard_normal((3, N + 50))
+        for k in range(1, rows.shape[1]):
+            rows[:, k] += 0.7 * rows[:, k - 1]
+        return rows[:, 50:]
+
+    known = Noise.of([noise() for _ in range(10)])
+    model = _with_source(chain, chain.record(inputs, nodes), 0.4)
+    prior = Prior.by_design(model, names)
+    off = []
+    for _ in range(60):
+        record = chain.record(inputs, nodes + noise())
+        (effect,) = fitted(model, Teaching((record,), known, names, prior), 6).model.effects
+        off.append((effect.values[0] - 0.5) / np.sqrt(effect.covariance[0, 0]))
+    assert 51 <= np.sum(np.abs(off) < 1.96) <= 60
+    # nor are they so wide that they say nothing
+    assert 0.5 < np.std(off) < 1.4
+
+
+def test_one_step_is_least_squares(chain, heated) -> None:
+    names = ("C_shell", "R_shell_ambient")
+    model = _with_source(chain, heated, 0.3)
+    teaching = Teaching((heated,), chain.noise(), names, Prior.by_design(model, names))
+    seen = view(model, heated)
+    X, y, inside, _ = _by_hand(teaching, seen, model)
+    rows, off = teaching.prior.rows(model, 1.0)
+    # the file speaks of the parameters and, with no weight, of known effects; these there are none
+    more = np.zeros((2, X.shape[1]))
+    more[:, 3:5] = rows[:2, :2]
+    wanted = np.linalg.lstsq(np.concatenate([X[inside], more]), np.concatenate([y[inside], off[:2]]), rcond=None)[0]
+    found = joint._System.of(model, [seen], teaching).solution(model, 1e-9)
+    np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-5)
+    # damping (Marquardt) shortens every step
+    damped = joint._System.of(model, [seen], teaching).solution(model, 30.0)
+    assert (np.abs(damped[5]) < 0.1 * np.abs(wanted[5])).all()
+
+
+def test_what_a_bound_stops_is_not_counted_on(chain) -> None:
+    """A coupling at its most: it stays there, and the others take the step that is best without it."""
+    record = _record(chain, heat=lambda t, x, air: np.array([0.0, 0.0, -14.0 * (x[2] - air) / 15 / 40]))
+    names = ("C_shell", "R_board_shell")
+    model = chain.model().with_effect(chain.effect(record, "ambient_coupling at shell", (8.9,)))
+    teaching = Teaching((record,), chain.noise(), names)
+    seen = view(model, record)
+    X, y, inside, _ = _by_hand(teaching, seen, model)
+    X, y = X[inside], y[inside]
+    free = np.linalg.lstsq(X, y, rcond=None)[0]
+    assert free[5] > 0.5
+    step = joint._System.of(model, [seen], teaching).solution(model, 1e-9)
+    assert step[5] == pytest.approx(0.1)
+    wanted = np.linalg.lstsq(X[:, :5], y - 0.1 * X[:, 5], rcond=None)[0]
+    np.testing.assert_allclose(step[:5], wanted, rtol=1e-3, atol=1e-5)
+    assert np.abs(free[3:5] - wanted[3:5]).max() > 1e-3
 
 
 def test_held_out_is_a_fit_without_the_fold(chain, heated) -> None:
@@ -168,9 +281,7 @@ def test_several_records_share_the_circuit_but_not_the_start(chain) -> None:
 
 def test_what_runs_away_is_told_by_an_endless_square(chain, heated) -> None:
     model = chain.model()
-    setting = setting_of(model, [view(model, heated)])
-    coupling = next(each for each in all_candidates(setting) if str(each.cause) == "ambient_coupling at shell")
-    wild = model.with_effect(Effect(coupling, None, None, np.array([-60.0]), np.zeros((1, 1))))
+    wild = model.with_effect(chain.effect(heated, "ambient_coupling at shell", (-60.0,)))
     assert fitted(wild, Teaching((heated,), chain.noise()), 2).square == np.inf
 
 
@@ -183,9 +294,30 @@ def test_blocks_are_long_enough_to_be_whitened_and_about_fifty(chain) -> None:
         assert lengths[0] == max(4 * ORDER, samples // 50)
 
 
-def test_moves_are_by_the_logarithm_and_held_back(chain) -> None:
-    plant = chain.plant()
-    assert changed(plant, "C_chip", 0.1) == pytest.approx(10 * np.exp(0.1))
-    assert changed(plant, "C_chip", 9.0) == pytest.approx(10 * np.exp(0.7))
-    assert changed(plant, plant.circuit.sources[0].share, -0.2) == pytest.approx(0.8)
-    assert bounded(chain.plant(C_chip=45.0), "C_chip", 0.5) == 50.0
+def test_information_is_the_inverse_of_the_covariance(chain, heated) -> None:
+    names = searched(chain.circuit)
+    model = chain.model()
+    teaching = Teaching((heated,), chain.noise(), names, Prior.by_design(model, names))
+    found = information(model, teaching)
+    system = joint._System.of(model, [view(model, heated)], teaching)
+    own = system.covariance()[3:, 3:]
+    assert found.shape == (7, 7)
+    np.testing.assert_allclose(found @ own, np.eye(7), atol=1e-5)
+
+
+def test_nuisances_are_all_that_is_free_and_what_is_known_of_it(chain, heated) -> None:
+    names = ("C_shell", "R_shell_ambient")
+    model = _with_source(chain, heated, 0.3)
+    plain = Teaching((heated,), chain.noise(), names)
+    current = fitted(model, plain, 0)
+    (found,), told = nuisances(current, plain)
+    np.testing.assert_allclose(found, columns(model, names, plain.free(model), current.longest))
+    assert told is None
+    prior = Prior.by_design(chain.model(C_shell=55.0), names)
+    (found,), (rows, off) = nuisances(current, replace(plain, prior=prior))
+    # per row what each nuisance does: a parameter's own, an effect's nothing
+    C, R = 4 / np.log(200 / 8), 4 / np.log(100 / 3)
+    assert rows.shape == (5, 2)
+    np.testing.assert_allclose(np.abs(rows[:2]).max(axis=1), [C, R])
+    assert not rows[2:].any()
+    np.testing.assert_allclose(off, [0.0, 0.0], atol=1e-12)

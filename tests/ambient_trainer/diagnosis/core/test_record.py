@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from ambient_model.faults import Refused
-from ambient_trainer.diagnosis.record import MOST_SAMPLES, diagnosis_period_s, means, records
+from ambient_trainer.diagnosis.record import MOST_SAMPLES, diagnosis_period_s, means, records, straight
 from ambient_trainer.traces.trace import Trace
 
 
@@ -119,3 +120,37 @@ def test_a_gap_of_a_day_costs_nothing() -> None:
 def test_the_slowest_trace_sets_the_period() -> None:
     fast, slow = np.arange(500.0), 10 * np.arange(500.0)
     assert diagnosis_period_s([_trace(fast, a_degC=fast), _trace(slow, a_degC=slow)]) == 10.0
+
+
+@pytest.mark.parametrize("period_s", [20.0, 100.0])
+def test_inputs_that_are_held_act_half_a_sample_later(chain, period_s: float) -> None:
+    """Kirchhoff's law under steps is told by a record of held inputs, and badly by one of straight lines."""
+    count, own = 2000, 20.0
+    inputs = np.repeat(chain.inputs(count // 4, seed=3), 4, axis=1)
+    held = type(chain)(chain.circuit, own)
+    plant = held.plant()
+    step, steady = expm(own * plant.A), -np.linalg.solve(plant.A, plant.B @ inputs)
+    nodes = np.empty((3, count))
+    nodes[:, 0] = steady[:, 0]
+    for k in range(count - 1):
+        nodes[:, k + 1] = steady[:, k] + step @ (nodes[:, k] - steady[:, k])
+    columns = {"ambient_degC": inputs[0], "heater_W": inputs[1], "camera_on": inputs[1]}
+    columns.update({f"{name}_degC": row for name, row in zip(("chip", "board", "shell"), nodes)})
+    trace, sensors = _trace(own * np.arange(count), **columns), ["chip_degC", "board_degC", "shell_degC"]
+    coarse = type(chain)(chain.circuit, period_s).plant()
+    off = {}
+    for hold in ("zero-order", "first-order"):
+        (record,) = records(trace, chain.circuit.inputs, sensors, period_s, hold)
+        left = (record.sensors - coarse.forced(record.inputs))[:, record.samples // 4 :]
+        off[hold] = np.sqrt(np.mean(left**2, axis=1))
+        np.testing.assert_array_equal(record.signals["camera_on"], record.inputs[1])
+    assert (off["zero-order"] < 0.4 * off["first-order"]).all()
+
+
+def test_a_held_value_after_a_gap_stands_alone() -> None:
+    row = np.array([1.0, 3.0, np.nan, 5.0, 7.0])
+    trace = _trace(10.0 * np.arange(5), power_W=row, chip_degC=row)
+    held = straight(trace, ["chip_degC"], "zero-order")
+    np.testing.assert_array_equal(held.columns["power_W"], [1.0, 2.0, np.nan, 5.0, 6.0])
+    np.testing.assert_array_equal(held.columns["chip_degC"], row)
+    assert straight(trace, ["chip_degC"], "first-order") is trace

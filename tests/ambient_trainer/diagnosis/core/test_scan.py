@@ -55,8 +55,17 @@ def _rows(noise: Noise, view: View, rows: np.ndarray) -> np.ndarray:
     return noise.white(rows)[..., known]
 
 
-def _best_by_hand(noise: Noise, views: list[View], candidate: Candidate, extra: list[list[np.ndarray]]):
-    """Over all windows: (explained, onset, end, values), from least squares with everything side by side."""
+def _best_by_hand(
+    noise: Noise,
+    views: list[View],
+    candidate: Candidate,
+    extra: list[list[np.ndarray]],
+    told: tuple[np.ndarray, np.ndarray] | None = None,
+):
+    """Over all windows: (explained, onset, end, values), from least squares with everything side by side.
+
+    What was ``told`` of what is ``extra`` stands beneath, as rows that the candidate has no part in.
+    """
     target = np.concatenate(
         [noise.white(each.residual_degC)[~np.isnan(noise.white(each.residual_degC))] for each in views]
     )
@@ -69,7 +78,12 @@ def _best_by_hand(noise: Noise, views: list[View], candidate: Candidate, extra: 
             fixed.append(np.concatenate(blocks))
     for number in range(len(extra[0]) if extra else 0):
         fixed.append(np.concatenate([_rows(noise, each, own[number]) for each, own in zip(views, extra)]))
-    base = np.array(fixed).T
+    base, rows = np.array(fixed).T, len(target)
+    if told is not None:
+        known, off = told
+        held = np.zeros((len(off), base.shape[1]))
+        held[:, base.shape[1] - len(known) :] = known.T
+        base, target = np.concatenate([base, held]), np.concatenate([target, off])
     alone = target - base @ np.linalg.lstsq(base, target, rcond=None)[0]
     best = None
     edges = [None, *ONSETS]
@@ -87,14 +101,14 @@ def _best_by_hand(noise: Noise, views: list[View], candidate: Candidate, extra: 
                     added = beginning(each, term, [start])[0]
                     added = added if end is None else added - ending(each, term, [end])[0]
                     parts.append(_rows(noise, each, added))
-                columns.append(np.concatenate(parts))
+                columns.append(np.concatenate([*parts, np.zeros(len(target) - rows)]))
             both = np.column_stack([base, *columns])
             solution = np.linalg.lstsq(both, target, rcond=None)[0]
             left = target - both @ solution
             explained = float(alone @ alone - left @ left)
             values = solution[base.shape[1] :]
-            cost = np.log(len(target)) * (len(columns) + 2.0 * ((start is not None) + (end is not None)))
-            score = -len(target) * np.log1p(-explained / (alone @ alone)) - cost
+            cost = np.log(rows) * (len(columns) + 2.0 * ((start is not None) + (end is not None)))
+            score = -rows * np.log1p(-explained / (alone @ alone)) - cost
             if candidate.plausible(values) and (best is None or score > best[0]):
                 best = (score, explained, start, end, values)
     return best
@@ -103,12 +117,19 @@ def _best_by_hand(noise: Noise, views: list[View], candidate: Candidate, extra: 
 @pytest.mark.parametrize(
     "cause", ["heat_source at shell", "contact at shell", "sensor_bias at board", "path at chip-shell"]
 )
-@pytest.mark.parametrize("nuisance", [False, True])
-def test_every_window_by_hand(chain, seen, noise, candidates, cause: str, nuisance: bool) -> None:
-    extra = [[np.cumsum(np.ones((3, N)), axis=1) / N, np.sin(TIME_S / 300) * np.ones((3, 1))]] if nuisance else []
-    frame = Frame.of([seen], noise, extra)
+@pytest.mark.parametrize("nuisance", ["none", "free", "told", "told for sure"])
+def test_every_window_by_hand(chain, seen, noise, candidates, cause: str, nuisance: str) -> None:
+    """Nuisances that were told before are held by as many rows as that takes: a ridge about where they were."""
+    extra = [[np.cumsum(np.ones((3, N)), axis=1) / N, np.sin(TIME_S / 300) * np.ones((3, 1))]]
+    extra = [] if nuisance == "none" else extra
+    told = None
+    if nuisance.startswith("told"):
+        sure = 1e3 if nuisance == "told for sure" else 8.0
+        known = sure * np.array([[1.0, 0.3, 0.0], [0.0, 2.0, 0.5]])
+        told = known, known.T @ np.array([0.2, -0.1])
+    frame = Frame.of([seen], noise, extra, told)
     found = scored(frame, candidates[cause], ONSETS)
-    wanted = _best_by_hand(noise, [seen], candidates[cause], extra)
+    wanted = _best_by_hand(noise, [seen], candidates[cause], extra, told)
     assert (found is None) == (wanted is None)
     if found is None:
         return
@@ -118,7 +139,7 @@ def test_every_window_by_hand(chain, seen, noise, candidates, cause: str, nuisan
     assert found.score == pytest.approx(score, rel=1e-5, abs=1e-3)
     np.testing.assert_allclose(found.values, values, rtol=1e-4)
     # the true effect lies on this grid's windows
-    if cause == "heat_source at shell" and not nuisance:
+    if cause == "heat_source at shell" and nuisance == "none":
         assert (onset_s, end_s) == (705.0, 1705.0)
         assert values[0] == pytest.approx(0.8, abs=0.05)
 
@@ -133,20 +154,24 @@ def test_several_records_are_one_regression(chain, seen, noise, candidates) -> N
     np.testing.assert_allclose(found.values, values, rtol=1e-5)
 
 
-def test_the_deviation_is_the_regressions(seen, noise, candidates) -> None:
-    """Of a window that is given: standard errors from (X'X)^-1 s^2 with all columns side by side."""
+def test_what_was_told_for_sure_is_not_fitted_again(seen, noise, candidates) -> None:
+    """A nuisance that looks like the effect: free, it takes all of it; told to be zero, nothing; in doubt, a part."""
     candidate = replace(candidates["heat_source at shell"], window=(705.0, 1705.0))
-    found = scored(Frame.of([seen], noise, []), candidate, ONSETS)
-    assert found is not None
-    assert (found.onset_s, found.end_s) == (705.0, 1705.0)
     (term,) = candidate.terms(seen)
-    column = beginning(seen, term, [705.0])[0] - ending(seen, term, [1705.0])[0]
-    X = np.column_stack([*(_rows(noise, seen, each) for each in seen.starts), _rows(noise, seen, column)])
-    white = noise.white(seen.residual_degC)
-    y = white[~np.isnan(white)]
-    left = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
-    wanted = (left @ left) / (len(y) - X.shape[1]) * np.linalg.inv(X.T @ X)[-1, -1]
-    assert found.covariance[0, 0] == pytest.approx(wanted, rel=1e-4)
+    like = beginning(seen, term, [705.0])[0] - ending(seen, term, [1705.0])[0]
+    wobble = 1e-3 * np.sin(TIME_S / 97)
+    found = {}
+    for name, sure in (("free", 0.0), ("in doubt", 30.0), ("for sure", 1e6)):
+        frame = Frame.of([seen], noise, [np.array([like + wobble])], (np.array([[sure]]), np.zeros(1)))
+        found[name] = frame
+    alone = Frame.of([seen], noise)
+    assert found["free"].square < found["in doubt"].square < found["for sure"].square
+    assert found["for sure"].square == pytest.approx(alone.square, rel=1e-6)
+    sure, plain = (scored(each, candidate, []) for each in (found["for sure"], alone))
+    assert sure is not None
+    assert sure.values[0] == pytest.approx(plain.values[0], rel=1e-4)
+    # told rows are none that were measured
+    assert found["for sure"].rows == alone.rows
 
 
 def test_whole_and_onset_only(seen, noise, candidates) -> None:
@@ -190,12 +215,10 @@ def test_what_was_normal_is_no_change(chain, noise, candidates) -> None:
     assert 20 * found["same"].score < found["more"].score < found["alone"].score
 
 
-def test_rows_that_must_not_be_learned_from(seen, noise, candidates) -> None:
-    learn = np.ones(N)
-    learn[: N // 2] = 0.0
-    frame = Frame.of([seen], noise, [], learn=[learn])
-    known = ~np.isnan(noise.white(seen.residual_degC)) & (learn[ORDER:] > 0)
-    assert frame.rows == known.sum()
+def test_rows_that_were_not_measured_tell_nothing(seen, noise) -> None:
+    frame = Frame.of([seen], noise)
+    known = ~np.isnan(noise.white(seen.residual_degC))
+    assert frame.rows == known.sum() == 3 * (N - ORDER) - (10 + ORDER)
     assert not frame.left[~known.reshape(-1)].any()
 
 
@@ -208,6 +231,31 @@ def test_refinement_finds_the_edges_between_the_grid(chain, seen, noise, candida
     assert found.onset_s == pytest.approx(705.0, abs=25.0)
     assert found.end_s == pytest.approx(1705.0, abs=25.0)
     assert found.values[0] == pytest.approx(0.8, abs=0.04)
+
+
+@pytest.mark.parametrize("first", [250.0, 310.0, 610.0])
+@pytest.mark.parametrize("memory", [0.0, 0.5])
+def test_a_fault_that_slews_is_found_to_the_sample(chain, first: float, memory: float) -> None:
+    """A bias that comes and goes within 90 s, which is in the middle of it; the coarse grid is minutes off.
+
+    By noise that remembers, it shows at its edges the most.
+    """
+    slow = type(chain)(chain.circuit, 20.0)
+    inputs = slow.inputs(400, 6)
+    at = 20.0 * np.arange(400)
+    bias = np.clip((at - 2005.0) / 90.0, 0.0, 1.0) - np.clip((at - 5305.0) / 90.0, 0.0, 1.0)
+    nodes = slow.integrated(inputs, START)
+    read = nodes + 0.03 * np.random.default_rng(8).standard_normal(nodes.shape) + np.outer([0, 1.0, 0], bias)
+    own = view(slow.model(), slow.record(inputs, read))
+    frame = Frame.of([own], replace(slow.noise(0.03), memory=np.array([[memory, 0.0, 0.0, 0.0]] * 3)))
+    candidate = slow.candidate(own.record, "sensor_bias at board")
+    coarse = scored(frame, candidate, [float(each) for each in np.arange(first, 7800.0, 540.0)])
+    assert coarse is not None
+    assert max(abs(coarse.onset_s - 2050.0), abs(coarse.end_s - 5350.0)) > 100.0
+    found = refined(frame, coarse, 540.0)
+    assert found.onset_s == pytest.approx(2050.0, abs=20.0)
+    assert found.end_s == pytest.approx(5350.0, abs=20.0)
+    assert found.values[0] == pytest.approx(1.0, abs=0.02)
 
 
 def test_refinement_finds_the_shape(chain, noise) -> None:

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import Effect, view
-from ambient_trainer.diagnosis.extended import _added as _simulated
+from ambient_trainer.diagnosis.extended import Effect, heat_parts, view
+from ambient_trainer.diagnosis.feedback import closed_loop
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.terms import DriftTerm, HeatTerm, SensorTerm, beginning, ending, into, lag, responses
 
@@ -62,12 +62,13 @@ def test_a_window_is_one_onset_less_another(chain, seen) -> None:
 def test_the_regressions_window_is_the_simulations(chain, seen, cause: str, onset_s: float | None) -> None:
     """What a coefficient of one adds by the regression is what the simulation then shows."""
     found = next(each for each in all_candidates(setting_of(chain.model(), [seen])) if str(each.cause) == cause)
-    effect = Effect(found, onset_s, 1400.0, np.ones(1), np.eye(1))
+    effect = Effect(found, onset_s, 1400.0, np.ones(1), np.eye(2))
     (term,) = found.terms(seen)
     wanted = beginning(seen, term, [onset_s])[0] - ending(seen, term, [1400.0])[0]
     if isinstance(term, HeatTerm):
-        plain = chain.plant().forced(seen.record.inputs)
-        added = _simulated(chain.model().with_effect(effect), seen.record, plain, plain)
+        plant, nodes = chain.plant(), seen.nodes_degC
+        parts = heat_parts(chain.model().with_effect(effect), plant, seen.record)
+        added, _ = closed_loop(plant, parts, nodes, seen.ambient_degC, nodes, np.empty((0, 3, N)))
     else:
         added = np.zeros((3, N))
         added[1] = effect.window(seen.record)

@@ -155,7 +155,7 @@ def differing(chosen: Chooses) -> Callable[..., Difference]:
         found = chosen(of, deviation_degC, one)
         bench = bench_of(found.plain.views, [])
         facts = Circumstances(0.0, PERIOD_S * SAMPLES, LONGEST_S, (-40.0, hottest_degC), found.noise)
-        suspicions = [Suspicion(Model(of, () if each is None else (each,)), each) for each in (one, other)]
-        return largest_difference(*suspicions, plans(bench, Happening.LEFT), bench, facts)
+        first, second = (Suspicion(Model(of, () if each is None else (each,)), each) for each in (one, other))
+        return largest_difference(first, [second], plans(bench, Happening.LEFT), bench, facts)
 
     return make

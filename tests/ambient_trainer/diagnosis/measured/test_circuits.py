@@ -82,9 +82,9 @@ def houses(measured, circuit):
 
 def test_the_sun_through_opened_blinds_is_missing_from_the_living_room(houses):
     trace, plain, suns = houses["O5"]
-    assert plain.rmse_degC == pytest.approx(1.235, rel=0.05)
+    assert plain.rmse_degC == pytest.approx(1.38, rel=0.05)
     south = trace.columns["irradiance_south_W_m2"]
-    assert np.corrcoef(plain.errors_degC, south)[0, 1] == pytest.approx(0.33, abs=0.05)
+    assert np.corrcoef(plain.errors_degC, south)[0, 1] == pytest.approx(0.50, abs=0.05)
     assert min(suns, key=lambda name: suns[name].rmse_degC) == "irradiance_south_W_m2"
     assert suns["irradiance_south_W_m2"].rmse_degC == pytest.approx(0.725, rel=0.05)
     assert suns["irradiance_south_W_m2"].values["extra"] == pytest.approx(2.5, rel=0.15)

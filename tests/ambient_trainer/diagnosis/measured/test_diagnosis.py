@@ -19,6 +19,7 @@ CASES = {
     "fan_out": ("rpi3-case-fan", ("fan_out",), ("--baseline", "naked")),
     "naked": ("rpi3-case-fan", ("naked",), ("--baseline", "naked")),
     "cells": ("lg-m50-cell", ("cell_0", "cell_10", "cell_25"), ()),
+    "cell_2C": ("lg-m50-cell", ("cell_2C",), ()),
     "chamber": ("thermal-shock-chamber", ("chamber",), ("--period", "10", "--to", "14400")),
     "chamber_whole": ("thermal-shock-chamber", ("chamber",), ("--period", "10")),
     "s25": ("s25plus-zones", ("s25",), ()),
@@ -82,10 +83,11 @@ def test_the_sun_through_opened_blinds_heats_the_living_room(diagnosed):
     assert step["magnitude"]["unit"] == "W per W/m2"
     # by the sun alone, without what is found after it, the ranking says
     alone = diagnosed("O5")["ranking"][0]["magnitude"]
-    assert alone["value"] == pytest.approx(1.45, rel=0.25)
-    assert 1.0 < step["magnitude"]["value"] < 4.0
-    assert step["gain"]["rmse_before_degC"] == pytest.approx(1.26, rel=0.05)
-    assert gain_degC(step) > 0.2
+    assert alone["value"] == pytest.approx(2.5, rel=0.25)
+    assert alone["ci95"][0] > 0
+    assert 1.0 < step["magnitude"]["value"] < 5.0
+    assert step["gain"]["rmse_before_degC"] == pytest.approx(1.46, rel=0.05)
+    assert gain_degC(step) > 0.4
     # of the planes only the horizontal one, which sees the same sun, comes near the one that has the windows
     assert {(each["location"], each["signal"]) for each in step["indistinguishable_from"]} <= {
         ("living", "irradiance_W_m2")
@@ -97,14 +99,21 @@ def test_behind_closed_blinds_the_sun_gains_half_as_much_at_most(diagnosed):
     tried = [each for each in (*twin["steps"], *twin["ranking"]) if (each["signal"] or "").startswith("irradiance")]
     gained = max((gain_degC(each) for each in tried), default=0.0)
     assert gained <= 0.5 * gain_degC(diagnosed("O5")["steps"][0])
-    assert twin["steps"][0]["signal"] is None
+    # nor is it sure there that it is the sun: a constant heat does as well
+    step = twin["steps"][0]
+    told = {
+        (step["cause"], step["signal"]),
+        *((each["cause"], each["signal"]) for each in step["indistinguishable_from"]),
+    }
+    assert ("heat_source", None) in told
 
 
 def test_a_closed_case_keeps_the_heat_in(diagnosed):
     step = first(diagnosed("closed"), "ambient_coupling", "desk")
-    assert step["magnitude"]["value"] == pytest.approx(1.0, abs=0.3)
+    assert step["magnitude"]["value"] == pytest.approx(2.7, abs=0.7)
     assert step["magnitude"]["ci95"][0] > 0
-    assert step["gain"]["rmse_after_degC"] < 0.25 * step["gain"]["rmse_before_degC"]
+    assert step["gain"]["rmse_after_degC"] < 0.2 * step["gain"]["rmse_before_degC"]
+    assert rivals(step) == []
 
 
 def test_a_lid_with_holes_keeps_less_of_it(diagnosed):
@@ -113,14 +122,14 @@ def test_a_lid_with_holes_keeps_less_of_it(diagnosed):
     assert (step["onset_s"], step["end_s"]) == (None, None)
 
 
-@pytest.mark.parametrize(("case", "places", "change"), [("fan_in", ("board",), -0.49), ("fan_out", (None,), -0.38)])
-def test_a_fan_takes_the_heat_away(diagnosed, case, places, change):
-    step = first(diagnosed(case), "ambient_coupling", *places)
+@pytest.mark.parametrize(("case", "change"), [("fan_in", -0.49), ("fan_out", -0.43)])
+def test_a_fan_takes_the_heat_away(diagnosed, case, change):
+    step = first(diagnosed(case), "ambient_coupling", "board")
     assert step["magnitude"]["value"] == pytest.approx(change, abs=0.08)
     assert step["magnitude"]["ci95"][1] < 0
     assert step["gain"]["rmse_after_degC"] < 0.1 * step["gain"]["rmse_before_degC"]
-    # a body that the air cools, or a loss with another law, does as well with more unknowns: that is said
-    assert ("contact", "board") in rivals(step)
+    # one sensor cannot tell it from other ways for the heat to go, but from a fault of its own it can
+    assert not [cause for cause, _ in rivals(step) if cause.startswith("sensor")]
 
 
 def test_of_the_naked_board_itself_nothing_has_changed(diagnosed):
@@ -135,7 +144,18 @@ def test_the_current_squared_heats_a_cell_and_more_so_in_the_cold(diagnosed):
     growth = step["parameters"]["growth_per_K"]
     assert growth["unit"] == "1/K"
     assert growth["value"] == pytest.approx(0.030, rel=0.25)
+    grows = f"growing in the cold by {100 * growth['value']:.1f} % per K: {step['magnitude']['value']:.3g} W/A^2"
+    assert grows in step["sentence"]
     assert step["gain"]["rmse_after_degC"] < 0.4 * step["gain"]["rmse_before_degC"]
+    assert rivals(step) == []
+
+
+def test_at_one_temperature_it_is_the_current_squared_and_no_more(diagnosed):
+    step = first(diagnosed("cell_2C"), "heat_source", "cell", "current_A")
+    assert step["magnitude"]["unit"] == "W/A^2"
+    assert step["magnitude"]["value"] == pytest.approx(0.032, rel=0.15)
+    assert "growth_per_K" not in step["parameters"]
+    assert step["gain"]["rmse_after_degC"] < 0.1 * step["gain"]["rmse_before_degC"]
     assert rivals(step) == []
 
 
@@ -143,9 +163,7 @@ def test_the_current_squared_heats_a_cell_and_more_so_in_the_cold(diagnosed):
     "case",
     [
         "chamber",
-        pytest.param(
-            "chamber_whole", marks=(pytest.mark.slow, pytest.mark.xfail(strict=False, reason="takes minutes, unproven"))
-        ),
+        pytest.param("chamber_whole", marks=pytest.mark.slow),
     ],
 )
 def test_modules_follow_the_chambers_air_some_seconds_later(diagnosed, case):

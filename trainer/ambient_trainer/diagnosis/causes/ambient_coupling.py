@@ -43,10 +43,11 @@ def _changed(setting: Setting, node: int | None, signal: str | None) -> Candidat
         def law(nodes_degC: Array, ambient_degC: Array) -> Array:
             return -(affected * loss(nodes_degC, ambient_degC).T).T
 
-        return (HeatTerm(view.ones if signal is None else view.signal(signal), law),)
+        return (HeatTerm(_weight(view, signal), law),)
 
     def magnitude(found: Found) -> Magnitude:
-        change, (low, high) = float(found.values[0]), found.interval(0)
+        scale = 1.0 if signal is None else _per_unit(setting, found.view, signal, node)
+        change, (low, high) = scale * float(found.values[0]), found.interval(0, scale)
         where = "all nodes" if node is None else setting.plant.nodes[node]
         ends = sorted((_resistance(low), _resistance(high)))
         unit = "1" if signal is None else per("1", signal)
@@ -68,11 +69,36 @@ def _changed(setting: Setting, node: int | None, signal: str | None) -> Candidat
         magnitude,
         parameters,
         plausible=lambda values: values[..., 0] > _ABSURD,
+        bounds=(_LEAST, _MOST) if signal is None else (-np.inf, np.inf),
         start=lambda values: np.maximum(values, _LEAST),
         extend=extend if signal is None else None,
     )
 
 
+def _weight(view: View, signal: str | None) -> Array:
+    """What drives the change: air past a plate carries off heat with the root of its speed (laminar flow)."""
+    if signal is None:
+        return view.ones
+    logged = view.signal(signal)
+    return np.sqrt(np.maximum(logged, 0.0)) if _is_speed(signal) else logged
+
+
+def _is_speed(signal: str) -> bool:
+    return signal.endswith("_m_s")
+
+
+def _per_unit(setting: Setting, view: View, signal: str, node: int | None) -> float:
+    """The change per unit of the signal, over the record, of one that goes with its weight: least squares of heat."""
+    if not _is_speed(signal):
+        return 1.0
+    loss = setting.loss(view.plant)(view.nodes_degC, view.ambient_degC)
+    lost = loss.sum(axis=0) if node is None else loss[node]
+    on = lost * view.signal(signal)
+    return float((lost * _weight(view, signal)) @ on / max(float(on @ on), 1e-30))
+
+
+_MOST = 9.0
+"""A node that gives off ten times what it did is as warm as the ambient, and hardly tells more from still more."""
 _LEAST, _ABSURD = -0.9, -3.0
 """What a regression makes of a node that nothing measures may be too large by far."""
 

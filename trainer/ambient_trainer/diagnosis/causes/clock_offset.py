@@ -39,7 +39,7 @@ def _shifted(setting: Setting, offset_s: float) -> Candidate:
         return (HeatTerm(np.interp(time_s + offset_s, time_s, air) - air, law),)
 
     def magnitude(found: Found) -> Magnitude:
-        half = 1.96 * abs(offset_s) * found.deviation(0)
+        half = 1.96 * abs(offset_s) * found.deviation(1)
         return Magnitude(
             offset_s, "s", "how much later the reference is logged than it was", (offset_s - half, offset_s + half)
         )

@@ -38,7 +38,7 @@ def _held(setting: Setting, node: int, name: str) -> Candidate:
         conductance, heat = found.values
         # the ratio's interval by the delta method
         slope = np.array([-heat / conductance**2, 1.0 / conductance])
-        half = 1.96 * float(np.sqrt(max(slope @ found.covariance @ slope, 0.0)))
+        half = 1.96 * float(np.sqrt(max(slope @ found.covariance[:2, :2] @ slope, 0.0)))
         body = _body_degC(found)
         return Magnitude(body, "degC", f"temperature of the body at {name}", (body - half, body + half))
 

@@ -83,7 +83,8 @@ def _curved(setting: Setting, node: int | None) -> Candidate:
         terms,
         magnitude,
         parameters,
-        fixed=(None, None),
+        # where the resistances are free, they take a change of all losses alike upon themselves
+        fixed=(None, 0.0 if setting.circuit_is_free else None),
         plausible=_always_a_loss,
     )
 

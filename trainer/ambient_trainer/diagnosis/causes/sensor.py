@@ -96,8 +96,7 @@ def _late(setting: Setting, sensor: int, name: str, lag_s: float) -> Candidate:
         return (SensorTerm(sensor, lambda reading: lag(reading, lag_s, view.plant.period_s) - reading),)
 
     def magnitude(found: Found) -> Magnitude:
-        # the share of the lag that was wanted tells how well its length is known
-        spread = found.deviation(0)
+        spread = found.deviation(1)
         return Magnitude(
             lag_s,
             "s",

@@ -38,12 +38,16 @@ def _attached(setting: Setting, node: int, time_constant_s: float) -> Candidate:
         return (HeatTerm(view.ones, setting.into(node, lambda nodes, air: -nodes[node]), memory_s=time_constant_s),)
 
     def magnitude(found: Found) -> Magnitude:
-        size = scale * time_constant_s
+        conductance = float(found.values[0])
+        capacity = scale * time_constant_s * conductance
+        # the capacity is the product of both: their logarithms' deviations go together
+        slope = np.array([1.0 / conductance, 1.0])
+        half = 1.96 * abs(capacity) * float(np.sqrt(max(slope @ found.covariance @ slope, 0.0)))
         return Magnitude(
-            size * float(found.values[0]),
+            capacity,
             "J/K" if unit == "W" else "1",
             f"heat capacity that hangs on {name}" + ("" if unit == "W" else ", over the node's own"),
-            found.interval(0, size),
+            (capacity - half, capacity + half),
         )
 
     def parameters(found: Found) -> Parameters:

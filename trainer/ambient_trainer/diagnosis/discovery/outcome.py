@@ -12,8 +12,9 @@ class Outcome:
     """``true`` and ``found`` are empty where nothing was hidden or found; ``size_in_noise`` is the effect's RMSE in
     units of the residual's standard deviation without it (of two effects, the smaller one's).
 
-    ``correct`` says whether cause and location of every effect, and no other, were named. The errors are of the first
-    effect, None where it has no magnitude or onset or was not found; ``gain_ci`` is the first step's, in degC.
+    ``correct`` says whether cause, location and signal were named: of one effect by the first step, of several by some
+    step each, and spare steps do not count; where nothing was hidden, whether there is no step. The errors are of the
+    first effect, None where it has no magnitude or onset or was not found; ``gain_ci`` is the first step's, in degC.
     """
 
     true: tuple[Cause, ...]

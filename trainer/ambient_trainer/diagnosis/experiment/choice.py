@@ -1,4 +1,4 @@
-"""Which two explanations an experiment is to tell apart, and what is said where there are no two."""
+"""Which explanations an experiment is to tell apart, and what is said where there is but one."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from ambient_trainer.diagnosis.experiment.sentence import Wording, claim
 from ambient_trainer.diagnosis.experiment.survey import survey
 from ambient_trainer.diagnosis.extended import Effect
 from ambient_trainer.diagnosis.gain import differ
-from ambient_trainer.diagnosis.result import UNKNOWN, Step
+from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Step
 
 LONGEST_S = 4 * 3600.0
+_MOST_RIVALS = 3
 _LONGEST_PERIODS = 120.0
 """What is logged every quarter of an hour does not move within four."""
 _HEADROOM_K = 25.0
@@ -23,10 +24,11 @@ _HEADROOM_K = 25.0
 
 
 def next_experiment(chosen: Chosen, steps: tuple[Step, ...]) -> str:
-    """What to switch, for how long, which sensor to read, and what each of two explanations predicts for it.
+    """What to switch, for how long, which sensor to read, and what each of several explanations predicts for it.
 
-    Of the last step that has rivals it is the taken cause and its closest rival; without any, the first step's cause
-    and the next best; without a step, the best candidate and nothing at all. ``unknown`` asks for a survey.
+    Of the last step that has rivals the taken cause is to be told from the closest of them; without any, the first
+    step's cause from the next best; without a step, the best candidate from nothing at all. ``unknown`` asks for a
+    survey.
     """
     if any(step.cause.name == UNKNOWN for step in steps):
         return survey(chosen)
@@ -34,31 +36,39 @@ def next_experiment(chosen: Chosen, steps: tuple[Step, ...]) -> str:
         return _to_rule_out(chosen)
     taken = [(choice, choice.taken) for choice in chosen.choices if choice.taken is not None]
     for choice, trial in reversed(taken):
-        if choice.rivals:
-            return _between(chosen, trial, choice.rivals[0])
+        if rivals := _closest(trial, choice.rivals):
+            return _apart(chosen, trial, rivals[:_MOST_RIVALS])
     choice, trial = taken[0]
-    others = [each for each in choice.trials if each.cause != trial.cause]
-    closest = min(others, key=lambda each: differ(each.blocks, trial.blocks), default=None)
-    return _between(chosen, trial, closest)
+    return _apart(chosen, trial, _closest(trial, choice.trials)[:1])
+
+
+def _closest(taken: Trial, others: Sequence[Trial]) -> list[Trial]:
+    """The best of each other cause, the best first."""
+    ordered = sorted(others, key=lambda each: differ(each.blocks, taken.blocks))
+    best: dict[Cause, Trial] = {}
+    for each in ordered:
+        best.setdefault(each.cause, each)
+    return [each for cause, each in best.items() if cause != taken.cause]
 
 
 def _to_rule_out(chosen: Chosen) -> str:
     trials = chosen.choices[0].trials if chosen.choices else ()
     if not trials:
         return "Nothing is missing, and no candidate is left to rule out."
-    return f"To show or to rule out what comes closest, {trials[0].cause}: {_between(chosen, trials[0], None)}"
+    return f"To show or to rule out what comes closest, {trials[0].cause}: {_apart(chosen, trials[0], [])}"
 
 
-def _between(chosen: Chosen, one: Trial, other: Trial | None) -> str:
-    """Two trials of the same step; without another, the trial and the model without any effect."""
-    effects = [each.fitted.model.effects[-1] for each in (one, other) if each is not None]
+def _apart(chosen: Chosen, one: Trial, others: Sequence[Trial]) -> str:
+    """``one`` from other trials of the same step; without any, from the model without any effect."""
+    effects = [each.fitted.model.effects[-1] for each in (one, *others)]
     happening, repeated = _happening(effects)
-    suspected, against = _suspicion(chosen, one, repeated), _suspicion(chosen, other, repeated)
+    compared: Sequence[Trial | None] = others or [None]
+    against = [_suspicion(chosen, each, repeated) for each in compared]
     signals = [each.candidate.cause.signal for each in effects if each.candidate.cause.signal is not None]
     bench = bench_of(chosen.plain.views, signals)
     facts = _circumstances(chosen)
-    found = largest_difference(suspected, against, plans(bench, happening), bench, facts)
-    claims = (claim(one.cause), claim(None if other is None else other.cause))
+    found = largest_difference(_suspicion(chosen, one, repeated), against, plans(bench, happening), bench, facts)
+    claims = (claim(one.cause), *(claim(None if each is None else each.cause) for each in compared))
     words = Wording(claims, bench, one.fitted.model.plant.sensors, repeated[0] if repeated else None)
     return words.not_told_apart(found, facts.longest_s) if found.crossing_s is None else words.told_apart(found)
 

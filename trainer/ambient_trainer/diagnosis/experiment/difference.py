@@ -1,4 +1,4 @@
-"""Where two models part: the plan and the reading that first differ by three standard deviations of what is left.
+"""Where models part: the plan and the reading that first differ by three standard deviations of what is left.
 
 What a simulation leaves is correlated in time, so that waiting does not average it out: the deviation itself counts.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,11 +54,11 @@ class Circumstances:
 
 @dataclass(frozen=True)
 class Difference:
-    """What to read, when, and what the two predict for it.
+    """What to read, when, and what one model and those of the ``others`` that it is told from predict for it.
 
-    ``beside`` compares with a second thermometer at the sensor's place. ``crossing_s`` is when the two first differ by
-    ``three_sigma_degC``, None where they never do, ``reading_s`` a moment from then on to look; both are counted from
-    the first switch, and None is rest, before any.
+    ``beside`` compares with a second thermometer at the sensor's place. ``crossing_s`` is when the one first differs by
+    ``three_sigma_degC`` from all of them, None where it never does, ``reading_s`` a moment from then on to look; both
+    are counted from the first switch, and None is rest, before any.
     """
 
     plan: Plan
@@ -65,32 +66,39 @@ class Difference:
     beside: bool
     crossing_s: float | None
     reading_s: float | None
-    predicted_degC: tuple[float, float]
+    predicted_degC: tuple[float, ...]
+    """By the one, then by each of ``others``."""
     three_sigma_degC: float
+    others: tuple[int, ...] = (0,)
+    """Which of those that were asked about; where it is told from none, the one that differs most."""
 
 
 def largest_difference(
-    one: Suspicion, other: Suspicion, plans: Sequence[Plan], bench: Bench, facts: Circumstances
+    one: Suspicion, others: Sequence[Suspicion], plans: Sequence[Plan], bench: Bench, facts: Circumstances
 ) -> Difference:
-    """Of all plans the one that tells the two apart soonest, or, where none does, best."""
+    """Of all plans the one whose reading tells ``one`` from most of ``others`` soonest, or, where none does, best.
+
+    Where not all can be told at once, those that come first are preferred.
+    """
+    every = [one, *others]
     step_s = facts.longest_s / _STEPS
     # the first sample is rest, before anything is switched
-    lead = 1 + math.ceil(_reach_s(one, other) / step_s)
+    lead = 1 + math.ceil(_reach_s(every) / step_s)
     time_s: Array = step_s * np.arange(-lead, _STEPS + 1, dtype=float)
     courses = [Course(plan.columns(bench, time_s), plan.happens(time_s)) for plan in plans]
-    both = [
+    found = [
         predicted(each.model, each.effect if each.repeats else None, courses, facts.now_s + time_s, facts.since_s)
-        for each in (one, other)
+        for each in every
     ]
-    doubtful = sorted({sensor for each in (one, other) if each.effect for sensor in each.effect.sensors})
-    looks = _Looks.of(both, doubtful, facts)
+    doubtful = sorted({sensor for each in every if each.effect for sensor in each.effect.sensors})
+    looks = _Looks.of(found, doubtful, facts)
     preparation_s = np.array([plan.preparation_s(bench) for plan in plans])
     return _best(looks, plans, preparation_s, time_s)
 
 
-def _reach_s(one: Suspicion, other: Suspicion) -> float:
+def _reach_s(every: Sequence[Suspicion]) -> float:
     """How far a wrong clock reaches back: what the reference logs later was there before."""
-    effects = [*one.model.effects, *other.model.effects]
+    effects = [effect for each in every for effect in each.model.effects]
     shapes = [each.candidate.shape for each in effects if each.candidate.cause.name == clock_offset.NAME]
     return max((abs(shape) for shape in shapes if shape is not None), default=0.0)
 
@@ -99,8 +107,8 @@ def _reach_s(one: Suspicion, other: Suspicion) -> float:
 class _Looks:
     """What can be looked at, o things: every sensor, then the doubtful ones beside a second thermometer.
 
-    ``values`` (2, E, o, N) is what the two predict, ``three_sigma`` (o,) what they must differ by, and ``bearable``
-    (E, 1, N) whether the device has stayed where it may be.
+    ``values`` (1 + K, E, o, N) is what the one and K others predict, ``three_sigma`` (o,) what it must differ by, and
+    ``bearable`` (E, 1, N) whether the device has stayed where it may be.
     """
 
     values: Array
@@ -110,9 +118,9 @@ class _Looks:
     beside: list[bool]
 
     @staticmethod
-    def of(both: Sequence[Predicted], doubtful: list[int], facts: Circumstances) -> _Looks:
-        readings = np.array([each.readings_degC for each in both])
-        errors = np.array([each.errors_degC for each in both])[:, :, doubtful]
+    def of(found: Sequence[Predicted], doubtful: list[int], facts: Circumstances) -> _Looks:
+        readings = np.array([each.readings_degC for each in found])
+        errors = np.array([each.errors_degC for each in found])[:, :, doubtful]
         low, high = facts.bounds_degC
         with np.errstate(invalid="ignore"):
             inside = ((readings > low) & (readings < high)).all(axis=(0, 2))
@@ -127,22 +135,32 @@ class _Looks:
             [False] * count + [True] * len(doubtful),
         )
 
-    @property
-    def ratio(self) -> Array:
-        """The difference in units of three sigma, (E, o, N); zero where the device cannot bear the plan."""
+    def told_apart(self) -> tuple[tuple[int, ...], Array]:
+        """The others that one look tells from the one, and the least difference to them in units of three sigma.
+
+        That is (E, o, N), zero where the device cannot bear the plan, and below one where no look tells any.
+        """
         with np.errstate(invalid="ignore", over="ignore"):
-            ratio = np.abs(self.values[0] - self.values[1]) / self.three_sigma[:, None]
-        return np.where(self.bearable, ratio, 0.0)
+            ratios = np.abs(self.values[0] - self.values[1:]) / self.three_sigma[:, None]
+        ratios = np.where(self.bearable, ratios, 0.0)
+        for size in range(len(ratios), 0, -1):
+            for others in combinations(range(len(ratios)), size):
+                least = ratios[list(others)].min(axis=0)
+                if (least >= 1.0).any():
+                    return others, least
+        most = int(ratios.max(axis=(1, 2, 3)).argmax())
+        return (most,), ratios[most]
 
 
 def _best(looks: _Looks, plans: Sequence[Plan], preparation_s: Array, time_s: Array) -> Difference:
-    ratio = looks.ratio
+    others, ratio = looks.told_apart()
     over = ratio >= 1.0
     if not over.any():
         most = ratio >= _ABOUT_ALL * ratio.max()
         plan = int(np.flatnonzero(most.any(axis=(1, 2)))[0])
         index = int(most[plan].any(axis=0).argmax())
-        return _difference(looks, plans, time_s, (plan, int(ratio[plan, :, index].argmax()), index), None)
+        look = int(ratio[plan, :, index].argmax())
+        return _difference(looks, plans, time_s, (plan, look, index), others, None)
     first = over.argmax(axis=2)
     crossing_s = np.where(over.any(axis=2), _interpolated(ratio, first, time_s), np.inf)
     cost_s = crossing_s + preparation_s[:, None] + _FITTING_S * np.array(looks.beside)
@@ -151,7 +169,7 @@ def _best(looks: _Looks, plans: Sequence[Plan], preparation_s: Array, time_s: Ar
     soonest = np.flatnonzero(cost_s[plan] <= cost_s[plan].min() + 1.0)
     look = int(max(soonest, key=lambda each: ratio[plan, each, first[plan, each]]))
     index = _rounded(over[plan, look], time_s, int(first[plan, look]))
-    return _difference(looks, plans, time_s, (plan, look, index), crossing_s[plan, look])
+    return _difference(looks, plans, time_s, (plan, look, index), others, crossing_s[plan, look])
 
 
 def _about(cost_s: float) -> float:
@@ -169,7 +187,7 @@ def _interpolated(ratio: Array, first: NDArray[np.intp], time_s: Array) -> Array
 
 
 def _rounded(over: NDArray[np.bool_], time_s: Array, first: int) -> int:
-    """A sample at a whole minute from ``first`` on, where the two still differ then."""
+    """A sample at a whole minute from ``first`` on, where they still differ then."""
     if first == 0:
         return 0
     step_s = time_s[1] - time_s[0]
@@ -179,7 +197,12 @@ def _rounded(over: NDArray[np.bool_], time_s: Array, first: int) -> int:
 
 
 def _difference(
-    looks: _Looks, plans: Sequence[Plan], time_s: Array, place: tuple[int, int, int], crossing_s: float | None
+    looks: _Looks,
+    plans: Sequence[Plan],
+    time_s: Array,
+    place: tuple[int, int, int],
+    others: tuple[int, ...],
+    crossing_s: float | None,
 ) -> Difference:
     plan, look, index = place
     values = looks.values[:, plan, look, index]
@@ -189,6 +212,7 @@ def _difference(
         looks.beside[look],
         None if crossing_s is None else float(crossing_s),
         None if index == 0 else float(time_s[index]),
-        (float(values[0]), float(values[1])),
+        (float(values[0]), *(float(values[1 + other]) for other in others)),
         float(looks.three_sigma[look]),
+        others,
     )

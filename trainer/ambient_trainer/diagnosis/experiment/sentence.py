@@ -51,33 +51,39 @@ def claim(cause: Cause | None) -> str:
 
 @dataclass(frozen=True)
 class Wording:
-    """What sentences on two explanations have in common: what each claims, the bench, and the sensors' names.
+    """What sentences on explanations have in common: what each claims, the bench, and the sensors' names.
 
-    ``repeated`` is the effect that tells when what may be done again happened.
+    The first claim is to be told from all others; ``repeated`` is the effect that tells when what may be done again
+    happened.
     """
 
-    claims: tuple[str, str]
+    claims: tuple[str, ...]
     bench: Bench
     sensors: Sequence[str]
     repeated: Effect | None
 
     def told_apart(self, found: Difference) -> str:
-        """What to do, what to read and what each of the two predicts."""
-        one, other = (f"{each:.2f} degC if {said}" for each, said in zip(found.predicted_degC, self.claims))
+        """What to do, what to read, what each of those that it tells apart predicts, and which it does not tell."""
+        first, *others = self.claims
+        told = [first, *(others[each] for each in found.others)]
+        *before, last = (f"{each:.2f} degC if {said}" for each, said in zip(found.predicted_degC, told))
+        open_still = [said for each, said in enumerate(others) if each not in found.others]
+        more = f" It does not tell whether {' or '.join([first, *open_still])}." if open_still else ""
         return (
-            f"{self._done(found)}: {_when(found)} {self._look(found)} reads {one}, and {other}"
-            f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC)."
+            f"{self._done(found)}: {_when(found)} {self._look(found)} reads {', '.join(before)}, and {last}"
+            f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC).{more}"
         )
 
     def not_told_apart(self, found: Difference, longest_s: float) -> str:
-        """That nothing tells the two apart, and how far the best plan comes."""
+        """That nothing tells the first from any other, and how far the best plan comes."""
         differ_degC = abs(found.predicted_degC[0] - found.predicted_degC[1])
+        all_of_them, any_two = ("both", "the two") if len(self.claims) == 2 else ("all", "the first and another")
         none = f"No experiment of up to {span(longest_s)} that was simulated tells whether {' or '.join(self.claims)}"
         if differ_degC < _SAME_DEGC:
-            return f"{none}: both predict the same readings throughout."
+            return f"{none}: {all_of_them} predict the same readings throughout."
         done = self._done(found)
         return (
-            f"{none}. The most that the two differ by is about {figures(differ_degC, 2)} degC on {self._look(found)}"
+            f"{none}. The most that {any_two} differ by is about {figures(differ_degC, 2)} degC on {self._look(found)}"
             f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC), {_when(found)}: {_lower(done)}."
         )
 

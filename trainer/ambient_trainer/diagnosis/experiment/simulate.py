@@ -79,7 +79,7 @@ def _bare(plant: Plant, course: Course, time_s: Array) -> View:
     unread = np.full((len(plant.reads), len(time_s)), np.nan)
     record = Record(plant.period_s, time_s, inputs, unread, course.columns)
     empty = np.zeros((0, 0))
-    return View(plant, record, empty, empty, empty, empty, np.zeros(0))
+    return View(plant, record, empty, empty, empty, empty, np.zeros(0), empty)
 
 
 @dataclass(frozen=True)

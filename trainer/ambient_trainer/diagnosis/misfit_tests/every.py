@@ -42,10 +42,17 @@ def misfit_tests(
     grid = Grid.over(time_s)
     residuals = {name: grid.means(row) for name, row in zip(sensors, residual_degC)}
     usable = [name for name, row in residuals.items() if memory_of(row) is not None]
-    return (
-        *(each for name in usable for each in _white(residuals[name], name, grid.step_s, len(usable))),
-        *_robust(grid, residual_degC, heat, sensors, signals, ambient_degC, measured_degC),
-    )
+    white = [each for name in usable for each in _white(residuals[name], name, grid.step_s, len(usable))]
+    shared = signal_drivers({name: values for name, raw in signals.items() if (values := grid.filled(raw)) is not None})
+    ambient = grid.filled(ambient_degC)
+    random = np.random.default_rng(_SEED)
+    found: list[Found] = []
+    for name, residual, flow, measured in zip(sensors, residual_degC, heat, measured_degC):
+        simulated = grid.filled(measured - residual)
+        felt = ambient_drivers(ambient, simulated) if ambient is not None and simulated is not None else []
+        found += _of_sensor(grid, name, residual, flow, [*shared, *felt], random)
+    found.sort(key=lambda each: _ORDER.index(each.test))
+    return (*white, *(_tested(grid, each, limit) for each, limit in zip(found, thresholds(found, LEVEL))))
 
 
 def _white(series: Array, sensor: str, step_s: float, sensors: int) -> Iterator[Tested]:
@@ -53,30 +60,6 @@ def _white(series: Array, sensor: str, step_s: float, sensors: int) -> Iterator[
     yield ljung_box(series, sensor, alpha)
     yield cumulated_periodogram(series, sensor, step_s, alpha)
     yield residual_memory(series, sensor, step_s)
-
-
-def _robust(
-    grid: Grid,
-    residual_degC: Array,
-    heat: Array,
-    sensors: Sequence[str],
-    signals: Mapping[str, Array],
-    ambient_degC: Array,
-    measured_degC: Array,
-) -> list[Tested]:
-    random = np.random.default_rng(_SEED)
-    ambient = grid.filled(ambient_degC)
-    known = {name: values for name, raw in signals.items() if (values := grid.filled(raw)) is not None}
-    shared = signal_drivers(known)
-    found: list[Found] = []
-    for name, residual, flow, measured in zip(sensors, residual_degC, heat, measured_degC):
-        drivers = list(shared)
-        simulated = grid.filled(measured - residual)
-        if ambient is not None and simulated is not None:
-            drivers += ambient_drivers(ambient, simulated)
-        found += _of_sensor(grid, name, residual, flow, drivers, random)
-    found.sort(key=lambda each: _ORDER.index(each.test))
-    return [_tested(grid, each, limit) for each, limit in zip(found, thresholds(found, LEVEL))]
 
 
 _ORDER = (

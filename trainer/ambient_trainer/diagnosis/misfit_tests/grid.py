@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.diagnosis.record import bridged
+
 Array = NDArray[np.float64]
 
 MOST_SAMPLES = 1200
@@ -45,7 +47,4 @@ class Grid:
     def filled(self, values: Array) -> Array | None:
         """As :meth:`means`, with gaps bridged by straight lines; None where nothing is known."""
         means = self.means(values)
-        known = np.isfinite(means)
-        if not known.any():
-            return None
-        return np.asarray(np.interp(np.arange(self.samples), np.flatnonzero(known), means[known]), dtype=np.float64)
+        return bridged(means) if np.isfinite(means).any() else None

@@ -18,17 +18,36 @@ Array = NDArray[np.float64]
 PAST = ((1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32))
 """The stretches of the past, first and last lag of each."""
 _FEWEST_ROWS = 30
+_DRAWN = 100
+"""So many memories for all simulated series."""
 _CHUNK = 50
 _HAIR = 1e-10
 """What keeps the normal equations of a series that is all but constant from being singular."""
 
 
 @dataclass(frozen=True)
+class Fit:
+    """The ``weights`` (p,) of all p stretches of :data:`PAST`, zero beyond an order; ``rows`` samples told them.
+
+    What they leave open is ``spread`` (p, p) times standard normal numbers.
+    """
+
+    weights: Array
+    spread: Array
+    rows: int
+
+
+@dataclass(frozen=True)
 class Memory:
-    """x[k] = c + sum_j weights[j] mean(x[k - PAST[j]]) + innovation; ``rows`` (m,) are the k with all that known."""
+    """x[k] = c + sum_j weights[j] mean(x[k - PAST[j]]) + innovation; ``rows`` (m,) are the k with all that known.
+
+    ``fits`` are those of every order, ``shares`` (p + 1,) how likely each makes the series.
+    """
 
     weights: Array
     rows: NDArray[np.intp]
+    fits: tuple[Fit, ...]
+    shares: Array
 
     @property
     def order(self) -> int:
@@ -36,25 +55,34 @@ class Memory:
         return len(self.weights)
 
     def simulated(self, count: int, samples: int, random: np.random.Generator) -> Array:
-        """``count`` series (count, samples) that remember in the same way, of unit innovations, and hold nothing else.
+        """``count`` series (count, samples) of unit innovations that may remember so, and hold nothing else.
 
-        The least squares of a series with a long memory make it too short: that is put right first.
+        A short series tells little of how slow it is, and held to one memory whatever is slow in it would pass for an
+        effect: the simulated ones have memories drawn from all that it leaves probable.
         """
-        run_in = samples
-        innovations = random.standard_normal((count, run_in + samples))
-        series = lfilter([1.0], np.concatenate([[1.0], -self._unbiased(samples)]), innovations, axis=1)
-        return np.asarray(series[:, run_in:])
+        chosen = [self.fits[order] for order in random.choice(len(self.fits), _DRAWN, p=self.shares)]
+        drawn = np.array([fit.weights + fit.spread @ random.standard_normal(len(PAST)) for fit in chosen])
+        lags = _unbiased(drawn, np.array([fit.rows for fit in chosen]), samples)
+        innovations = np.array_split(random.standard_normal((count, 2 * samples)), _DRAWN)
+        series = [lfilter([1.0], np.concatenate([[1.0], -each]), some, axis=1) for each, some in zip(lags, innovations)]
+        return np.concatenate(series)[:, samples:]
 
-    def _unbiased(self, samples: int) -> Array:
-        """The weight of each single lag with their sum raised by its bias, (1 + 3 sum) / m, and stable still."""
-        if not self.order:
-            return np.empty(0)
-        spans = np.array([last - first + 1 for first, last in PAST[: self.order]])
-        weights = np.repeat(self.weights / spans, spans)
-        weights[0] += max(0.0, 1 + 3 * float(weights.sum())) / len(self.rows)
-        slowest = float(np.abs(np.roots(np.concatenate([[1.0], -weights]))).max())
-        shrink = min(1.0, (1 - 1 / samples) / slowest)
-        return np.asarray(weights * shrink ** np.arange(1, len(weights) + 1))
+
+def _unbiased(drawn: Array, rows: NDArray[np.intp], samples: int) -> Array:
+    """The weight of each single lag by each of ``drawn`` (d, p), (d, lags): stable, for so many ``samples``.
+
+    The least squares of a series with a long memory make it too short, their sum by (1 + 3 sum) / ``rows`` (d,): that
+    is put right first.
+    """
+    spans = np.array([last - first + 1 for first, last in PAST])
+    weights = np.repeat(drawn / spans, spans, axis=1)
+    weights[:, 0] += np.where(drawn.any(axis=1), np.maximum(0.0, 1 + 3 * weights.sum(axis=1)) / rows, 0.0)
+    count = weights.shape[1]
+    companions = np.tile(np.eye(count, k=-1), (len(weights), 1, 1))
+    companions[:, 0] = weights
+    slowest = np.abs(np.linalg.eigvals(companions)).max(axis=1, keepdims=True)
+    shrink = np.minimum(1.0, (1 - 1 / samples) / np.maximum(slowest, 1e-300))
+    return np.asarray(weights * shrink ** np.arange(1, count + 1))
 
 
 def memory_of(series: Array) -> Memory | None:
@@ -67,11 +95,24 @@ def memory_of(series: Array) -> Memory | None:
         return None
     windows = centred_past(series[None], len(PAST), common)[0]
     gram = windows.T @ windows
-    left = [float(gram[0, 0]), *(_left(gram, order) for order in range(1, len(PAST) + 1))]
-    criterion = [len(common) * np.log(max(each, 1e-300)) + 2 * order for order, each in enumerate(left)]
-    order = int(np.argmin(criterion))
+    left = np.array([max(_left(gram, order), 1e-300) for order in range(len(PAST) + 1)])
+    order = int(np.argmin(len(common) * np.log(left) + 2 * np.arange(len(left))))
+    likelihood = np.exp(-0.5 * len(common) * np.log(left / left.min()))
+    fits = tuple(_fit(series, each) for each in range(len(left)))
+    return Memory(fits[order].weights[:order], _rows(series, order), fits, likelihood / likelihood.sum())
+
+
+def _fit(series: Array, order: int) -> Fit:
     rows = _rows(series, order)
-    return Memory(-filters_of(series[None], order, rows)[0, 1:], rows)
+    weights, spread = np.zeros(len(PAST)), np.zeros((len(PAST), len(PAST)))
+    if order:
+        windows = centred_past(series[None], order, rows)[0]
+        filters = filters_of(series[None], order, rows)[0]
+        squares, directions = np.linalg.eigh(windows[:, 1:].T @ windows[:, 1:])
+        innovation = np.linalg.norm(windows @ filters) / np.sqrt(len(rows) - order - 1)
+        weights[:order] = -filters[1:]
+        spread[:order, :order] = innovation * directions / np.sqrt(np.maximum(squares, _HAIR * squares.max()))
+    return Fit(weights, spread, len(rows))
 
 
 def filters_of(series: Array, order: int, rows: NDArray[np.intp]) -> Array:
@@ -126,6 +167,8 @@ def _rows(series: Array, order: int) -> NDArray[np.intp]:
 
 def _left(gram: Array, order: int) -> float:
     """The squares that ``order`` stretches of the past leave."""
+    if not order:
+        return float(gram[0, 0])
     inner = gram[1 : order + 1, 1 : order + 1]
     inner = inner + _HAIR * np.diag(np.diag(inner))
     return float(gram[0, 0] - gram[0, 1 : order + 1] @ np.linalg.solve(inner, gram[1 : order + 1, 0]))
