@@ -16,6 +16,7 @@ _SMOOTH_S = 60.0
 
 
 MISSED = {
+    ("sensor_lag", 1): "its onset is put five minutes early, in a stretch where the display hardly moves",
     ("thermal_mass", 1): "a mass on the back, which no sensor sees, is taken for something cold at the board before it",
     ("thermal_mass", 3): "a mass of five times the noise shows as it is taken off: taken for heat that goes then",
 }
