@@ -1,13 +1,12 @@
 """How long a diagnosis takes: seven hours at 1 Hz, five sensors, six signals, with and without known-good runs.
 
-It works on one core; the aim of a minute on two is held against the whole command: misfit, search, next experiment.
+The aim of a minute on two cores is held against the whole command: misfit, search, next experiment.
 """
 
 from __future__ import annotations
 
-import time
-
 import pytest
+from joblib import parallel_config
 
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose
@@ -23,6 +22,7 @@ SCENARIOS = ("5", "3")
 DRIVING = "charger_on"
 LOGGED = (DRIVING, "fan_on", "wifi_on", "gps_on", "light_lux", "wind_m_s")
 AIM_S = 60.0
+CORES = 2
 TASK = "a diagnosis of 7 h at 1 Hz, 5 sensors, 6 signals"
 
 
@@ -49,12 +49,11 @@ def test_seven_hours_at_1_hz(known_good, runs, benchmark, noted):
             stages.append(stage)
 
     arguments = (load_circuit("phone"), traces, normal if known_good else [], told)
-    started_s = time.process_time()
-    found = benchmark.pedantic(diagnose, args=arguments, rounds=1, iterations=1)
-    cpu_s = time.process_time() - started_s
+    with parallel_config(n_jobs=CORES):
+        found = benchmark.pedantic(diagnose, args=arguments, rounds=1, iterations=1)
     method = "beside known-good runs" if known_good else "the circuit alone"
     result = f"{', '.join(str(step.cause) for step in found.steps) or 'nothing'}; {found.candidates_tried} tried"
-    result = f"{result}; {cpu_s:.0f} s of one core; aim {AIM_S:g} s"
+    result = f"{result}; {CORES} processes; aim {AIM_S:g} s"
     noted(TASK, method, benchmark.stats.stats.min, result)
     assert stages[:2] == ["teach", "step 1"]
     assert found.next_experiment

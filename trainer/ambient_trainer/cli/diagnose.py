@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 from ambient_model.atomic import replacing
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.traces.trace import load_trace
 
@@ -33,11 +34,12 @@ _PATIENCE_S = 1.0
 @click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
 @click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: at most 3000 samples)."
+    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: at most 1500 samples)."
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write what is said to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
 @click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was found.")
+@jobs_option("Candidates at a time.")
 def command(
     trace_paths: tuple[str, ...],
     circuit_name: str,
@@ -48,12 +50,15 @@ def command(
     json_path: str | None,
     report_folder: str | None,
     extended_path: str | None,
+    jobs: int,
 ) -> None:
     """Show where TRACE and the simulated circuit part, name the cause, and measure what adding it gains.
 
     The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is taught by
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.
     """
+    from joblib import parallel_config
+
     from ambient_trainer.circuits.write import save_circuit
     from ambient_trainer.diagnosis.diagnose import diagnose
     from ambient_trainer.diagnosis.summary import as_json, show
@@ -62,7 +67,7 @@ def command(
     circuit = load_circuit(circuit_name)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     baselines = [load_trace(path) for path in baseline_paths]
-    with _Bar() as bar:
+    with _Bar() as bar, parallel_config(n_jobs=jobs):
         found = diagnose(circuit, traces, baselines, bar.show, period_s)
     console = Console()
     if not console.is_terminal:

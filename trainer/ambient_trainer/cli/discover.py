@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -16,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ambient_model.atomic import replacing
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.simulation.zones import THESIS_ZONES
 
@@ -41,11 +41,9 @@ _WIDTH_OF_A_FILE = 140
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures and every case to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
-@click.option(
-    "--jobs", type=click.IntRange(1, 256), default=None, help="Cases at a time. [default: as many as there are cores]"
-)
+@jobs_option("Cases at a time.")
 def command(
-    count: int, seed: int, circuit_name: str, json_path: str | None, report_folder: str | None, jobs: int | None
+    count: int, seed: int, circuit_name: str, json_path: str | None, report_folder: str | None, jobs: int
 ) -> None:
     """Measure what a diagnosis finds: hide effects in simulated phones, diagnose them, count.
 
@@ -64,7 +62,7 @@ def command(
         )
     done: list[Done] = []
     try:
-        _collect(done, circuit, seed, count, jobs or len(os.sched_getaffinity(0)))
+        _collect(done, circuit, seed, count, jobs)
     except KeyboardInterrupt:
         if not done:
             raise

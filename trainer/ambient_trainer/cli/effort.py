@@ -1,8 +1,9 @@
-"""The options that say how to search, the same for every command that fits."""
+"""The options that say how hard to work, the same for every command that searches."""
 
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -30,3 +31,13 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
         return command(effort=Effort(starts, seed, pieces), **rest)
 
     return with_effort
+
+
+def jobs_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command --jobs: as many processes as there are cores, if nothing else is said."""
+    return click.option(
+        "--jobs",
+        type=click.IntRange(1, 256),
+        default=lambda: len(os.sched_getaffinity(0)),
+        help=f"{meaning} [default: as many as there are cores]",
+    )

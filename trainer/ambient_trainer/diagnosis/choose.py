@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from ambient_trainer.diagnosis.candidate import Candidate, Span
@@ -42,7 +43,7 @@ TIE_OF_A_FAULT = 0.97
 LEAST_OF_LATER_STEPS, LEAST_OF_WHAT_IS_LEFT = 0.15, 0.3
 """Of what the first step gained: an effect is never quite what it is taken for, and what is left of it is no other.
 
-It is one if it explains this much of what the others leave beyond the noise.
+Elsewhere, it is one if it explains this much of what the others leave beyond the noise.
 """
 _BUILT_IN = ("convection_law", "thermal_mass", "path", "sensor_lag", "heat_source", "ambient_coupling")
 _COARSE = 60
@@ -70,6 +71,13 @@ class Trial:
     def cause(self) -> Cause:
         """What it stands for."""
         return self.effect.candidate.cause
+
+    @property
+    def places(self) -> frozenset[str]:
+        """The nodes that it is at, a sensor being where its node is; none where it is everywhere."""
+        plant = self.fitted.model.plant
+        read = {sensor: plant.nodes[node] for sensor, node in zip(plant.sensors, plant.reads)}
+        return frozenset(read.get(name, name) for name in (self.cause.location or "").split("-") if name)
 
     @property
     def unknowns(self) -> float:
@@ -146,10 +154,19 @@ def _any(candidate: Candidate) -> Candidate | None:
 
 @dataclass(frozen=True)
 class Search:
-    """What is looked for: the candidates that are ``allowed``, and the ``least`` gain, in units of the noise."""
+    """What is looked for: the candidates that are ``allowed``, and the ``least`` gain, in units of the noise.
+
+    At places where an effect was found already, ``found``, a further one must gain more: ``least_there``.
+    """
 
     allowed: Callable[[Candidate], Candidate | None]
     least: float
+    found: frozenset[str] = frozenset()
+    least_there: float = 0.0
+
+    def least_of(self, trial: Trial) -> float:
+        """The least gain of a trial."""
+        return max(self.least, self.least_there) if trial.places & self.found else self.least
 
 
 CHANGES = Search(_any, LEAST_GAIN_OF_A_CHANGE)
@@ -173,8 +190,10 @@ def choose(
     for step in range(MOST_STEPS):
         if choices and choices[0].taken is not None and wanted is not BUILT_IN:
             excess = Blocks.of(current, noise).relative(noise) - 1.0
-            least = min(LEAST_OF_LATER_STEPS * choices[0].taken.relative, LEAST_OF_WHAT_IS_LEFT * excess)
-            wanted = replace(wanted, least=max(wanted.least, least))
+            of_first = LEAST_OF_LATER_STEPS * choices[0].taken.relative
+            least = max(wanted.least, min(of_first, LEAST_OF_WHAT_IS_LEFT * excess))
+            found = frozenset().union(*(each.taken.places for each in choices if each.taken is not None))
+            wanted = replace(wanted, least=least, found=found, least_there=of_first)
         choice = _one_more(
             current,
             taught,
@@ -245,14 +264,18 @@ def _one_more(
     ]
     before = Blocks.of(current, noise)
     tries = len(candidates) * len(onsets)
+    models = (from_here.model, current.model)
+    # by as many processes as whoever called has configured
+    done = Parallel(return_as="generator", max_nbytes=None)(
+        delayed(_trial)(models, each, teaching, before, tries, not taught.normal) for each in ranked
+    )
     trials = []
-    for index, each in enumerate(ranked):
-        progress(len(candidates) + index, len(candidates) + _SIMULATED)
-        trial = _trial((from_here.model, current.model), each, teaching, before, tries, not taught.normal)
-        if np.isfinite(trial.fitted.square) and bool(each.candidate.plausible(trial.effect.values)):
+    for index, trial in enumerate(done, start=1):
+        progress(len(candidates) + index - 1, len(candidates) + _SIMULATED)
+        if np.isfinite(trial.fitted.square) and bool(trial.effect.candidate.plausible(trial.effect.values)):
             trials.append(trial)
     trials.sort(key=lambda each: float(each.blocks.white.sum()))
-    taken, rivals = _simplest(trials, before, wanted.least)
+    taken, rivals = _simplest(trials, before, wanted)
     return Choice(taken, rivals, tuple(trials), tries, before)
 
 
@@ -281,14 +304,14 @@ def _trial(models: Sequence[Model], found: Scored, teaching: Teaching, before: B
     return Trial(effect, result, after, gain(before, after, count, tries), before.relative(teaching.noise) - left, left)
 
 
-def _simplest(trials: Sequence[Trial], before: Blocks, least: float) -> tuple[Trial | None, tuple[Trial, ...]]:
+def _simplest(trials: Sequence[Trial], before: Blocks, wanted: Search) -> tuple[Trial | None, tuple[Trial, ...]]:
     """The simplest acceptable trial that is about as good as the best, and those that cannot be told from it."""
-    accepted = [each for each in trials if each.accepted(least)]
+    accepted = [each for each in trials if each.accepted(wanted.least_of(each))]
     if not accepted:
         return None, ()
     best = accepted[0]
     most = float((before.white - best.blocks.white).sum())
-    simpler = [each for each in accepted if each.unknowns < best.unknowns and _tied(each, best, before, least)]
+    simpler = [each for each in accepted if each.unknowns < best.unknowns and _tied(each, best, before, wanted.least)]
     taken = min(simpler, key=lambda each: (each.unknowns, float(each.blocks.white.sum()))) if simpler else best
     alike = [each for each in accepted if abs(differ(each.blocks, taken.blocks)) < 2.0]
     taken = min((each for each in alike if each.unknowns == taken.unknowns), key=lambda each: each.gain.rmse_after_degC)

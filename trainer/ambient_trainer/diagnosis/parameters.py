@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ambient_trainer.diagnosis.plant import Plant
@@ -18,10 +20,26 @@ def changed(plant: Plant, name: str, step: float) -> float:
     return value + step * _share_unit(value) if _is_share(plant, name) else value * float(np.exp(step))
 
 
-def bounded(plant: Plant, name: str, step: float) -> float:
-    """As :func:`changed`, within the parameter's bounds."""
+def traded(plant: Plant, name: str, step: float) -> float:
+    """As :func:`changed` where the step is short; of a long one, conductances and capacitances are straight lines.
+
+    Kirchhoff's law is linear in both: what trades one path for another then leaves all temperatures as they were.
+    """
+    value = plant.values[name]
+    step = min(max(step, -_LONGEST), _LONGEST)
+    if _is_share(plant, name):
+        return value + step * _share_unit(value)
+    resists = any(edge.resistance == name for edge in plant.circuit.edges)
+    return value / (1.0 - step) if resists else value * (1.0 + step)
+
+
+Change = Callable[[Plant, str, float], float]
+
+
+def bounded(plant: Plant, name: str, step: float, change: Change = changed) -> float:
+    """A parameter changed by ``step``, within its bounds."""
     limits = next(each for each in plant.circuit.parameters if each.name == name)
-    return float(np.clip(changed(plant, name, step), limits.low, limits.high))
+    return float(np.clip(change(plant, name, step), limits.low, limits.high))
 
 
 def moved_to(plant: Plant, name: str, value: float) -> float:

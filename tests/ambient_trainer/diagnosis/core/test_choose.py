@@ -11,6 +11,7 @@ from ambient_trainer.diagnosis.choose import (
     TIE_OF_A_FAULT,
     TIE_OF_WHAT_IS_GAINED,
     TIE_OF_WHAT_IS_LEFT,
+    Search,
     Trial,
     _simplest,
     choose,
@@ -185,6 +186,10 @@ def test_progress_is_told(chain) -> None:
 BLOCKS = 50
 
 
+def _least(gain: float) -> Search:
+    return Search(lambda candidate: candidate, gain)
+
+
 class _Trials:
     """Trials by what they gain and leave, all significant; their blocks differ by chance besides."""
 
@@ -215,7 +220,7 @@ def test_a_simpler_cause_wins_that_leaves_hardly_more(chain, share: float, simpl
     window = {"onset_s": 105.0, "end_s": 405.0}
     best = trial("contact at shell", 80.0, 1.0, 1, (0.2, 2.0), **window)
     other = trial("heat_source at shell", 60.0, 1.0 + share * TIE_OF_WHAT_IS_LEFT, 2, **window)
-    taken, rivals = _simplest([best, other], trial.before, 0.01)
+    taken, rivals = _simplest([best, other], trial.before, _least(0.01))
     assert taken is (other if simple else best)
     assert rivals == ()
 
@@ -225,10 +230,10 @@ def test_a_simpler_cause_wins_that_gains_hardly_less(chain, share: float, simple
     trial = _Trials(chain)
     best = trial("contact at shell", 80.0, 0.5, 1, (0.2, 2.0))
     other = trial("heat_source at shell", 80.0 * (1.0 - share * TIE_OF_WHAT_IS_GAINED), 0.6, 2)
-    taken, _ = _simplest([best, other], trial.before, 0.3)
+    taken, _ = _simplest([best, other], trial.before, _least(0.3))
     assert taken is (other if simple else best)
     # what the two differ by would be an effect of its own
-    assert _simplest([best, other], trial.before, 0.05)[0] is best
+    assert _simplest([best, other], trial.before, _least(0.05))[0] is best
 
 
 @pytest.mark.parametrize(
@@ -239,7 +244,7 @@ def test_heat_that_no_neighbour_feels_is_the_sensors(chain, sensors: int, share:
     trial = _Trials(chain, sensors)
     heat = trial("heat_source at shell", 10.0, 0.5, 1)
     fault = trial("sensor_bias at shell", 10.0 * share, 0.5, 2)
-    taken, rivals = _simplest([heat, fault], trial.before, 0.01)
+    taken, rivals = _simplest([heat, fault], trial.before, _least(0.01))
     assert taken is (fault if blamed else heat)
     assert [each is (heat if blamed else fault) for each in rivals] in ([True], [] if share == 0.9 else [True])
 
@@ -251,5 +256,18 @@ def test_what_is_not_sure_is_no_finding(chain) -> None:
     chance = replace(sure, gain=replace(sure.gain, p_value=0.02))
     maybe_worse = replace(sure, gain=replace(sure.gain, ci95_degC=(-0.01, 0.3)))
     assert sure.accepted(0.3)
-    assert _simplest([doubtful, chance, maybe_worse], trial.before, 0.3) == (None, ())
-    assert _simplest([sure], trial.before, 1.6) == (None, ())
+    assert _simplest([doubtful, chance, maybe_worse], trial.before, _least(0.3)) == (None, ())
+    assert _simplest([sure], trial.before, _least(1.6)) == (None, ())
+
+
+def test_where_an_effect_was_found_another_must_gain_more(chain) -> None:
+    """What a cause is not quite shows at its own place, in the node or in its sensor."""
+    trial = _Trials(chain)
+    lag = trial("sensor_lag at shell", 80.0, 0.5, 1, (30.0,))
+    path = trial("path at chip-shell", 80.0, 0.5, 1)
+    everywhere = trial("clock_offset", 80.0, 0.5, 1, (60.0,))
+    assert (lag.places, path.places, everywhere.places) == ({"shell"}, {"chip", "shell"}, set())
+    wanted = replace(_least(0.3), found=frozenset({"shell"}), least_there=1.6)
+    assert _simplest([lag], trial.before, wanted) == _simplest([path], trial.before, wanted) == (None, ())
+    assert _simplest([everywhere], trial.before, wanted)[0] is everywhere
+    assert _simplest([lag], trial.before, replace(wanted, found=frozenset({"board"})))[0] is lag

@@ -77,6 +77,39 @@ def test_the_end_is_that_of_another_optimiser(chain) -> None:
     np.testing.assert_allclose(found.longest.start, best.x[len(names) :], atol=0.15)
 
 
+def _bridge(t: float, x: np.ndarray, air: float) -> np.ndarray:
+    return (x[2] - x[0]) / 15.0 * np.array([1 / 10, 0.0, -1 / 40])
+
+
+def _bent(t: float, x: np.ndarray, air: float) -> np.ndarray:
+    return -0.08 * (x - air) * np.abs(x - air) * np.array([0.0, 1 / 30 / 25, 1 / 15 / 40])
+
+
+@pytest.mark.parametrize(
+    ("cause", "heat", "values", "start", "truth"),
+    [
+        # straight in the conductances that it trades
+        ("path at chip-shell", _bridge, ("R_board_shell", 12.0), (0.0,), 1 / 15),
+        # relative to the conductances: straight in their logarithms
+        ("convection_law", _bent, ("R_shell_ambient", 15.0), (0.0, 0.0), 0.08),
+    ],
+)
+def test_a_few_steps_lead_along_a_valley(chain, cause: str, heat, values, start, truth: float) -> None:
+    """From the circuit that fits best without the effect, far from the truth in all its parameters."""
+    inputs = chain.inputs(540, 8)
+    nodes = chain.integrated(inputs, START, heat)
+    record = chain.record(inputs, nodes + 0.03 * np.random.default_rng(8).standard_normal(nodes.shape))
+    names = searched(chain.circuit)
+    teaching = Teaching((record,), chain.noise(0.03), names, Prior.by_design(chain.model(), names))
+    without = fitted(chain.model(), teaching, 40).model
+    name, true = values
+    assert abs(np.log(without.plant.values[name] / true)) > 0.3
+    found = fitted(without.with_effect(chain.effect(record, cause, start)), teaching, 6)
+    assert found.model.effects[0].values[0] == pytest.approx(truth, rel=0.08)
+    assert found.model.plant.values[name] == pytest.approx(true, rel=0.08)
+    assert np.sqrt(np.mean(found.longest.residual_degC**2)) < 0.033
+
+
 def test_a_coefficient_is_found_with_its_deviation(chain, heated) -> None:
     found = fitted(_with_source(chain, heated, 0.0), Teaching((heated,), chain.noise()), 5)
     (effect,) = found.model.effects

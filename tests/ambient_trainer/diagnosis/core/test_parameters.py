@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.diagnosis.parameters import bounded, changed, moved_by, moved_to
+from ambient_trainer.diagnosis.parameters import bounded, changed, moved_by, moved_to, traded
 from ambient_trainer.diagnosis.plant import Plant
 
 STEPS = st.floats(-0.69, 0.69)
@@ -43,3 +43,16 @@ def test_a_step_from_elsewhere_adds_its_scale_to_the_way(shared, first: float, s
     assert way == pytest.approx(first, abs=1e-12)
     beyond = Plant.of(plant.circuit, {**there.values, name: changed(there, name, second)}, plant.period_s)
     assert moved_by(plant, beyond, name)[0] == pytest.approx(way + scale * second, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "step", "wanted"),
+    [("C_chip", 0.1, 11.0), ("C_chip", -9.0, 3.0), ("R_chip_board", 0.2, 10.0), ("R_chip_board", -0.6, 5.0),
+     ("R_chip_board", 9.0, 8 / 0.3), ("share", -0.2, 0.48)],
+)  # fmt: skip
+def test_a_trade_is_straight_in_conductances_and_capacitances(shared, name: str, step: float, wanted: float) -> None:
+    plant = shared.plant()
+    assert traded(plant, name, step) == pytest.approx(wanted)
+    # short steps are alike
+    assert traded(plant, name, 1e-4) == pytest.approx(changed(plant, name, 1e-4), rel=1e-7)
+    assert bounded(shared.plant(C_chip=45.0), "C_chip", 0.5, traded) == 50.0

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.choose import _unmoved
+from ambient_trainer.diagnosis.choose import _unmoved, lacking
 from ambient_trainer.diagnosis.extended import Model
 from ambient_trainer.diagnosis.joint import Teaching, fitted, information
 from ambient_trainer.diagnosis.prior import Prior
@@ -147,6 +147,24 @@ def test_taught_by_itself_and_by_baselines(chain) -> None:
         for name in names:
             assert taught.model.plant.values[name] == pytest.approx(chain.plant().values[name], rel=0.05)
         np.testing.assert_allclose(taught.noise.deviation_degC, 0.03, rtol=0.2)
+
+
+def test_what_good_records_need_besides_belongs_to_the_model(chain) -> None:
+    """A bridge that the circuit lacks and the device always had: held, known, and taught with all the rest."""
+
+    def bridge(t: float, x: np.ndarray, air: float) -> np.ndarray:
+        return (x[2] - x[0]) / 15.0 * np.array([1 / 10, 0.0, -1 / 40])
+
+    taught = taught_by_baselines(chain.circuit, [_trace(_record(chain, 8, heat=bridge))], 10.0, lacking, None)
+    (effect,) = taught.model.effects
+    assert effect.known
+    assert str(effect.candidate.cause) == "path at chip-shell"
+    assert taught.prior.information.shape == (len(taught.searched) + 1,) * 2
+    # the diagnosed record may still move its coefficient, as far as they had not told it
+    record = _record(chain, 9, heat=bridge)
+    found = fitted(taught.model, taught.teaching([record], taught.noise), 8)
+    assert found.model.effects[0].values[0] == pytest.approx(1 / 15, rel=0.1)
+    assert taught.prior.square(found.model) <= taught.prior.limit
 
 
 def test_where_no_power_is_known_one_capacitance_stays(chain) -> None:
