@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ambient_model.atomic import replacing
-from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.traces.trace import load_trace
 
@@ -33,7 +33,7 @@ _PATIENCE_S = 1.0
 @click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
 @click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: at most 3000 samples)."
+    "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: at most 3000 samples)."
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write what is said to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
@@ -57,9 +57,10 @@ def command(
     from ambient_trainer.circuits.write import save_circuit
     from ambient_trainer.diagnosis.diagnose import diagnose
     from ambient_trainer.diagnosis.summary import as_json, show
+    from ambient_trainer.identify.named import thermal_circuit
 
     check_outputs([json_path, extended_path], [*trace_paths, *baseline_paths, circuit_name], report_folder)
-    circuit = load_circuit(circuit_name)
+    circuit = thermal_circuit(circuit_name)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     baselines = [load_trace(path) for path in baseline_paths]
     with _Bar() as bar:

@@ -15,7 +15,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from ambient_model.atomic import replacing
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.simulation.zones import THESIS_ZONES
 
@@ -53,8 +52,10 @@ def command(
     of every cause and several sizes, beside signals that drive nothing - is diagnosed by its trace alone. The same seed
     draws the same cases; interrupted, it shows those that are done.
     """
+    from ambient_trainer.identify.named import thermal_circuit  # scipy: --help should not wait for it
+
     check_outputs([json_path], [circuit_name], report_folder)
-    circuit = load_circuit(circuit_name)
+    circuit = thermal_circuit(circuit_name)
     unread = set(THESIS_ZONES) - {node.sensor for node in circuit.states}
     if unread:
         # an effect that only a sensor unknown to the circuit feels can be found by nobody
@@ -76,7 +77,7 @@ def command(
 
 def _collect(done: list[Done], circuit: Circuit, seed: int, count: int, jobs: int) -> None:
     """Add to ``done`` case by case, so that whatever interrupts leaves those that are through."""
-    from ambient_trainer.diagnosis.discovery.cases import baselines, draw_cases  # scipy: --help should not wait for it
+    from ambient_trainer.diagnosis.discovery.cases import baselines, draw_cases
     from ambient_trainer.diagnosis.discovery.runner import run, teach
 
     console = Console(stderr=True)

@@ -12,6 +12,7 @@ from ambient_model.atomic import replacing
 from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.export.model_file import model_of, training_of
@@ -39,9 +40,7 @@ STOPPED = 1
 @click.option(
     "--zone", "zones", multiple=True, metavar="NAME=TYPE", help="The thermal zone's type, where it is not the name."
 )
-@click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: the trace's own)."
-)
+@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
 @effort_options
 def command(
     trace_paths: tuple[str, ...],

@@ -13,6 +13,7 @@ from rich.progress import Progress
 
 from ambient_model.atomic import replacing
 from ambient_model.faults import Refused
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.simulation.scenario import load_scenario, scenario_names
 
@@ -28,7 +29,7 @@ _PATIENCE_S = 1.0
 @click.option(
     "--period",
     "period_s",
-    type=click.FloatRange(min=0.1, max=60.0),
+    type=FiniteRange(min=0.1, max=60.0),
     default=1.0,
     show_default=True,
     help="Seconds between samples.",
