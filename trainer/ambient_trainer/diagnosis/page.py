@@ -37,7 +37,6 @@ from ambient_trainer.report.plots import (
     stacked_figure,
     to_markup,
     with_legend_above,
-    with_one_legend_above,
 )
 from ambient_trainer.report.table import Table
 
@@ -142,7 +141,7 @@ def _simulated(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
         if last is not None:
             lines.append(Line("simulated with the causes found", measured - last.residual_degC[number], BLUE, 1.4))
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=170))
-    return with_one_legend_above(stacked_figure(diagnosis.time_s, panels, shades))
+    return stacked_figure(diagnosis.time_s, panels, shades)
 
 
 def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
@@ -164,7 +163,7 @@ def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
     for name, colour in zip(signals, itertools.cycle(SENSOR_COLOURS[1:])):
         if name in diagnosis.signals:
             panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=90))
-    figure = with_one_legend_above(stacked_figure(diagnosis.time_s, panels, shades))
+    figure = stacked_figure(diagnosis.time_s, panels, shades)
     for row, sensor in enumerate(order, start=1):
         heat = misfit.heat[misfit.sensors.index(sensor)]
         if np.isfinite(heat).any():
@@ -182,12 +181,12 @@ def _residuals(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
             for k, (step, colour) in enumerate(zip(diagnosis.steps, itertools.cycle(_STEP_COLOURS)), start=1)
         ]
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=150))
-    return with_one_legend_above(stacked_figure(diagnosis.time_s, panels, shades))
+    return stacked_figure(diagnosis.time_s, panels, shades)
 
 
 def _ambient(diagnosis: Diagnosis, error: Array, shades: list[Shade]) -> go.Figure:
     panel = Panel("true − estimate [°C]", [Line("error of the ambient", error, ORANGE, 1.2)], height_px=190)
-    return with_one_legend_above(stacked_figure(diagnosis.time_s, [panel], shades))
+    return stacked_figure(diagnosis.time_s, [panel], shades)
 
 
 def _gains(diagnosis: Diagnosis) -> go.Figure:

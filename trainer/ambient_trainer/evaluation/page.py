@@ -96,7 +96,9 @@ def _panels(evaluation: Evaluation) -> list[Panel]:
         estimates.insert(0, Line(STATIC_LINEAR, evaluation.baseline.estimate_degC, SAND, width=1.0))
     published = Band("published 90 %", evaluation.low_degC, evaluation.high_degC, SKY)
     rolling = Band(
-        f"{ROLLING_LEVEL_PERCENT} % of {ROLLING_SAMPLES} samples", *rolling_band(evaluation.error_degC), BLUE
+        f"{ROLLING_LEVEL_PERCENT} % of the error over {ROLLING_SAMPLES} samples",
+        *rolling_band(evaluation.error_degC),
+        BLUE,
     )
     return [
         Panel("ambient [°C]", estimates, [published], height_px=320),

@@ -25,7 +25,6 @@ from ambient_trainer.report.plots import (
     Panel,
     stacked_figure,
     to_markup,
-    with_legend_above,
 )
 from ambient_trainer.report.table import Table
 from ambient_trainer.traces.trace import Array
@@ -109,7 +108,7 @@ def _plots(by_told: dict[Told, Record], setting: Setting, identity: str) -> list
         ),
     ]
     return [
-        to_markup(with_legend_above(stacked_figure(time_s, [panel])), f"{identity}-{number}")
+        to_markup(stacked_figure(time_s, [panel]), f"{identity}-{number}")
         for number, panel in enumerate(panels, start=1)
     ]
 
