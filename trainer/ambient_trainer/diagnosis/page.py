@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go  # type: ignore[import-untyped]
+from markupsafe import Markup, escape
 
+from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Diagnosis, Step
 from ambient_trainer.diagnosis.summary import (
     SHOWN_RANKED,
@@ -39,11 +42,11 @@ from ambient_trainer.report.plots import (
     with_legend_above,
 )
 from ambient_trainer.report.table import Table
+from ambient_trainer.report.units import written
 
 _STEP_COLOURS = (BLUE, "#009e73", "#7a5195", "#cc79a7")
 _SHADE_COLOURS = ("#e3a008", "#009e73", "#7a5195", "#cc79a7")
 _SMOOTH_FRAC = 1 / 150
-_UNITS = {"degC": "°C", "W_m2": "W/m²", "m_s": "m/s", "power_W": "W", "current_A": "A", "frac": "fraction", "on": "on"}
 
 
 def diagnosis_page(diagnosis: Diagnosis) -> str:
@@ -59,7 +62,7 @@ def diagnosis_page(diagnosis: Diagnosis) -> str:
         settled=diagnosis.verdict_cause.name not in (NONE, UNKNOWN),
         headline=headline(diagnosis),
         facts=_facts(diagnosis),
-        remarks=remarks(diagnosis)[: -len(diagnosis.notes)] if diagnosis.notes else remarks(diagnosis),
+        remarks=[_coded(each) for each in remarks(diagnosis)],
         steps=_shown(steps_table(diagnosis)) if diagnosis.steps else None,
         sentences=[step.sentence for step in diagnosis.steps],
         meanings=_meanings(diagnosis),
@@ -67,6 +70,7 @@ def diagnosis_page(diagnosis: Diagnosis) -> str:
         simulated=to_markup(_simulated(diagnosis, shades), "simulated"),
         heat=to_markup(_heat(diagnosis, shades), "heat"),
         heat_unit=diagnosis.misfit.heat_unit,
+        beneath="what drives the causes found" if _driving(diagnosis) else "what was logged besides and varies",
         residuals=to_markup(_residuals(diagnosis, shades), "residuals"),
         sensors=_shown(residuals_table(diagnosis)),
         ambient=None if error is None else to_markup(_ambient(diagnosis, error, shades), "ambient"),
@@ -82,6 +86,11 @@ def _shown(table: Table) -> Table:
     """``table`` with its units as a page writes them."""
     rows = tuple(tuple(cell.replace(" degC", " °C") for cell in row) for row in table.rows)
     return replace(table, rows=rows)
+
+
+def _coded(text: str) -> Markup:
+    """``text`` with what stands between backquotes as code."""
+    return Markup(re.sub("`([^`]*)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
@@ -110,7 +119,10 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
 def _meanings(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     """Per step every number of its extension."""
     return [
-        (str(step.cause), [f"{name} = {value:.4g}{f' {unit}' if unit else ''}" for name, (value, unit) in numbers])
+        (
+            str(step.cause),
+            [f"{name} = {value:.4g} {unit if unit != '1' else ''}".rstrip() for name, (value, unit) in numbers],
+        )
         for step in diagnosis.steps
         if (numbers := step.parameters.items())
     ]
@@ -145,7 +157,7 @@ def _simulated(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
 
 
 def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
-    """The residual heat of each node, the one found first, and beneath it the signals that drive the steps."""
+    """The residual heat of each node, the one found first, and beneath it the signals that drive the steps, or all."""
     misfit = diagnosis.misfit
     located = [_sensor_of(step, misfit.sensors) for step in diagnosis.steps]
     order = dict.fromkeys([*(each for each in located if each), *misfit.sensors])
@@ -158,11 +170,9 @@ def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
             Line(f"mean of {window_samples} samples", _running_mean(heat, window_samples), BLUE, 1.8),
         ]
         panels.append(Panel(f"{sensor} [{misfit.heat_unit}]", lines, height_px=170 if sensor in located else 120))
-    signals = dict.fromkeys(step.cause.signal for step in diagnosis.steps if step.cause.signal)
-    signals = signals or dict.fromkeys(name for name in diagnosis.signals if not name.endswith("_degC"))
+    signals = _driving(diagnosis) or [name for name, row in diagnosis.signals.items() if _varies(name, row)]
     for name, colour in zip(signals, itertools.cycle(SENSOR_COLOURS[1:])):
-        if name in diagnosis.signals:
-            panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=90))
+        panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=110))
     figure = stacked_figure(diagnosis.time_s, panels, shades)
     for row, sensor in enumerate(order, start=1):
         heat = misfit.heat[misfit.sensors.index(sensor)]
@@ -170,6 +180,17 @@ def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
             # a few spikes must not flatten what lasts
             figure.update_yaxes(range=_range(heat, window_samples), row=row, col=1)
     return figure
+
+
+def _driving(diagnosis: Diagnosis) -> list[str]:
+    """The logged signals that drive what was found."""
+    named = dict.fromkeys(step.cause.signal for step in diagnosis.steps)
+    return [name for name in diagnosis.signals if name in named]
+
+
+def _varies(signal: str, row: Array) -> bool:
+    known = row[np.isfinite(row)]
+    return split_column(signal)[1] != "degC" and bool((known != known[:1]).any())
 
 
 def _residuals(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
@@ -226,11 +247,9 @@ def _sensor_of(step: Step, sensors: tuple[str, ...]) -> str | None:
 
 
 def _label(signal: str) -> str:
-    """``camera_on`` as ``camera [on]``."""
-    for suffix, unit in _UNITS.items():
-        if signal.endswith(f"_{suffix}"):
-            return f"{signal.removesuffix(f'_{suffix}')} [{unit}]"
-    return signal
+    """``cpu_load_frac`` as ``cpu_load`` above ``[fraction]``: a panel is not as high as both are long."""
+    name, unit = split_column(signal)
+    return f"{name}\n[{written(unit)}]"
 
 
 def _running_mean(values: Array, samples: int) -> Array:

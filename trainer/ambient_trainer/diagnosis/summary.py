@@ -19,6 +19,7 @@ from ambient_trainer.diagnosis.words import chance, duration, figures, growth, w
 from ambient_trainer.report.table import Table, for_terminal
 
 SHOWN_RANKED = 8
+_OF_WHITENESS = ("whiteness", "periodogram", "memory")
 
 _EFFECTS = {
     "heat_source": "heat that the circuit does not know",
@@ -41,13 +42,9 @@ _EFFECTS = {
 def effect(cause: Cause) -> str:
     """``cause`` in words: ``heat that the circuit does not know, at flash, driven by camera_on``."""
     words = _EFFECTS.get(cause.name, cause.name)
-    where = (
-        ""
-        if cause.location is None
-        else f", {'between' if '-' in cause.location else 'at'} "
-        + (cause.location.replace("-", " and ") if "-" in cause.location else cause.location)
-    )
-    return words + where + ("" if cause.signal is None else f", driven by {cause.signal}")
+    if cause.location is not None:
+        words += f", {'between' if '-' in cause.location else 'at'} {cause.location.replace('-', ' and ')}"
+    return words + ("" if cause.signal is None else f", driven by {cause.signal}")
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -55,14 +52,13 @@ def headline(diagnosis: Diagnosis) -> str:
     step = diagnosis.verdict
     if step is None:
         return (
-            f"Nothing is missing: none of the {diagnosis.candidates_tried} causes tried makes {diagnosis.circuit} "
+            f"Nothing is missing: none of the {diagnosis.candidates_tried:,} causes tried makes {diagnosis.circuit} "
             "predict data it was not fitted to any better than chance would."
         )
     gain = _gain_in_words(step.gain)
     if step.cause.name == UNKNOWN:
-        return (
-            f"Something is missing that none of the {diagnosis.candidates_tried} causes tried explains. {step.sentence}"
-        )
+        tried = f"{diagnosis.candidates_tried:,}"
+        return f"Something is missing that none of the {tried} causes tried explains. {step.sentence}"
     lasted = window(step.onset_s, step.end_s)
     size = "" if step.magnitude is None else f", {size_in_words(step.magnitude)}"
     if grows := growth(step.parameters):
@@ -96,7 +92,7 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
         "without and with the cause; the interval (95 %) is of their difference. p is corrected for the "
-        f"{diagnosis.candidates_tried} candidates tried."
+        f"{diagnosis.candidates_tried:,} candidates tried."
     )
     columns = ("", "cause", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p", "confidence")
     return Table(caption, columns, rows, labels=3)
@@ -115,7 +111,7 @@ def ranking_table(diagnosis: Diagnosis, most: int = SHOWN_RANKED) -> Table:
         )
         for each in shown
     )
-    caption = f"The best {len(shown)} of {diagnosis.candidates_tried} candidates for the first effect; RMSE in degC."
+    caption = f"The best {len(shown)} of {diagnosis.candidates_tried:,} candidates for the first effect; RMSE in degC."
     columns = ("candidate", "remark", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")
     return Table(caption, columns, rows, labels=3)
 
@@ -156,7 +152,7 @@ def residuals_table(diagnosis: Diagnosis) -> Table:
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
-    """What has to be said besides: what cannot be told apart, what to do next, and what the search noted."""
+    """What has to be said besides: what cannot be told apart, and what to do next."""
     said = [
         f"{step.cause} cannot be told from {', '.join(map(str, step.indistinguishable_from))} by these data."
         for step in diagnosis.steps
@@ -164,7 +160,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
     ]
     if diagnosis.next_experiment:
         said.append(f"Next experiment: {diagnosis.next_experiment}")
-    return [*said, *diagnosis.notes]
+    return said
 
 
 def show(console: Console, diagnosis: Diagnosis) -> None:
@@ -180,9 +176,13 @@ def show(console: Console, diagnosis: Diagnosis) -> None:
     console.print(for_terminal(residuals_table(diagnosis)))
     beyond = [each for each in diagnosis.misfit.tests if each.significant]
     console.print(Text(f"{len(beyond)} of {len(diagnosis.misfit.tests)} tests of the residual are beyond chance."))
-    for test in beyond[:SHOWN_RANKED]:
+    # every misfit leaves a residual that is not white: what it goes along with tells more
+    told = sorted(beyond, key=lambda each: each.name in _OF_WHITENESS)
+    for test in told[:SHOWN_RANKED]:
         console.print(Text(f"  {test.name}: {test.sentence}"), soft_wrap=True)
-    for remark in remarks(diagnosis):
+    if len(told) > SHOWN_RANKED:
+        console.print(Text(f"  and {len(told) - SHOWN_RANKED} more: --report or --json shows them all."))
+    for remark in (*remarks(diagnosis), *diagnosis.notes):
         console.print(Text(remark), soft_wrap=True)
 
 

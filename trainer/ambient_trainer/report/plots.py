@@ -50,7 +50,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Panel:
-    """One plot of the stack; ``title`` names the quantity and its unit."""
+    """One plot of the stack; ``title`` names the quantity and its unit, in as many lines as it has."""
 
     title: str
     lines: Sequence[Line]
@@ -169,7 +169,7 @@ def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
             row=row,
             col=1,
         )
-    figure.update_yaxes(title_text=_plain(panel.title), row=row, col=1)
+    figure.update_yaxes(title_text=_plain(panel.title).replace("\n", "<br>"), row=row, col=1)
 
 
 def _outline(x: Array, band: Band) -> tuple[Array, Array]:

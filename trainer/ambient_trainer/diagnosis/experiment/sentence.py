@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.causes import (
     ambient_coupling,
     clock_offset,
@@ -21,9 +20,7 @@ from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import ALWAYS, NEVER, Bench, Plan, Switch
 from ambient_trainer.diagnosis.extended import Effect
 from ambient_trainer.diagnosis.result import Cause
-from ambient_trainer.diagnosis.words import figures, window
-
-_UNITS = {"W_m2": "W/m2", "m_s": "m/s", "on": "", "frac": ""}
+from ambient_trainer.diagnosis.words import figures, unit_of, window
 
 _CLAIMS = {
     heat_source.NAME: "a source heats {place}",
@@ -145,8 +142,7 @@ def switching(column: str, before: float, after: float) -> str:
 
 
 def _level(column: str, value: float) -> str:
-    unit = split_column(column)[1]
-    return f"{value:.6g} {_UNITS.get(unit, unit)}".rstrip()
+    return f"{value:.6g} {unit_of(column)}".rstrip()
 
 
 def span(span_s: float) -> str:
