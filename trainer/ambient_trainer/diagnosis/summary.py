@@ -80,8 +80,7 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     """One row a step."""
     rows = tuple(
         (
-            str(number),
-            str(step.cause),
+            f"{number}. {step.cause}",
             window(step.onset_s, step.end_s),
             "-" if step.magnitude is None else size_in_words(step.magnitude),
             *_gain_cells(step.gain),
@@ -94,8 +93,8 @@ def steps_table(diagnosis: Diagnosis) -> Table:
         "without and with the cause; the interval (95 %) is of their difference. p is corrected for the "
         f"{diagnosis.candidates_tried:,} candidates tried."
     )
-    columns = ("", "cause", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p", "confidence")
-    return Table(caption, columns, rows, labels=3)
+    columns = ("cause", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p", "confidence")
+    return Table(caption, columns, rows, labels=2)
 
 
 def ranking_table(diagnosis: Diagnosis, most: int = SHOWN_RANKED) -> Table:
