@@ -12,9 +12,9 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from ambient_model.atomic import replacing
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.traces.trace import load_trace
 
-_WIDTH_OF_A_FILE = 140
 _PATIENCE_S = 1.0
 
 
@@ -65,9 +65,7 @@ def command(
     baselines = [load_trace(path) for path in baseline_paths]
     with _Bar() as bar:
         found = diagnose(circuit, traces, baselines, bar.show, period_s)
-    console = Console()
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     show(console, found)
     if json_path is not None:
         with replacing(json_path) as stream:

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ambient_model.atomic import replacing
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.simulation.zones import THESIS_ZONES
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 # The diagnosis was tuned on seeds below 1000: whoever asks for no seed gets figures of cases that tuned nothing.
 _SEED = 5000
 _CASES = 300
-_WIDTH_OF_A_FILE = 140
 
 
 @click.command("discover")
@@ -102,9 +102,7 @@ def _tell(done: Sequence[Done], of: Mapping[str, Any], json_path: str | None, re
     from ambient_trainer.diagnosis.discovery.summary import as_json, show
 
     outcomes = [each.scored.outcome for each in done]
-    console = Console()
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     show(console, outcomes)
     if json_path is not None:
         data = {**of, **as_json(outcomes), "each": [_data(each) for each in done]}

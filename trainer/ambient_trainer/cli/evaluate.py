@@ -15,11 +15,10 @@ from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
 from ambient_model.model import Model
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.evaluation.summary import as_json, figures_table, verdict, warnings
 from ambient_trainer.report.table import for_terminal
-
-_WIDTH_OF_A_FILE = 140
 
 
 @click.command("evaluate")
@@ -83,9 +82,7 @@ def _progress() -> Progress:
 
 
 def _show(evaluations: Sequence[Evaluation]) -> None:
-    console = Console()
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     for warning in warnings(evaluations):
         console.print(Panel(Text(warning, style="bold"), border_style="red", expand=False))
     console.print(for_terminal(figures_table(evaluations)))

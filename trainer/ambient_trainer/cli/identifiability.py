@@ -15,14 +15,13 @@ from rich.text import Text
 from ambient_model.atomic import replacing
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.identify.fit import Effort
 from ambient_trainer.identify.identifiability import Progress, identifiability
 from ambient_trainer.identify.named import thermal_circuit
 from ambient_trainer.identify.told import as_json, parameter_table, said, start_table
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.traces.trace import load_trace
-
-_WIDTH_OF_A_FILE = 120
 
 
 @click.command("identifiability")
@@ -74,9 +73,7 @@ def command(
     trace = load_trace(trace_path).cut(from_s, to_s)
     with _bar() as progress:
         found = identifiability(circuit, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     console.print(for_terminal(start_table(found)))
     console.print(for_terminal(parameter_table(found)))
     for line in said(found):

@@ -13,14 +13,13 @@ from rich.text import Text
 
 from ambient_model.atomic import replacing
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
 from ambient_trainer.reproduce.runs import Progress as Told
 from ambient_trainer.reproduce.tables import overview_table, scenario_tables
 from ambient_trainer.thesis.errata import Erratum
 from ambient_trainer.thesis.published import published_results
-
-_WIDTH_OF_A_FILE = 140
 
 
 @click.command("reproduce")
@@ -67,9 +66,7 @@ def _page(found: Reproduction, errata: Sequence[Erratum]) -> str:
 
 
 def _show(found: Reproduction) -> None:
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     for each in scenario_tables(found.evaluated.rows):
         console.rule(Text(each.title, style="bold"), align="left")
         console.print(for_terminal(each.errors))

@@ -14,37 +14,13 @@ from rich.text import Text
 from ambient_trainer.diagnosis.misfit_tests.grid import Grid
 from ambient_trainer.diagnosis.misfit_tests.memory import memory_of
 from ambient_trainer.diagnosis.misfit_tests.whiteness import residual_memory
+from ambient_trainer.diagnosis.phrases import effect
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Gain, Magnitude, Step, Tested
 from ambient_trainer.diagnosis.words import chance, duration, figures, growth, window
 from ambient_trainer.report.table import Table, for_terminal
 
 SHOWN_RANKED = 8
 _OF_WHITENESS = ("whiteness", "periodogram", "memory")
-
-_EFFECTS = {
-    "heat_source": "heat that the circuit does not know",
-    "ambient_coupling": "a changed resistance to the ambient",
-    "contact": "the contact with a body of its own temperature",
-    "convection_law": "a loss that is not proportional to the difference to the ambient",
-    "thermal_mass": "a thermal mass that the circuit lacks",
-    "path": "a conduction path that the circuit lacks",
-    "sensor_bias": "a sensor that is off by a constant",
-    "sensor_gain": "a sensor with a wrong gain",
-    "sensor_lag": "a sensor that lags",
-    "sensor_stuck": "a sensor that is stuck",
-    "sensor_drift": "a sensor that drifts",
-    "clock_offset": "a clock offset between the reference and the device",
-    UNKNOWN: "a misfit that no known cause explains",
-    NONE: "nothing",
-}
-
-
-def effect(cause: Cause) -> str:
-    """``cause`` in words: ``heat that the circuit does not know, at flash, driven by camera_on``."""
-    words = _EFFECTS.get(cause.name, cause.name)
-    if cause.location is not None:
-        words += f", {'between' if '-' in cause.location else 'at'} {cause.location.replace('-', ' and ')}"
-    return words + ("" if cause.signal is None else f", driven by {cause.signal}")
 
 
 def headline(diagnosis: Diagnosis) -> str:
