@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -16,34 +17,7 @@ from ambient_model.codec import load_model
 from ambient_trainer.simulation.phone import simulate
 from ambient_trainer.traces.trace import save_trace
 
-# the box as an estimator's circuit: sensors in, the ambient out; the chip heats the board by its temperature
-RISE = """
-format: ambient-circuit
-version: 1
-name: lid
-about: A board in a shell, beside a hot chip
-form: rise
-nodes:
-  board: {capacitance: C_board, sensor: board}
-  shell: {capacitance: C_shell, sensor: shell}
-  chip: {sensor: chip}
-edges:
-  - {between: [chip, board], resistance: R_chip}
-  - {between: [board, shell], resistance: R_board}
-  - {between: [board, ambient], resistance: R_leak}
-  - {between: [shell, ambient], resistance: R_shell}
-outputs:
-  ambient: {states: parallel, inputs: {board_degC: w_board, shell_degC: w_shell}}
-parameters:
-  C_board: {unit: J/K, initial: 25}
-  C_shell: {unit: J/K, initial: 60}
-  R_chip: {unit: K/W, initial: 6}
-  R_board: {unit: K/W, initial: 6}
-  R_shell: {unit: K/W, initial: 6}
-  R_leak: {unit: K/W, initial: 60}
-  w_board: {unit: "1", initial: 0.4, min: -3, max: 3}
-  w_shell: {unit: "1", initial: 0.6, min: -3, max: 3}
-"""
+LID = Path(__file__).parents[3] / "data" / "circuits" / "lid.yaml"
 STEP = {"cause", "location", "signal", "onset_s", "end_s", "magnitude", "confidence", "gain", "indistinguishable_from",
         "sentence", "parameters"}  # fmt: skip
 WHOLE = {"trace", "circuit", "baselines", "steps", "verdict", "ranking", "residuals", "next_experiment",
@@ -62,7 +36,7 @@ def called(*arguments, folder=None):
 def folder(boxed, tmp_path_factory):
     """A circuit, a trace with a radio that it knows nothing of, and a known-good one."""
     where = tmp_path_factory.mktemp("diagnose")
-    (where / "lid.yaml").write_text(RISE)
+    shutil.copy(LID, where)
     for name, trace in (("day.csv", boxed("heat_source", 1)), ("good.csv", boxed("none", 101))):
         save_trace(str(where / name), trace)
     return where
