@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,37 +35,7 @@ PERIOD_S = 5.0
 TIME_S = PERIOD_S * np.arange(1200)
 ON = (TIME_S % 1800.0 > 900.0).astype(float)
 
-RISE = """
-format: ambient-circuit
-version: 1
-name: rise
-about: Three nodes beside a hot one
-form: rise
-nodes:
-  board: {capacitance: C_board, sensor: board}
-  shell: {capacitance: C_shell, sensor: shell}
-  cell: {capacitance: C_cell, sensor: cell}
-  chip: {sensor: chip}
-edges:
-  - {between: [chip, board], resistance: R_chip_board}
-  - {between: [board, shell], resistance: R_inner}
-  - {between: [shell, cell], resistance: R_inner}
-  - {between: [board, ambient], resistance: R_outer}
-  - {between: [shell, ambient], resistance: R_outer}
-  - {between: [cell, ambient], resistance: R_cell}
-outputs:
-  ambient: {states: parallel, inputs: {board_degC: w1, shell_degC: w2}}
-parameters:
-  C_board: {unit: J/K, initial: 12}
-  C_shell: {unit: J/K, initial: 30}
-  C_cell: {unit: J/K, initial: 25}
-  R_chip_board: {unit: K/W, initial: 4}
-  R_inner: {unit: K/W, initial: 7}
-  R_outer: {unit: K/W, initial: 15}
-  R_cell: {unit: K/W, initial: 9}
-  w1: {unit: "1", initial: 0.4, min: 0, max: 1}
-  w2: {unit: "1", initial: 0.6, min: 0, max: 1}
-"""
+RISE = (Path(__file__).parents[2] / "data" / "circuits" / "three_beside_one.yaml").read_text()
 SOURCE, PATH = Cause("heat_source", "shell", "charging_on"), Cause("path", "board-cell")
 ALL, ONE = Cause("ambient_coupling"), Cause("ambient_coupling", "shell")
 MASS = Cause("thermal_mass", "cell")
