@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import time
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from ambient_model.atomic import replacing
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.traces.trace import load_trace
 
 _PATIENCE_S = 1.0
@@ -68,10 +66,7 @@ def command(
     console = printer()
     show(console, found)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(found), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found))
     if extended_path is not None:
         if found.extended is None:
             click.echo("Nothing was found that a circuit can hold: no circuit is written.")

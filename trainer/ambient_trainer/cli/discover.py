@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -13,10 +12,9 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ambient_model.atomic import replacing
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.simulation.zones import THESIS_ZONES
 
 if TYPE_CHECKING:
@@ -105,11 +103,7 @@ def _tell(done: Sequence[Done], of: Mapping[str, Any], json_path: str | None, re
     console = printer()
     show(console, outcomes)
     if json_path is not None:
-        data = {**of, **as_json(outcomes), "each": [_data(each) for each in done]}
-        with replacing(json_path) as stream:
-            json.dump(data, stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, {**of, **as_json(outcomes), "each": [_data(each) for each in done]})
     if report_folder is not None:
         from ambient_trainer.diagnosis.discovery.page import discovery_page
         from ambient_trainer.report.page import write_report

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 
 import click
@@ -12,10 +11,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColu
 from rich.progress import Progress as Bar
 from rich.text import Text
 
-from ambient_model.atomic import replacing
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.identify.fit import Effort
 from ambient_trainer.identify.identifiability import Progress, identifiability
 from ambient_trainer.identify.named import thermal_circuit
@@ -79,10 +77,7 @@ def command(
     for line in said(found):
         console.print(Text(line), soft_wrap=True)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(found), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found))
 
 
 @contextlib.contextmanager

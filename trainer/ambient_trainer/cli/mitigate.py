@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 
 import click
@@ -11,10 +10,10 @@ import rich.progress
 from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import write_figures
 from ambient_trainer.mitigation.comparison import Comparison, Progress, compare, settling_min
 from ambient_trainer.mitigation.room import room_of
 from ambient_trainer.mitigation.score import as_json, fixed_trip, score_table, scores, verdict
@@ -145,10 +144,7 @@ def command(
         page = _page(comparison) if report_folder else ""
     _show(comparison)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(comparison), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(comparison))
     if report_folder is not None:
         from ambient_trainer.report.page import write_report
 
