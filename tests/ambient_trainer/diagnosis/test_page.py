@@ -90,6 +90,21 @@ def test_nothing_found_is_a_page_too(made):
     assert "What was found" not in words
 
 
+def test_an_unknown_misfit_is_no_finding(made):
+    step = replace(
+        made().steps[0], cause=Cause("unknown"), magnitude=None, sentence="It is 0.91 degC off.",
+        indistinguishable_from=(),
+    )  # fmt: skip
+    page = diagnosis_page(made(steps=(step,), verdict=step))
+    words = written(page)
+    assert words.count("It is 0.91 °C off.") == 1
+    for told in ("What was found", "RMSE with every step", "confidence"):
+        assert told not in words
+    assert "with the causes found" not in page
+    assert 'id="gains"' not in page
+    assert "What would tell more Next experiment: switch camera_on" in words
+
+
 def test_text_is_no_markup(made):
     step = replace(
         made().steps[0], cause=Cause("heat_source", "<b>fl</b>", "<i>x</i>_on"), sentence="<script>1</script>"

@@ -89,8 +89,8 @@ def test_the_headline_is_a_sentence(made):
         "0.550 degC, p < 0.001). One more effect found after it."
     )
     assert headline(made(steps=(), verdict=None)) == (
-        "Nothing is missing: none of the 57 causes tried makes two_nodes predict data it was not fitted to "
-        "any better than chance would."
+        "Nothing is missing: of the 57 candidates tried, each a cause at a place from some moment on, none makes "
+        "two_nodes predict data it was not fitted to surely better, and by enough to matter."
     )
 
 
@@ -108,7 +108,10 @@ def test_a_resistance_that_grows_in_the_cold_is_told_with_its_growth(made):
 def test_unknown_is_said_openly(made):
     step = replace(made().steps[0], cause=Cause("unknown"), sentence="The simulation is 0.91 degC off.")
     said = headline(made(steps=(step,), verdict=step))
-    assert said == ("Something is missing that none of the 57 causes tried explains. The simulation is 0.91 degC off.")
+    assert said == (
+        "Something is missing that none of the 57 candidates tried, each a cause at a place from some moment on, "
+        "explains. The simulation is 0.91 degC off."
+    )
 
 
 def test_the_terminal_shows_what_was_found_and_what_was_not(made):

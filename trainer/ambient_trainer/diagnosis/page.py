@@ -63,10 +63,10 @@ def diagnosis_page(diagnosis: Diagnosis) -> str:
         headline=headline(diagnosis),
         facts=_facts(diagnosis),
         remarks=[_coded(each) for each in remarks(diagnosis)],
-        steps=_shown(steps_table(diagnosis)) if diagnosis.steps else None,
-        sentences=[step.sentence for step in diagnosis.steps],
+        steps=_shown(steps_table(diagnosis)) if diagnosis.explained else None,
+        sentences=[step.sentence for step in diagnosis.explained],
         meanings=_meanings(diagnosis),
-        gains=to_markup(_gains(diagnosis), "gains") if diagnosis.steps else None,
+        gains=to_markup(_gains(diagnosis), "gains") if diagnosis.explained else None,
         simulated=to_markup(_simulated(diagnosis, shades), "simulated"),
         heat=to_markup(_heat(diagnosis, shades), "heat"),
         heat_unit=diagnosis.misfit.heat_unit,
@@ -106,8 +106,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
         ("sensors", ", ".join(diagnosis.misfit.sensors)),
         ("baseline", list(diagnosis.baselines) or "none: the question is what the circuit lacks"),
     ]
-    step = diagnosis.verdict
-    if step is not None:
+    for step in diagnosis.explained[:1]:
         facts.append(("when", window(step.onset_s, step.end_s)))
         if step.magnitude is not None:
             said = f"{size_in_words(step.magnitude)}: {step.magnitude.meaning} {growth(step.parameters)}"
@@ -123,7 +122,7 @@ def _meanings(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
             str(step.cause),
             [f"{name} = {value:.4g} {unit if unit != '1' else ''}".rstrip() for name, (value, unit) in numbers],
         )
-        for step in diagnosis.steps
+        for step in diagnosis.explained
         if (numbers := step.parameters.items())
     ]
 
@@ -137,14 +136,14 @@ def _shades(diagnosis: Diagnosis) -> list[Shade]:
             colour,
             [(first if step.onset_s is None else step.onset_s, last if step.end_s is None else step.end_s)],
         )
-        for step, colour in zip(diagnosis.steps, itertools.cycle(_SHADE_COLOURS))
+        for step, colour in zip(diagnosis.explained, itertools.cycle(_SHADE_COLOURS))
         if step.onset_s is not None or step.end_s is not None
     ]
 
 
 def _simulated(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
     misfit = diagnosis.misfit
-    last = diagnosis.steps[-1] if diagnosis.steps else None
+    last = diagnosis.explained[-1] if diagnosis.explained else None
     panels = []
     for number, (sensor, measured, simulated) in enumerate(
         zip(misfit.sensors, misfit.measured_degC, misfit.simulated_degC)
@@ -159,7 +158,7 @@ def _simulated(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
 def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
     """The residual heat of each node, the one found first, and beneath it the signals that drive the steps, or all."""
     misfit = diagnosis.misfit
-    located = [_sensor_of(step, misfit.sensors) for step in diagnosis.steps]
+    located = [_sensor_of(step, misfit.sensors) for step in diagnosis.explained]
     order = dict.fromkeys([*(each for each in located if each), *misfit.sensors])
     window_samples = max(1, round(len(diagnosis.time_s) * _SMOOTH_FRAC))
     panels = []
@@ -184,7 +183,7 @@ def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
 
 def _driving(diagnosis: Diagnosis) -> list[str]:
     """The logged signals that drive what was found."""
-    named = dict.fromkeys(step.cause.signal for step in diagnosis.steps)
+    named = dict.fromkeys(step.cause.signal for step in diagnosis.explained)
     return [name for name in diagnosis.signals if name in named]
 
 
@@ -199,7 +198,7 @@ def _residuals(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
         lines = [Line("circuit as given", residual, ORANGE, 1.2)]
         lines += [
             Line(f"with {'' if k == 1 else 'also '}{step.cause}", step.residual_degC[number], colour, 1.2)
-            for k, (step, colour) in enumerate(zip(diagnosis.steps, itertools.cycle(_STEP_COLOURS)), start=1)
+            for k, (step, colour) in enumerate(zip(diagnosis.explained, itertools.cycle(_STEP_COLOURS)), start=1)
         ]
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=150))
     return stacked_figure(diagnosis.time_s, panels, shades)
@@ -212,8 +211,8 @@ def _ambient(diagnosis: Diagnosis, error: Array, shades: list[Shade]) -> go.Figu
 
 def _gains(diagnosis: Diagnosis) -> go.Figure:
     """The held-out error without and with each step, a pair of bars a step, and the gain's interval in words."""
-    names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.steps, start=1)][::-1]
-    steps = diagnosis.steps[::-1]
+    names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.explained, start=1)][::-1]
+    steps = diagnosis.explained[::-1]
     figure = panel_figure("held-out RMSE over all sensors [°C]", "", height_px=100 + 115 * len(steps))
     for name, colour, values in (
         ("with it", BLUE, [step.gain.rmse_after_degC for step in steps]),

@@ -26,15 +26,15 @@ _OF_WHITENESS = ("whiteness", "periodogram", "memory")
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one plain sentence."""
     step = diagnosis.verdict
+    tried = f"{diagnosis.candidates_tried:,} candidates tried, each a cause at a place from some moment on,"
     if step is None:
         return (
-            f"Nothing is missing: none of the {diagnosis.candidates_tried:,} causes tried makes {diagnosis.circuit} "
-            "predict data it was not fitted to any better than chance would."
+            f"Nothing is missing: of the {tried} none makes {diagnosis.circuit} predict data it was not fitted to "
+            "surely better, and by enough to matter."
         )
-    gain = _gain_in_words(step.gain)
     if step.cause.name == UNKNOWN:
-        tried = f"{diagnosis.candidates_tried:,}"
-        return f"Something is missing that none of the {tried} causes tried explains. {step.sentence}"
+        return f"Something is missing that none of the {tried} explains. {step.sentence}"
+    gain = _gain_in_words(step.gain)
     lasted = window(step.onset_s, step.end_s)
     size = "" if step.magnitude is None else f", {size_in_words(step.magnitude)}"
     if grows := growth(step.parameters):
@@ -62,7 +62,7 @@ def steps_table(diagnosis: Diagnosis) -> Table:
             *_gain_cells(step.gain),
             f"{100 * step.confidence:.1f} %",
         )
-        for number, step in enumerate(diagnosis.steps, start=1)
+        for number, step in enumerate(diagnosis.explained, start=1)
     )
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
@@ -115,15 +115,15 @@ def misfit_table(tests: Sequence[Tested]) -> Table:
 
 
 def residuals_table(diagnosis: Diagnosis) -> Table:
-    """One row a sensor: what the circuit as given leaves, and what it does with every step."""
-    last = diagnosis.steps[-1].residual_degC if diagnosis.steps else None
+    """One row a sensor: what the circuit as given leaves, and, where there are steps, what it does with them all."""
+    last = [step.residual_degC for step in diagnosis.explained[-1:]]
     rows = []
     for number, (sensor, before) in enumerate(_residuals(diagnosis)):
-        after = before if last is None else last[number]
-        cells = [f"{_degrees(_rmse(each))}" for each in (before, after)]
+        cells = [_degrees(_rmse(each)) for each in (before, *(left[number] for left in last))]
         rows.append((sensor, *cells, _degrees(_std(before)), _remembered(_memory_s(diagnosis.time_s, before))))
     caption = "In degC, over the whole trace. Memory: how long until the residual's correlation with itself is 1/e."
-    return Table(caption, ("sensor", "RMSE", "RMSE with every step", "std", "memory"), tuple(rows))
+    columns = ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "memory")
+    return Table(caption, columns, tuple(rows))
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
@@ -144,7 +144,7 @@ def show(console: Console, diagnosis: Diagnosis) -> None:
     console.print(
         Text(headline(diagnosis), style="bold green" if diagnosis.verdict is None else "bold"), soft_wrap=True
     )
-    if diagnosis.steps:
+    if diagnosis.explained:
         console.print(for_terminal(steps_table(diagnosis)))
     if diagnosis.ranking:
         console.print(for_terminal(ranking_table(diagnosis)))
