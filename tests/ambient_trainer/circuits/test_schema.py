@@ -273,8 +273,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(Refused) as refused:
         load_circuit("model3")
     assert str(refused.value) == (
-        f"--circuit: no circuit is called 'model3'; take one of {', '.join(circuit_names())}, free-1 to free-4,"
-        " or a .yaml file"
+        f"--circuit: no circuit is called 'model3'; take one of {', '.join(circuit_names())}, or a .yaml file"
     )
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,8 +71,6 @@ def test_the_residuals_are_every_sensors(made):
 
 
 def test_what_is_no_number_is_null(made):
-    from dataclasses import replace
-
     diagnosis = made()
     misfit = replace(diagnosis.misfit, measured_degC=np.full_like(diagnosis.misfit.measured_degC, np.nan))
     step = replace(diagnosis.steps[0], gain=Gain(1.0, 0.5, (math.nan, math.inf), math.nan), confidence=math.nan)
@@ -90,14 +89,12 @@ def test_the_headline_is_a_sentence(made):
         "0.550 degC, p < 0.001). One more effect found after it."
     )
     assert headline(made(steps=(), verdict=None)) == (
-        "Nothing is missing: none of the 57 causes tried makes two_nodes predict data it was not fitted to "
-        "any better than chance would."
+        "Nothing is missing: of the 57 candidates tried, each a cause at a place from some moment on, none makes "
+        "two_nodes predict data it was not fitted to surely better, and by enough to matter."
     )
 
 
 def test_a_resistance_that_grows_in_the_cold_is_told_with_its_growth(made):
-    from dataclasses import replace
-
     cell, gain = Cause("heat_source", "cell", "battery_current_A"), Gain(0.91, 0.43, (0.40, 0.55), 2e-5)
     size = Magnitude(0.0256, "W/A^2", "heat into cell", (0.025, 0.0262))
     grown = {"growth_per_K": (0.0304, "1/K")}
@@ -109,24 +106,38 @@ def test_a_resistance_that_grows_in_the_cold_is_told_with_its_growth(made):
 
 
 def test_unknown_is_said_openly(made):
-    from dataclasses import replace
-
     step = replace(made().steps[0], cause=Cause("unknown"), sentence="The simulation is 0.91 degC off.")
     said = headline(made(steps=(step,), verdict=step))
-    assert said == ("Something is missing that none of the 57 causes tried explains. The simulation is 0.91 degC off.")
+    assert said == (
+        "Something is missing that none of the 57 candidates tried, each a cause at a place from some moment on, "
+        "explains. The simulation is 0.91 degC off."
+    )
 
 
 def test_the_terminal_shows_what_was_found_and_what_was_not(made):
     text = " ".join(shown(made(), 200).split())
+    for said in (
+        "from 1:00:00 to 1:30:00",
+        "from 0:33:20 to the end",
+        "-0.310 (-0.360 to -0.270)",
+        "0.910 → 0.430",
+        "explains the same with more parameters",
+        "heat_source at flash by camera_on cannot be told from contact at flash by these data.",
+        "Next experiment: switch camera_on on for 20 min",
+        "The first 10 min were taken to settle.",
+    ):
+        assert said in text
 
-    assert "from 1:00:00 to 1:30:00" in text
-    assert "from 0:33:20 to the end" in text
-    assert "-0.310 (-0.360 to -0.270)" in text
-    assert "0.910 → 0.430" in text
-    assert "explains the same with more parameters" in text
-    assert "heat_source at flash by camera_on cannot be told from contact at flash by these data." in text
-    assert "Next experiment: switch camera_on on for 20 min" in text
-    assert "The first 10 min were taken to settle." in text
+
+def test_the_terminal_tells_what_the_residual_goes_along_with_before_that_it_is_not_white(made):
+    lines = shown(made(), 200).splitlines()
+    first = next(at for at, line in enumerate(lines) if "tests of the residual are beyond chance" in line) + 1
+    beyond = int(lines[first - 1].split()[0])
+    told = [line.split(":")[0].strip() for line in lines[first : first + 8]]
+    of_whiteness = [name in ("whiteness", "periodogram", "memory") for name in told]
+    assert not of_whiteness[0]
+    assert of_whiteness == sorted(of_whiteness)
+    assert lines[first + 8] == f"  and {beyond - 8} more: --report or --json shows them all."
 
 
 def test_nothing_to_remark_is_nothing(made):

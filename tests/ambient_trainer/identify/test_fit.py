@@ -244,7 +244,7 @@ def test_inputs_that_are_never_there_together_are_refused(rise, logged):
     trace.columns["board_degC"] = np.where(odd, np.nan, trace.columns["board_degC"])
     trace.columns["chip_degC"] = np.where(odd, trace.columns["chip_degC"], np.nan)
     assert _refused(fit_circuit, rise, [trace], ONE) == (
-        "log0.csv: columns board_degC, shell_degC, chip_degC: no 3 samples in a row hold them all;"
+        "log0.csv: columns board_degC, shell_degC, chip_degC: no 3 samples in a row, one every 1 s, hold them all;"
         " leave out the column that is empty, or log again"
     )
 

@@ -10,7 +10,7 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_trainer.identify.fit import Effort
-from ambient_trainer.identify.named import fitting
+from ambient_trainer.identify.named import fitting, thermal_circuit
 from ambient_trainer.identify.summary import as_json
 from ambient_trainer.traces.trace import Trace
 
@@ -39,8 +39,18 @@ def test_a_shipped_name_a_file_and_a_free_filter(trace):
 
 
 def test_an_unknown_name_is_refused_before_any_trace_is_read():
-    with pytest.raises(Refused, match="no circuit is called 'free-9'"):
+    with pytest.raises(Refused, match=r"no circuit is called 'free-9'; take one of .*, phone, free-1 to free-4, or a "):
         fitting("free-9")
+
+
+def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offered():
+    assert thermal_circuit("model2_ss").name == "model2_ss"
+    with pytest.raises(Refused) as refused:
+        thermal_circuit("free-2")
+    assert str(refused.value) == "--circuit: free-2 has no parameters that mean anything; name a thermal circuit"
+    with pytest.raises(Refused) as refused:
+        thermal_circuit("free-9")
+    assert "free-1" not in str(refused.value)
 
 
 def test_a_circuit_names_its_own_sensors():

@@ -71,3 +71,22 @@ def test_names_are_shown_as_they_stand() -> None:
     figure = stacked_figure(np.arange(3.0), [Panel("a", [Line('<a href="x">y</a>', np.arange(3.0), "#000")])])
 
     assert figure.data[0].name == '&lt;a href="x"&gt;y&lt;/a&gt;'
+
+
+def test_one_legend_names_what_stands_in_several_panels_once() -> None:
+    """Beside the panels it would leave them a quarter of a phone's width."""
+    one, two = np.arange(3.0), -np.arange(3.0)
+    panels = [
+        Panel("a", [Line("measured", one, "#000")]),
+        Panel("b", [Line("measured", two, "#000"), Line("simulated", one, "#111")]),
+    ]
+
+    figure = stacked_figure(np.arange(3.0), panels)
+
+    assert [(each.name, each.showlegend) for each in figure.data] == [
+        ("measured", True),
+        ("measured", False),
+        ("simulated", True),
+    ]
+    assert {each.legend for each in figure.data} == {None}
+    assert (figure.layout.legend.orientation, figure.layout.legend.yanchor) == ("h", "bottom")

@@ -69,7 +69,7 @@ def test_what_is_too_short_is_refused():
     with pytest.raises(Refused) as refused:
         segments(trace, ["a_degC"], ["ambient_degC"], 1.0)
     assert str(refused.value) == (
-        "made.csv: columns a_degC: no 3 samples in a row hold them all;"
+        "made.csv: columns a_degC: no 3 samples in a row, one every 1 s, hold them all;"
         " leave out the column that is empty, or log again"
     )
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
 from rich.console import Console
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer.cli.effort import effort_options
 from ambient_trainer.cli.fit import STOPPED, sensor_columns
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import write_figures
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.evaluation.compare import (
     Contender,
@@ -68,10 +67,7 @@ def command(
             break
     Console(width=_WIDTH).print(for_terminal(comparison_table(contenders)))
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(contenders), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(contenders))
     if contenders[-1].fit.stopped:
         click.echo(
             f"Stopped: of {contenders[-1].fit.circuit} this is the best so far; what comes after was not fitted."

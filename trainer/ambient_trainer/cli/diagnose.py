@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import time
 
 import click
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from ambient_model.atomic import replacing
-from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.cli.effort import jobs_option
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.traces.trace import load_trace
 
-_WIDTH_OF_A_FILE = 140
 _PATIENCE_S = 1.0
 
 
@@ -34,7 +32,7 @@ _PATIENCE_S = 1.0
 @click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
 @click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: at most 1500 samples)."
+    "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: at most 1500 samples)."
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write what is said to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
@@ -62,22 +60,18 @@ def command(
     from ambient_trainer.circuits.write import save_circuit
     from ambient_trainer.diagnosis.diagnose import diagnose
     from ambient_trainer.diagnosis.summary import as_json, show
+    from ambient_trainer.identify.named import thermal_circuit
 
     check_outputs([json_path, extended_path], [*trace_paths, *baseline_paths, circuit_name], report_folder)
-    circuit = load_circuit(circuit_name)
+    circuit = thermal_circuit(circuit_name)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     baselines = [load_trace(path) for path in baseline_paths]
     with _Bar() as bar, parallel_config(n_jobs=jobs):
         found = diagnose(circuit, traces, baselines, bar.show, period_s)
-    console = Console()
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     show(console, found)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(found), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found))
     if extended_path is not None:
         if found.extended is None:
             click.echo("Nothing was found that a circuit can hold: no circuit is written.")

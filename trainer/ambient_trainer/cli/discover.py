@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -12,11 +11,10 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from ambient_model.atomic import replacing
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.simulation.zones import THESIS_ZONES
 
 if TYPE_CHECKING:
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
 # The diagnosis was tuned on seeds below 1000: whoever asks for no seed gets figures of cases that tuned nothing.
 _SEED = 5000
 _CASES = 300
-_WIDTH_OF_A_FILE = 140
 
 
 @click.command("discover")
@@ -51,8 +48,10 @@ def command(
     of every cause and several sizes, beside signals that drive nothing - is diagnosed by its trace alone. The same seed
     draws the same cases; interrupted, it shows those that are done.
     """
+    from ambient_trainer.identify.named import thermal_circuit  # scipy: --help should not wait for it
+
     check_outputs([json_path], [circuit_name], report_folder)
-    circuit = load_circuit(circuit_name)
+    circuit = thermal_circuit(circuit_name)
     unread = set(THESIS_ZONES) - {node.sensor for node in circuit.states}
     if unread:
         # an effect that only a sensor unknown to the circuit feels can be found by nobody
@@ -74,7 +73,7 @@ def command(
 
 def _collect(done: list[Done], circuit: Circuit, seed: int, count: int, jobs: int) -> None:
     """Add to ``done`` case by case, so that whatever interrupts leaves those that are through."""
-    from ambient_trainer.diagnosis.discovery.cases import baselines, draw_cases  # scipy: --help should not wait for it
+    from ambient_trainer.diagnosis.discovery.cases import baselines, draw_cases
     from ambient_trainer.diagnosis.discovery.runner import run, teach
 
     console = Console(stderr=True)
@@ -99,16 +98,10 @@ def _tell(done: Sequence[Done], of: Mapping[str, Any], json_path: str | None, re
     from ambient_trainer.diagnosis.discovery.summary import as_json, show
 
     outcomes = [each.scored.outcome for each in done]
-    console = Console()
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     show(console, outcomes)
     if json_path is not None:
-        data = {**of, **as_json(outcomes), "each": [_data(each) for each in done]}
-        with replacing(json_path) as stream:
-            json.dump(data, stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, {**of, **as_json(outcomes), "each": [_data(each) for each in done]})
     if report_folder is not None:
         from ambient_trainer.diagnosis.discovery.page import discovery_page
         from ambient_trainer.report.page import write_report

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 
 import click
@@ -11,15 +10,13 @@ from rich.panel import Panel
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
 from ambient_model.model import Model
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.evaluation.summary import as_json, figures_table, verdict, warnings
 from ambient_trainer.report.table import for_terminal
-
-_WIDTH_OF_A_FILE = 140
 
 
 @click.command("evaluate")
@@ -54,8 +51,7 @@ def command(
     evaluations = _evaluate(trace_paths, lambda path: evaluated(model, path, from_s, to_s))
     _show(evaluations)
     if json_path is not None:
-        _write_json(json_path, model, evaluations)
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(model, evaluations))
     if report_folder is not None:
         click.echo(f"Report: {_write_report(report_folder, model, evaluations)}")
 
@@ -83,19 +79,11 @@ def _progress() -> Progress:
 
 
 def _show(evaluations: Sequence[Evaluation]) -> None:
-    console = Console()
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     for warning in warnings(evaluations):
         console.print(Panel(Text(warning, style="bold"), border_style="red", expand=False))
     console.print(for_terminal(figures_table(evaluations)))
     console.print(Text(verdict(evaluations)), soft_wrap=True)
-
-
-def _write_json(path: str, model: Model, evaluations: Sequence[Evaluation]) -> None:
-    with replacing(path) as stream:
-        json.dump(as_json(model, evaluations), stream, indent=1, allow_nan=False)
-        stream.write("\n")
 
 
 def _write_report(folder: str, model: Model, evaluations: Sequence[Evaluation]) -> str:

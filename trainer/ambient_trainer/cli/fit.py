@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 import numpy as np
 from rich.console import Console
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import write_figures
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.export.model_file import model_of, training_of
 from ambient_trainer.identify.fit import Effort
@@ -39,9 +38,7 @@ STOPPED = 1
 @click.option(
     "--zone", "zones", multiple=True, metavar="NAME=TYPE", help="The thermal zone's type, where it is not the name."
 )
-@click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: the trace's own)."
-)
+@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
 @effort_options
 def command(
     trace_paths: tuple[str, ...],
@@ -76,10 +73,7 @@ def command(
     periods = ", ".join(f"{each.period_s:g}" for each in model.main.discrete)
     click.echo(f"Model: {output}, {len(fit.states)} states, for periods of {periods} s")
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(fit), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(fit))
     return STOPPED if fit.stopped else 0
 
 

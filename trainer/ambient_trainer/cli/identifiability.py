@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 
 import click
@@ -12,17 +11,15 @@ from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColu
 from rich.progress import Progress as Bar
 from rich.text import Text
 
-from ambient_model.atomic import replacing
-from ambient_model.faults import refuse
-from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.identify.fit import Effort, free_order
+from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.identify.fit import Effort
 from ambient_trainer.identify.identifiability import Progress, identifiability
+from ambient_trainer.identify.named import thermal_circuit
 from ambient_trainer.identify.told import as_json, parameter_table, said, start_table
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.traces.trace import load_trace
-
-_WIDTH_OF_A_FILE = 120
 
 
 @click.command("identifiability")
@@ -48,9 +45,7 @@ _WIDTH_OF_A_FILE = 120
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of places and noise.")
 @click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
-@click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: the trace's own)."
-)
+@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
 @click.option("--json", "json_path", metavar="OUT", help="Write what was found to this file as JSON.")
 def command(
     trace_path: str,
@@ -71,25 +66,18 @@ def command(
     parameter may stray before this trace's noise excludes it.
     """
     check_outputs([json_path], [trace_path, name])
-    if free_order(name) is not None:
-        raise refuse("--circuit", "", f"{name} has no parameters that mean anything", "name a thermal circuit")
     fixed = dict(_fix(each) for each in fixes)
-    circuit = load_circuit(name)
+    circuit = thermal_circuit(name)
     trace = load_trace(trace_path).cut(from_s, to_s)
     with _bar() as progress:
         found = identifiability(circuit, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     console.print(for_terminal(start_table(found)))
     console.print(for_terminal(parameter_table(found)))
     for line in said(found):
         console.print(Text(line), soft_wrap=True)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(found), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found))
 
 
 @contextlib.contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator
 
 import click
@@ -11,9 +10,10 @@ import rich.progress
 from rich.console import Console
 from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import write_figures
 from ambient_trainer.mitigation.comparison import Comparison, Progress, compare, settling_min
 from ambient_trainer.mitigation.room import room_of
 from ambient_trainer.mitigation.score import as_json, fixed_trip, score_table, scores, verdict
@@ -41,7 +41,7 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 @click.option(
     "--limit",
     "limit_degC",
-    type=click.FloatRange(20, 60),
+    type=FiniteRange(20, 60),
     default=40.0,
     show_default=True,
     help="What the skin shall not pass, degC.",
@@ -49,7 +49,7 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 @click.option(
     "--hottest",
     "hottest_degC",
-    type=click.FloatRange(-20, 60),
+    type=FiniteRange(-20, 60),
     default=35.0,
     show_default=True,
     help="The hottest room to be safe in, degC.",
@@ -57,7 +57,7 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 @click.option(
     "--usual",
     "usual_degC",
-    type=click.FloatRange(-20, 60),
+    type=FiniteRange(-20, 60),
     default=20.0,
     show_default=True,
     help="What else may be assumed, degC.",
@@ -66,11 +66,9 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 @click.option(
     "--workload", type=click.Choice(_WORKLOADS), default=_WORKLOADS[0], show_default=True, help="What the phone does."
 )
+@click.option("--minutes", "work_min", type=FiniteRange(1, 1440), default=60.0, show_default=True, help="For how long.")
 @click.option(
-    "--minutes", "work_min", type=click.FloatRange(1, 1440), default=60.0, show_default=True, help="For how long."
-)
-@click.option(
-    "--idle", "idle_min", type=click.FloatRange(0, 1440), metavar="MIN", help="Before it; default: till MODEL settles."
+    "--idle", "idle_min", type=FiniteRange(0, 1440), metavar="MIN", help="Before it; default: till MODEL settles."
 )
 @click.option(
     "--seed", type=click.IntRange(min=1), default=1, show_default=True, help="The first run's; training has 0."
@@ -79,7 +77,7 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 @click.option(
     "--period",
     "period_s",
-    type=click.FloatRange(0.1, 10),
+    type=FiniteRange(0.1, 10),
     default=1.0,
     show_default=True,
     metavar="S",
@@ -87,7 +85,7 @@ _ROOMS = ("5", "20", "35", "35/5/35")
 )
 @click.option(
     "--convection",
-    type=click.FloatRange(0.5, 50),
+    type=FiniteRange(0.5, 50),
     metavar="X",
     help="Of the rooms' air, in W/(m2 K^1.25); 2.8 is still.",
 )
@@ -146,10 +144,7 @@ def command(
         page = _page(comparison) if report_folder else ""
     _show(comparison)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(comparison), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(comparison))
     if report_folder is not None:
         from ambient_trainer.report.page import write_report
 

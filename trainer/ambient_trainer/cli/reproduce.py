@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterator, Sequence
 
 import click
@@ -11,16 +10,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from ambient_model.atomic import replacing
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
 from ambient_trainer.reproduce.runs import Progress as Told
 from ambient_trainer.reproduce.tables import overview_table, scenario_tables
 from ambient_trainer.thesis.errata import Erratum
 from ambient_trainer.thesis.published import published_results
-
-_WIDTH_OF_A_FILE = 140
 
 
 @click.command("reproduce")
@@ -40,10 +37,7 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
         page = _page(found, errata) if report_folder else ""
     _show(found)
     if json_path:
-        with replacing(json_path) as stream:
-            json.dump(as_json(found, errata), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found, errata))
     if report_folder:
         from ambient_trainer.report.page import write_report
 
@@ -67,9 +61,7 @@ def _page(found: Reproduction, errata: Sequence[Erratum]) -> str:
 
 
 def _show(found: Reproduction) -> None:
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     for each in scenario_tables(found.evaluated.rows):
         console.rule(Text(each.title, style="bold"), align="left")
         console.print(for_terminal(each.errors))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
 from rich.console import Console
 from rich.progress import Progress
 
-from ambient_model.atomic import replacing
 from ambient_model.faults import Refused
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import write_json
 from ambient_trainer.simulation.scenario import load_scenario, scenario_names
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _PATIENCE_S = 1.0
 @click.option(
     "--period",
     "period_s",
-    type=click.FloatRange(min=0.1, max=60.0),
+    type=FiniteRange(min=0.1, max=60.0),
     default=1.0,
     show_default=True,
     help="Seconds between samples.",
@@ -92,7 +92,7 @@ def command(
     click.echo(f"wrote {output}: {count}{hidden}")
     if truth_path is not None:
         told = [{"hidden": hidden_text(each), **truth.as_data()} for each, truth in zip(effects, simulated.truths)]
-        _write_truth(truth_path, told)
+        write_json(truth_path, {"effects": told})
         click.echo(f"wrote {truth_path}: what is hidden in it")
 
 
@@ -108,9 +108,3 @@ def _with_progress(scenario: str, work: Callable[[Callable[[int, int], None]], S
             bar.update(task, completed=done, total=total, visible=visible)
 
         return work(show)
-
-
-def _write_truth(path: str, told: Sequence[dict[str, object]]) -> None:
-    with replacing(path) as stream:
-        json.dump({"effects": told}, stream, indent=1, allow_nan=False)
-        stream.write("\n")

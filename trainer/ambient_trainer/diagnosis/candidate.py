@@ -104,6 +104,11 @@ class Setting:
         """What a heat in W into ``node`` is multiplied with to be told, and the unit then."""
         return (1.0, "W") if self.heat_in_W else (1.0 / float(self.plant.capacitance[node]), "K/s")
 
+    @property
+    def conductance_unit(self) -> str:
+        """The unit of a conductance in W/K times what :meth:`heat_unit` says."""
+        return "W/K" if self.heat_in_W else "1/s"
+
     def into(self, node: int, law: Law) -> Law:
         """The law of the heat into one node."""
         return into(node, len(self.plant.nodes), law)

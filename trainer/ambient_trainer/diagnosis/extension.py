@@ -30,7 +30,11 @@ class Extension:
 def extended_circuit(circuit: Circuit, model: Model) -> Extension:
     """``circuit`` with the effects of ``model``, which has it read forward."""
     held = [effect for effect in model.effects if _why_not(effect) is None]
-    left_out = tuple(f"{_said(effect)}: {why}." for effect in model.effects if (why := _why_not(effect)) is not None)
+    left_out = tuple(
+        f"A circuit cannot hold {_said(effect)}: {why}."
+        for effect in model.effects
+        if (why := _why_not(effect)) is not None
+    )
     if not held:
         return Extension(None, left_out)
     values = model.plant.values

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 ORDER = 4
 LEAK = 0.9
+_RIDGE = 1e-6
 _QUANTUM = 1e-3
 """degC; no instrument is better."""
 
@@ -56,11 +57,8 @@ def _autoregression(rows: Sequence[Array]) -> tuple[Array, float, float]:
         return np.zeros(ORDER), 1.0, 1.0
     past, now = windows[:, -2::-1], windows[:, -1]
     normal = past.T @ past
-    ridge = RIDGE * np.trace(normal) / ORDER + _QUANTUM**2
+    ridge = _RIDGE * np.trace(normal) / ORDER + _QUANTUM**2
     memory = np.linalg.solve(normal + ridge * np.eye(ORDER), past.T @ now)
     memory = memory * LEAK ** np.arange(1, ORDER + 1)
     innovation = float(np.sqrt(np.mean((now - past @ memory) ** 2)))
     return memory, max(innovation, _QUANTUM), max(float(np.sqrt(np.mean(now**2))), _QUANTUM)
-
-
-RIDGE = 1e-6

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import itertools
 import os
+import re
 from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go  # type: ignore[import-untyped]
+from markupsafe import Markup, escape
 
+from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Diagnosis, Step
 from ambient_trainer.diagnosis.summary import (
     SHOWN_RANKED,
@@ -37,14 +40,13 @@ from ambient_trainer.report.plots import (
     stacked_figure,
     to_markup,
     with_legend_above,
-    with_one_legend_above,
 )
 from ambient_trainer.report.table import Table
+from ambient_trainer.report.units import written
 
 _STEP_COLOURS = (BLUE, "#009e73", "#7a5195", "#cc79a7")
 _SHADE_COLOURS = ("#e3a008", "#009e73", "#7a5195", "#cc79a7")
 _SMOOTH_FRAC = 1 / 150
-_UNITS = {"degC": "°C", "W_m2": "W/m²", "m_s": "m/s", "power_W": "W", "current_A": "A", "frac": "fraction", "on": "on"}
 
 
 def diagnosis_page(diagnosis: Diagnosis) -> str:
@@ -60,14 +62,15 @@ def diagnosis_page(diagnosis: Diagnosis) -> str:
         settled=diagnosis.verdict_cause.name not in (NONE, UNKNOWN),
         headline=headline(diagnosis),
         facts=_facts(diagnosis),
-        remarks=remarks(diagnosis)[: -len(diagnosis.notes)] if diagnosis.notes else remarks(diagnosis),
-        steps=_shown(steps_table(diagnosis)) if diagnosis.steps else None,
-        sentences=[step.sentence for step in diagnosis.steps],
+        remarks=[_coded(each) for each in remarks(diagnosis)],
+        steps=_shown(steps_table(diagnosis)) if diagnosis.explained else None,
+        sentences=[step.sentence for step in diagnosis.explained],
         meanings=_meanings(diagnosis),
-        gains=to_markup(_gains(diagnosis), "gains") if diagnosis.steps else None,
+        gains=to_markup(_gains(diagnosis), "gains") if diagnosis.explained else None,
         simulated=to_markup(_simulated(diagnosis, shades), "simulated"),
         heat=to_markup(_heat(diagnosis, shades), "heat"),
         heat_unit=diagnosis.misfit.heat_unit,
+        beneath="what drives the causes found" if _driving(diagnosis) else "what was logged besides and varies",
         residuals=to_markup(_residuals(diagnosis, shades), "residuals"),
         sensors=_shown(residuals_table(diagnosis)),
         ambient=None if error is None else to_markup(_ambient(diagnosis, error, shades), "ambient"),
@@ -85,6 +88,11 @@ def _shown(table: Table) -> Table:
     return replace(table, rows=rows)
 
 
+def _coded(text: str) -> Markup:
+    """``text`` with what stands between backquotes as code."""
+    return Markup(re.sub("`([^`]*)`", r"<code>\1</code>", str(escape(text))))
+
+
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
     time_s = diagnosis.time_s
     facts: list[tuple[str, str | list[str]]] = [
@@ -98,8 +106,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
         ("sensors", ", ".join(diagnosis.misfit.sensors)),
         ("baseline", list(diagnosis.baselines) or "none: the question is what the circuit lacks"),
     ]
-    step = diagnosis.verdict
-    if step is not None:
+    for step in diagnosis.explained[:1]:
         facts.append(("when", window(step.onset_s, step.end_s)))
         if step.magnitude is not None:
             said = f"{size_in_words(step.magnitude)}: {step.magnitude.meaning} {growth(step.parameters)}"
@@ -111,8 +118,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
 def _meanings(diagnosis: Diagnosis) -> list[tuple[str, list[str]]]:
     """Per step every number of its extension."""
     return [
-        (str(step.cause), [f"{name} = {value:.4g}{f' {unit}' if unit else ''}" for name, (value, unit) in numbers])
-        for step in diagnosis.steps
+        (
+            str(step.cause),
+            [f"{name} = {value:.4g} {unit if unit != '1' else ''}".rstrip() for name, (value, unit) in numbers],
+        )
+        for step in diagnosis.explained
         if (numbers := step.parameters.items())
     ]
 
@@ -126,14 +136,14 @@ def _shades(diagnosis: Diagnosis) -> list[Shade]:
             colour,
             [(first if step.onset_s is None else step.onset_s, last if step.end_s is None else step.end_s)],
         )
-        for step, colour in zip(diagnosis.steps, itertools.cycle(_SHADE_COLOURS))
+        for step, colour in zip(diagnosis.explained, itertools.cycle(_SHADE_COLOURS))
         if step.onset_s is not None or step.end_s is not None
     ]
 
 
 def _simulated(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
     misfit = diagnosis.misfit
-    last = diagnosis.steps[-1] if diagnosis.steps else None
+    last = diagnosis.explained[-1] if diagnosis.explained else None
     panels = []
     for number, (sensor, measured, simulated) in enumerate(
         zip(misfit.sensors, misfit.measured_degC, misfit.simulated_degC)
@@ -142,13 +152,13 @@ def _simulated(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
         if last is not None:
             lines.append(Line("simulated with the causes found", measured - last.residual_degC[number], BLUE, 1.4))
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=170))
-    return with_one_legend_above(stacked_figure(diagnosis.time_s, panels, shades))
+    return stacked_figure(diagnosis.time_s, panels, shades)
 
 
 def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
-    """The residual heat of each node, the one found first, and beneath it the signals that drive the steps."""
+    """The residual heat of each node, the one found first, and beneath it the signals that drive the steps, or all."""
     misfit = diagnosis.misfit
-    located = [_sensor_of(step, misfit.sensors) for step in diagnosis.steps]
+    located = [_sensor_of(step, misfit.sensors) for step in diagnosis.explained]
     order = dict.fromkeys([*(each for each in located if each), *misfit.sensors])
     window_samples = max(1, round(len(diagnosis.time_s) * _SMOOTH_FRAC))
     panels = []
@@ -159,12 +169,10 @@ def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
             Line(f"mean of {window_samples} samples", _running_mean(heat, window_samples), BLUE, 1.8),
         ]
         panels.append(Panel(f"{sensor} [{misfit.heat_unit}]", lines, height_px=170 if sensor in located else 120))
-    signals = dict.fromkeys(step.cause.signal for step in diagnosis.steps if step.cause.signal)
-    signals = signals or dict.fromkeys(name for name in diagnosis.signals if not name.endswith("_degC"))
+    signals = _driving(diagnosis) or [name for name, row in diagnosis.signals.items() if _varies(name, row)]
     for name, colour in zip(signals, itertools.cycle(SENSOR_COLOURS[1:])):
-        if name in diagnosis.signals:
-            panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=90))
-    figure = with_one_legend_above(stacked_figure(diagnosis.time_s, panels, shades))
+        panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=110))
+    figure = stacked_figure(diagnosis.time_s, panels, shades)
     for row, sensor in enumerate(order, start=1):
         heat = misfit.heat[misfit.sensors.index(sensor)]
         if np.isfinite(heat).any():
@@ -173,27 +181,38 @@ def _heat(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
     return figure
 
 
+def _driving(diagnosis: Diagnosis) -> list[str]:
+    """The logged signals that drive what was found."""
+    named = dict.fromkeys(step.cause.signal for step in diagnosis.explained)
+    return [name for name in diagnosis.signals if name in named]
+
+
+def _varies(signal: str, row: Array) -> bool:
+    known = row[np.isfinite(row)]
+    return split_column(signal)[1] != "degC" and bool((known != known[:1]).any())
+
+
 def _residuals(diagnosis: Diagnosis, shades: list[Shade]) -> go.Figure:
     panels = []
     for number, (sensor, residual) in enumerate(zip(diagnosis.misfit.sensors, diagnosis.misfit.residual_degC)):
         lines = [Line("circuit as given", residual, ORANGE, 1.2)]
         lines += [
             Line(f"with {'' if k == 1 else 'also '}{step.cause}", step.residual_degC[number], colour, 1.2)
-            for k, (step, colour) in enumerate(zip(diagnosis.steps, itertools.cycle(_STEP_COLOURS)), start=1)
+            for k, (step, colour) in enumerate(zip(diagnosis.explained, itertools.cycle(_STEP_COLOURS)), start=1)
         ]
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=150))
-    return with_one_legend_above(stacked_figure(diagnosis.time_s, panels, shades))
+    return stacked_figure(diagnosis.time_s, panels, shades)
 
 
 def _ambient(diagnosis: Diagnosis, error: Array, shades: list[Shade]) -> go.Figure:
     panel = Panel("true − estimate [°C]", [Line("error of the ambient", error, ORANGE, 1.2)], height_px=190)
-    return with_one_legend_above(stacked_figure(diagnosis.time_s, [panel], shades))
+    return stacked_figure(diagnosis.time_s, [panel], shades)
 
 
 def _gains(diagnosis: Diagnosis) -> go.Figure:
     """The held-out error without and with each step, a pair of bars a step, and the gain's interval in words."""
-    names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.steps, start=1)][::-1]
-    steps = diagnosis.steps[::-1]
+    names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.explained, start=1)][::-1]
+    steps = diagnosis.explained[::-1]
     figure = panel_figure("held-out RMSE over all sensors [°C]", "", height_px=100 + 115 * len(steps))
     for name, colour, values in (
         ("with it", BLUE, [step.gain.rmse_after_degC for step in steps]),
@@ -227,11 +246,9 @@ def _sensor_of(step: Step, sensors: tuple[str, ...]) -> str | None:
 
 
 def _label(signal: str) -> str:
-    """``camera_on`` as ``camera [on]``."""
-    for suffix, unit in _UNITS.items():
-        if signal.endswith(f"_{suffix}"):
-            return f"{signal.removesuffix(f'_{suffix}')} [{unit}]"
-    return signal
+    """``cpu_load_frac`` as ``cpu_load`` above ``[fraction]``: a panel is not as high as both are long."""
+    name, unit = split_column(signal)
+    return f"{name}\n[{written(unit)}]"
 
 
 def _running_mean(values: Array, samples: int) -> Array:

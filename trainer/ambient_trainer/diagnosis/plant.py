@@ -110,7 +110,10 @@ class Plant:
         """All nodes (n, N) from rest (all states at zero) under the circuit's own ``inputs`` (m, N)."""
         return np.asarray(self.V @ self.modal(self.W @ self.B @ inputs))
 
+    def modal_decay(self, samples: int) -> Array:
+        """What is left of one in each mode, (n, N)."""
+        return np.asarray(np.exp(np.outer(self.rates * self.period_s, np.arange(samples))))
+
     def decays(self, samples: int) -> Array:
         """What each initial state leaves in each node, (n initial, n nodes, N)."""
-        decay = np.exp(np.outer(self.rates * self.period_s, np.arange(samples)))
-        return np.einsum("im,mj,mk->jik", self.V, self.W, decay)
+        return np.einsum("im,mj,mk->jik", self.V, self.W, self.modal_decay(samples))

@@ -146,6 +146,11 @@ class Diagnosis:
     notes: Sequence[str] = field(default_factory=tuple)
 
     @property
+    def explained(self) -> tuple[Step, ...]:
+        """The steps that name a cause."""
+        return tuple(step for step in self.steps if step.cause.name != UNKNOWN)
+
+    @property
     def verdict_cause(self) -> Cause:
         """``none`` where nothing is missing."""
         return self.verdict.cause if self.verdict else Cause(NONE)

@@ -14,55 +14,27 @@ from rich.text import Text
 from ambient_trainer.diagnosis.misfit_tests.grid import Grid
 from ambient_trainer.diagnosis.misfit_tests.memory import memory_of
 from ambient_trainer.diagnosis.misfit_tests.whiteness import residual_memory
+from ambient_trainer.diagnosis.phrases import effect
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Gain, Magnitude, Step, Tested
 from ambient_trainer.diagnosis.words import chance, duration, figures, growth, window
 from ambient_trainer.report.table import Table, for_terminal
 
 SHOWN_RANKED = 8
-
-_EFFECTS = {
-    "heat_source": "heat that the circuit does not know",
-    "ambient_coupling": "a changed resistance to the ambient",
-    "contact": "the contact with a body of its own temperature",
-    "convection_law": "a loss that is not proportional to the difference to the ambient",
-    "thermal_mass": "a thermal mass that the circuit lacks",
-    "path": "a conduction path that the circuit lacks",
-    "sensor_bias": "a sensor that is off by a constant",
-    "sensor_gain": "a sensor with a wrong gain",
-    "sensor_lag": "a sensor that lags",
-    "sensor_stuck": "a sensor that is stuck",
-    "sensor_drift": "a sensor that drifts",
-    "clock_offset": "a clock offset between the reference and the device",
-    UNKNOWN: "a misfit that no known cause explains",
-    NONE: "nothing",
-}
-
-
-def effect(cause: Cause) -> str:
-    """``cause`` in words: ``heat that the circuit does not know, at flash, driven by camera_on``."""
-    words = _EFFECTS.get(cause.name, cause.name)
-    where = (
-        ""
-        if cause.location is None
-        else f", {'between' if '-' in cause.location else 'at'} "
-        + (cause.location.replace("-", " and ") if "-" in cause.location else cause.location)
-    )
-    return words + where + ("" if cause.signal is None else f", driven by {cause.signal}")
+_OF_WHITENESS = ("whiteness", "periodogram", "memory")
 
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one plain sentence."""
     step = diagnosis.verdict
+    tried = f"{diagnosis.candidates_tried:,} candidates tried, each a cause at a place from some moment on,"
     if step is None:
         return (
-            f"Nothing is missing: none of the {diagnosis.candidates_tried} causes tried makes {diagnosis.circuit} "
-            "predict data it was not fitted to any better than chance would."
+            f"Nothing is missing: of the {tried} none makes {diagnosis.circuit} predict data it was not fitted to "
+            "surely better, and by enough to matter."
         )
-    gain = _gain_in_words(step.gain)
     if step.cause.name == UNKNOWN:
-        return (
-            f"Something is missing that none of the {diagnosis.candidates_tried} causes tried explains. {step.sentence}"
-        )
+        return f"Something is missing that none of the {tried} explains. {step.sentence}"
+    gain = _gain_in_words(step.gain)
     lasted = window(step.onset_s, step.end_s)
     size = "" if step.magnitude is None else f", {size_in_words(step.magnitude)}"
     if grows := growth(step.parameters):
@@ -84,22 +56,21 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     """One row a step."""
     rows = tuple(
         (
-            str(number),
-            str(step.cause),
+            f"{number}. {step.cause}",
             window(step.onset_s, step.end_s),
             "-" if step.magnitude is None else size_in_words(step.magnitude),
             *_gain_cells(step.gain),
             f"{100 * step.confidence:.1f} %",
         )
-        for number, step in enumerate(diagnosis.steps, start=1)
+        for number, step in enumerate(diagnosis.explained, start=1)
     )
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
         "without and with the cause; the interval (95 %) is of their difference. p is corrected for the "
-        f"{diagnosis.candidates_tried} candidates tried."
+        f"{diagnosis.candidates_tried:,} candidates tried."
     )
-    columns = ("", "cause", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p", "confidence")
-    return Table(caption, columns, rows, labels=3)
+    columns = ("cause", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p", "confidence")
+    return Table(caption, columns, rows, labels=2)
 
 
 def ranking_table(diagnosis: Diagnosis, most: int = SHOWN_RANKED) -> Table:
@@ -115,7 +86,7 @@ def ranking_table(diagnosis: Diagnosis, most: int = SHOWN_RANKED) -> Table:
         )
         for each in shown
     )
-    caption = f"The best {len(shown)} of {diagnosis.candidates_tried} candidates for the first effect; RMSE in degC."
+    caption = f"The best {len(shown)} of {diagnosis.candidates_tried:,} candidates for the first effect; RMSE in degC."
     columns = ("candidate", "remark", "when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")
     return Table(caption, columns, rows, labels=3)
 
@@ -144,19 +115,19 @@ def misfit_table(tests: Sequence[Tested]) -> Table:
 
 
 def residuals_table(diagnosis: Diagnosis) -> Table:
-    """One row a sensor: what the circuit as given leaves, and what it does with every step."""
-    last = diagnosis.steps[-1].residual_degC if diagnosis.steps else None
+    """One row a sensor: what the circuit as given leaves, and, where there are steps, what it does with them all."""
+    last = [step.residual_degC for step in diagnosis.explained[-1:]]
     rows = []
     for number, (sensor, before) in enumerate(_residuals(diagnosis)):
-        after = before if last is None else last[number]
-        cells = [f"{_degrees(_rmse(each))}" for each in (before, after)]
+        cells = [_degrees(_rmse(each)) for each in (before, *(left[number] for left in last))]
         rows.append((sensor, *cells, _degrees(_std(before)), _remembered(_memory_s(diagnosis.time_s, before))))
     caption = "In degC, over the whole trace. Memory: how long until the residual's correlation with itself is 1/e."
-    return Table(caption, ("sensor", "RMSE", "RMSE with every step", "std", "memory"), tuple(rows))
+    columns = ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "memory")
+    return Table(caption, columns, tuple(rows))
 
 
 def remarks(diagnosis: Diagnosis) -> list[str]:
-    """What has to be said besides: what cannot be told apart, what to do next, and what the search noted."""
+    """What has to be said besides: what cannot be told apart, and what to do next."""
     said = [
         f"{step.cause} cannot be told from {', '.join(map(str, step.indistinguishable_from))} by these data."
         for step in diagnosis.steps
@@ -164,7 +135,7 @@ def remarks(diagnosis: Diagnosis) -> list[str]:
     ]
     if diagnosis.next_experiment:
         said.append(f"Next experiment: {diagnosis.next_experiment}")
-    return [*said, *diagnosis.notes]
+    return said
 
 
 def show(console: Console, diagnosis: Diagnosis) -> None:
@@ -173,16 +144,20 @@ def show(console: Console, diagnosis: Diagnosis) -> None:
     console.print(
         Text(headline(diagnosis), style="bold green" if diagnosis.verdict is None else "bold"), soft_wrap=True
     )
-    if diagnosis.steps:
+    if diagnosis.explained:
         console.print(for_terminal(steps_table(diagnosis)))
     if diagnosis.ranking:
         console.print(for_terminal(ranking_table(diagnosis)))
     console.print(for_terminal(residuals_table(diagnosis)))
     beyond = [each for each in diagnosis.misfit.tests if each.significant]
     console.print(Text(f"{len(beyond)} of {len(diagnosis.misfit.tests)} tests of the residual are beyond chance."))
-    for test in beyond[:SHOWN_RANKED]:
+    # every misfit leaves a residual that is not white: what it goes along with tells more
+    told = sorted(beyond, key=lambda each: each.name in _OF_WHITENESS)
+    for test in told[:SHOWN_RANKED]:
         console.print(Text(f"  {test.name}: {test.sentence}"), soft_wrap=True)
-    for remark in remarks(diagnosis):
+    if len(told) > SHOWN_RANKED:
+        console.print(Text(f"  and {len(told) - SHOWN_RANKED} more: --report or --json shows them all."))
+    for remark in (*remarks(diagnosis), *diagnosis.notes):
         console.print(Text(remark), soft_wrap=True)
 
 

@@ -88,13 +88,17 @@ def lag(values: Array, time_constant_s: float, period_s: float, start: Array | N
 
     It begins at ``start`` (..., 1), or settled at the first of them.
     """
-    ratio = period_s / time_constant_s
-    kept = np.exp(-ratio)
-    gained = -np.expm1(-ratio) / ratio
+    kept, early, late = lag_weights(time_constant_s, period_s)
     first = values[..., :1] if start is None else start
-    held = first - (1.0 - gained) * values[..., :1]
-    result, _ = lfilter([1.0 - gained, gained - kept], [1.0, -kept], values, zi=held)
+    result, _ = lfilter([late, early], [1.0, -kept], values, zi=first - late * values[..., :1])
     return np.asarray(result)
+
+
+def lag_weights(time_constant_s: float, period_s: float) -> tuple[float, float, float]:
+    """What a lag keeps of itself in a period, and takes of the sample before and of its own, straight in between."""
+    ratio = period_s / time_constant_s
+    kept, gained = float(np.exp(-ratio)), float(-np.expm1(-ratio) / ratio)
+    return kept, gained - kept, 1.0 - gained
 
 
 def beginning(view: View, term: Term, onsets_s: Sequence[float | None]) -> Array:
@@ -152,7 +156,7 @@ def _heated(view: View, term: HeatTerm, onsets: Sequence[int]) -> Array:
     grown = plant.modal_weights()[2][:, None] * drive
     grown[:, 0] = 0.0
     seen = plant.V[plant.reads]
-    powers = np.exp(np.outer(plant.rates * plant.period_s, np.arange(count)))
+    powers = plant.modal_decay(count)
     for index, onset in enumerate(onsets):
         if onset < count:
             # what each mode held by the onset is taken out again
@@ -169,7 +173,7 @@ def _warming_up(view: View, term: HeatTerm, memory_s: float, onsets: Sequence[in
     value = term.law(view.nodes_degC, air)
     missing = lag(value, memory_s, plant.period_s) - term.apart(len(value), air)
     decay = np.exp(-plant.period_s * np.arange(count) / memory_s)
-    powers = np.exp(np.outer(plant.rates * plant.period_s, np.arange(count)))
+    powers = plant.modal_decay(count)
     unit = plant.modal(np.broadcast_to(decay, powers.shape)) + plant.modal_weights()[2][:, None] * powers
     seen = plant.V[plant.reads]
     for index, onset in enumerate(onsets):

@@ -38,6 +38,12 @@ class View:
     model_degC: Array
     """Every node as the model has it, (n, N)."""
 
+    @staticmethod
+    def bare(plant: Plant, record: Record) -> View:
+        """No more than what terms need to know of a record: its signals and inputs."""
+        empty = np.zeros((0, 0))
+        return View(plant, record, empty, empty, empty, empty, np.zeros(0), empty)
+
     @property
     def simulated_degC(self) -> Array:
         """What the sensors read by the model, (s, N)."""
@@ -118,6 +124,6 @@ def with_measured(plant: Plant, record: Record, nodes_degC: Array, believed: fro
     drive = plant.A[np.ix_(hidden, known)] @ result[known] + plant.B[hidden] @ record.inputs
     part = plant.part(hidden)
     at_rest = part.V @ part.modal(part.W @ drive)
-    decay = np.exp(np.outer(part.rates * plant.period_s, np.arange(record.samples)))
-    result[hidden] = at_rest + part.V @ ((part.W @ nodes_degC[hidden, 0])[:, None] * decay)
+    left = (part.W @ nodes_degC[hidden, 0])[:, None] * part.modal_decay(record.samples)
+    result[hidden] = at_rest + part.V @ left
     return result

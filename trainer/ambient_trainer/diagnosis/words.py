@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ambient_model.trace import split_column
+
+_UNITS = {"W_m2": "W/m2", "m_s": "m/s", "on": "", "frac": ""}
+
 
 def clock(time_s: float) -> str:
     """A time of a trace as h:mm:ss."""
@@ -23,9 +27,9 @@ def window(onset_s: float | None, end_s: float | None) -> str:
 
 def duration(span_s: float) -> str:
     """A span in the unit that fits it, to two figures: ``12 s``, ``4.5 min``, ``2.1 h``."""
-    for size, unit in ((7200.0, "h"), (120.0, "min")):
-        if span_s >= size:
-            return f"{figures(span_s / {'h': 3600.0, 'min': 60.0}[unit], 2)} {unit}"
+    for unit_s, unit in ((3600.0, "h"), (60.0, "min")):
+        if span_s >= 2 * unit_s:
+            return f"{figures(span_s / unit_s, 2)} {unit}"
     return f"{figures(span_s, 2)} s"
 
 
@@ -40,6 +44,12 @@ def figures(value: float, count: int = 3) -> str:
         return f"{value:.{count - 1}e}"
     rounded = round(value, count - 1 - exponent)
     return f"{rounded:.{max(0, count - 1 - math.floor(math.log10(abs(rounded))))}f}"
+
+
+def unit_of(column: str) -> str:
+    """The unit of a trace column: ``W/m2``; what is on or off, and a fraction, has none."""
+    unit = split_column(column)[1]
+    return _UNITS.get(unit, unit)
 
 
 def share(part: float) -> str:

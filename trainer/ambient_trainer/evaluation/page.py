@@ -29,9 +29,9 @@ from ambient_trainer.report.plots import (
     stacked_figure,
     to_markup,
 )
+from ambient_trainer.report.units import written
 
 _SHADES = {WARMING_UP: ("warming up", "#e3a008"), COASTING: ("coasting", "#8b5cf6"), FAULTED: ("faulted", "#dc2626")}
-_UNITS = {"degC": "°C", "W_m2": "W/m²", "m_s": "m/s", "frac": "fraction", "on": "0 or 1"}
 
 
 def evaluation_page(model: Model, evaluations: Sequence[Evaluation]) -> str:
@@ -62,7 +62,7 @@ def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
     return [
         ("circuit", circuit if isinstance(circuit, str) else "not named in the model file"),
         ("estimates", model.output),
-        ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {_unit(each.unit)}" for each in main.inputs]),
+        ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {written(each.unit)}" for each in main.inputs]),
         ("periods", ", ".join(f"{each.period_s:g} s" for each in main.discrete)),
         (
             "published interval",
@@ -96,7 +96,9 @@ def _panels(evaluation: Evaluation) -> list[Panel]:
         estimates.insert(0, Line(STATIC_LINEAR, evaluation.baseline.estimate_degC, SAND, width=1.0))
     published = Band("published 90 %", evaluation.low_degC, evaluation.high_degC, SKY)
     rolling = Band(
-        f"{ROLLING_LEVEL_PERCENT} % of {ROLLING_SAMPLES} samples", *rolling_band(evaluation.error_degC), BLUE
+        f"{ROLLING_LEVEL_PERCENT} % of the error over {ROLLING_SAMPLES} samples",
+        *rolling_band(evaluation.error_degC),
+        BLUE,
     )
     return [
         Panel("ambient [°C]", estimates, [published], height_px=320),
@@ -110,7 +112,7 @@ def _sensor_panels(evaluation: Evaluation) -> list[Panel]:
     by_unit: dict[str, list[Line]] = {}
     for (sensor, values), colour in zip(evaluation.inputs.items(), itertools.cycle(SENSOR_COLOURS)):
         by_unit.setdefault(sensor.unit, []).append(Line(sensor.name, values, colour))
-    return [Panel(f"sensors [{_unit(unit)}]", lines) for unit, lines in by_unit.items()]
+    return [Panel(f"sensors [{written(unit)}]", lines) for unit, lines in by_unit.items()]
 
 
 def _shades(evaluation: Evaluation) -> list[Shade]:
@@ -119,7 +121,3 @@ def _shades(evaluation: Evaluation) -> list[Shade]:
         for status, (name, colour) in _SHADES.items()
         if (spans := spans_where(evaluation.time_s, evaluation.status == status))
     ]
-
-
-def _unit(unit: str) -> str:
-    return _UNITS.get(unit, unit)

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ambient_model.faults import refuse
+from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.identify.fit import Effort, Fit, fit_circuit, fit_free_filter, free_order
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.traces.trace import Trace
+
+_FREE = "free-1 to free-4"
 
 FitTo = Callable[[Sequence[Trace], Effort, Progress | None, float | None], Fit]
 
@@ -23,7 +26,14 @@ def fitting(name: str, sensors: Sequence[str] = ()) -> FitTo:
         return lambda traces, effort, progress, period_s: fit_free_filter(
             order, traces, effort, progress, period_s, sensors or None
         )
-    circuit = load_circuit(name)
+    circuit = load_circuit(name, (_FREE,))
     if sensors:
-        raise refuse("--sensors", "", f"{circuit.name} names its own", "use it with free-1 to free-4")
+        raise refuse("--sensors", "", f"{circuit.name} names its own", f"use it with {_FREE}")
     return lambda traces, effort, progress, period_s: fit_circuit(circuit, traces, effort, progress, period_s)
+
+
+def thermal_circuit(name: str) -> Circuit:
+    """The circuit called ``name``, with nodes and parameters that mean something: ``free-N``, too, is refused."""
+    if free_order(name) is not None:
+        raise refuse("--circuit", "", f"{name} has no parameters that mean anything", "name a thermal circuit")
+    return load_circuit(name)

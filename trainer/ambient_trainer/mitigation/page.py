@@ -25,7 +25,6 @@ from ambient_trainer.report.plots import (
     Panel,
     stacked_figure,
     to_markup,
-    with_legend_above,
 )
 from ambient_trainer.report.table import Table
 from ambient_trainer.traces.trace import Array
@@ -72,7 +71,7 @@ def _facts(comparison: Comparison, seeds: Sequence[int]) -> list[tuple[str, str]
     return [
         (
             "phone",
-            f"simulated; {setting.workload.value} for {setting.work_min:g} min after {setting.idle_min:.0f} idle",
+            f"simulated; {setting.workload.value} for {setting.work_min:g} min after {setting.idle_min:.0f} min idle",
         ),
         ("limit", f"{setting.limit_degC:g} °C for the hottest of display, back and frame"),
         ("ambient model", f"{model.name}, reads {', '.join(each.name for each in model.main.inputs)}"),
@@ -109,7 +108,7 @@ def _plots(by_told: dict[Told, Record], setting: Setting, identity: str) -> list
         ),
     ]
     return [
-        to_markup(with_legend_above(stacked_figure(time_s, [panel])), f"{identity}-{number}")
+        to_markup(stacked_figure(time_s, [panel]), f"{identity}-{number}")
         for number, panel in enumerate(panels, start=1)
     ]
 

@@ -50,7 +50,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Panel:
-    """One plot of the stack; ``title`` names the quantity and its unit."""
+    """One plot of the stack; ``title`` names the quantity and its unit, in as many lines as it has."""
 
     title: str
     lines: Sequence[Line]
@@ -86,7 +86,7 @@ def spans_where(time_s: Array, flags: NDArray[np.bool_]) -> list[tuple[float, fl
 
 
 def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shade] = ()) -> go.Figure:
-    """``panels`` over ``time_s`` (n,), with one legend each and the shaded stretches in the first one's."""
+    """``panels`` over ``time_s`` (n,), with one legend above: what has the same name in several is named once."""
     seconds, unit = time_axis(time_s)
     x = time_s / seconds
     inner = sum(panel.height_px for panel in panels) + _BETWEEN_PX * (len(panels) - 1)
@@ -101,9 +101,13 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
         _draw_panel(figure, row, panel, x)
     for shade in shades:
         _draw_shade(figure, shade, seconds)
-    _lay_out(figure, panels, inner + _MARGIN_PX["t"] + _MARGIN_PX["b"])
+    _style(figure, inner + _MARGIN_PX["t"] + _MARGIN_PX["b"])
     figure.update_xaxes(title_text=f"time [{unit}]", row=len(panels), col=1)
-    return figure
+    seen: set[str] = set()
+    for trace in figure.data:
+        trace.update(legendgroup=trace.name, showlegend=trace.name not in seen)
+        seen.add(trace.name)
+    return with_legend_above(figure)
 
 
 def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
@@ -117,23 +121,12 @@ def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
 
 
 def with_legend_above(figure: go.Figure) -> go.Figure:
-    """``figure``, of one panel, with its legend in rows above it and no buttons there: narrow screens have no room."""
+    """``figure`` with its legend in rows above it and no buttons there: narrow screens have no room."""
     figure.update_layout(
         legend={"orientation": "h", "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
         modebar={"remove": ["zoom", "pan", "zoomIn", "zoomOut", "autoScale", "resetScale", "toImage"]},
     )
     return figure
-
-
-def with_one_legend_above(figure: go.Figure) -> go.Figure:
-    """``figure``, of many panels, with one legend in rows above them: what has the same name in all is named once."""
-    seen: set[str] = set()
-    for trace in figure.data:
-        trace.update(legend="legend", legendgroup=trace.name, showlegend=trace.name not in seen)
-        seen.add(trace.name)
-    for key in [each for each in figure.layout if each.startswith("legend") and each != "legend"]:
-        figure.layout[key] = None
-    return with_legend_above(figure)
 
 
 def to_markup(figure: go.Figure, identity: str) -> Markup:
@@ -149,7 +142,6 @@ def to_markup(figure: go.Figure, identity: str) -> Markup:
 
 
 def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
-    legend = _legend(row)
     for band in panel.bands:
         outline_x, outline_y = _outline(x, band)
         figure.add_scatter(
@@ -162,7 +154,6 @@ def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
             fillcolor=band.colour,
             opacity=0.35,
             hoverinfo="skip",
-            legend=legend,
             row=row,
             col=1,
         )
@@ -175,11 +166,10 @@ def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
             name=_plain(line.name),
             mode="lines",
             line={"color": line.colour, "width": line.width},
-            legend=legend,
             row=row,
             col=1,
         )
-    figure.update_yaxes(title_text=_plain(panel.title), row=row, col=1)
+    figure.update_yaxes(title_text=_plain(panel.title).replace("\n", "<br>"), row=row, col=1)
 
 
 def _outline(x: Array, band: Band) -> tuple[Array, Array]:
@@ -213,17 +203,9 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
         name=_plain(shade.name),
         mode="markers",
         marker={"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4},
-        legend=_legend(1),
         row=1,
         col=1,
     )
-
-
-def _lay_out(figure: go.Figure, panels: Sequence[Panel], height_px: int) -> None:
-    _style(figure, height_px)
-    for row in range(1, len(panels) + 1):
-        top = figure.layout[_axis(row)].domain[1]
-        figure.layout[_legend(row)] = {"x": 1.01, "xanchor": "left", "y": top, "yanchor": "top", "font": {"size": 12}}
 
 
 def _style(figure: go.Figure, height_px: int) -> None:
@@ -240,14 +222,6 @@ def _style(figure: go.Figure, height_px: int) -> None:
         plot_bgcolor="white",
         paper_bgcolor="white",
     )
-
-
-def _legend(row: int) -> str:
-    return "legend" if row == 1 else f"legend{row}"
-
-
-def _axis(row: int) -> str:
-    return "yaxis" if row == 1 else f"yaxis{row}"
 
 
 def _plain(text: str) -> str:

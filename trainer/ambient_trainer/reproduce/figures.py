@@ -176,7 +176,7 @@ def _estimates(
 
 def _plot(time_s: Array, lines: Sequence[Line], bands: Sequence[Band] = ()) -> go.Figure:
     panel = Panel("temperature [°C]", lines, bands, height_px=_HEIGHT_PX)
-    return with_legend_above(stacked_figure(time_s, [panel]))
+    return stacked_figure(time_s, [panel])
 
 
 def _pair(row: Row) -> tuple[float, float]:

@@ -78,7 +78,7 @@ def segments(
         raise refuse(
             trace.path,
             f"columns {', '.join(inputs)}",
-            f"no {_SHORTEST} samples in a row hold them all",
+            f"no {_SHORTEST} samples in a row, one every {period:g} s, hold them all",
             "leave out the column that is empty, or log again",
         )
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.circuits.circuit import Circuit, Parameter
-from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.candidate import Candidate
 from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.extended import Effect, Model, view
@@ -26,34 +27,7 @@ Heat = Callable[[float, Array, float], Array]
 """Of the time, the whole state and the ambient to what comes to each state's derivative."""
 
 PERIOD_S = 10.0
-TEXT = """
-format: ambient-circuit
-version: 1
-name: chain
-about: A heated chip, a board and a shell
-form: temperature
-nodes:
-  chip: {capacitance: C_chip, sensor: chip}
-  board: {capacitance: C_board, sensor: board}
-  shell: {capacitance: C_shell, sensor: shell}
-  ambient: {sensor: ambient}
-edges:
-  - {between: [chip, board], resistance: R_chip_board}
-  - {between: [board, shell], resistance: R_board_shell}
-  - {between: [board, ambient], resistance: R_board_ambient}
-  - {between: [shell, ambient], resistance: R_shell_ambient}
-sources:
-  - {into: chip, signal: heater_W, share: 1.0}
-outputs: sensors
-parameters:
-  C_chip: {unit: J/K, initial: 10, min: 2, max: 50}
-  C_board: {unit: J/K, initial: 25, min: 5, max: 125}
-  C_shell: {unit: J/K, initial: 40, min: 8, max: 200}
-  R_chip_board: {unit: K/W, initial: 8, min: 1, max: 60}
-  R_board_shell: {unit: K/W, initial: 12, min: 2, max: 80}
-  R_board_ambient: {unit: K/W, initial: 30, min: 5, max: 200}
-  R_shell_ambient: {unit: K/W, initial: 15, min: 3, max: 100}
-"""
+CHAIN = Path(__file__).parents[3] / "data" / "circuits" / "chain.yaml"
 VALUES = {
     "C_chip": 10.0, "C_board": 25.0, "C_shell": 40.0,
     "R_chip_board": 8.0, "R_board_shell": 12.0, "R_board_ambient": 30.0, "R_shell_ambient": 15.0,
@@ -149,7 +123,7 @@ class Chain:
 @pytest.fixture(scope="session")
 def chain() -> Chain:
     """Three nodes in a row, each with a sensor, two joined to the ambient, the first heated by a logged power."""
-    return Chain(forward(parse_circuit(TEXT, "chain.yaml")))
+    return Chain(forward(load_circuit(str(CHAIN))))
 
 
 @pytest.fixture(scope="session")

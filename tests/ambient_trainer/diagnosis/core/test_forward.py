@@ -3,48 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
 from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.forward import forward
 
-HEAD = "format: ambient-circuit\nversion: 1\nname: small\nabout: Small\n"
-RISE = (
-    HEAD
-    + """
-form: rise
-nodes:
-  board: {capacitance: C_board, sensor: board}
-  shell: {capacitance: C_shell, sensor: skin}
-  chip: {sensor: soc}
-edges:
-  - {between: [chip, board], resistance: R_inner}
-  - {between: [board, shell], resistance: R_inner}
-  - {between: [shell, ambient], resistance: R_outer}
-  - {between: [board, ambient], resistance: R_far}
-sources:
-  - {into: board, signal: charger_W, share: k}
-outputs:
-  ambient: {states: parallel, inputs: {skin_degC: w}, offset: d}
-parameters:
-  C_board: {unit: J/K, initial: 12}
-  C_shell: {unit: J/K, initial: 30}
-  R_inner: {unit: K/W, initial: 4}
-  R_outer: {unit: K/W, initial: 20}
-  R_far: {unit: K/W, initial: 50}
-  k: {unit: "1", initial: 0.5, min: 0, max: 1}
-  w: {unit: "1", initial: 1, min: 0, max: 2}
-  d: {unit: K, initial: 0, min: -1, max: 1}
-"""
-)
+RISE = Path(__file__).parents[3] / "data" / "circuits" / "two_beside_one.yaml"
 
 
 def test_rise_circuit_turned_round() -> None:
-    circuit = forward(parse_circuit(RISE, "small.yaml"))
+    circuit = forward(load_circuit(str(RISE)))
     assert circuit.form == "temperature"
     assert [node.name for node in circuit.states] == ["board", "shell"]
     assert circuit.inputs == ("soc_degC", "ambient_degC", "charger_W")
@@ -68,19 +41,19 @@ def test_rise_circuit_turned_round() -> None:
 
 
 def test_forward_circuit_stays_as_it_is() -> None:
-    once = forward(parse_circuit(RISE, "small.yaml"))
+    once = forward(load_circuit(str(RISE)))
     assert forward(once) == once
 
 
 def test_ambient_with_a_capacitance_is_prescribed() -> None:
-    once = forward(parse_circuit(RISE, "small.yaml"))
+    once = forward(load_circuit(str(RISE)))
     heavy = tuple(replace(node, capacitance="C_shell") if node.name == "ambient" else node for node in once.nodes)
     assert forward(replace(once, nodes=heavy)) == once
 
 
 def test_no_capacity_is_refused() -> None:
     """Sensors on nodes without a capacitance only drive; a state that nothing reads shows nothing."""
-    circuit = parse_circuit(RISE, "small.yaml")
+    circuit = load_circuit(str(RISE))
     unread = tuple(replace(node, sensor=None) if node.capacitance else node for node in circuit.nodes)
     with pytest.raises(Refused) as refused:
         forward(replace(circuit, nodes=unread))
@@ -91,7 +64,7 @@ def test_no_capacity_is_refused() -> None:
 
 
 def test_no_way_out_is_refused() -> None:
-    circuit = parse_circuit(RISE, "small.yaml")
+    circuit = load_circuit(str(RISE))
     closed = tuple(edge for edge in circuit.edges if not {"ambient", "chip"} & set(edge.between))
     with pytest.raises(Refused) as refused:
         forward(replace(circuit, nodes=circuit.states, edges=closed))

@@ -101,7 +101,7 @@ def test_a_signal_that_is_never_there_was_off() -> None:
 
 def test_an_empty_input_is_refused() -> None:
     trace = _trace(10.0 * np.arange(100), ambient_degC=np.full(100, np.nan), chip_degC=np.zeros(100))
-    with pytest.raises(Refused, match="no 3 samples in a row hold them all"):
+    with pytest.raises(Refused, match="no 3 samples in a row, one every 10 s, hold them all"):
         records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
 
 

@@ -72,7 +72,7 @@ def test_figures_and_every_case_for_a_machine(monkeypatch, capsys, tmp_path, ask
         "said": ["sensor_bias at display: 4 degC"],
     }
     said = capsys.readouterr()
-    assert "cause and place are right in 100.0 %" in said.out
+    assert "cause, place and signal are right in 100.0 %" in said.out
     assert said.out.endswith(f"Figures: {out}\n")
     assert said.err == ""
 

@@ -16,8 +16,8 @@ from ambient_trainer.diagnosis.experiment import next_experiment
 from ambient_trainer.diagnosis.experiment.choice import LONGEST_S
 from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import Switch
-from ambient_trainer.diagnosis.experiment.sentence import claim
 from ambient_trainer.diagnosis.extended import Effect
+from ambient_trainer.diagnosis.phrases import claim
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Step
 

@@ -26,7 +26,7 @@ def candidates(setting: Setting) -> Iterator[Candidate]:
 
 
 def _held(setting: Setting, node: int, name: str) -> Candidate:
-    scale, unit = setting.heat_unit(node)
+    scale, _ = setting.heat_unit(node)
 
     def terms(view: View) -> tuple[HeatTerm, ...]:
         return (
@@ -45,7 +45,7 @@ def _held(setting: Setting, node: int, name: str) -> Candidate:
     def parameters(found: Found) -> Parameters:
         return {
             "body_temp": (_body_degC(found), "degC"),
-            "conductance": (scale * float(found.values[0]), f"{unit}/K" if unit == "W" else "1/s"),
+            "conductance": (scale * float(found.values[0]), setting.conductance_unit),
         }
 
     return Candidate(

@@ -13,6 +13,7 @@ from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Se
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.diagnosis.words import unit_of
 
 Array = NDArray[np.float64]
 
@@ -110,9 +111,5 @@ def _one(nodes_degC: Array, ambient_degC: Array) -> Array:
 
 
 def per(unit: str, signal: str) -> str:
-    """The unit of ``unit`` per unit of a trace column: on/off signals and fractions have none."""
-    tail = next((tail for tail in _UNITS if signal.endswith(f"_{tail}")), None)
-    return unit if tail is None or tail in ("on", "frac") else f"{unit} per {_UNITS[tail]}"
-
-
-_UNITS = {"on": "", "frac": "", "W_m2": "W/m2", "m_s": "m/s", "W": "W", "A": "A", "V": "V", "lux": "lux"}
+    """``unit`` per unit of a trace column: on/off signals and fractions have none."""
+    return f"{unit} per {unit_of(signal)}" if unit_of(signal) else unit

@@ -30,7 +30,7 @@ def candidates(setting: Setting) -> Iterator[Candidate]:
 
 def _joined(setting: Setting, one: int, other: int) -> Candidate:
     names = setting.plant.nodes
-    scale, unit = setting.heat_unit(one)
+    scale, _ = setting.heat_unit(one)
 
     def law(nodes_degC: Array, ambient_degC: Array) -> Array:
         flow = nodes_degC[other] - nodes_degC[one]
@@ -44,7 +44,7 @@ def _joined(setting: Setting, one: int, other: int) -> Candidate:
     def magnitude(found: Found) -> Magnitude:
         meaning = f"conductance between {names[one]} and {names[other]}"
         value = scale * float(found.values[0])
-        return Magnitude(value, "W/K" if unit == "W" else "1/s", meaning, found.interval(0, scale))
+        return Magnitude(value, setting.conductance_unit, meaning, found.interval(0, scale))
 
     def extend(circuit: Circuit, values: Array) -> Circuit:
         return with_edge(circuit, names[one], names[other], 1.0 / float(values[0]))

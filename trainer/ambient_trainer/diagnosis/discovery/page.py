@@ -72,18 +72,19 @@ def _asked(outcomes: Sequence[Outcome]) -> list[tuple[str, str, str, bool]]:
 
 def _confusion(outcomes: Sequence[Outcome]) -> go.Figure:
     matrix = confusion(outcomes)
-    totals = matrix.counts.sum(axis=1, keepdims=True)
+    shares = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
+    right = np.array(matrix.true)[:, None] == np.array(matrix.found)
     figure = panel_figure("", "", height_px=150 + 130 + _CELL_PX * len(matrix.true))
     figure.add_heatmap(
         x=list(matrix.found),
         y=list(matrix.true),
-        z=matrix.counts / np.maximum(totals, 1),
+        z=np.where(right, shares, -shares),
         text=[[str(count) if count else "" for count in row] for row in matrix.counts.tolist()],
         texttemplate="%{text}",
         customdata=matrix.counts,
         hovertemplate="hidden %{y}, found %{x}: %{customdata} cases<extra></extra>",
-        colorscale=[[0, "#ffffff"], [0.001, "#e4eefb"], [1, BLUE]],
-        zmin=0,
+        colorscale=[[0, ORANGE], [0.4995, "#fbe9e0"], [0.5, "#ffffff"], [0.5005, "#e4eefb"], [1, BLUE]],
+        zmin=-1,
         zmax=1,
         xgap=1,
         ygap=1,
@@ -111,7 +112,7 @@ def _detection(outcomes: Sequence[Outcome]) -> go.Figure:
     sizes = [each.middle for each in found]
     shares = [100 * each.share.value for each in found]
     lows, highs = zip(*(each.share.ci95 for each in found))
-    figure = panel_figure("size, in units of the noise", "cause and place right [%]", height_px=400)
+    figure = panel_figure("size, in units of the noise", "cause, place and signal right [%]", height_px=400)
     figure.add_scatter(
         x=sizes,
         y=shares,

@@ -32,7 +32,7 @@ def headline(outcomes: Sequence[Outcome]) -> str:
     said = [f"{len(outcomes):,} cases, drawn from seeds."]
     if large.cases:
         said.append(
-            f"Of the effects of at least {LARGE_IN_NOISE:g} times the noise, cause and place are right in {large}."
+            f"Of effects of at least {LARGE_IN_NOISE:g} times the noise, cause, place and signal are right in {large}."
         )
     if alarms.cases:
         said.append(f"Where nothing is hidden, something is found in {alarms}.")
@@ -60,9 +60,9 @@ def causes_table(outcomes: Sequence[Outcome]) -> Table:
             )
         )
     caption = (
-        f"Large: at least {LARGE_IN_NOISE:g} times the residual's standard deviation. Right: cause and location; in "
-        "brackets the 95 % interval. Errors: the median, of the right ones. Gain: in how many of them its interval on "
-        "held-out data lies above zero."
+        f"Large: at least {LARGE_IN_NOISE:g} times the residual's standard deviation. Right: cause, place and signal; "
+        "in brackets the 95 % interval. Errors: the median, of the right ones. Gain: in how many of them its interval "
+        "on held-out data lies above zero."
     )
     columns = ("hidden", "cases", "large ones right", "error of size", "of onset", "gain above zero")
     return Table(caption, columns, tuple(rows))
@@ -72,7 +72,10 @@ def totals_table(outcomes: Sequence[Outcome]) -> Table:
     """The figures over all causes, one a row."""
     pairs = pairs_found(outcomes)
     rows = [
-        (f"one effect of at least {LARGE_IN_NOISE:g} times the noise: cause and place right", large_effects(outcomes)),
+        (
+            f"one effect of at least {LARGE_IN_NOISE:g} times the noise: cause, place and signal right",
+            large_effects(outcomes),
+        ),
         ("nothing hidden: something found (false alarm)", false_alarms(outcomes)),
         ("two effects at once: both named", pairs.both),
         ("two effects at once: at least one named", pairs.one),

@@ -9,11 +9,12 @@ import numpy as np
 from ambient_trainer.diagnosis.choose import Chosen, Trial
 from ambient_trainer.diagnosis.experiment.difference import Circumstances, Suspicion, largest_difference
 from ambient_trainer.diagnosis.experiment.plan import Happening, bench_of, plans
-from ambient_trainer.diagnosis.experiment.sentence import Wording, claim
+from ambient_trainer.diagnosis.experiment.sentence import Wording
 from ambient_trainer.diagnosis.experiment.survey import survey
 from ambient_trainer.diagnosis.extended import Effect
 from ambient_trainer.diagnosis.gain import differ
-from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Step
+from ambient_trainer.diagnosis.phrases import claim
+from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause, Step
 
 LONGEST_S = 4 * 3600.0
 _MOST_RIVALS = 3
@@ -68,7 +69,7 @@ def _apart(chosen: Chosen, one: Trial, others: Sequence[Trial]) -> str:
     bench = bench_of(chosen.plain.views, signals)
     facts = _circumstances(chosen)
     found = largest_difference(_suspicion(chosen, one, repeated), against, plans(bench, happening), bench, facts)
-    claims = (claim(one.cause), *(claim(None if each is None else each.cause) for each in compared))
+    claims = (claim(one.cause), *(claim(Cause(NONE) if each is None else each.cause) for each in compared))
     words = Wording(claims, bench, one.fitted.model.plant.sensors, repeated[0] if repeated else None)
     return words.not_told_apart(found, facts.longest_s) if found.crossing_s is None else words.told_apart(found)
 

@@ -6,47 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from ambient_model.trace import split_column
-from ambient_trainer.diagnosis.causes import (
-    ambient_coupling,
-    clock_offset,
-    contact,
-    convection_law,
-    heat_source,
-    path,
-    sensor,
-    thermal_mass,
-)
 from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import ALWAYS, NEVER, Bench, Plan, Switch
 from ambient_trainer.diagnosis.extended import Effect
-from ambient_trainer.diagnosis.result import Cause
-from ambient_trainer.diagnosis.words import figures, window
-
-_UNITS = {"W_m2": "W/m2", "m_s": "m/s", "on": "", "frac": ""}
-
-_CLAIMS = {
-    heat_source.NAME: "a source heats {place}",
-    ambient_coupling.NAME: "the resistance from {place} to the ambient changed",
-    contact.NAME: "a body holds on at {place}",
-    convection_law.NAME: "the loss from {place} is not proportional to the difference to the ambient",
-    thermal_mass.NAME: "a body that the circuit lacks hangs on {place}",
-    path.NAME: "heat is conducted between {place}",
-    sensor.BIAS: "{place} reads with a bias",
-    sensor.GAIN: "{place} reads with a wrong slope",
-    sensor.LAG: "{place} reads late",
-    sensor.STUCK: "{place} is stuck",
-    sensor.DRIFT: "{place} drifts",
-    clock_offset.NAME: "the reference's clock is off",
-}
-
-
-def claim(cause: Cause | None) -> str:
-    """What a cause says of the device, as a clause; None says that nothing is missing."""
-    if cause is None:
-        return "nothing is missing"
-    place = "all nodes" if cause.location is None else " and ".join(f"`{each}`" for each in cause.location.split("-"))
-    return _CLAIMS[cause.name].format(place=place) + ("" if cause.signal is None else f" with `{cause.signal}`")
+from ambient_trainer.diagnosis.words import figures, unit_of, window
 
 
 @dataclass(frozen=True)
@@ -145,8 +108,7 @@ def switching(column: str, before: float, after: float) -> str:
 
 
 def _level(column: str, value: float) -> str:
-    unit = split_column(column)[1]
-    return f"{value:.6g} {_UNITS.get(unit, unit)}".rstrip()
+    return f"{value:.6g} {unit_of(column)}".rstrip()
 
 
 def span(span_s: float) -> str:

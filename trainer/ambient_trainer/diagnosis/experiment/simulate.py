@@ -78,8 +78,7 @@ def _bare(plant: Plant, course: Course, time_s: Array) -> View:
     inputs = np.array([course.columns[name] for name in plant.circuit.inputs])
     unread = np.full((len(plant.reads), len(time_s)), np.nan)
     record = Record(plant.period_s, time_s, inputs, unread, course.columns)
-    empty = np.zeros((0, 0))
-    return View(plant, record, empty, empty, empty, empty, np.zeros(0), empty)
+    return View.bare(plant, record)
 
 
 @dataclass(frozen=True)

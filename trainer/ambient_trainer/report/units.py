@@ -1,0 +1,10 @@
+"""A trace's units as a page writes them."""
+
+from __future__ import annotations
+
+_WRITTEN = {"degC": "°C", "W_m2": "W/m²", "m_s": "m/s", "frac": "fraction", "on": "0 or 1"}
+
+
+def written(unit: str) -> str:
+    """``unit``, as it stands in a column's name, for people: ``W_m2`` is ``W/m²``."""
+    return _WRITTEN.get(unit, unit)
