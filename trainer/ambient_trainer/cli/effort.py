@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -33,11 +32,17 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return with_effort
 
 
+def _cores() -> int:
+    import joblib  # --help should not wait for it
+
+    return int(joblib.cpu_count())
+
+
 def jobs_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Give a command --jobs: as many processes as there are cores, if nothing else is said."""
     return click.option(
         "--jobs",
         type=click.IntRange(1, 256),
-        default=lambda: len(os.sched_getaffinity(0)),
+        default=_cores,
         help=f"{meaning} [default: as many as there are cores]",
     )

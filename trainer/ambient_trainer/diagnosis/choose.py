@@ -14,7 +14,14 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from ambient_trainer.diagnosis.candidate import Candidate, Span
-from ambient_trainer.diagnosis.causes import all_candidates
+from ambient_trainer.diagnosis.causes import (
+    all_candidates,
+    ambient_coupling,
+    convection_law,
+    heat_source,
+    path,
+    thermal_mass,
+)
 from ambient_trainer.diagnosis.extended import Effect, Model, view
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
 from ambient_trainer.diagnosis.joint import Fitted, Teaching, cost, fitted, nuisances
@@ -45,12 +52,15 @@ LEAST_OF_LATER_STEPS, LEAST_OF_WHAT_IS_LEFT = 0.15, 0.3
 
 Elsewhere, it is one if it explains this much of what the others leave beyond the noise.
 """
-_BUILT_IN = ("convection_law", "thermal_mass", "path", "sensor_lag", "heat_source", "ambient_coupling")
+_BUILT_IN = (
+    *(each.NAME for each in (convection_law, thermal_mass, path, heat_source, ambient_coupling)),
+    "sensor_lag",
+)
 _COARSE = 60
 _EDGE = 0.5
 _REFINED = 24
 _SIMULATED, _SIMULATED_WITH_CIRCUIT = 8, 6
-_ROUNDS, _ROUNDS_WITH_CIRCUIT = 6, 6
+_ROUNDS = 6
 
 
 @dataclass(frozen=True)
@@ -88,7 +98,7 @@ class Trial:
     @property
     def _cools(self) -> bool:
         """Whether it takes heat away however cold it is there: a machine does, a loss needs none."""
-        if self.cause.name != "heat_source":
+        if self.cause.name != heat_source.NAME:
             return False
         seen = self.fitted.longest
         term = self.effect.candidate.terms(seen)[0]
@@ -130,8 +140,8 @@ class Chosen:
     """After each step."""
 
 
-def unknowns(candidate: Candidate, onset_s: float | None, end_s: float | None) -> float:
-    """Coefficients, shape, and the edges of the window."""
+def _count(candidate: Candidate, onset_s: float | None, end_s: float | None) -> float:
+    """How many coefficients, shapes and edges of the window."""
     return candidate.free + (candidate.shape is not None) + (onset_s is not None) + (end_s is not None)
 
 
@@ -193,6 +203,7 @@ def choose(
             of_first = LEAST_OF_LATER_STEPS * choices[0].taken.relative
             least = max(wanted.least, min(of_first, LEAST_OF_WHAT_IS_LEFT * excess))
             found = frozenset().union(*(each.taken.places for each in choices if each.taken is not None))
+            # what the last one had to gain, a later one must
             wanted = replace(wanted, least=least, found=found, least_there=of_first)
         choice = _one_more(
             current,
@@ -208,7 +219,7 @@ def choose(
         current = choice.taken.fitted
         if not taught.normal:
             noise = Noise.of([each.residual_degC for each in current.views])
-            current = fitted(current.model, taught.teaching(own, noise), _ROUNDS_WITH_CIRCUIT)
+            current = fitted(current.model, taught.teaching(own, noise), _ROUNDS)
         views.append(current.views)
     return Chosen(tuple(choices), plain, current, noise, tuple(views))
 
@@ -252,16 +263,15 @@ def _one_more(
     ]
     # of the forms of a cause, the best with each number of coefficients: which is the better, held-out data tell
     found: dict[tuple[Cause, int], Scored] = {}
+    most = _SIMULATED if taught.normal else _SIMULATED_WITH_CIRCUIT
     for index, candidate in enumerate(candidates):
-        progress(index, len(candidates) + _SIMULATED)
+        progress(index, len(candidates) + most)
         best = scored(frame, candidate, onsets)
         key = candidate.cause, candidate.free
         if best is not None and (key not in found or best.score > found[key].score):
             found[key] = best
     ranked = sorted(found.values(), key=lambda each: -each.score)[:_REFINED]
-    ranked = sorted((refined(frame, each, step_s) for each in ranked), key=lambda each: -each.score)[
-        : _SIMULATED if taught.normal else _SIMULATED_WITH_CIRCUIT
-    ]
+    ranked = sorted((refined(frame, each, step_s) for each in ranked), key=lambda each: -each.score)[:most]
     before = Blocks.of(current, noise)
     tries = len(candidates) * len(onsets)
     models = (from_here.model, current.model)
@@ -271,7 +281,7 @@ def _one_more(
     )
     trials = []
     for index, trial in enumerate(done, start=1):
-        progress(len(candidates) + index - 1, len(candidates) + _SIMULATED)
+        progress(len(candidates) + index - 1, len(candidates) + most)
         if np.isfinite(trial.fitted.square) and bool(trial.effect.candidate.plausible(trial.effect.values)):
             trials.append(trial)
     trials.sort(key=lambda each: float(each.blocks.white.sum()))
@@ -296,10 +306,10 @@ def _trial(models: Sequence[Model], found: Scored, teaching: Teaching, before: B
     unsure = np.zeros((len(values) + 1,) * 2)
     effect = Effect(found.candidate, found.onset_s, found.end_s, values, unsure)
     nearest = min((model.with_effect(effect) for model in models), key=lambda each: cost(each, teaching))
-    result = fitted(nearest, teaching, _ROUNDS_WITH_CIRCUIT if free else _ROUNDS)
+    result = fitted(nearest, teaching, _ROUNDS)
     after = Blocks.of(result, teaching.noise)
     effect = result.model.effects[-1]
-    count = unknowns(found.candidate, found.onset_s, found.end_s)
+    count = _count(found.candidate, found.onset_s, found.end_s)
     left = after.relative(teaching.noise)
     return Trial(effect, result, after, gain(before, after, count, tries), before.relative(teaching.noise) - left, left)
 

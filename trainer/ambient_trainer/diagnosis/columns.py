@@ -54,7 +54,7 @@ def _simulated(model: Model, here: View, plant: Plant) -> Array:
     heat = _heat_W(model, here, plant)
     drive = plant.W @ (plant.B @ here.record.inputs + heat / plant.capacitance[:, None])
     # the start that the record was found to have
-    decay = np.exp(np.outer(plant.rates * plant.period_s, np.arange(here.record.samples)))
+    decay = plant.modal_decay(here.record.samples)
     return np.asarray(plant.V @ (plant.modal(drive) + (plant.W @ here.start)[:, None] * decay))
 
 

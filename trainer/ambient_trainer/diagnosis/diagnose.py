@@ -24,7 +24,7 @@ from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ranked, Step
 from ambient_trainer.diagnosis.teach import Taught, records_of, taught_by_baselines, taught_by_itself
 from ambient_trainer.diagnosis.view import conductances_to_ambient
-from ambient_trainer.diagnosis.words import growth
+from ambient_trainer.diagnosis.words import figures, growth, window
 from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
@@ -153,16 +153,13 @@ def _step(choice: Choice, trial: Trial, effect: Effect, chosen: Chosen, number: 
     found = effect.found(view)
     magnitude = effect.candidate.magnitude(found)
     rivals = tuple(dict.fromkeys(rival.cause for rival in choice.rivals))
-    when = "all the time" if effect.onset_s is None else f"from {effect.onset_s:.0f} s on"
-    if effect.end_s is not None:
-        when = f"until {effect.end_s:.0f} s" if effect.onset_s is None else f"{when} until {effect.end_s:.0f} s"
     gain = trial.gain
     parameters = effect.candidate.parameters(found)
     grows = growth(parameters)
     meaning = f"{magnitude.meaning} {grows}:" if grows else magnitude.meaning
     sentence = (
-        f"{effect.candidate.cause}: {meaning} {magnitude.value:.3g} {magnitude.unit}"
-        f" ({magnitude.ci95[0]:.3g} to {magnitude.ci95[1]:.3g}), {when};"
+        f"{effect.candidate.cause}: {meaning} {figures(magnitude.value)} {magnitude.unit}"
+        f" ({figures(magnitude.ci95[0])} to {figures(magnitude.ci95[1])}), {window(effect.onset_s, effect.end_s)};"
         f" on held-out data {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
     )
     return Step(
@@ -248,6 +245,6 @@ def _the_ambient_as_well(chosen: Chosen) -> bool:
 
 def _unknown(chosen: Chosen) -> Step:
     before = Blocks.of(chosen.plain, chosen.noise).rmse_degC()
-    sentence = f"The simulation is {before:.2f} degC off, and nothing that was tried explains it."
+    sentence = f"The simulation is {before:.2f} degC off."
     gain = Gain(before, before, (0.0, 0.0), 1.0)
     return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, chosen.plain.longest.residual_degC)

@@ -96,7 +96,7 @@ def view(model: Model, record: Record, like: View | None = None) -> View:
         nodes = with_measured(plant, record, nodes, model.believed()) if parts else nodes
     else:
         start, nodes = like.start, like.model_degC
-    air = _bare(plant, record).ambient_degC
+    air = View.bare(plant, record).ambient_degC
     starts = decays[:, plant.reads]
     # heat follows from the nodes, those from the start, and the start from the heat: all three are moved at once
     with np.errstate(over="ignore", invalid="ignore"):
@@ -128,7 +128,7 @@ _ROUNDS, _CLOSE_DEGC, _ABSURD_K = 12, 1e-2, 500.0
 def answered(model: Model, record: Record, nodes_degC: Array, along: Array) -> Array:
     """A change ``along`` (c, n, N) of the nodes with what the effects' heat answers to it, about ``nodes_degC``."""
     parts = heat_parts(model, model.plant, record)
-    loop = Loop.about(model.plant, parts, nodes_degC, _bare(model.plant, record).ambient_degC) if parts else None
+    loop = Loop.about(model.plant, parts, nodes_degC, View.bare(model.plant, record).ambient_degC) if parts else None
     return along if loop is None else along + loop.answer(along)
 
 
@@ -145,14 +145,8 @@ def read_by_sensors(model: Model, record: Record, truth_degC: Array, change: Arr
     return result
 
 
-def _bare(plant: Plant, record: Record) -> View:
-    """A view that holds no more than what terms need to know of a record: its signals and inputs."""
-    empty = np.zeros((0, 0))
-    return View(plant, record, empty, empty, empty, empty, np.zeros(0), empty)
-
-
 def _terms(effect: Effect, plant: Plant, record: Record) -> Sequence[HeatTerm | SensorTerm | DriftTerm]:
-    return effect.candidate.terms(_bare(plant, record))
+    return effect.candidate.terms(View.bare(plant, record))
 
 
 def heat_parts(model: Model, plant: Plant, record: Record) -> list[Part]:

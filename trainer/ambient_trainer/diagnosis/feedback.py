@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.terms import HeatTerm
+from ambient_trainer.diagnosis.terms import HeatTerm, lag_weights
 
 Array = NDArray[np.float64]
 
@@ -97,7 +97,7 @@ class Loop:
         for each, slope, own in zip(parts, slopes, rows):
             if len(own):
                 mine = np.arange(first, first + len(own))
-                kept, early, late = _lagging(each.term, plant.period_s)
+                kept, early, late = lag_weights(each.term.memory_s or np.inf, plant.period_s)
                 before[:, mine, mine] = kept
                 before[:, mine, :n] = early * slope[:-1, own]
                 now[:, mine, :n] = -late * slope[1:, own]
@@ -143,7 +143,7 @@ class Loop:
             if len(own):
                 mine = slice(first, first + len(own))
                 course = law[:, own].transpose(2, 1, 0)
-                _, early, late = _lagging(each.term, self.plant.period_s)
+                _, early, late = lag_weights(each.term.memory_s or np.inf, self.plant.period_s)
                 forced[:, mine] = late * course[1:] + early * course[:-1]
                 if each.onset:
                     forced[each.onset - 1, mine] = start[:, own].T
@@ -172,10 +172,3 @@ def _hold(plant: Plant) -> tuple[Array, Array, Array]:
     a, now, later = plant.modal_weights()
     E, Phi0, Phi1 = ((plant.V * each) @ plant.W for each in (a, now, later))
     return E, Phi0, Phi1
-
-
-def _lagging(term: HeatTerm, period_s: float) -> tuple[float, float, float]:
-    """What a lag keeps of itself, and takes of the sample before and of its own, straight in between."""
-    ratio = period_s / float(term.memory_s or np.inf)
-    kept, gained = float(np.exp(-ratio)), float(-np.expm1(-ratio) / ratio)
-    return kept, gained - kept, 1.0 - gained

@@ -54,7 +54,7 @@ def _attached(setting: Setting, node: int, time_constant_s: float) -> Candidate:
         conductance = scale * float(found.values[0])
         return {
             "time_constant": (time_constant_s, "s"),
-            "conductance": (conductance, "W/K" if unit == "W" else "1/s"),
+            "conductance": (conductance, setting.conductance_unit),
         }
 
     def extend(circuit: Circuit, values: Array) -> Circuit:
