@@ -46,22 +46,17 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
     unknown = sorted(set(zones) - set(names))
     if unknown:
         raise refuse("--zone", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
-    estimator = Estimator(
-        inputs=tuple(_input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)),
-        states=fit.states,
-        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
-        offset=float(fit.system.offset[0]),
-        initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
-        interval=error_quantiles(fit.errors_degC[0]),
-    )
+    inputs = {column: _input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)}
+    estimator = _estimator(fit, inputs)
     model = Model(
         name=fit.circuit,
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
         output="ambient",
         main=estimator,
-        fallbacks={},
+        fallbacks={without: _estimator(each, inputs) for without, each in fit.fallbacks.items()},
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
+        spread=fit.spread,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
     return decode(encode(model).encode(), fit.circuit)
@@ -80,6 +75,18 @@ def error_quantiles(errors_degC: Array) -> Quantiles:
         low, high = np.percentile(errors_degC, [tail, 100 - tail])
         bands[level] = (float(low), float(high))
     return bands
+
+
+def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
+    """``inputs`` are those of the whole model by column: a fallback believes the same readings."""
+    return Estimator(
+        inputs=tuple(inputs[column] for column in fit.inputs),
+        states=fit.states,
+        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
+        offset=float(fit.system.offset[0]),
+        initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
+        interval=error_quantiles(fit.errors_degC[0]),
+    )
 
 
 def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> Input:

@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.model import Spread
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import StateSpace
 from ambient_trainer.circuits.circuit import Circuit, Hold
@@ -93,6 +94,12 @@ class Fit:
     errors_degC: tuple[Array, ...]
     baseline: StaticLinear
     input_ranges: tuple[tuple[float, float], ...]
+    fallbacks: Mapping[str, Fit] = field(default_factory=dict)
+    """Per input (its name in a model file) the fit that does without it."""
+    spread: Spread | None = None
+    """How wrong to think the estimate just now."""
+    notes: tuple[str, ...] = ()
+    """What else there is to say of it, a line each."""
 
     @property
     def dc_gains(self) -> tuple[float, ...]:
