@@ -1,9 +1,9 @@
 """The status table: who speaks, and what its estimate is called. It knows no clock, no file and no number.
 
 An estimator by itself is ``tracking`` while all its inputs are there, ``warming_up`` until it has settled, ``degraded``
-while its guard has a say, ``coasting`` while last values may stand in for inputs that are missing, and ``faulted`` after
-that. What is published follows from the main one's status and from what the fallbacks, which do without one input each
-and have no guard, have to offer.
+while its guard has a say, ``coasting`` while last values may stand in for inputs that are missing, and ``faulted``
+after that. What is published follows from the main one's status and from what the fallbacks, which do without one input
+each and have no guard, have to offer.
 """
 
 from collections.abc import Sequence
