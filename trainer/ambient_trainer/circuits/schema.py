@@ -32,7 +32,7 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -135,8 +135,11 @@ def circuit_names() -> tuple[str, ...]:
     return tuple(sorted(entry.name.removesuffix(".yaml") for entry in _library() if entry.name.endswith(".yaml")))
 
 
-def load_circuit(name_or_path: str) -> Circuit:
-    """The shipped circuit of that name, or the one in a YAML file; raises :class:`Refused` with every fault."""
+def load_circuit(name_or_path: str, others: Sequence[str] = ()) -> Circuit:
+    """The shipped circuit of that name, or the one in a YAML file; raises :class:`Refused` with every fault.
+
+    ``others`` are what else the user could have named.
+    """
     if name_or_path in circuit_names():
         return parse_circuit(
             (resources.files(__package__) / "library" / f"{name_or_path}.yaml").read_text(), name_or_path
@@ -146,7 +149,7 @@ def load_circuit(name_or_path: str) -> Circuit:
             "--circuit",
             "",
             f"no circuit is called {name_or_path!r}",
-            f"take one of {', '.join(circuit_names())}, free-1 to free-4, or a .yaml file",
+            f"take one of {', '.join([*circuit_names(), *others])}, free-1 to free-4, or a .yaml file",
         )
     return _circuit(load_yaml(name_or_path), name_or_path)
 

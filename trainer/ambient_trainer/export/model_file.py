@@ -16,7 +16,7 @@ from ambient_model import __version__
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
-from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Input, Matrix, Model, Quantiles
+from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Guard, Input, Matrix, Model, Quantiles
 from ambient_model.trace import split_column
 from ambient_trainer.circuits.assemble import StateSpace
 from ambient_trainer.identify.discretise import discretised
@@ -56,6 +56,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         fallbacks={without: _estimator(each, inputs) for without, each in fit.fallbacks.items()},
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
+        guard=None if fit.guard is None else Guard(_estimator(fit.guard.fit, inputs), fit.guard.threshold_degC),
         spread=fit.spread,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
@@ -140,6 +141,7 @@ def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, An
             "seed": fit.effort.seed,
             "starts": len(fit.start_rmses_degC),
             "pieces": fit.effort.pieces,
+            **fit.figures,
         },
         "parameters": {each.name: each.value for each in fit.parameters},
         "baseline": {

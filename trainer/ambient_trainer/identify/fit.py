@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,8 +98,11 @@ class Fit:
     """Per input (its name in a model file) the fit that does without it."""
     spread: Spread | None = None
     """How wrong to think the estimate just now."""
+    guard: GuardFit | None = None
     notes: tuple[str, ...] = ()
     """What else there is to say of it, a line each."""
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    """What a recipe of its own has to tell, for the file's provenance and for a machine."""
 
     @property
     def dc_gains(self) -> tuple[float, ...]:
@@ -111,6 +114,13 @@ class Fit:
     def samples(self) -> int:
         """The number of reference samples it was fitted to."""
         return sum(len(each) for each in self.errors_degC)
+
+
+class GuardFit(NamedTuple):
+    """The guard of a fit, of the same inputs, and how far the two may part before it has a say."""
+
+    fit: Fit
+    threshold_degC: float
 
 
 def free_order(name: str) -> int | None:
@@ -272,12 +282,12 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
 def _segments(
     traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None, pieces: int
 ) -> list[Segment]:
-    _teach(traces, inputs, outputs)
+    refuse_untaught(traces, inputs, outputs)
     whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
     return [piece for segment in whole for piece in segment.pieces(pieces)]
 
 
-def _teach(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
+def refuse_untaught(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
     """Refuse traces from which, taken together, nothing can be learned of a column, naming every such column."""
     faults = []
     for name in (*inputs, *outputs):

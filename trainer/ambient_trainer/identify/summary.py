@@ -31,6 +31,7 @@ def as_json(fit: Fit) -> dict[str, Any]:
         "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
         "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
         "notes": list(fit.notes),
+        **fit.figures,
     }
 
 
