@@ -21,6 +21,7 @@ COMMANDS = {
     "fit": "fit",
     "identifiability": "identifiability",
     "import": "import_",
+    "limit": "limit",
     "mitigate": "mitigate",
     "reproduce": "reproduce",
     "simulate": "simulate",
