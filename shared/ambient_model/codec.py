@@ -1,7 +1,8 @@
 """A model file is JSON, taken whole or refused with every fault and its path in one message.
 
 The unknown is refused: a key, a version, a shape. So is what cannot run: numbers that are not finite, an unstable A,
-inputs without a range. Version 1 files are read for ever; a file without a version is not a model file.
+inputs without a range. Version 1 files are read for ever; a file without a version is not a model file. The keys
+``guard`` and ``spread`` may be left out, and every other is needed.
 
 A file that was made to do harm costs no more than a large honest one: its size, its counts, its numbers, its names and
 what is said of its faults are bounded.
