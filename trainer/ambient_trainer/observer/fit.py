@@ -93,7 +93,7 @@ def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: i
     found = []
     for trace in traces:
         for segment in segments(trace, columns, (), period_s):
-            found += [_record(recipe, dict(zip(columns, piece.inputs))) for piece in segment.pieces(pieces)]
+            found += [record_of(recipe, dict(zip(columns, piece.inputs))) for piece in segment.pieces(pieces)]
     samples = sum(len(each.ambient_degC) for each in found)
     if samples < _FEWEST_SAMPLES:
         source = ", ".join(trace.path for trace in traces)
@@ -102,7 +102,8 @@ def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: i
     return found
 
 
-def _record(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
+def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
+    """What the recipe makes of trace columns (N,)."""
     heat = recipe.heat
     measured, shared = (
         np.sum([watts * rows[column] for column, watts in each.watts.items()], axis=0)

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib import resources
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from ambient_model.faults import Fault, Refused
+from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.circuits.schema import circuit_names, load_circuit
 from ambient_trainer.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
 
 FORMAT = "ambient-observer"
@@ -188,7 +189,9 @@ class SpreadLags(Strict):
     guard_lag_s: _Positive
 
 
-class _File(Strict):
+class Recipe(Strict):
+    """A validated observer file."""
+
     format: Literal["ambient-observer"]
     version: Literal[1]
     name: _Name
@@ -205,10 +208,6 @@ class _File(Strict):
     filter: FilterRules
     threshold: Threshold
     spread: SpreadLags
-
-
-class Recipe(_File):
-    """A validated observer file."""
 
     @property
     def sensor_columns(self) -> tuple[str, ...]:
@@ -243,11 +242,21 @@ def find_observer(name_or_path: str) -> tuple[Recipe, Circuit] | None:
 def read_observer(data: Any, source: str) -> tuple[Recipe, Circuit]:
     """The observer that ``data`` describes, with its circuit; ``source`` names it in messages."""
     recipe = validated(Recipe, data, source)
-    circuit = load_circuit(recipe.circuit)
+    circuit = _circuit(recipe.circuit, source)
     faults = [*_circuit_faults(recipe, circuit), *_weight_faults(recipe)]
     if faults:
         raise Refused(source, faults)
     return recipe, circuit
+
+
+def _circuit(name: str, source: str) -> Circuit:
+    """The circuit that the observer file ``source`` names; a file as seen from there."""
+    if name.endswith((".yaml", ".yml")):
+        return load_circuit(str(Path(source).parent / name))
+    if name not in circuit_names():
+        mend = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
+        raise refuse(source, "circuit", f"no circuit is called {name!r}", mend)
+    return load_circuit(name)
 
 
 def _library() -> Iterator[Any]:
