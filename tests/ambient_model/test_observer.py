@@ -102,14 +102,14 @@ def test_without_guard_and_spread_it_is_the_tracker_to_the_bit(model: Model, see
     assert fed(observer_of(plain, period_s), rows) == fed(tracker_of(plain, period_s), rows)
 
 
-@given(st.from_type(Model), seeds)
-def test_it_is_its_parts_whatever_comes(model: Model, seed: int) -> None:
+@given(st.from_type(Model), seeds, st.sampled_from([None, 0.0, 200.0]))
+def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float | None) -> None:
     """Guard and main estimator, each a tracker of its own, have an estimate at the same moments."""
     period_s = model.main.discrete[0].period_s
-    main, guard = tracker_of(model, period_s), None
+    main, guard = tracker_of(model, period_s, coast_s), None
     if model.guard is not None:
-        guard = Tracker(model.guard.estimator, model.guard.estimator.discrete[0])
-    observer, width = observer_of(model, period_s), 0.0
+        guard = Tracker(model.guard.estimator, model.guard.estimator.discrete[0], 90, coast_s)
+    observer, width = observer_of(model, period_s, coast_s), 0.0
     for time_s, readings in scattered(model, period_s, seed):
         said, alone = observer.update(time_s, readings), main.update(time_s, readings)
         second = None if guard is None else guard.update(time_s, readings).ambient_degC
@@ -177,6 +177,15 @@ def test_a_wide_interval_does_not_shrink_while_inputs_are_missing() -> None:
     assert before.ambient_degC == pytest.approx(coasted[0].ambient_degC, abs=0.2)
 
 
+def test_the_guard_coasts_as_long_as_the_main_estimator() -> None:
+    observer = observer_of(phone(), coast_s=100.0)
+    fed(observer, [(float(k), (29.0, 30.0) if k > 200 else (25.0, 30.0)) for k in range(260)])
+    said = fed(observer, [(float(k), (None, 30.0)) for k in range(260, 360)])
+    assert {each.status for each in said} == {"coasting"}
+    # usb has been believed to stay at 29: the main estimator says 24, and the guard 20
+    assert [each.ambient_degC for each in said] == pytest.approx([20.0] * 100, abs=1e-6)
+
+
 def test_after_a_gap_it_goes_on_from_the_last_whole_moment() -> None:
     """Twenty seconds without samples, or without an input: the unrest afterwards is the same."""
     rows = moving(900)
@@ -231,15 +240,34 @@ def test_it_goes_on_to_the_bit_where_another_stood(guard: bool, spread: bool, at
     assert fed(second, moving(900 - at, start=at)) == wanted[at:]
 
 
-def test_a_coast_right_after_a_restart_does_not_shrink_either() -> None:
-    first, second = observer_of(phone()), observer_of(phone())
-    fed(first, moving(900))
-    main = first.tracker.snapshot()
+def restored(first: Observer) -> Observer:
+    """Another of the same model, that goes on from where ``first`` stands."""
+    second, main = observer_of(phone()), first.tracker.snapshot()
     assert main is not None
     second.tracker.restore(main)
     second.restore(main, first.background())
-    lost = [(900.0, (None, 30.0)), (901.0, (None, 30.0))]
-    assert fed(second, lost) == fed(first, lost)
+    return second
+
+
+def test_a_coast_right_after_a_restart_does_not_shrink_either() -> None:
+    """After some heat and a minute of rest the unrest is on its way down."""
+    first = observer_of(phone())
+    usb_degC = [25.0] * 100 + [29.0] * 20 + [25.0] * 60
+    before = fed(first, [(float(k), (each, 30.0)) for k, each in enumerate(usb_degC)])
+    second = restored(first)
+    lost = [(180.0, (None, 30.0)), (190.0, (None, 30.0))]
+    said = fed(second, lost)
+    assert said == fed(first, lost)
+    widths = [(each.high_degC or 0) - (each.low_degC or 0) for each in [*before[-2:], *said]]
+    assert widths[0] > widths[1] == pytest.approx(widths[2]) == pytest.approx(widths[3])
+
+
+def test_a_sample_in_the_period_of_the_restart_is_the_same_moment() -> None:
+    first = observer_of(phone())
+    fed(first, moving(900))
+    second = restored(first)
+    late = [(899.3, (26.0, 30.0)), (900.0, (26.0, 30.0)), (901.0, (26.0, 30.0))]
+    assert fed(second, late) == fed(first, late)
 
 
 def test_what_has_not_begun_has_no_background() -> None:

@@ -144,6 +144,27 @@ def test_a_guard_alone_leaves_the_constant_interval(make_model, heated):
         assert tracker.update(time_s, readings)[:3] == pytest.approx((y, y - 0.5, y + 0.75), abs=1e-9)
 
 
+def test_a_spread_alone_widens_the_main_estimate(make_model):
+    whole = make_model(guarded=True)
+    model = whole._replace(guard=None, spread=whole.spread._replace(terms=whole.spread.terms[1:2]))
+    tracker = FallbackTracker(model, 1.0)
+    feed(tracker, [REST] * 200)
+    jumped = feed(tracker, [(32.0, 25.0)], start=200)[0]
+    # 2 degC at once, of which a low-pass of 20 s takes 1 - exp(-1 / 20), weighs 9
+    sigma = math.sqrt(0.25 + 9 * (1 - math.exp(-0.05)) * 4)
+    assert jumped[:4] == pytest.approx((25.0, 25.0 - 1.5 * sigma, 25.0 + 2.0 * sigma, "tracking"))
+
+
+def test_the_guard_coasts_as_long_as_is_configured(make_model):
+    tracker = FallbackTracker(make_model(guarded=True), 1.0, coast_s=100.0)
+    feed(tracker, [REST] * 200 + [HEATED] * 5)
+    said = feed(tracker, [(None, None)] * 100, start=205)
+    assert {each.status for each in said} == {"coasting"}
+    # for the main estimator usb stays hot; the guard, more than twice the threshold away at first, holds it
+    assert said[0].ambient_degC == pytest.approx(23.0)
+    assert max(abs(b.ambient_degC - a.ambient_degC) for a, b in pairwise(said)) < 0.5
+
+
 def test_check_tells_of_guard_and_spread(ambientd, guarded_model_file):
     done = ambientd("check", "--model", guarded_model_file)
     assert (done.returncode, done.stderr) == (0, "")
