@@ -37,7 +37,9 @@ STOPPED = 1
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
 @click.option("--json", "json_path", metavar="FIT.json", help="Write what the terminal shows to this file as JSON.")
 @click.option(
-    "--sensors", metavar="A,B,...", help="What free-N reads, such as usb,battery (default: every _degC column)."
+    "--sensors",
+    metavar="A,B,...",
+    help="What free-N, circuit_observer and free_observer read (default: every _degC column).",
 )
 @click.option(
     "--zone", "zones", multiple=True, metavar="NAME=TYPE", help="The thermal zone's type, where it is not the name."

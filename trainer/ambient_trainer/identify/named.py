@@ -9,11 +9,16 @@ from ambient_model.faults import refuse
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.identify.fit import Effort, Fit, fit_circuit, fit_free_filter, free_order
 from ambient_trainer.identify.search import Progress
+from ambient_trainer.kalman.circuit_observer import CIRCUIT_OBSERVER, fit_circuit_observer
+from ambient_trainer.kalman.free_observer import FREE_OBSERVER, fit_free_observer
 from ambient_trainer.observer.fit import fit_observer, searches
 from ambient_trainer.observer.recipe import find_observer, observer_names
 from ambient_trainer.traces.trace import Trace
 
 FitTo = Callable[[Sequence[Trace], Effort, Progress | None, float | None], Fit]
+
+OBSERVERS = {CIRCUIT_OBSERVER: fit_circuit_observer, FREE_OBSERVER: fit_free_observer}
+"""Those that read any sensors."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +39,14 @@ class Fitting:
 def fitting(name: str, sensors: Sequence[str] = ()) -> Fitting:
     """What fits the circuit called ``name`` to traces; refuses an unknown one before any trace is read.
 
-    ``sensors`` (trace columns) are what ``free-N`` reads; a circuit names its own.
+    ``sensors`` (trace columns) are what ``free-N`` and :data:`OBSERVERS` read; a circuit names its own.
     """
+    if name in OBSERVERS:
+        return Fitting(
+            lambda traces, effort, progress, period_s: OBSERVERS[name](
+                traces, effort, progress, period_s, sensors or None
+            )
+        )
     order = free_order(name)
     if order is not None:
         return Fitting(
@@ -44,10 +55,15 @@ def fitting(name: str, sensors: Sequence[str] = ()) -> Fitting:
             )
         )
     observer = find_observer(name)
-    circuit = observer[1] if observer is not None else load_circuit(name, observer_names())
+    circuit = observer[1] if observer is not None else load_circuit(name, (*OBSERVERS, *observer_names()))
     if sensors:
         own = circuit.name if observer is None else observer[0].name
-        raise refuse("--sensors", "", f"{own} names its own", "use it with free-1 to free-4")
+        raise refuse("--sensors", "", f"{own} names its own", f"use it with free-1 to free-4, {' or '.join(OBSERVERS)}")
     if observer is not None:
         return Fitting(lambda *given: fit_observer(*observer, *given), searches(observer[0]))
     return Fitting(lambda *given: fit_circuit(circuit, *given))
+
+
+def reads_any(name: str) -> bool:
+    """Whether what is called ``name`` reads whatever sensors it is given."""
+    return name in OBSERVERS or free_order(name) is not None

@@ -142,6 +142,8 @@ def _triangle(tables: Sequence[tuple[Array, Array]]) -> Array:
             block = np.concatenate([signals[:, cut], targets[:, cut]])
             if not counts[cut].all():
                 block = block[:, counts[cut]]
+            if not block.shape[1]:
+                continue
             # its transpose has the columns where LAPACK wants them: nothing is copied
             packed, _, _, _ = dgeqrf(block.T, overwrite_a=1)
             triangles.append(np.triu(packed[: len(block)]))

@@ -1,0 +1,96 @@
+"""What every observer gets once its filter is found: errors of what is exported, fallbacks, a spread, and remarks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.trace import split_column
+from ambient_trainer.evaluation.estimate import response_degC
+from ambient_trainer.identify.fit import Fit
+from ambient_trainer.identify.search import Progress
+from ambient_trainer.kalman.noise_gain import noise_gain
+from ambient_trainer.kalman.spread import Moment, fit_spread, half_widths
+from ambient_trainer.traces.grid import Segment
+
+Array = NDArray[np.float64]
+
+Refit = Callable[[int, Progress | None], Fit]
+"""Fits the same without the input of that number."""
+
+
+class Member(NamedTuple):
+    """A fit and what it was fitted to."""
+
+    fit: Fit
+    segments: Sequence[Segment]
+
+
+def judged(fit: Fit, segments: Sequence[Segment]) -> Fit:
+    """The fit with the errors of the system that it exports."""
+    errors = np.concatenate([each.outputs[0] - _estimate(fit, each) for each in segments])
+    errors = errors[~np.isnan(errors)]
+    rmse_degC = float(np.sqrt(np.mean(errors**2)))
+    # the starts were judged by what the search minimised
+    starts = tuple(each * rmse_degC / fit.rmse_degC for each in fit.start_rmses_degC)
+    return replace(fit, errors_degC=(errors,), rmse_degC=rmse_degC, start_rmses_degC=starts)
+
+
+def without(columns: Sequence[str], segments: Sequence[Segment], dropped: int) -> tuple[list[str], list[Segment]]:
+    """The columns and segments without one input."""
+    kept = [index for index in range(len(columns)) if index != dropped]
+    return [columns[index] for index in kept], [
+        Segment(each.period_s, each.inputs[kept], each.outputs) for each in segments
+    ]
+
+
+def finished(main: Member, refit: Refit, progress: Progress | None, remarks: Sequence[str]) -> Fit:
+    """The fit with a fallback an input, a spread and remarks; Ctrl-C leaves out the fallbacks that are not done."""
+    fit, segments = main
+    fallbacks, stopped = _fallbacks(fit, refit, progress)
+    moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
+    period_s = segments[0].period_s
+    spread = fit_spread(moments, period_s)
+    quiet, moving = half_widths(spread, moments, period_s)
+    said = [
+        f"Noise gain: {noise_gain(fit.system, period_s):.2f} degC per degC of white noise on every sensor, "
+        f"at {period_s:g} s.",
+        f"90 % interval on the training data: within {quiet:.2f} degC when quiet (a tenth of the samples is quieter), "
+        f"{moving:.2f} degC in transients (a tenth moves more).",
+    ]
+    if fallbacks:
+        each = ", ".join(f"{name} {found.rmse_degC:.3f}" for name, found in fallbacks.items())
+        said.append(f"Fallbacks, RMSE in degC on the training data without: {each}.")
+    return replace(
+        fit,
+        fallbacks=fallbacks,
+        spread=spread,
+        stopped=fit.stopped or stopped,
+        converged=fit.converged and not stopped,
+        notes=(*remarks, *said),
+    )
+
+
+def _fallbacks(fit: Fit, refit: Refit, progress: Progress | None) -> tuple[dict[str, Fit], bool]:
+    """By input, and whether the user stopped it."""
+    if len(fit.inputs) < 2 or fit.stopped:
+        return {}, False
+    told = progress and (lambda _, evaluation, square: progress(fit.effort.starts, evaluation, square))
+    found: dict[str, Fit] = {}
+    for index, column in enumerate(fit.inputs):
+        try:
+            each = refit(index, told)
+        except KeyboardInterrupt:
+            return found, True
+        if each.stopped:
+            return found, True
+        found[split_column(column)[0]] = each
+    return found, False
+
+
+def _estimate(fit: Fit, segment: Segment) -> Array:
+    return response_degC(fit.system, fit.hold, segment.inputs, segment.period_s)
