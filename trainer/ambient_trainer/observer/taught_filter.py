@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from ambient_trainer.circuits.assemble import StateSpace
 from ambient_trainer.identify.free_filter import FreeFilter
@@ -49,12 +50,31 @@ class TaughtFilter:
         return self._free_filter().time_constants_s(self.found.poles)
 
     def system(self) -> StateSpace:
-        """The continuous system that is this filter under a first-order hold, of four states."""
+        """The continuous system that is this filter under a first-order hold, of four states.
+
+        A state is what one mode adds to the estimate, in degC, so that a norm tells when a wrong start is forgotten.
+        """
         direct, sections = numerators(self.found.poles, self.period_s, self.found.weights[:-1])
         gains = np.concatenate([direct, self.found.weights[-1:], *(each.ravel() for each in sections)])
-        return self._free_filter().system(self.found.poles, gains)
+        system = self._free_filter().system(self.found.poles, gains)
+        modes = block_diag(*(_modes(block) for block in (system.A[:2, :2], system.A[2:, 2:])))
+        return StateSpace(
+            np.linalg.solve(modes, system.A @ modes),
+            np.linalg.solve(modes, system.B),
+            system.C @ modes,
+            system.D,
+            system.offset,
+        )
 
     def _free_filter(self) -> FreeFilter:
         """The structure whose poles and gains these are; it takes period and inputs from a segment."""
         shape = np.zeros((len(self.inputs), 3))
         return FreeFilter(STATES, [Segment(self.period_s, shape, np.zeros((1, 3)))])
+
+
+def _modes(A: Array) -> Array:
+    """The eigenvectors of a companion matrix [[0, 1], [a, b]], or real and imaginary part of one, as columns."""
+    first, second = np.linalg.eigvals(A)
+    if np.iscomplex(first):
+        return np.array([[1.0, 0.0], [first.real, first.imag]])
+    return np.array([[1.0, 1.0], [first.real, second.real]])
