@@ -14,6 +14,7 @@ from ambient_model.faults import Refused
 COMMANDS = {
     "calibrate-phone": "calibrate_phone",
     "compare": "compare",
+    "correct": "correct",
     "demo": "demo",
     "diagnose": "diagnose",
     "discover": "discover",
@@ -25,6 +26,7 @@ COMMANDS = {
     "mitigate": "mitigate",
     "reproduce": "reproduce",
     "simulate": "simulate",
+    "units": "units",
 }
 
 

@@ -32,8 +32,8 @@ def sentences(found: Sequence[Limit]) -> list[str]:
     for limit in found:
         own = limit.filters[0]
         told.append(
-            f"Scenario {limit.scenario}: the model is {limit.model_rmse_degC:.3f} degC off, {limit.ratio(own):.2f} times "
-            f"what a {own.name} over the same sensors leaves that was fitted to the scenario itself."
+            f"Scenario {limit.scenario}: the model is {limit.model_rmse_degC:.3f} degC off, {limit.ratio(own):.2f} "
+            f"times what a {own.name} over the same sensors leaves that was fitted to the scenario itself."
         )
         behind = [each.name for each in limit.filters if each.rmse_degC > limit.model_rmse_degC]
         if behind:
