@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ambient_model.guard import guarded
 from ambient_model.model import Model, Spread
 from ambient_model.spread import Unrest, at_rest, followed, gains, sigma_degC
-from ambient_model.tracking import COASTING, DEGRADED, TRACKING, Estimate, Readings, Snapshot, Tracker
+from ambient_model.tracking import COASTING, DEGRADED, Estimate, Readings, Snapshot, Tracker
 
 
 class Background(NamedTuple):
@@ -24,7 +24,7 @@ class Background(NamedTuple):
 class Observer:
     """Listens to ``tracker``, the main estimator's, and publishes at ``level`` percent; see :class:`Tracker`.
 
-    Its status is ``degraded`` while the guard has a say in what would be ``tracking``.
+    Its status is ``degraded`` while the guard has a say and no input is missing, settled or not.
     """
 
     def __init__(self, model: Model, tracker: Tracker, level: int = 90, coast_s: float | None = None) -> None:
@@ -84,7 +84,7 @@ class Observer:
         apart = 0.0
         if guard_degC is not None:
             ambient, apart, weight = guarded(ambient, guard_degC, self._threshold_degC)
-            if weight > 0 and status == TRACKING:
+            if weight > 0 and status != COASTING:
                 status = DEGRADED
         if self._spread is None:
             low, high = ambient + self.tracker.error_low_degC, ambient + self.tracker.error_high_degC
