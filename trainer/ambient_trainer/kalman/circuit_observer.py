@@ -1,13 +1,14 @@
 """``circuit_observer``: the filter of a circuit whose ambient walks, taught by its error of the ambient.
 
 Process and measurement noise are those that make the smallest error of the reference (prediction-error form). The
-likelihood of the sensors' own innovations is no substitute: it has a use for every wiggle that the nodes share, whether
-or not it is the ambient's.
+likelihood of the sensors' own innovations is no substitute: it knows the ambient's scale from nowhere, as a wider walk
+behind longer time constants gives the same sensors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ Array = NDArray[np.float64]
 CIRCUIT_OBSERVER = "circuit_observer"
 _MOST_SENSORS = 8
 _MOST_STATES = 4
+_MOST_STARTS = 3
+"""Held near what is believed, all starts end at one place; three show that they do."""
 
 
 def fit_circuit_observer(
@@ -48,7 +51,10 @@ def fit_circuit_observer(
     period_s: float | None = None,
     inputs: Sequence[str] | None = None,
 ) -> Fit:
-    """Fit the observer over ``inputs`` (trace columns; by default every temperature), and one without each of them."""
+    """Fit the observer over ``inputs`` (trace columns; by default every temperature), and one without each of them.
+
+    At most three of ``effort.starts`` are made. Raises :class:`Refused` for more sensors than any trace can tell.
+    """
     columns = tuple(inputs or temperature_columns(traces))
     if len(columns) > _MOST_SENSORS:
         problem = f"{len(columns)} temperatures make a circuit with more unknowns than any trace can tell"
@@ -60,7 +66,7 @@ def fit_circuit_observer(
         circuit = WalkingAmbient(columns, walk)
         structure = ObserverStructure(circuit, believed_theta(circuit, segments), segments)
         require_enough(traces, structure)
-        main = _fitted(columns, structure, effort, progress)
+        main = _fitted(columns, structure, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
 
         def fallback(dropped: int, progress: Progress | None) -> Fit:
             left, parts = without(columns, segments, dropped)
