@@ -1,7 +1,4 @@
-"""Main, guard and fallbacks: each filter is searched for by itself, the fallbacks from where the main one was found.
-
-Main and guard together say what ``ambient_model.guard`` says, here over arrays.
-"""
+"""Main, guard and fallbacks: each filter is searched for by itself, the fallbacks from where the main one was found."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.evaluation.observed import guard_weight
 from ambient_trainer.observer.objective import Objective
 from ambient_trainer.observer.poles import first_unknowns, search_poles
 from ambient_trainer.observer.recipe import LOGGED, Recipe
@@ -36,8 +34,7 @@ class Bank:
         """What main and guard say together over sensors (m, N), and how far the main one lies above the guard."""
         main = self.main.estimate_degC(sensors_degC)
         apart = main - self.guard.estimate_degC(sensors_degC)
-        weight = np.clip((np.abs(apart) - self.threshold_degC) / self.threshold_degC, 0.0, 1.0)
-        return main - weight * apart, apart
+        return main - guard_weight(apart, self.threshold_degC) * apart, apart
 
 
 def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[int], Told]) -> Bank:

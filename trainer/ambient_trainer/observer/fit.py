@@ -13,13 +13,14 @@ from ambient_model.faults import refuse
 from ambient_model.model import Spread
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.evaluation.observed import sigma_degC
 from ambient_trainer.identify.fit import Effort, Estimated, Fit, GuardFit, refuse_untaught
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.identify.static_linear import fit_static_linear
 from ambient_trainer.identify.uncertainty import residual_memory
 from ambient_trainer.observer.bank import Bank, taught
 from ambient_trainer.observer.forward_fit import Forward, ForwardFit, Record, fit_forward
-from ambient_trainer.observer.interval import fit_spread, sigma_degC
+from ambient_trainer.observer.interval import fit_spread
 from ambient_trainer.observer.programme import learn_workload
 from ambient_trainer.observer.recipe import Recipe
 from ambient_trainer.observer.summary import figures, notes

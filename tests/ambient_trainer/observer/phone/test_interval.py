@@ -1,4 +1,4 @@
-"""Spread and bank over arrays against the device's own rules, sample by sample."""
+"""The bank against the device's own rule, and the fit of a variance against known ones."""
 
 from __future__ import annotations
 
@@ -6,29 +6,11 @@ import numpy as np
 import pytest
 
 from ambient_model.guard import guarded
-from ambient_model.model import Spread, Term
-from ambient_model.spread import at_rest, followed, gains
-from ambient_model.spread import sigma_degC as device_sigma_degC
-from ambient_trainer.observer.interval import fit_variance, sigma_degC, weighted_quantile
-
-SPREAD = Spread(0.05, (Term("movement", 300.0, 0.02), Term("guard", 60.0, 0.7)), {90: (-1.6, 1.6)})
-
-
-def test_the_spread_over_arrays_is_the_device_s():
-    random = np.random.default_rng(1)
-    estimate, apart = 20 + np.cumsum(random.standard_normal(500)), random.standard_normal(500)
-    unrest = at_rest(SPREAD, estimate[0], apart[0])
-    device = [device_sigma_degC(SPREAD, unrest)]
-    a = gains(SPREAD, 2.0)
-    for y, d in zip(estimate[1:].tolist(), apart[1:].tolist()):
-        unrest = followed(SPREAD, unrest, a, y, d)
-        device.append(device_sigma_degC(SPREAD, unrest))
-    assert sigma_degC(SPREAD, estimate, apart, 2.0) == pytest.approx(device, rel=1e-9)
+from ambient_trainer.observer.bank import Bank
+from ambient_trainer.observer.interval import fit_variance, weighted_quantile
 
 
 def test_the_bank_over_arrays_is_the_device_s():
-    from ambient_trainer.observer.bank import Bank
-
     class Says:
         """A filter that repeats its sensor."""
 
