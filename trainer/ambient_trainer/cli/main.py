@@ -25,6 +25,7 @@ COMMANDS = {
     "limit": "limit",
     "mitigate": "mitigate",
     "reproduce": "reproduce",
+    "search": "search",
     "simulate": "simulate",
     "units": "units",
 }
