@@ -10,6 +10,7 @@ import pytest
 
 from ambient_model.codec import encode
 from ambientd.fallback import FallbackTracker
+from ambientd.state import decode
 
 REST = (30.0, 25.0)
 """Main estimator and guard both say 23 degC."""
@@ -95,6 +96,23 @@ def test_a_degraded_estimate_is_published_as_any_other(start, until, ended, guar
     assert wide["high_degC"] - wide["low_degC"] > 3.5 * 0.6
     assert (calm["status"], wide["status"]) == ("warming_up", "degraded")
     assert ended(daemon, signal.SIGTERM)[0] == 0
+
+
+def test_a_restarted_daemon_goes_on_with_guard_and_spread(start, until, ended, guarded_model_file, phone, tmp_path):
+    config, status = tmp_path / "config.json", tmp_path / "status"
+    settings = {"model": guarded_model_file, "rate_hz": 20, "sysfs_root": str(phone.root), "state": {"path": "state"}}
+    config.write_text(json.dumps({**settings, "publish": [f"status:{status}"]}))
+    first = start("run", "--config", config)
+    until(status.exists)
+    began_s = json.loads(status.read_text())["time_s"]
+    until(lambda: json.loads(status.read_text())["time_s"] > began_s + 0.2)
+    assert ended(first, signal.SIGTERM)[0] == 0
+    kept = decode((tmp_path / "state").read_bytes()).tracker
+    assert kept.background.guard[:3] == kept.voices[0][:3]
+    assert kept.background.unrest.ambient_degC == pytest.approx(23.0)
+    second = start("run", "--config", config)
+    until(status.exists)
+    assert f"ambientd: state {tmp_path}/state: going on from " in ended(second)[2]
 
 
 def test_a_lost_input_takes_the_fallback_over_from_the_guarded_estimate(tracker):
