@@ -26,9 +26,12 @@ _EXCHANGE = 0.1
 
 def walk_of(segments: Sequence[Segment]) -> float:
     """By how much the reference walks, in K/sqrt(s)."""
-    steps = [np.diff(each.outputs[0]) / math.sqrt(each.period_s) for each in segments]
-    known = np.concatenate(steps)
-    return float(np.sqrt(np.nanmean(known**2)))
+    squares, lasted_s = 0.0, 0.0
+    for each in segments:
+        known = np.flatnonzero(~np.isnan(each.outputs[0]))
+        squares += float(np.sum(np.diff(each.outputs[0, known]) ** 2))
+        lasted_s += float(np.ptp(known)) * each.period_s if len(known) else 0.0
+    return math.sqrt(squares / lasted_s)
 
 
 def believed_theta(circuit: WalkingAmbient, segments: Sequence[Segment]) -> Array:
