@@ -48,7 +48,8 @@ def test_the_models_error_is_over_the_scored_runs(constant):
     assert limit.filters[0].reads == 1
 
 
-def test_another_devices_model_is_refused(constant):
+def test_another_devices_model_is_refused_before_anything_is_simulated(constant, monkeypatch):
+    monkeypatch.setattr("ambient_trainer.limit.limit.simulate_hidden", None)
     with pytest.raises(Refused, match="reads ch102_degC, which the simulated phone does not log"):
         limits(constant(20.0, "ch102"), [SCENARIO], SEEDS, PERIOD_S, lambda *_: None)
 

@@ -22,6 +22,7 @@ from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.identify.fit import Effort, fit_free_filter
 from ambient_trainer.limit.bank import gram, rmse_degC, taught
 from ambient_trainer.simulation.hidden.runs import simulate_hidden
+from ambient_trainer.simulation.scenario import load_scenario
 from ambient_trainer.simulation.zones import all_zones
 from ambient_trainer.traces.trace import Trace
 
@@ -31,6 +32,8 @@ Progress = Callable[[str, int, int], None]
 _LAGS_OF_ITS_OWN, _LAGS_OF_ALL = 14, 5
 _MOST_STATES = 4
 _STARTS = 4
+_DRIVES = ("soc_power_W", "charging_on", "cpu_load_frac", "battery_current_A")
+"""What the simulated phone logs beside its zones."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,9 @@ class Seeds:
 
 def limits(model: Model, scenarios: Sequence[str], seeds: Seeds, period_s: float, progress: Progress) -> list[Limit]:
     """The limit of each scenario; raises :class:`Refused` where the simulated phone lacks one of the model's inputs."""
+    _require_inputs(model)
+    for name in scenarios:
+        load_scenario(name)
     found = []
     for name in scenarios:
         runs = [(name, seed, ()) for seed in (*seeds.fitted, *seeds.scored)]
@@ -86,7 +92,7 @@ def limits(model: Model, scenarios: Sequence[str], seeds: Seeds, period_s: float
 
 
 def _limit(model: Model, name: str, fitted: Sequence[Trace], scored: Sequence[Trace], progress: Progress) -> Limit:
-    own = _own_columns(model, fitted[0])
+    own = [each.column for each in model.main.inputs]
     zones = [column for column in fitted[0].columns if column.endswith("_degC") and column != REFERENCE]
     steps = ("model", "its own order", "bank", "every zone")
 
@@ -106,17 +112,16 @@ def _limit(model: Model, name: str, fitted: Sequence[Trace], scored: Sequence[Tr
     return Limit(name, samples, math.sqrt(float(np.mean(mean_squares))), tuple(filters))
 
 
-def _own_columns(model: Model, trace: Trace) -> list[str]:
-    columns = [each.column for each in model.main.inputs]
-    missing = [column for column in columns if column not in trace.columns]
+def _require_inputs(model: Model) -> None:
+    logged = {*_DRIVES, *(f"{zone.name}_degC" for zone in all_zones())}
+    missing = [each.column for each in model.main.inputs if each.column not in logged]
     if missing:
         raise refuse(
-            model.name,
+            f"model '{model.name}'",
             "inputs",
             f"reads {', '.join(missing)}, which the simulated phone does not log",
-            "take a model of the simulated phone: see ambient-trainer simulate",
+            "fit one to `ambient-trainer simulate 5`",
         )
-    return columns
 
 
 def _of_order(states: int, columns: Sequence[str], fitted: Sequence[Trace], scored: Sequence[Trace]) -> Filter:

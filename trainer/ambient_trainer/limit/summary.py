@@ -20,7 +20,7 @@ def limit_table(model: Model, found: Sequence[Limit]) -> Table:
             for each in limit.filters
         ]
     caption = (
-        "RMSE in degC, simulated. The filters were fitted to other runs of the scenario itself. Weights: how many\n"
+        "RMSE in degC, simulated. The filters were fitted to other runs of the scenario itself. Weights: how many "
         "numbers were fitted. Ratio: the model's error over the filter's."
     )
     return Table(caption, ("scenario", "filter", "sensors", "weights", "RMSE", "ratio"), tuple(rows), labels=2)

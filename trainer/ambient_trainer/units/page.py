@@ -67,35 +67,36 @@ def _ranked(study: Study, group: Group, identity: str) -> Markup:
 
 
 def _biases(study: Study, group: Group, identity: str) -> Markup:
-    """Each unit's bias over the run against the offset that its calibration found: on the diagonal it is mended."""
-    figure = panel_figure("offset found in the calibration [°C]", "bias on this run [°C]", _HEIGHT_PX)
-    offsets = np.array([each.offset_degC for each in study.units])
-    biases = np.array(figures(study, group, _WAYS[0][3]))
-    edge = 1.1 * max(np.abs(offsets).max(), np.abs(biases).max(), 0.1)
+    """Each unit's bias over the run with its correction against the one without: at the height of 0 it is mended."""
+    figure = panel_figure("bias as it is [°C]", "bias corrected [°C]", _HEIGHT_PX)
+    (_, _, _, before), (_, _, _, after) = _WAYS
+    x, y = figures(study, group, before), figures(study, group, after)
+    edge = 1.1 * max(*map(abs, x), *map(abs, y), 0.1)
     figure.add_scatter(
         x=[-edge, edge],
         y=[-edge, edge],
-        name="what the offset mends",
+        name="as before",
         mode="lines",
         hoverinfo="skip",
         line={"color": "#9ca3af", "dash": "dot", "width": 1.4},
     )
     figure.add_scatter(
-        x=offsets,
-        y=biases,
+        x=x,
+        y=y,
         text=[f"unit {each.number}" for each in study.units],
         name="a unit",
         mode="markers",
-        marker={"color": ORANGE, "size": 8, "line": {"width": 0.6, "color": "white"}},
-        hovertemplate="%{text}: offset %{x:.2f}, bias %{y:.2f} °C",
+        marker={"color": BLUE, "size": 8, "line": {"width": 0.6, "color": "white"}},
+        hovertemplate="%{text}: %{x:.2f}, corrected %{y:.2f} °C",
     )
+    trained = study.nominal.scores[groups(study).index(group)]
     figure.add_scatter(
-        x=[study.nominal.offset_degC],
-        y=[_WAYS[0][3](study.nominal.scores[groups(study).index(group)])],
+        x=[before(trained)],
+        y=[after(trained)],
         name="the unit it was trained on",
         mode="markers",
         marker={"color": INK, "size": 11, "symbol": "diamond"},
-        hovertemplate="offset %{x:.2f}, bias %{y:.2f} °C",
+        hovertemplate="%{x:.2f}, corrected %{y:.2f} °C",
     )
     return to_markup(with_legend_above(figure), identity)
 

@@ -76,7 +76,7 @@ def units_table(study: Study) -> Table:
                 )
             )
     caption = (
-        f"RMSE and bias (true minus estimate) in degC, over {len(study.units)} simulated units; ±: standard deviation\n"
+        f"RMSE and bias (true minus estimate) in degC, over {len(study.units)} simulated units; ±: standard deviation "
         "from unit to unit. In 90 %: the percentage of errors in the interval that the model publishes."
     )
     columns = ("scenario", "phone", "model", "trained unit", "median", "95 %", "worst", "bias", "in 90 %")
@@ -91,14 +91,14 @@ def sentences(study: Study) -> list[str]:
         best = scatter(study, group, lambda each: each.scatter_degC)
         told.append(
             f"Scenario {group.scenario}, {group.dress}: {before.median:.2f} degC off on the median unit "
-            f"({before.nominal:.2f} on the one it was trained on), {after.median:.2f} with the unit's own offset; the "
-            f"best offset, known afterwards, would leave {best.median:.2f}."
+            f"({before.nominal:.2f} on the one it was trained on), {after.median:.2f} with the unit's own offsets. The "
+            f"best constant added to what it says as it is, known afterwards, would leave {best.median:.2f}."
         )
     offsets = [each.offset_degC for each in study.units]
     told.append(
-        f"The offset, of {KNOWN_MIN:g} minutes at rest at {CALIBRATION_DEGC:g} degC, is {np.mean(offsets):+.2f} ± "
-        f"{np.std(offsets):.2f} degC (standard deviation from unit to unit); the trained unit's own would be "
-        f"{study.nominal.offset_degC:+.2f}."
+        f"The main estimator's offset, of {KNOWN_MIN:g} minutes at rest at {CALIBRATION_DEGC:g} degC, is "
+        f"{np.mean(offsets):+.2f} ± {np.std(offsets):.2f} degC (standard deviation from unit to unit); the trained "
+        f"unit's own would be {study.nominal.offset_degC:+.2f}."
     )
     return told
 
