@@ -29,13 +29,19 @@ def denominators(poles: Array, period_s: float) -> list[Array]:
     return found
 
 
-def signals(poles: Array, period_s: float, inputs: Array) -> Array:
-    """All signals (5 m, N) of ``inputs`` (m, N), from equilibrium with the first sample; signal by signal."""
-    rows = [inputs]
+def signals(poles: Array, period_s: float, inputs: Array, every: int = 1) -> Array:
+    """Each ``every``-th sample of all signals, (5 m, ...), of ``inputs`` (m, N), signal by signal.
+
+    From equilibrium with the first sample.
+    """
+    rows = [inputs[:, ::every]]
     start = inputs[:, :1]
+    # two samples at rest ahead: what is filtered can be read a sample and two samples late
+    moved = np.concatenate([np.zeros((len(inputs), 2)), inputs - start], axis=1)
     for a in denominators(poles, period_s):
-        once = _delayed(lfilter([a.sum()], a, inputs - start, axis=1))
-        rows += [once + start, (once - _delayed(once)) / math.sqrt(a.sum())]
+        filtered = lfilter([a.sum()], a, moved, axis=1)
+        last, before = filtered[:, 1:-1:every], filtered[:, :-2:every]
+        rows += [last + start, (last - before) / math.sqrt(a.sum())]
     return np.concatenate(rows)
 
 
@@ -73,8 +79,3 @@ def numerators(poles: Array, period_s: float, weights: Array) -> tuple[Array, li
         total = a.sum()
         found.append(np.vstack([level * total + change * math.sqrt(total), -change * math.sqrt(total)]))
     return direct, found
-
-
-def _delayed(rows: Array) -> Array:
-    """The rows one sample later, from zero."""
-    return np.concatenate([np.zeros_like(rows[:, :1]), rows[:, :-1]], axis=1)

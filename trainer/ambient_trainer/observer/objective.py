@@ -68,7 +68,7 @@ class Objective:
 
 def lesson_gram(poles: Array, period_s: float, lesson: Lesson) -> Gram:
     """The mean square of the filter's error in ``lesson``."""
-    shown = signals(poles, period_s, lesson.sensors_degC)[:, :: lesson.stride]
+    shown = signals(poles, period_s, lesson.sensors_degC, lesson.stride)
     table = np.vstack([shown, np.full((1, shown.shape[1]), float(lesson.absolute))])
     target = lesson.target_degC[:: lesson.stride]
     count = len(target)

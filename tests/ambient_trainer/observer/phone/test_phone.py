@@ -126,22 +126,16 @@ def test_the_interval_holds_what_it_says(scored):
         name: np.median(np.concatenate([scored[name, k].high_degC - scored[name, k].low_degC for k in UNSEEN])) / 2
         for name in SCENARIOS
     }
-    print(f"\npooled coverage in percent: { {level: round(100 * share, 1) for level, share in pooled.items()} }")
+    print(f"\npooled coverage in percent: {', '.join(f'{level}: {100 * each:.1f}' for level, each in pooled.items())}")
     print("90 %:", "  ".join(f"{name} {100 * each:.0f} (± {half[name]:.2f})" for name, each in by_scenario.items()))
     assert 0.87 < pooled[90] < 0.93
 
 
 def test_the_guard_is_heard_when_the_phone_charges_and_hardly_else(scored):
-    heard = {name: np.concatenate([scored[name, seed].status for seed in UNSEEN]) for name in SCENARIOS}
-    share = {
-        name: np.count_nonzero(each == "degraded") / max(1, np.count_nonzero(each != "warming_up"))
-        for name, each in heard.items()
-    }
-    print(
-        f"\nguard heard once warm, in percent: {', '.join(f'{name} {100 * each:.1f}' for name, each in share.items())}"
-    )
-    assert share["2.2"] > 0.95
-    assert max(share[name] for name in ("4", "5")) < 0.01
+    heard = {name: np.mean([np.mean(scored[name, k].status == "degraded") for k in UNSEEN]) for name in SCENARIOS}
+    print(f"\nguard heard in percent: {', '.join(f'{name} {100 * each:.1f}' for name, each in heard.items())}")
+    assert heard["2.2"] > 0.95
+    assert max(heard[name] for name in ("1", "2.1", "4", "5")) < 0.01
 
 
 def replayed(model_file: str, trace: Trace, folder: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
