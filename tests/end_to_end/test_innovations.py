@@ -5,6 +5,8 @@ maximum likelihood of its innovations, from the place from which the prediction-
 scored without the reference.
 """
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.linalg import expm, schur
@@ -18,6 +20,7 @@ from ambient_trainer.kalman.walking_ambient import WalkingAmbient
 from ambient_trainer.traces.grid import segments
 from ambient_trainer.traces.trace import load_trace
 
+MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"
 REFERENCE_NOISE_DEGC = 0.1
 RUN_IN = 30
 
@@ -79,13 +82,8 @@ def run(A, drive):
 
 @pytest.mark.slow
 def test_the_likelihood_of_innovations_knows_no_ambient(process, chamber_log, tmp_path):
-    (tmp_path / "map.yaml").write_text(
-        "columns: {ambient_degC: 101, ch102_degC: 102, ch105_degC: 105, ch110_degC: 110, ch112_degC: 112}"
-    )
     trace = tmp_path / "chamber.csv"
-    process(
-        "ambient_trainer", "import", chamber_log, "--format", "benchlink", "--map", tmp_path / "map.yaml", "-o", trace
-    )
+    process("ambient_trainer", "import", chamber_log, "--format", "benchlink", "--map", MAP, "-o", trace)
     sampled, left = Sampled(trace), {}
     at_start = sampled.held_out_rmse_degC(sampled.start)
     with threadpool_limits(1):
