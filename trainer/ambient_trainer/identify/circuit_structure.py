@@ -115,7 +115,7 @@ class CircuitStructure:
         its start means nothing and its error never ends. One that is gone before the next sample is no state.
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
-        found = self._assembled(theta)
+        found = self._at(theta, self.segments[0].period_s).found
         longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
         shortest = min(segment.period_s for segment in self.segments) / 10
         eigenvalues, V, W = passive_modes(found.value.A, found.capacitance)

@@ -102,7 +102,7 @@ def linearise(structure: Structure, theta: Array) -> Linearised:
                     R @ expansion.fixed[output],
                     R @ expansion.free[output],
                     expansion.fixed_slope[:, output] @ R.T,
-                    np.einsum("rs,ksp->krp", R, expansion.free_slope[:, output], optimize=True),
+                    R @ expansion.free_slope[:, output],
                 )
             )
     return Linearised(
@@ -135,6 +135,8 @@ def _triangle(tables: Sequence[tuple[Array, Array]]) -> Array:
     In blocks of samples that stay in the cache: a whole table at once takes twice as long.
     """
     triangles = []
+    size = len(tables[0][0]) + len(tables[0][1])
+    upper = np.tri(size, dtype=bool).T
     for signals, targets in tables:
         counts = ~np.isnan(targets[0])
         for start in range(0, len(counts), _BLOCK_SAMPLES):
@@ -146,5 +148,6 @@ def _triangle(tables: Sequence[tuple[Array, Array]]) -> Array:
                 continue
             # its transpose has the columns where LAPACK wants them: nothing is copied
             packed, _, _, _ = dgeqrf(block.T, overwrite_a=1)
-            triangles.append(np.triu(packed[: len(block)]))
+            rows = min(packed.shape)
+            triangles.append(packed[:rows] * upper[:rows])
     return np.asarray(np.linalg.qr(np.concatenate(triangles), mode="r"))
