@@ -1,5 +1,7 @@
 """``circuit_observer`` on simulated circuits, from the fit to the file that a device runs."""
 
+import json
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -10,9 +12,9 @@ from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.export.model_file import model_of
 from ambient_trainer.identify.fit import Effort
 from ambient_trainer.identify.named import fitting
-from ambient_trainer.identify.summary import facts
+from ambient_trainer.identify.summary import as_json, facts
 from ambient_trainer.kalman.believed import walk_of
-from ambient_trainer.kalman.circuit_observer import fit_circuit_observer
+from ambient_trainer.kalman.circuit_observer import fit_circuit_observer, struck_out
 from ambient_trainer.kalman.observer_structure import estimate_of
 from ambient_trainer.kalman.reduce import at_rest
 from ambient_trainer.kalman.walking_ambient import WalkingAmbient
@@ -96,9 +98,14 @@ def test_a_fallback_an_input(fit, model, simulated):
 
 def test_it_says_what_it_is(fit):
     said = "\n".join(facts(fit))
-    assert "Noise gain: " in said
-    assert "90 % interval on the training data: within " in said
-    assert "Fallbacks, RMSE in degC on the training data without: a " in said
+    assert "The circuit has 4 states: a node a sensor, and the ambient.\n" in said
+    for start in ("Noise gain: ", "Half of the 90 % interval: ", "Without a sensor, RMSE on the training samples: a "):
+        assert f"\n{start}" in said
+    told = json.loads(json.dumps(as_json(fit), allow_nan=False))
+    half = told["half_width_90_degC"]
+    assert 0 < half["10"] < half["50"] < half["90"] < half["99"]
+    assert told["noise_gain"] > 1.0
+    assert list(told["fallbacks"]) == ["a", "b", "c"]
 
 
 def test_more_sensors_than_states_are_balanced_down(simulated):
@@ -109,7 +116,7 @@ def test_more_sensors_than_states_are_balanced_down(simulated):
     assert len(found.inputs) == 5
     assert len(found.states) == 4
     assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
-    assert found.notes[0] == "The circuit's 6 states are balanced down to 4."
+    assert found.notes[0] == "The circuit has 6 states: a node a sensor, and the ambient; balanced down to 4."
 
 
 def test_too_many_sensors_are_refused(simulated):
@@ -147,3 +154,20 @@ def test_ctrl_c_in_a_fallback_keeps_the_main_one(simulated):
     assert found.stopped
     assert found.fallbacks == {}
     assert numbers[-1] == 1
+
+
+@pytest.mark.parametrize("dropped", [0, 1, 2])
+def test_a_node_struck_out_leaves_the_others_as_they_are(dropped):
+    """What the others exchange among themselves and with the ambient, and how much they walk, does not change."""
+    names = ("a_degC", "b_degC", "c_degC")
+    theta = np.random.default_rng(5).normal(0, 1, 14)
+    whole = WalkingAmbient(names, 0.3)
+    kept = [index for index in range(3) if index != dropped]
+    smaller = WalkingAmbient([names[index] for index in kept], 0.3)
+    found = smaller.process(struck_out(whole, smaller, theta, dropped))
+    rows = [*kept, 3]
+    off_diagonal = ~np.eye(3, dtype=bool)
+    for ours, theirs in zip(found[:2], whole.process(theta)[:2]):
+        np.testing.assert_allclose(ours[off_diagonal], theirs[np.ix_(rows, rows)][off_diagonal], rtol=1e-12)
+    np.testing.assert_allclose(np.diag(found[1]), np.diag(whole.process(theta)[1])[rows], rtol=1e-12)
+    np.testing.assert_allclose(found[2], whole.process(theta)[2][kept], rtol=1e-12)

@@ -68,6 +68,8 @@ def test_the_interval_covers_runs_that_the_fit_never_saw(fit, simulated):
 def test_fallbacks_and_remarks(fit):
     assert list(fit.fallbacks) == ["a", "b", "c"]
     assert fit.notes[0].startswith("Chosen on the training data alone, by 5 blocks left out in turn: order ")
+    assert fit.figures["choice"]["order"] == len(fit.states)
+    assert {each["order"] for each in fit.figures["tried"]} == {1, 2, 3, 4}
 
 
 def test_the_sensors_asked_for_are_those_it_reads(simulated):

@@ -41,16 +41,16 @@ def test_the_levels_cover_another_run():
 
 def test_it_is_wide_where_the_estimate_moves():
     moment, _ = run(1)
-    quiet, moving = half_widths(fit_spread([moment], PERIOD_S), [moment], PERIOD_S)
-    assert quiet == pytest.approx(0.2 * 1.645, rel=0.1)
-    assert moving > 2 * quiet
+    half = half_widths(fit_spread([moment], PERIOD_S), [moment], PERIOD_S)
+    assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
+    assert half["90"] > 2 * half["10"]
 
 
 def test_errors_that_do_not_care_have_a_constant_spread():
     moment, _ = run(3, weight=0.0)
     spread = fit_spread([moment], PERIOD_S)
-    quiet, moving = half_widths(spread, [moment], PERIOD_S)
-    assert moving < 1.1 * quiet
+    half = half_widths(spread, [moment], PERIOD_S)
+    assert half["90"] < 1.1 * half["10"]
     assert all(term.weight > 0 for term in spread.terms)
 
 

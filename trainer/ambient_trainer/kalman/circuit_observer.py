@@ -28,7 +28,7 @@ from ambient_trainer.identify.fit import (
 )
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.kalman.believed import believed_theta, walk_of
-from ambient_trainer.kalman.finish import Member, finished, judged, without
+from ambient_trainer.kalman.finish import Member, Told, finished, judged, without
 from ambient_trainer.kalman.observer_structure import ObserverStructure
 from ambient_trainer.kalman.reduce import reduced
 from ambient_trainer.kalman.walking_ambient import WalkingAmbient
@@ -71,11 +71,13 @@ def fit_circuit_observer(
         def fallback(dropped: int, progress: Progress | None) -> Fit:
             left, parts = without(columns, segments, dropped)
             smaller = WalkingAmbient(left, walk)
-            start = _struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
+            start = struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
             return _fitted(left, ObserverStructure(smaller, start, parts), Effort(1, effort.seed), progress)
 
-        said = f"The circuit's {len(columns) + 1} states are balanced down to {len(main.states)}."
-        return finished(Member(main, segments), fallback, progress, [said] * (len(columns) + 1 > len(main.states)))
+        states = len(columns) + 1
+        remark = f"The circuit has {states} states: a node a sensor, and the ambient"
+        remark += f"; balanced down to {len(main.states)}." if states > len(main.states) else "."
+        return finished(Member(main, segments), fallback, progress, Told(remark, {"states_of_circuit": states}))
 
 
 def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:
@@ -98,7 +100,7 @@ def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort
     return judged(fit, structure.segments)
 
 
-def _struck_out(whole: WalkingAmbient, smaller: WalkingAmbient, theta: Array, dropped: int) -> Array:
+def struck_out(whole: WalkingAmbient, smaller: WalkingAmbient, theta: Array, dropped: int) -> Array:
     """The theta of the circuit that lacks a node, its capacities in terms of its own first one."""
     known = dict(zip(whole.names, theta.tolist()))
     first = known[whole.names[whole.count]] if dropped == 0 else 0.0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,13 @@ class Member(NamedTuple):
     segments: Sequence[Segment]
 
 
+class Told(NamedTuple):
+    """What one kind of observer alone has to tell, as a line and as figures."""
+
+    remark: str
+    figures: Mapping[str, Any]
+
+
 def judged(fit: Fit, segments: Sequence[Segment]) -> Fit:
     """The fit with the errors of the system that it exports."""
     errors = np.concatenate([each.outputs[0] - _estimate(fit, each) for each in segments])
@@ -48,31 +55,43 @@ def without(columns: Sequence[str], segments: Sequence[Segment], dropped: int) -
     ]
 
 
-def finished(main: Member, refit: Refit, progress: Progress | None, remarks: Sequence[str]) -> Fit:
-    """The fit with a fallback an input, a spread and remarks; Ctrl-C leaves out the fallbacks that are not done."""
+def finished(main: Member, refit: Refit, progress: Progress | None, told: Told) -> Fit:
+    """The fit with a fallback an input, a spread and what there is to tell of them.
+
+    Ctrl-C leaves out the fallbacks that are not done.
+    """
     fit, segments = main
     fallbacks, stopped = _fallbacks(fit, refit, progress)
     moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
     spread = fit_spread(moments, period_s)
-    quiet, moving = half_widths(spread, moments, period_s)
-    said = [
-        f"Noise gain: {noise_gain(fit.system, period_s):.2f} degC per degC of white noise on every sensor, "
-        f"at {period_s:g} s.",
-        f"90 % interval on the training data: within {quiet:.2f} degC when quiet (a tenth of the samples is quieter), "
-        f"{moving:.2f} degC in transients (a tenth moves more).",
-    ]
-    if fallbacks:
-        each = ", ".join(f"{name} {found.rmse_degC:.3f}" for name, found in fallbacks.items())
-        said.append(f"Fallbacks, RMSE in degC on the training data without: {each}.")
+    figures = {
+        "noise_gain": noise_gain(fit.system, period_s),
+        "half_width_90_degC": half_widths(spread, moments, period_s),
+        "fallbacks": {name: {"rmse_degC": each.rmse_degC} for name, each in fallbacks.items()},
+    }
     return replace(
         fit,
         fallbacks=fallbacks,
         spread=spread,
         stopped=fit.stopped or stopped,
         converged=fit.converged and not stopped,
-        notes=(*remarks, *said),
+        figures={**told.figures, **figures},
+        notes=(told.remark, *_notes(figures, period_s)),
     )
+
+
+def _notes(figures: Mapping[str, Any], period_s: float) -> list[str]:
+    half = figures["half_width_90_degC"]
+    said = [
+        f"Noise gain: {figures['noise_gain']:.2f} (output per unit of white noise in every sensor, at {period_s:g} s).",
+        f"Half of the 90 % interval: {half['50']:.2f} degC over the median training sample, {half['10']:.2f} when "
+        f"quiet (10 %), {half['90']:.2f} in transients (90 %), {half['99']:.2f} in the fastest (99 %).",
+    ]
+    if figures["fallbacks"]:
+        each = ", ".join(f"{name} {found['rmse_degC']:.2f}" for name, found in figures["fallbacks"].items())
+        said.append(f"Without a sensor, RMSE on the training samples: {each}.")
+    return said
 
 
 def _fallbacks(fit: Fit, refit: Refit, progress: Progress | None) -> tuple[dict[str, Fit], bool]:

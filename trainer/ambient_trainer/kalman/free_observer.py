@@ -29,7 +29,7 @@ from ambient_trainer.identify.fit import (
 from ambient_trainer.identify.free_filter import FreeFilter
 from ambient_trainer.identify.search import Progress, search, search_whole
 from ambient_trainer.identify.uncertainty import uncertainty
-from ambient_trainer.kalman.finish import Member, finished, judged, without
+from ambient_trainer.kalman.finish import Member, Told, finished, judged, without
 from ambient_trainer.kalman.free_structure import ConstrainedFilter
 from ambient_trainer.kalman.reduce import at_rest
 from ambient_trainer.traces.grid import Segment, sampling_period_s
@@ -75,7 +75,7 @@ def fit_free_observer(
             fewer = Effort(min(_FALLBACK_STARTS, effort.starts), effort.seed)
             return _fitted(*without(columns, segments, dropped), choice, fewer, progress)
 
-        return finished(Member(main, segments), fallback, progress, [_said(choice, tried)])
+        return finished(Member(main, segments), fallback, progress, _told(choice, tried))
 
 
 def chosen(tried: Sequence[Choice]) -> Choice:
@@ -153,11 +153,12 @@ def _exact_at_rest(system: StateSpace) -> StateSpace:
     return replace(system, D=system.D + lacking / system.D.shape[1])
 
 
-def _said(choice: Choice, tried: Sequence[Choice]) -> str:
+def _told(choice: Choice, tried: Sequence[Choice]) -> Told:
     best = {order: min(each.rmse_degC for each in tried if each.order == order) for order in _ORDERS}
     orders = ", ".join(f"{order}: {rmse:.3f}" for order, rmse in best.items())
-    return (
+    remark = (
         f"Chosen on the training data alone, by {_BLOCKS} blocks left out in turn: order {choice.order}, "
         f"{choice.noise_degC:g} degC of noise presumed on every sensor, {choice.rmse_degC:.3f} degC RMSE "
         f"(the best of each order: {orders})."
     )
+    return Told(remark, {"choice": choice._asdict(), "tried": [each._asdict() for each in tried]})

@@ -26,7 +26,7 @@ _FREEDOM = 3.0
 _LEAST = 1e-6
 """The share of the whole variance below which a term is none."""
 _INTERVAL = 90
-_TENTH = 0.1
+_SHOWN_PERCENT = (10, 50, 90, 99)
 
 
 class Moment(NamedTuple):
@@ -52,11 +52,11 @@ def fit_spread(moments: Sequence[Moment], period_s: float) -> Spread:
     return unscaled._replace(quantiles={level: (-reach, reach) for level, reach in bands.items()})
 
 
-def half_widths(spread: Spread, moments: Sequence[Moment], period_s: float) -> tuple[float, float]:
-    """The half width of the 90 % interval in degC that a tenth of the samples is below, and that a tenth is above."""
+def half_widths(spread: Spread, moments: Sequence[Moment], period_s: float) -> dict[str, float]:
+    """Half the width of the 90 % interval in degC, by the percentage of samples over which it is narrower."""
     sigmas = np.concatenate([_sigma(spread, each.estimate_degC, period_s) for each in moments])
-    quiet, moving = np.quantile(sigmas * spread.quantiles[_INTERVAL][1], [_TENTH, 1 - _TENTH])
-    return float(quiet), float(moving)
+    halves = np.percentile(sigmas * spread.quantiles[_INTERVAL][1], _SHOWN_PERCENT)
+    return {str(percent): float(half) for percent, half in zip(_SHOWN_PERCENT, halves)}
 
 
 def _likeliest(errors: Array, table: Array) -> list[float]:
