@@ -29,6 +29,8 @@ class Bank:
     threshold_degC: float
     fallbacks: dict[str, TaughtFilter]
     """By the sensor that each does without."""
+    stopped: bool = False
+    """Whether the user did not wait for all fallbacks."""
 
     def published(self, sensors_degC: Array) -> tuple[Array, Array]:
         """What main and guard say together over sensors (m, N), and how far the main one lies above the guard."""
@@ -38,7 +40,10 @@ class Bank:
 
 
 def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[int], Told]) -> Bank:
-    """The bank that ``lessons`` teach; ``stage`` gives what hears the progress of the search of that number."""
+    """The bank that ``lessons`` teach; ``stage`` gives what hears the progress of the search of that number.
+
+    Ctrl-C leaves out the fallbacks that are not found yet; before the first it is a KeyboardInterrupt.
+    """
     columns, weights, rules = recipe.sensor_columns, recipe.weights, recipe.filter
     start = first_unknowns(rules)
 
@@ -51,11 +56,15 @@ def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[i
 
     main = search(columns, lessons, weights.main, 0)
     guard = search(columns, lessons, weights.guard, 1)
-    fallbacks = {}
-    for index, name in enumerate(recipe.sensors):
-        fewer = {key: [each.without(index) for each in several] for key, several in lessons.items()}
-        fallbacks[name] = search([*columns[:index], *columns[index + 1 :]], fewer, weights.main, 2 + index)
-    return Bank(main, guard, _threshold(recipe, main, guard, lessons[LOGGED]), fallbacks)
+    fallbacks: dict[str, TaughtFilter] = {}
+    stopped = False
+    try:
+        for index, name in enumerate(recipe.sensors):
+            fewer = {key: [each.without(index) for each in several] for key, several in lessons.items()}
+            fallbacks[name] = search([*columns[:index], *columns[index + 1 :]], fewer, weights.main, 2 + index)
+    except KeyboardInterrupt:
+        stopped = True
+    return Bank(main, guard, _threshold(recipe, main, guard, lessons[LOGGED]), fallbacks, stopped)
 
 
 def _threshold(recipe: Recipe, main: TaughtFilter, guard: TaughtFilter, logged: Sequence[Lesson]) -> float:

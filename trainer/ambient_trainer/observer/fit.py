@@ -52,7 +52,8 @@ def fit_observer(
 ) -> Fit:
     """Fit the observer to one or several traces.
 
-    One search each, from where the recipe says: ``effort.starts`` is not used, its seed draws what is made up.
+    One search each, from where the recipe says: ``effort.starts`` is not used, its seed draws what is made up. Ctrl-C
+    leaves out the fallbacks that are not found yet; before the first it is a KeyboardInterrupt.
     Raises :class:`Refused` where the traces lack a column, are too short or hold no work.
     """
     period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
@@ -127,7 +128,8 @@ def _closed(
     members = [bank.main, bank.guard, *bank.fallbacks.values()]
     return replace(
         main,
-        converged=circuit.converged and all(each.found.converged for each in members),
+        converged=circuit.converged and all(each.found.converged for each in members) and not bank.stopped,
+        stopped=bank.stopped,
         evaluations=circuit.evaluations + sum(each.found.evaluations for each in members),
         guard=GuardFit(guard, bank.threshold_degC),
         fallbacks=fallbacks,

@@ -52,7 +52,7 @@ def notes(told: Mapping[str, Any]) -> tuple[str, ...]:
     main, guard, circuit = told["main"], told["guard"], told["forward_circuit"]
     half = told["half_width_90_degC"]
     misfit = ", ".join(f"{name} {each:.2f}" for name, each in circuit["misfit_degC"].items())
-    fallbacks = ", ".join(f"{name} {each['rmse_degC']:.2f}" for name, each in told["fallbacks"].items())
+    fallbacks = ", ".join(f"{name} {each['rmse_degC']:.2f}" for name, each in told["fallbacks"].items()) or "none"
     return (
         f"Noise gain: {main['noise_gain']:.2f}, the guard's {guard['noise_gain']:.2f} (output per unit of white noise "
         f"in every sensor, at {main['period_s']:g} s).",

@@ -143,6 +143,30 @@ def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
     assert fit.rmse_degC == pytest.approx(fitted[0].rmse_degC, rel=0.2)
 
 
+def interrupting(stage: int):
+    def told(number: int, evaluation: int, square: float) -> None:
+        if (number, evaluation) == (stage, 5):
+            raise KeyboardInterrupt
+
+    return told
+
+
+def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, brick_log, fitted):
+    fit = fitting(brick_files)([brick_log], EFFORT, interrupting(4), None)
+    assert fit.stopped
+    assert not fit.converged
+    assert list(fit.fallbacks) == ["chip"]
+    assert fit.rmse_degC == fitted[0].rmse_degC
+    assert facts(fit)[0].startswith("Stopped before the search was over")
+    assert list(model_of(fit, [], {}).fallbacks) == ["chip"]
+
+
+@pytest.mark.parametrize("stage", [0, 1, 2])
+def test_before_main_and_guard_are_found_there_is_nothing_to_keep(stage, brick_files, brick_log):
+    with pytest.raises(KeyboardInterrupt):
+        fitting(brick_files)([brick_log], EFFORT, interrupting(stage), None)
+
+
 def command(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "ambient_trainer", "fit", *arguments]
 
