@@ -74,7 +74,7 @@ def small():
 
 AGAIN = made_up(11, path="runs/again.csv")
 """Another draw of the device, which chooses nothing."""
-OPTIONS = Options(most=3, order=2, blocks=6, tolerance_degC=0.05)
+OPTIONS = Options(most=2, order=2, blocks=6, tolerance_degC=0.05)
 
 
 def found_in(trace, jobs, checks=(), with_circuits=True):

@@ -24,7 +24,7 @@ def test_a_browser_has_nothing_to_complain_of(opened, page, width):
     assert said["fetched"] == []
     assert said["room"] == width
     assert said["wide"] <= width
-    assert len(said["plots"]) == 2 + 3
+    assert len(said["plots"]) == 2 + 2
     assert min(said["plots"]) > 0.55 * width
 
 

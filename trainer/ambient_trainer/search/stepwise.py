@@ -1,13 +1,13 @@
 """Stepwise over edges: from each start the best neighbour, as long as one lowers the held-out error by a hundredth.
 
-Then the best loses edges again, as long as its error stays within a hundredth.
+Then the best loses edges again, as many as leave its error within a hundredth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ambient_trainer.search.wiring import Wiring, neighbours, starting_wirings
+from ambient_trainer.search.wiring import Wiring, neighbours, starting_wirings, without
 
 Score = Callable[[Sequence[Wiring]], Sequence[float]]
 """The held-out error of each wiring in degC."""
@@ -27,17 +27,17 @@ def best_wiring(sensors: Sequence[str], most_states: int, score: Score) -> Wirin
     for start in starting_wirings(sensors, most_states):
         _climb(start, most_states, noted)
     limit = (1 + _HUNDREDTH) * min(tried.values())
-    return _thinned(min(tried, key=lambda each: (tried[each], len(each.edges))), most_states, noted, limit)
+    return _thinned(min(tried, key=lambda each: (tried[each], len(each.edges))), noted, limit)
 
 
-def _thinned(wiring: Wiring, most_states: int, score: Score, limit_degC: float) -> Wiring:
-    """The wiring less edges and states, one after the other, as long as the error stays below the limit."""
-    while less := [each for each in neighbours(wiring, most_states) if len(each.edges) < len(wiring.edges)]:
-        error, index = min(zip(score(less), range(len(less))))
-        if error > limit_degC:
-            break
-        wiring = less[index]
-    return wiring
+def _thinned(wiring: Wiring, score: Score, limit_degC: float) -> Wiring:
+    """The wiring less as many edges as the limit allows, those first that cost least by themselves."""
+    alone = [(edge, less) for edge in wiring.edges for less in [without(wiring, [edge])] if less.complete]
+    order = [edge for _, (edge, _) in sorted(zip(score([less for _, less in alone]), alone))]
+    nested = [without(wiring, order[: count + 1]) for count in range(len(order))]
+    usable = [each for each in nested if each.complete]
+    good = [each for each, error in zip(usable, score(usable)) if error <= limit_degC]
+    return good[-1] if good else wiring
 
 
 def _climb(start: Wiring, most_states: int, score: Score) -> None:

@@ -50,7 +50,9 @@ class Wiring:
 
     @property
     def complete(self) -> bool:
-        """Whether every state is driven: in rises by an exchange of its own, in temperatures from some sensor."""
+        """Whether there are states and all are driven: in rises by an exchange, in temperatures from some sensor."""
+        if not self.states:
+            return False
         if self.form == "rise":
             return all(any(state in edge for edge in self.edges) for state in self.states)
         reached = set(self.sensors)
@@ -60,11 +62,9 @@ class Wiring:
 
 
 def starting_wirings(sensors: Sequence[str], most_states: int) -> list[Wiring]:
-    """Where the search for a wiring starts: every sensor's node joined to every other's; one hidden node, and more."""
-    found = []
-    for count in sorted({1, most_states}):
-        hidden = [f"hidden{k + 1}" for k in range(count)]
-        found.append(_tidy("temperature", sensors, hidden, list(itertools.product(hidden, sensors))))
+    """Where the search for a wiring starts: every sensor's node joined to every other's, and hidden ones to all."""
+    hidden = [f"hidden{k + 1}" for k in range(most_states)]
+    found = [_tidy("temperature", sensors, hidden, list(itertools.product(hidden, sensors)))]
     if len(sensors) > 1:
         states = list(sensors[:most_states])
         pairs = [(a, b) for a, b in itertools.combinations(sensors, 2) if a in states or b in states]
@@ -90,8 +90,15 @@ def neighbours(wiring: Wiring, most_states: int) -> list[Wiring]:
         for state in new:
             more = [] if any(state in edge for edge in edges) else [(state, each) for each in sensors if each != state]
             found.append(_tidy(form, sensors, [*states, state], [*edges, *more]))
-    usable = [each for each in found if each.states and each.complete and each != wiring]
+    usable = [each for each in found if each.complete and each != wiring]
     return list(dict.fromkeys(usable))
+
+
+def without(wiring: Wiring, edges: Sequence[Pair]) -> Wiring:
+    """The wiring less these edges, and less the states that have none left."""
+    kept = [each for each in wiring.edges if each not in edges]
+    states = [each for each in wiring.states if any(each in edge for edge in kept)]
+    return _tidy(wiring.form, wiring.sensors, states, kept)
 
 
 def circuit_of(wiring: Wiring, tau_s: Sequence[float], name: str, about: str) -> Circuit:
