@@ -20,10 +20,16 @@ BLIND_S, NONE = 1e7, 1e-9
 
 
 class Chamber:
-    """The log in two parts, and what a circuit leaves of the second one after a fit to the first."""
+    """The log in two parts, and what a circuit leaves of the second one after a fit to the first.
 
-    def __init__(self, path):
+    ``late_samples`` is how much later than logged the reference is taken to be.
+    """
+
+    def __init__(self, path, late_samples=0):
         whole = load_trace(str(path))
+        moved = np.full_like(whole.reference, np.nan)
+        moved[1:-1] = np.roll(whole.reference, late_samples)[1:-1]
+        whole = replace(whole, columns={**whole.columns, "ambient_degC": moved})
         split_s = round(0.6 * whole.time_s[-1], 3)
         self.columns = [name for name in whole.columns if name.startswith("ch")]
         (self.whole,) = segments(whole, self.columns, ("ambient_degC",))
@@ -67,6 +73,10 @@ def test_what_the_circuit_is_worth_without_one_thing_at_a_time(process, chamber_
     left = {}
     for name, pinned in cases.items():
         left[name], gain = chamber.left_degC(pinned)
+        print(f"{name}: held out {left[name]:.2f} degC, noise gain {gain:.1f}")
+    for late in (-1, 1):
+        name = f"with the reference moved by {10 * late} s"
+        left[name], gain = Chamber(trace, late).left_degC({})
         print(f"{name}: held out {left[name]:.2f} degC, noise gain {gain:.1f}")
     whole = left.pop("the whole circuit")
     assert whole < 0.75
