@@ -14,10 +14,11 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.search.bank import banks
 from ambient_trainer.search.blocks import Block, cut_in_blocks
 from ambient_trainer.search.check import checked, fit_to_check
+from ambient_trainer.search.fitted import fitted_circuit
 from ambient_trainer.search.forward import best_sets, swaps
 from ambient_trainer.search.found import Alternative, Chosen, Found, FoundCircuit, FreeFit, Options
 from ambient_trainer.search.front import HeldOut, fewest_within_one_error
@@ -290,14 +291,6 @@ def _best_circuit(
         f"{held_out.rmse_degC:.3g} degC off on blocks of time that it was not fitted to"
     )
     drawn = circuit_of(wiring, task.tau_s, f"search_{len(names)}", about)
-    circuit = _with_values(drawn, structure.values(theta, beta))
-    return FoundCircuit(circuit, wiring, structure.system(theta, beta), held_out, len(fits))
-
-
-def _with_values(circuit: Circuit, values: Mapping[str, float]) -> Circuit:
-    """The circuit, starting where it was fitted."""
-    parameters = tuple(
-        replace(each, initial=float(np.clip(values[each.name], each.low, each.high))) if each.free else each
-        for each in circuit.parameters
-    )
-    return replace(circuit, parameters=parameters)
+    circuit, less = fitted_circuit(drawn, wiring, structure.values(theta, beta))
+    system = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
+    return FoundCircuit(circuit, less, system, held_out, len(fits))

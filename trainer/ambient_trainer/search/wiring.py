@@ -106,7 +106,7 @@ def circuit_of(wiring: Wiring, tau_s: Sequence[float], name: str, about: str) ->
     start = {state: tau_s[k % len(tau_s)] for k, state in enumerate(wiring.states)}
     parameters: dict[str, Any] = {}
     nodes: dict[str, Any] = {each: {"sensor": each} for each in wiring.sensors}
-    firsts = {group[0] for group in _groups(wiring)}
+    firsts = {group[0] for group in groups(wiring)}
     for state in wiring.states:
         known = wiring.form == "rise" or state in firsts
         capacitance = _CAPACITANCE if known else _parameter(parameters, f"C_{state}", "J/K", _CAPACITANCE)
@@ -116,7 +116,7 @@ def circuit_of(wiring: Wiring, tau_s: Sequence[float], name: str, about: str) ->
     for a, b in wiring.edges:
         state = a if a in start else b
         resistance = start[state] / _CAPACITANCE * (1 if wiring.form == "rise" else _degree(wiring, state))
-        group = next(each[0] for each in _groups(wiring) if state in each)
+        group = next(each[0] for each in groups(wiring) if state in each)
         value: Any = resistance
         if wiring.form == "temperature" or group in scaled:
             value = _parameter(parameters, f"R_{a}_{b}", "K/W", resistance)
@@ -174,7 +174,7 @@ def _sorted(pair: Sequence[str]) -> Pair:
     return a, b
 
 
-def _groups(wiring: Wiring) -> list[list[str]]:
+def groups(wiring: Wiring) -> list[list[str]]:
     """The states that are joined to one another, directly or by other states, each group sorted."""
     groups: list[set[str]] = []
     for state in wiring.states:
