@@ -7,7 +7,10 @@ from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.export.model_file import model_of
 from ambient_trainer.identify.fit import Effort, fit_free_filter
 from ambient_trainer.identify.named import fitting
-from ambient_trainer.kalman.free_observer import Choice, _fitted, chosen, fit_free_observer
+from ambient_trainer.identify.search import search
+from ambient_trainer.kalman.choosing import Choice, chosen
+from ambient_trainer.kalman.free_observer import fit_free_observer
+from ambient_trainer.kalman.free_structure import ConstrainedFilter
 from ambient_trainer.kalman.noise_gain import noise_gain
 from ambient_trainer.traces.grid import segments
 from ambient_trainer.traces.trace import Trace
@@ -42,12 +45,11 @@ def test_it_does_as_well_as_one_without_demands(fit, simulated):
 
 def test_the_more_noise_is_presumed_the_less_goes_through(simulated):
     trace = simulated(5, samples=1500)
-    columns = ["a_degC", "b_degC", "c_degC"]
-    grid = segments(trace, columns, ("ambient_degC",))
-    gains = [
-        noise_gain(_fitted(columns, grid, Choice(2, noise_degC, 0.0), TWO, None).system, 10.0)
-        for noise_degC in (0.01, 0.3, 3.0)
-    ]
+    grid = segments(trace, ["a_degC", "b_degC", "c_degC"], ("ambient_degC",))
+    gains = []
+    for noise_degC in (0.01, 0.3, 3.0):
+        best = search(structure := ConstrainedFilter(2, grid, noise_degC), 2, 0).best
+        gains.append(noise_gain(structure.system(best.theta, best.beta), 10.0))
     assert gains[0] > gains[1] > gains[2]
     assert gains[2] < 1.0
 
@@ -75,3 +77,21 @@ def test_fallbacks_and_remarks(fit):
 def test_the_sensors_asked_for_are_those_it_reads(simulated):
     found = fitting("free_observer", ["c_degC", "a_degC"])([simulated(6, samples=600)], TWO, None, None)
     assert found.inputs == ("c_degC", "a_degC")
+
+
+@pytest.mark.parametrize("evaluation", [3, 150])
+def test_ctrl_c_keeps_the_best_so_far(simulated, evaluation):
+    """While the first order is searched, and while blocks are left out."""
+    seen = []
+
+    def interrupt(start, number, square):
+        seen.append(number)
+        if len(seen) == evaluation:
+            raise KeyboardInterrupt
+
+    found = fitting("free_observer")([simulated(6, samples=600)], TWO, interrupt, None)
+    assert found.stopped
+    assert not found.converged
+    assert found.notes[0].startswith("Stopped before order and noise were chosen: this is order ")
+    assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
+    assert model_of(found, [], {}).provenance["fit"]["stopped"]

@@ -28,7 +28,7 @@ from ambient_trainer.identify.fit import (
 )
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.kalman.believed import believed_theta, walk_of
-from ambient_trainer.kalman.finish import Member, Told, finished, judged, without
+from ambient_trainer.kalman.finish import Member, Told, finished, judged, late, without
 from ambient_trainer.kalman.observer_structure import ObserverStructure
 from ambient_trainer.kalman.reduce import reduced
 from ambient_trainer.kalman.walking_ambient import WalkingAmbient
@@ -68,16 +68,18 @@ def fit_circuit_observer(
         require_enough(traces, structure)
         main = _fitted(columns, structure, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
 
-        def fallback(dropped: int, progress: Progress | None) -> Fit:
+        def fallback(dropped: int) -> Fit:
             left, parts = without(columns, segments, dropped)
             smaller = WalkingAmbient(left, walk)
             start = struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
-            return _fitted(left, ObserverStructure(smaller, start, parts), Effort(1, effort.seed), progress)
+            return _fitted(
+                left, ObserverStructure(smaller, start, parts), Effort(1, effort.seed), late(progress, effort)
+            )
 
         states = len(columns) + 1
         remark = f"The circuit has {states} states: a node a sensor, and the ambient"
         remark += f"; balanced down to {len(main.states)}." if states > len(main.states) else "."
-        return finished(Member(main, segments), fallback, progress, Told(remark, {"states_of_circuit": states}))
+        return finished(Member(main, segments), fallback, Told(remark, {"states_of_circuit": states}))
 
 
 def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambient_model.trace import split_column
 from ambient_trainer.evaluation.estimate import response_degC
-from ambient_trainer.identify.fit import Fit
+from ambient_trainer.identify.fit import Effort, Fit
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.kalman.noise_gain import noise_gain
 from ambient_trainer.kalman.spread import Moment, fit_spread, half_widths
@@ -19,7 +19,7 @@ from ambient_trainer.traces.grid import Segment
 
 Array = NDArray[np.float64]
 
-Refit = Callable[[int, Progress | None], Fit]
+Refit = Callable[[int], Fit]
 """Fits the same without the input of that number."""
 
 
@@ -55,13 +55,13 @@ def without(columns: Sequence[str], segments: Sequence[Segment], dropped: int) -
     ]
 
 
-def finished(main: Member, refit: Refit, progress: Progress | None, told: Told) -> Fit:
-    """The fit with a fallback an input, a spread and what there is to tell of them.
+def finished(main: Member, refit: Refit | None, told: Told) -> Fit:
+    """The fit with a fallback an input, if there is a ``refit``, a spread and what there is to tell of them.
 
     Ctrl-C leaves out the fallbacks that are not done.
     """
     fit, segments = main
-    fallbacks, stopped = _fallbacks(fit, refit, progress)
+    fallbacks, stopped = _fallbacks(fit, refit)
     moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
     spread = fit_spread(moments, period_s)
@@ -94,15 +94,19 @@ def _notes(figures: Mapping[str, Any], period_s: float) -> list[str]:
     return said
 
 
-def _fallbacks(fit: Fit, refit: Refit, progress: Progress | None) -> tuple[dict[str, Fit], bool]:
+def late(progress: Progress | None, effort: Effort) -> Progress | None:
+    """The progress of a search that follows after all starts."""
+    return progress and (lambda _, evaluation, square: progress(effort.starts, evaluation, square))
+
+
+def _fallbacks(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
     """By input, and whether the user stopped it."""
-    if len(fit.inputs) < 2 or fit.stopped:
+    if refit is None or len(fit.inputs) < 2 or fit.stopped:
         return {}, False
-    told = progress and (lambda _, evaluation, square: progress(fit.effort.starts, evaluation, square))
     found: dict[str, Fit] = {}
     for index, column in enumerate(fit.inputs):
         try:
-            each = refit(index, told)
+            each = refit(index)
         except KeyboardInterrupt:
             return found, True
         if each.stopped:
