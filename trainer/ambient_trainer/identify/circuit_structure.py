@@ -235,7 +235,7 @@ class CircuitStructure:
         """The inputs, one, phi (n m rows), and chi of the pairs of modes that need one, of a segment."""
         segment = self.segments[index]
         at = self._at(theta, segment.period_s)
-        result = np.zeros((self._size(at), segment.inputs.shape[1]))
+        result = np.empty((self._size(at), segment.inputs.shape[1]))
         self._fill(result, at, index)
         return result
 

@@ -47,6 +47,7 @@ class FreelyStartingCircuit(CircuitStructure):
     def _fill(self, result: Array, at: Modal, index: int) -> None:
         """The circuit's signals, then per segment a_i^k and a_k^. / (z - a_i) of pairs, zero in the others."""
         super()._fill(result, at, index)
+        result[at.size :] = 0.0
         rows = result[at.size + index * at.decays :][: at.decays]
         n, steps = len(at.poles), np.arange(float(rows.shape[1]))
         decay = rows[:n]
