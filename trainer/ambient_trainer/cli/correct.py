@@ -6,9 +6,9 @@ import click
 
 from ambient_model.codec import load_model, save_model
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.traces.digest import sha256_of
+from ambient_trainer.export.model_file import training_of
 from ambient_trainer.traces.trace import load_trace
-from ambient_trainer.units.correction import MAIN, corrected, correction, known_between, source_of
+from ambient_trainer.units.correction import MAIN, corrected, correction, known_between
 
 
 @click.command("correct")
@@ -29,7 +29,7 @@ def command(model_path: str, trace_path: str, output: str, from_s: float | None,
     check_outputs([output], [model_path, trace_path])
     model, trace = load_model(model_path), load_trace(trace_path)
     found = correction(model, known_between(trace, from_s, to_s))
-    save_model(output, corrected(model, found, source_of(trace, sha256_of(trace_path), from_s, to_s)))
+    save_model(output, corrected(model, found, training_of(trace, from_s, to_s)))
     added, error = found.offsets_degC[MAIN], found.standard_error_degC
     click.echo(
         f"Offset {added:+.3f} degC (standard error {error:.3f}), from {found.samples:,} samples with an ambient."

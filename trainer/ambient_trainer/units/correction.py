@@ -11,7 +11,6 @@ import datetime
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -89,8 +88,3 @@ def _errors_degC(model: Model, estimator: Estimator, trace: Trace) -> Array:
 
 def _moved(estimator: Estimator, degC: float) -> Estimator:
     return estimator._replace(offset=estimator.offset + degC)
-
-
-def source_of(trace: Trace, sha256: str, from_s: float | None, to_s: float | None) -> dict[str, Any]:
-    """What a model file says of the trace that it was corrected by."""
-    return {"trace": Path(trace.path).name, "sha256": sha256, "from_s": from_s, "to_s": to_s}

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import numpy as np
 import plotly.graph_objects as go  # type: ignore[import-untyped]
 from markupsafe import Markup
 
 from ambient_trainer.report.page import render
 from ambient_trainer.report.plots import BLUE, INK, ORANGE, panel_figure, to_markup, with_legend_above
-from ambient_trainer.units.study import Score, Study
-from ambient_trainer.units.summary import Group, figures, groups, scatter, sentences, units_table
+from ambient_trainer.units.study import Study
+from ambient_trainer.units.summary import WAYS, Group, figures, groups, scatter, sentences, units_table
 
 _HEIGHT_PX = 330
-_WAYS: Sequence[tuple[str, str, Callable[[Score], float], Callable[[Score], float]]] = (
-    ("as it is", ORANGE, lambda each: each.rmse_degC, lambda each: each.bias_degC),
-    ("corrected", BLUE, lambda each: each.corrected_rmse_degC, lambda each: each.corrected_bias_degC),
-)
+_COLOURS = (ORANGE, BLUE)
 
 
 def units_page(study: Study) -> str:
@@ -46,20 +41,20 @@ def units_page(study: Study) -> str:
 def _ranked(study: Study, group: Group, identity: str) -> Markup:
     """The RMSE of all units, the best first: which share of them is better than a given error."""
     figure = panel_figure("share of units that are better [%]", "RMSE [°C]", _HEIGHT_PX)
-    for name, colour, rmse, _ in _WAYS:
-        values = figures(study, group, rmse)
+    for way, colour in zip(WAYS, _COLOURS):
+        values = figures(study, group, way.rmse_degC)
         order = np.argsort(values)
         figure.add_scatter(
             x=100 * (np.arange(len(values)) + 0.5) / len(values),
             y=np.array(values)[order],
             text=[f"unit {study.units[index].number}" for index in order],
-            name=name,
+            name=way.name,
             mode="lines+markers",
             line={"color": colour, "width": 1.2, "shape": "hv"},
             marker={"size": 5},
             hovertemplate="%{text}: %{y:.2f} °C",
         )
-    trained = scatter(study, group, _WAYS[0][2]).nominal
+    trained = scatter(study, group, WAYS[0].rmse_degC).nominal
     _level(figure, trained, "the unit it was trained on")
     figure.update_yaxes(rangemode="tozero")
     figure.update_xaxes(range=[0, 100])
@@ -69,7 +64,7 @@ def _ranked(study: Study, group: Group, identity: str) -> Markup:
 def _biases(study: Study, group: Group, identity: str) -> Markup:
     """Each unit's bias over the run with its correction against the one without: at the height of 0 it is mended."""
     figure = panel_figure("bias as it is [°C]", "bias corrected [°C]", _HEIGHT_PX)
-    (_, _, _, before), (_, _, _, after) = _WAYS
+    before, after = (way.bias_degC for way in WAYS)
     x, y = figures(study, group, before), figures(study, group, after)
     edge = 1.1 * max(*map(abs, x), *map(abs, y), 0.1)
     figure.add_scatter(

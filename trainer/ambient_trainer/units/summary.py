@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any, NamedTuple
 
@@ -36,6 +36,26 @@ class Scatter(NamedTuple):
     deviation: float
 
 
+class Way(NamedTuple):
+    """How a model runs on a unit, and the figures of that."""
+
+    name: str
+    rmse_degC: Callable[[Score], float]
+    bias_degC: Callable[[Score], float]
+    inside90_percent: Callable[[Score], float]
+
+
+WAYS = (
+    Way("as it is", lambda each: each.rmse_degC, lambda each: each.bias_degC, lambda each: each.inside90_percent),
+    Way(
+        "corrected",
+        lambda each: each.corrected_rmse_degC,
+        lambda each: each.corrected_bias_degC,
+        lambda each: each.corrected_inside90_percent,
+    ),
+)
+
+
 def groups(study: Study) -> list[Group]:
     """The kinds of runs, in order."""
     return [Group(each.scenario, each.cased) for each in study.nominal.scores]
@@ -64,12 +84,12 @@ def units_table(study: Study) -> Table:
     """How the units scatter, two rows a group."""
     rows = []
     for group in groups(study):
-        for how, rmse, bias, inside in _WAYS:
-            off, mean, held = (scatter(study, group, of) for of in (rmse, bias, inside))
+        for way in WAYS:
+            off, mean, held = (scatter(study, group, of) for of in way[1:])
             rows.append(
                 (
-                    *((group.scenario, group.dress) if how == _AS_IT_IS else ("", "")),
-                    how,
+                    *((group.scenario, group.dress) if way is WAYS[0] else ("", "")),
+                    way.name,
                     *(f"{value:.2f}" for value in (off.nominal, off.median, off.p95, off.worst)),
                     f"{mean.mean:+.2f} ± {mean.deviation:.2f}",
                     f"{held.mean:.0f}",
@@ -87,7 +107,7 @@ def sentences(study: Study) -> list[str]:
     """What comes of it, a sentence each."""
     told = []
     for group in groups(study):
-        before, after = (scatter(study, group, rmse) for _, rmse, _, _ in _WAYS)
+        before, after = (scatter(study, group, way.rmse_degC) for way in WAYS)
         best = scatter(study, group, lambda each: each.scatter_degC)
         told.append(
             f"Scenario {group.scenario}, {group.dress}: {before.median:.2f} degC off on the median unit "
@@ -114,27 +134,15 @@ def as_json(study: Study) -> dict[str, Any]:
                 "scenario": group.scenario,
                 "cased": group.cased,
                 **{
-                    how: {
-                        "rmse_degC": scatter(study, group, rmse)._asdict(),
-                        "bias_degC": scatter(study, group, bias)._asdict(),
-                        "inside90_percent": scatter(study, group, inside)._asdict(),
+                    way.name: {
+                        "rmse_degC": scatter(study, group, way.rmse_degC)._asdict(),
+                        "bias_degC": scatter(study, group, way.bias_degC)._asdict(),
+                        "inside90_percent": scatter(study, group, way.inside90_percent)._asdict(),
                     }
-                    for how, rmse, bias, inside in _WAYS
+                    for way in WAYS
                 },
             }
             for group in groups(study)
         ],
         "units": [asdict(each) for each in (study.nominal, *study.units)],
     }
-
-
-_AS_IT_IS, _CORRECTED = "as it is", "corrected"
-_WAYS: Sequence[tuple[str, Callable[[Score], float], Callable[[Score], float], Callable[[Score], float]]] = (
-    (_AS_IT_IS, lambda each: each.rmse_degC, lambda each: each.bias_degC, lambda each: each.inside90_percent),
-    (
-        _CORRECTED,
-        lambda each: each.corrected_rmse_degC,
-        lambda each: each.corrected_bias_degC,
-        lambda each: each.corrected_inside90_percent,
-    ),
-)
