@@ -71,26 +71,21 @@ def fit_observer(
 
     with threadpool_limits(1):
         coarse = [each.every(finer) for each in records]
+        # what a log lacks is said before anything is searched
+        weather = learn_weather([each.ambient_degC for each in coarse], finer * period, source)
+        workload = learn_workload(coarse, recipe.work, source)
         forward = Forward(recipe, circuit)
-        classroom = Classroom(
-            recipe,
-            forward,
-            fit_forward(forward, coarse, finer * period, stage(0)),
-            learn_weather([each.ambient_degC for each in coarse], finer * period, source),
-            learn_workload(coarse, recipe.work, source),
-            finer * period,
-            finer,
-            effort.seed,
-        )
+        fit = fit_forward(forward, coarse, finer * period, stage(0))
+        classroom = Classroom(recipe, forward, fit, weather, workload, finer * period, finer, effort.seed)
         lessons = classroom.lessons(records)
         bank = taught(recipe, lessons, period, lambda number: stage(1 + number))
         spread = fit_spread(recipe, bank, lessons)
-    return _closed(recipe, bank, classroom.fit, spread, records, effort)
+    return _closed(recipe, bank, fit, spread, records, effort)
 
 
 def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: int) -> list[Record]:
     """The log without gaps, at ``period_s``, each piece to be started cold."""
-    refuse_untaught(traces, [*recipe.sensor_columns, *recipe.drive_columns], (REFERENCE,))
+    refuse_untaught(traces, recipe.sensor_columns, (REFERENCE,))
     columns = [*recipe.sensor_columns, REFERENCE, *recipe.drive_columns]
     found = []
     for trace in traces:

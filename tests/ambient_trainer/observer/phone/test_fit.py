@@ -133,6 +133,12 @@ def test_a_log_without_a_drive_is_refused(brick_files, brick_log):
         fitting(brick_files)([bare], EFFORT, None, None)
 
 
+def test_a_log_without_work_is_refused_before_anything_is_searched(brick_files, brick_log):
+    idle = {**brick_log.columns, "cpu_load_frac": np.zeros(len(brick_log.time_s))}
+    with pytest.raises(Refused, match=r"idle\.csv: column cpu_load_frac: is never above 0\.1; log a run with work"):
+        fitting(brick_files)([Trace("idle.csv", brick_log.time_s, idle)], EFFORT, interrupting(0), None)
+
+
 def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
     """A minute without a reference and ten without a sensor move the fit a little, and break nothing."""
     columns = {name: values.copy() for name, values in brick_log.columns.items()}
