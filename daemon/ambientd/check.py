@@ -1,12 +1,19 @@
 """``ambientd check``: whether a model file computes here what it must, its sensors are here, and its readers served."""
 
 import errno
+import math
 import os
 import stat
 from collections.abc import Callable, Iterator
 
 from ambient_model.codec import load_model
-from ambient_model.conformance import TOLERANCE, TOLERANCE_DEGC, worst_contradictions, worst_difference_degC
+from ambient_model.conformance import (
+    TOLERANCE,
+    TOLERANCE_DEGC,
+    worst_contradiction_of_guard,
+    worst_contradictions,
+    worst_difference_degC,
+)
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
@@ -34,29 +41,57 @@ def check_files(settings: Settings) -> None:
         )
     rows = len(model.conformance.inputs)
     _say("conformance", f"passed: {rows} samples at {len(model.main.discrete)} periods, to {worst_degC:g} degC")
-    _check_fallbacks(settings, model)
+    _check_fallbacks(model)
+    if model.guard is not None:
+        _check_guard(model)
 
 
-def _check_fallbacks(settings: Settings, model: Model) -> None:
+def _check_fallbacks(model: Model) -> None:
     """As the file holds no outputs of its fallbacks, they are asked not to contradict themselves."""
     worst = worst_contradictions(model)
     doubtful = [name for name in worst if not worst[name] <= TOLERANCE]
     for name in doubtful:
-        by = f"{worst[name]:g} (equilibrium moves, or periods disagree)"
-        _say("warning", f"without {name} it contradicts itself by {by}")
+        _say("warning", f"without {name} it contradicts itself by {_by(worst[name])}")
     if worst and not doubtful:
         _say("", f"passed: {len(worst)} fallbacks keep their equilibrium, and their periods agree")
 
 
+def _check_guard(model: Model) -> None:
+    """Nor does it hold outputs of its guard."""
+    worst = worst_contradiction_of_guard(model)
+    if worst <= TOLERANCE:
+        _say("", "passed: the guard keeps its equilibrium, and its periods agree")
+    else:
+        _say("warning", f"the guard contradicts itself by {_by(worst)}")
+
+
+def _by(contradiction: float) -> str:
+    return f"{contradiction:g} (equilibrium moves, or periods disagree)"
+
+
 def _describe(settings: Settings, model: Model) -> None:
-    low, high = model.main.interval[settings.level_percent]
     _say("model", f"{model.name}, created {model.created}")
     for each in model.main.inputs:
         _say("input", f"{each.column}, {each.min:g} to {each.max:g}, {location_of(settings, each)}")
     _say("states", ", ".join(model.main.states) or "none")
     _say("periods", f"{', '.join(f'{each.period_s:g}' for each in model.main.discrete)} s")
-    _say("interval", f"{low:+g} to {high:+g} degC around the estimate, {settings.level_percent} %")
+    _say("interval", _interval(model, settings.level_percent))
+    if model.guard is not None:
+        _say(
+            "guard",
+            f"has a say from {model.guard.threshold_degC:g} degC apart on, and the last word from twice that on",
+        )
     _say("fallbacks", ", ".join(f"without {name}" for name in model.fallbacks) or "none")
+
+
+def _interval(model: Model, level_percent: int) -> str:
+    if model.spread is None:
+        low, high = model.main.interval[level_percent]
+        return f"{low:+g} to {high:+g} degC around the estimate, {level_percent} %"
+    sigma = math.sqrt(model.spread.constant_degC2)
+    low, high = (end * sigma for end in model.spread.quantiles[level_percent])
+    causes = ", ".join(dict.fromkeys(term.of for term in model.spread.terms)) or "nothing"
+    return f"{low:+.2g} to {high:+.2g} degC around the estimate at rest, {level_percent} %; wider with {causes}"
 
 
 def check_sensors(settings: Settings) -> None:

@@ -7,11 +7,14 @@ clock: time comes in as an argument.
 """
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.model import Estimator, Model
 from ambient_model.tracking import Estimate, Readings, Snapshot, Tracker, bridge_limit_s, nearest_discrete
 from ambientd.health import MAIN, decide, has_all_inputs
+
+if TYPE_CHECKING:
+    from ambient_model.observer import Background, Observer
 
 _MOST_BEHIND = 128
 """Samples that the fallbacks may owe: enough for the cost to vanish, few enough to be made up for in a millisecond."""
@@ -27,6 +30,8 @@ class FallbackState(NamedTuple):
     difference_degC: float
     said_degC: float | None
     said_s: float
+    background: "Background | None" = None
+    """Of a model with a guard or a spread."""
 
 
 class _Voice:
@@ -56,12 +61,16 @@ class _Voice:
 class FallbackTracker:
     """A model's main estimator and its fallbacks, fed one sample at a time; the interval is that of ``level`` percent.
 
+    Guard and spread are the main estimator's: where a fallback speaks, its own interval holds.
+
     ``period_s`` is how far apart the samples will lie. Two missing inputs leave no fallback: the main one coasts, for
     ``coast_s`` or, where that is None, as long as a gap is bridged.
     """
 
     def __init__(self, model: Model, period_s: float, level: int = 90, coast_s: float | None = None) -> None:
         self._main = _Voice(model, model.main, period_s, level, coast_s)
+        self._observer = _observer(model, self._main.tracker, level, coast_s)
+        self._hear = self._main.tracker.update if self._observer is None else self._observer.update
         self._fallbacks = [_Voice(model, each, period_s, level, coast_s) for each in model.fallbacks.values()]
         self.period_s = self._main.tracker.discrete.period_s
         self.limit_s = bridge_limit_s(self.period_s)
@@ -92,6 +101,7 @@ class FallbackTracker:
             self._difference_degC,
             self._said_degC,
             self._said_s,
+            None if self._observer is None else self._observer.background(),
         )
 
     def restore(self, state: FallbackState) -> None:
@@ -102,15 +112,22 @@ class FallbackTracker:
         pairs = [(voice.tracker, snapshot) for voice, snapshot in zip(voices, state.voices) if snapshot is not None]
         if not all([tracker.fits(snapshot) for tracker, snapshot in pairs]):
             raise ValueError("it has another period or shape")
+        main, background = state.voices[0], state.background
+        if (self._observer is None) != (background is None):
+            raise ValueError("it has other estimators")
+        if main is not None and self._observer is not None and background is not None:
+            if not self._observer.fits(main, background):
+                raise ValueError("it has another guard or spread")
+            self._observer.restore(main, background)
         self._make_up()
         for tracker, snapshot in pairs:
             tracker.restore(snapshot)
         self._speaking = voices[state.speaking]
-        self._difference_degC, self._said_degC, self._said_s = state[2:]
+        self._difference_degC, self._said_degC, self._said_s = state[2:5]
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input of the model (degC, A, ...; None where missing)."""
-        main = self._main.tracker.update(time_s, readings)
+        main = self._hear(time_s, readings)
         if not self._fallbacks:
             return main
         if has_all_inputs(main.status):
@@ -159,3 +176,12 @@ class FallbackTracker:
         if voice is not self._speaking:
             return self._said_degC - ambient_degC
         return self._difference_degC * math.exp(-passed_s / self._fading_s)
+
+
+def _observer(model: Model, main: Tracker, level: int, coast_s: float | None) -> "Observer | None":
+    """What weighs the main estimator's word, where the model has any such thing."""
+    if model.guard is None and model.spread is None:
+        return None
+    from ambient_model.observer import Observer
+
+    return Observer(model, main, level, coast_s)

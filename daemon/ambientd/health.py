@@ -1,8 +1,9 @@
 """The status table: who speaks, and what its estimate is called. It knows no clock, no file and no number.
 
-An estimator by itself is ``tracking`` while all its inputs are there, ``warming_up`` until it has settled,
-``coasting`` while last values may stand in for inputs that are missing, and ``faulted`` after that. What is published
-follows from the main one's status and from what the fallbacks, which do without one input each, have to offer.
+An estimator by itself is ``tracking`` while all its inputs are there, ``warming_up`` until it has settled, ``degraded``
+while its guard has a say, ``coasting`` while last values may stand in for inputs that are missing, and ``faulted``
+after that. What is published follows from the main one's status and from what the fallbacks, which do without one input
+each and have no guard, have to offer.
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,9 @@ TABLE = {
     (WARMING_UP, COMPLETE): ("main", WARMING_UP),
     (WARMING_UP, STANDING_IN): ("main", WARMING_UP),
     (WARMING_UP, NOTHING): ("main", WARMING_UP),
+    (DEGRADED, COMPLETE): ("main", DEGRADED),
+    (DEGRADED, STANDING_IN): ("main", DEGRADED),
+    (DEGRADED, NOTHING): ("main", DEGRADED),
     (COASTING, COMPLETE): ("fallback", DEGRADED),
     (COASTING, STANDING_IN): ("fallback", COASTING),
     (COASTING, NOTHING): ("main", COASTING),
@@ -36,7 +40,7 @@ TABLE = {
 
 def has_all_inputs(status: str) -> bool:
     """Whether an estimator that says this of itself has all its inputs."""
-    return status in (TRACKING, WARMING_UP)
+    return status in (TRACKING, WARMING_UP, DEGRADED)
 
 
 def decide(main: str, fallbacks: Sequence[str], heard: int) -> tuple[int, str]:

@@ -10,7 +10,7 @@ import json
 import math
 import os
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambient_model.codec import encode as encode_model
 from ambient_model.faults import Refused
@@ -21,6 +21,10 @@ from ambientd.config import StateSpec
 from ambientd.fallback import FallbackState, FallbackTracker
 from ambientd.notices import Notice
 from ambientd.publish.swap import swap_in, sweep
+
+if TYPE_CHECKING:
+    from ambient_model.observer import Background
+    from ambient_model.spread import Unrest
 
 FORMAT = "ambientd-state"
 VERSION = 1
@@ -68,7 +72,7 @@ def boot_identity() -> str:
 def encode(state: State) -> bytes:
     """One line of JSON, and one with its SHA-256."""
     model, boot, time_s, tracker = state
-    data = {
+    data: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "model": model,
@@ -77,6 +81,11 @@ def encode(state: State) -> bytes:
         **tracker._asdict(),
         "voices": [each and each._asdict() for each in tracker.voices],
     }
+    if tracker.background is None:
+        del data["background"]
+    else:
+        guard, unrest = tracker.background
+        data["background"] = {"guard": guard and guard._asdict(), "unrest": unrest and unrest._asdict()}
     line = json.dumps(data).encode()
     return b"%s\n%s\n" % (line, _sha256(line).encode())
 
@@ -105,10 +114,29 @@ def _state(data: Any) -> State:
 
 
 def _fallback_state(
-    voices: tuple[Snapshot | None, ...], speaking: Any, difference_degC: Any, said_degC: Any, said_s: Any
+    voices: tuple[Snapshot | None, ...],
+    speaking: Any,
+    difference_degC: Any,
+    said_degC: Any,
+    said_s: Any,
+    background: Any = None,
 ) -> FallbackState:
     said = None if said_degC is None else _number(said_degC)
-    return FallbackState(voices, _count(speaking), _number(difference_degC), said, _number(said_s))
+    behind = None if background is None else _background(**background)
+    return FallbackState(voices, _count(speaking), _number(difference_degC), said, _number(said_s), behind)
+
+
+def _background(guard: Any, unrest: Any) -> "Background":
+    from ambient_model.observer import Background
+
+    return Background(None if guard is None else _snapshot(**guard), None if unrest is None else _unrest(**unrest))
+
+
+def _unrest(ambient_degC: Any, means_degC: Any, squares_degC2: Any) -> "Unrest":
+    from ambient_model.spread import Unrest
+
+    means, squares = (tuple([_number(each) for each in values]) for values in (means_degC, squares_degC2))
+    return Unrest(_number(ambient_degC), means, squares)
 
 
 def _snapshot(period_s: Any, start_s: Any, step: Any, x: Any, u: Any) -> Snapshot:

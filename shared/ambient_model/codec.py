@@ -1,7 +1,8 @@
 """A model file is JSON, taken whole or refused with every fault and its path in one message.
 
 The unknown is refused: a key, a version, a shape. So is what cannot run: numbers that are not finite, an unstable A,
-inputs without a range. Version 1 files are read for ever; a file without a version is not a model file.
+inputs without a range. Version 1 files are read for ever; a file without a version is not a model file. The keys
+``guard`` and ``spread`` may be left out, and every other is needed.
 
 A file that was made to do harm costs no more than a large honest one: its size, its counts, its numbers, its names and
 what is said of its faults are bounded.
@@ -17,13 +18,28 @@ from typing import Any
 from ambient_model.atomic import replacing
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.intake import first_double, read_whole, shown
-from ambient_model.model import LEVELS_PERCENT, Band, Conformance, Discrete, Estimator, Input, Matrix, Model, Quantiles
+from ambient_model.model import (
+    LEVELS_PERCENT,
+    UNREST,
+    Band,
+    Conformance,
+    Discrete,
+    Estimator,
+    Guard,
+    Input,
+    Matrix,
+    Model,
+    Quantiles,
+    Spread,
+    Term,
+)
 from ambient_model.recursion import is_stable
 
 FORMAT = "ambient-model"
 VERSION = 1
 _ESTIMATOR_KEYS = ("inputs", "states", "discrete", "offset", "initial", "interval")
 _KEYS = ("format", "version", "name", "created", "output", *_ESTIMATOR_KEYS, "fallbacks", "provenance", "conformance")
+_OPTIONAL_KEYS = ("guard", "spread")
 _LARGEST_BYTES = 2**20
 _LARGEST_INTEGER_DIGITS = 300
 _LARGEST_NUMBER = 1e12
@@ -32,6 +48,7 @@ _PERIOD_RANGE_S = (0.001, 86400.0)
 _MOST_INPUTS = 32
 _MOST_STATES = 16
 _MOST_PERIODS = 16
+_MOST_TERMS = 8
 _DEEPEST = 32
 _MOST_FAULTS = 100
 _LONGEST_KEY = 40
@@ -75,7 +92,7 @@ def encode(model: Model) -> str:
 
     What is not finite becomes the ``NaN`` or ``Infinity`` that :func:`decode` refuses by its place.
     """
-    data = {
+    data: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "name": model.name,
@@ -91,6 +108,15 @@ def encode(model: Model) -> str:
             ],
         },
     }
+    if model.guard is not None:
+        estimator, threshold_degC = model.guard
+        data["guard"] = {"threshold_degC": threshold_degC, **_estimator_data(estimator)}
+    if model.spread is not None:
+        data["spread"] = {
+            "constant_degC2": model.spread.constant_degC2,
+            "terms": [each._asdict() for each in model.spread.terms],
+            "quantiles": _quantiles_data(model.spread.quantiles),
+        }
     return json.dumps(data, indent=1) + "\n"
 
 
@@ -109,8 +135,12 @@ def _estimator_data(estimator: Estimator) -> dict[str, Any]:
         "discrete": [each._asdict() for each in estimator.discrete],
         "offset": estimator.offset,
         "initial": estimator.initial,
-        "interval": {str(level): band for level, band in estimator.interval.items()},
+        "interval": _quantiles_data(estimator.interval),
     }
+
+
+def _quantiles_data(quantiles: Quantiles) -> dict[str, Band]:
+    return {str(level): band for level, band in quantiles.items()}
 
 
 def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -158,7 +188,7 @@ class _Reading:
                 "export the model again, or update ambientd",
             )
             return None
-        self.keys("", data, _KEYS)
+        self.keys("", data, _KEYS, _OPTIONAL_KEYS)
         model = Model(
             name=self.text("name", data.get("name")),
             created=self.text("created", data.get("created")),
@@ -167,16 +197,19 @@ class _Reading:
             fallbacks=self.fallbacks(data.get("fallbacks")),
             provenance=self.provenance(data.get("provenance")),
             conformance=self.conformance(data.get("conformance")),
+            guard=self.guard(data["guard"]) if "guard" in data else None,
+            spread=self.spread(data["spread"]) if "spread" in data else None,
         )
         if not self.faults:
             self.agreement(model)
         return model
 
-    def keys(self, place: str, data: dict[str, Any], known: tuple[str, ...]) -> None:
+    def keys(self, place: str, data: dict[str, Any], needed: tuple[str, ...], optional: tuple[str, ...] = ()) -> None:
+        known = (*needed, *optional)
         for key in data:
             if key not in known:
                 self.fault(_join(place, key), "unknown key", f"known are {', '.join(known)}")
-        for key in known:
+        for key in needed:
             if key not in data:
                 self.fault(_join(place, key), "missing", "export the model again with 'ambient-trainer fit'")
                 self._absent.add(_join(place, key))
@@ -242,6 +275,19 @@ class _Reading:
             self.fault(place, f"is {_short(value)}", f"at most {_LARGEST_NUMBER:g} is wanted")
             return 0.0
         return float(value)
+
+    def positive(self, place: str, value: Any) -> float:
+        before = len(self.faults)
+        found = self.number(place, value)
+        if len(self.faults) == before and not found > 0:
+            self.fault(place, f"is {found:g}", "more than 0 is wanted")
+        return found
+
+    def not_negative(self, place: str, value: Any) -> float:
+        found = self.number(place, value)
+        if found < 0:
+            self.fault(place, f"is {found:g}", "0 or more is wanted")
+        return found
 
     def vector(self, place: str, value: Any, length: int | None) -> tuple[float, ...]:
         found = tuple(self.number(where, each) for where, each in self.each(place, value))
@@ -353,6 +399,29 @@ class _Reading:
             found[without] = self.estimator(place, data)
         return found
 
+    def guard(self, value: Any) -> Guard:
+        data = self.record("guard", value, ("threshold_degC", *_ESTIMATOR_KEYS))
+        return Guard(self.estimator("guard", data), self.positive("guard.threshold_degC", data.get("threshold_degC")))
+
+    def spread(self, value: Any) -> Spread:
+        data = self.record("spread", value, Spread._fields)
+        return Spread(
+            self.not_negative("spread.constant_degC2", data.get("constant_degC2")),
+            tuple(self.term(where, each) for where, each in self.each("spread.terms", data.get("terms"), _MOST_TERMS)),
+            self.interval("spread.quantiles", data.get("quantiles")),
+        )
+
+    def term(self, place: str, value: Any) -> Term:
+        data = self.record(place, value, Term._fields)
+        of = self.text(f"{place}.of", data.get("of"))
+        if of and of not in UNREST:
+            self.fault(f"{place}.of", f"is {shown(of)}", f"known are {', '.join(UNREST)}")
+        return Term(
+            of,
+            self.positive(f"{place}.lag_s", data.get("lag_s")),
+            self.not_negative(f"{place}.weight", data.get("weight")),
+        )
+
     def conformance(self, value: Any) -> Conformance:
         data = self.record("conformance", value, Conformance._fields)
         given = data.get("inputs")
@@ -386,6 +455,7 @@ class _Reading:
                 self.fault(
                     f"{place}.discrete", "the periods are not the model's", "a fallback runs at the model's periods"
                 )
+        self.agreement_of_guard(model)
         if set(model.conformance.outputs) != {each.period_s for each in main.discrete}:
             self.fault(
                 "conformance.outputs", "the periods are not those of 'discrete'", "one sequence per period is wanted"
@@ -398,6 +468,20 @@ class _Reading:
             )
         if not model.conformance.inputs:
             self.fault("conformance.inputs", "none", "a model file carries the sequence that proves a port of it right")
+
+    def agreement_of_guard(self, model: Model) -> None:
+        main = model.main
+        if model.guard is None:
+            for index, term in enumerate(model.spread.terms if model.spread is not None else ()):
+                if term.of == "guard":
+                    self.fault(f"spread.terms[{index}].of", "is 'guard', and there is none", "add the key 'guard'")
+            return
+        if model.guard.estimator.inputs != main.inputs:
+            self.fault(
+                "guard.inputs", "are not the model's", "a guard reads the model's inputs, unchanged and in order"
+            )
+        if {each.period_s for each in model.guard.estimator.discrete} != {each.period_s for each in main.discrete}:
+            self.fault("guard.discrete", "the periods are not the model's", "a guard runs at the model's periods")
 
 
 def _finite(value: float) -> bool:

@@ -1,7 +1,8 @@
 """A port of the recursion is right when it turns the model file's own inputs into the model file's own outputs.
 
-The file holds outputs of the main estimator only. A fallback is held against itself: a step leaves its equilibrium as
-it is, which reads the same at every period, and while the inputs stand still a long step is several short ones.
+The file holds outputs of the main estimator only, alone, before any guard. A fallback, and a guard, is held against
+itself: a step leaves its equilibrium as it is, which reads the same at every period, and while the inputs stand still a
+long step is several short ones.
 """
 
 import math
@@ -47,12 +48,18 @@ def worst_contradictions(model: Model) -> dict[str, float]:
 
     Relative to the numbers compared, or to 1 where they are smaller; infinite where one is not finite.
     """
-    found = {}
-    for name, fallback in model.fallbacks.items():
-        picks = [model.main.inputs.index(each) for each in fallback.inputs]
-        rows = tuple([tuple([row[index] for index in picks]) for row in model.conformance.inputs[:_MOST_ROWS]])
-        found[name] = max([0.0, *(_contradiction(fallback, before, u) for before, u in zip((rows[-1:] + rows), rows))])
-    return found
+    return {name: _worst_contradiction(model, fallback) for name, fallback in model.fallbacks.items()}
+
+
+def worst_contradiction_of_guard(model: Model) -> float:
+    """The same of the guard; 0 where there is none."""
+    return 0.0 if model.guard is None else _worst_contradiction(model, model.guard.estimator)
+
+
+def _worst_contradiction(model: Model, estimator: Estimator) -> float:
+    picks = [model.main.inputs.index(each) for each in estimator.inputs]
+    rows = tuple([tuple([row[index] for index in picks]) for row in model.conformance.inputs[:_MOST_ROWS]])
+    return max([0.0, *(_contradiction(estimator, before, u) for before, u in zip((rows[-1:] + rows), rows))])
 
 
 def _contradiction(estimator: Estimator, before: Sequence[float], u: Sequence[float]) -> float:

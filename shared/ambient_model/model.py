@@ -15,6 +15,8 @@ Band = tuple[float, float]
 Quantiles = dict[int, Band]
 
 LEVELS_PERCENT = (50, 90, 98)
+UNREST = ("movement", "change", "guard")
+"""What the spread may grow with: the estimate's own unrest, its steps, its difference to the guard."""
 
 
 class Input(NamedTuple):
@@ -57,6 +59,34 @@ class Estimator(NamedTuple):
     """Per level in percent the error (true minus estimate, degC) it lies between."""
 
 
+class Guard(NamedTuple):
+    """A second opinion, which the heat that nobody logs hardly moves, and from where on the two disagree."""
+
+    estimator: Estimator
+    """It reads the model's inputs, all of them."""
+    threshold_degC: float
+    """Up to this difference the main estimator is believed; see :mod:`ambient_model.guard`."""
+
+
+class Term(NamedTuple):
+    """What one kind of unrest adds to the variance of the estimate."""
+
+    of: str
+    """One of :data:`UNREST`."""
+    lag_s: float
+    """The time constant of the low-pass that it is taken from."""
+    weight: float
+
+
+class Spread(NamedTuple):
+    """How wrong the estimate is to be thought of just now; see :mod:`ambient_model.spread`."""
+
+    constant_degC2: float
+    terms: tuple[Term, ...]
+    quantiles: Quantiles
+    """Per level in percent the error, in standard deviations, it lies between."""
+
+
 class Conformance(NamedTuple):
     """An input sequence and what the recursion must make of it."""
 
@@ -76,3 +106,5 @@ class Model(NamedTuple):
     """Per input that may be missing, the estimator that does without it."""
     provenance: dict[str, Any]
     conformance: Conformance
+    guard: Guard | None = None
+    spread: Spread | None = None

@@ -109,6 +109,11 @@ class Tracker:
         self._away: _Away | None = None
         self._start_s = 0.0
 
+    @property
+    def step(self) -> int:
+        """The period that the last estimate is of, counted from the start."""
+        return self._step if self._away is None else self._away.step
+
     def snapshot(self) -> Snapshot | None:
         """What it rests on, for :meth:`restore`; None where it has not begun."""
         if not self._begun:
@@ -155,8 +160,7 @@ class Tracker:
     def _reached(self, time_s: float) -> int | None:
         """The step that ``time_s`` lies at; None where it can't be reached from where the recursion is."""
         steps = (time_s - self._start_s) / self.discrete.period_s + 0.5
-        latest = self._step if self._away is None else self._away.step
-        if not self._begun or not latest <= steps < latest + self.limit_steps + 1:
+        if not self._begun or not self.step <= steps < self.step + self.limit_steps + 1:
             return None
         step = math.floor(steps)
         return step if step - self._step <= max(self._coast_steps, self.limit_steps) else None

@@ -4,11 +4,12 @@ import pytest
 from hypothesis import strategies as st
 
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Input, Matrix, Model
+from ambient_model.model import UNREST, Discrete, Estimator, Guard, Input, Matrix, Model, Quantiles, Spread, Term
 
 PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
 
-texts = st.text(min_size=1, max_size=12).filter(str.isprintable)
+printable = st.characters(exclude_categories=("C", "Z"), include_characters=" ")
+texts = st.text(printable, min_size=1, max_size=12)
 coefficients = st.floats(-10, 10)
 temperatures_degC = st.floats(-40, 90)
 
@@ -35,9 +36,14 @@ def inputs(draw: st.DrawFn) -> tuple[Input, ...]:
 
 
 @st.composite
+def quantiles(draw: st.DrawFn) -> Quantiles:
+    ends = sorted(draw(st.tuples(*[st.floats(-9, 9)] * 6)))
+    return {50: (ends[2], ends[3]), 90: (ends[1], ends[4]), 98: (ends[0], ends[5])}
+
+
+@st.composite
 def estimators(draw: st.DrawFn, read: tuple[Input, ...], periods_s: list[float]) -> Estimator:
     n, m = draw(st.integers(0, 4)), len(read)
-    ends = sorted(draw(st.tuples(*[st.floats(-9, 9)] * 6)))
     return Estimator(
         inputs=read,
         states=tuple(draw(st.lists(texts, min_size=n, max_size=n, unique=True))),
@@ -53,8 +59,15 @@ def estimators(draw: st.DrawFn, read: tuple[Input, ...], periods_s: list[float])
         ),
         offset=draw(coefficients),
         initial=draw(matrices(n, m)),
-        interval={50: (ends[2], ends[3]), 90: (ends[1], ends[4]), 98: (ends[0], ends[5])},
+        interval=draw(quantiles()),
     )
+
+
+@st.composite
+def spreads(draw: st.DrawFn, known: tuple[str, ...]) -> Spread:
+    term = st.builds(Term, st.sampled_from(known), st.floats(1e-3, 1e5), st.floats(0, 1e3))
+    terms = tuple(draw(st.lists(term, max_size=8)))
+    return Spread(draw(st.floats(0, 100)), terms, draw(quantiles()))
 
 
 periods = st.lists(st.sampled_from(PERIODS_S), min_size=1, max_size=3, unique=True)
@@ -71,6 +84,8 @@ def models(draw: st.DrawFn) -> Model:
     names = [each.name for each in read]
     dispensable = draw(st.lists(st.sampled_from(names), unique=True)) if len(names) > 1 else []
     main = draw(estimators(read, periods_s))
+    guards = st.builds(Guard, estimators(read, periods_s), st.floats(0, 20, exclude_min=True))
+    guard = draw(st.none() | guards)
     rows = draw(st.lists(st.tuples(*[temperatures_degC] * len(read)), min_size=1, max_size=4))
     return Model(
         name=draw(texts),
@@ -82,6 +97,8 @@ def models(draw: st.DrawFn) -> Model:
         },
         provenance=draw(st.dictionaries(st.text(max_size=5), documents, max_size=3)),
         conformance=conformance_of(main, tuple(rows)),
+        guard=guard,
+        spread=draw(st.none() | spreads(UNREST if guard is not None else UNREST[:2])),
     )
 
 

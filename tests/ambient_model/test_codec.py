@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from ambient_model.codec import decode, encode, load_model, save_model
 from ambient_model.conformance import worst_difference_degC
 from ambient_model.faults import Refused
-from ambient_model.model import Conformance, Discrete, Estimator, Input, Model
+from ambient_model.model import Conformance, Discrete, Estimator, Guard, Input, Model, Spread, Term
 
 FROZEN = Path(__file__).parents[1] / "data" / "model-v1.json"
+FROZEN_GUARDED = Path(__file__).parents[1] / "data" / "model-v1-guard.json"
 AGAIN = "export the model again with 'ambient-trainer fit'"
 NUMBER = "a finite number is wanted"
 TEXT = "a text of printable characters is wanted"
@@ -67,6 +68,28 @@ PHONE = Model(
         outputs={1.0: (28.5, 28.5, 30.5, 35.25), 0.5: (28.5, 28.5, 30.5, 34.875)},
     ),
 )
+TERMS = (Term("movement", 300.0, 0.5), Term("change", 60.0, 12.0), Term("guard", 120.0, 0.25))
+GUARDED = PHONE._replace(
+    guard=Guard(
+        Estimator(
+            inputs=(USB, BATTERY),
+            states=("usb lagged",),
+            discrete=(
+                Discrete(1.0, A=((0.5,),), B=((0.5, 0.0),), C=((0.25,),), D=((0.5, 0.25),)),
+                Discrete(0.5, A=((0.75,),), B=((0.25, 0.0),), C=((0.25,),), D=((0.5, 0.25),)),
+            ),
+            offset=-2.0,
+            initial=((1.0, 0.0),),
+            interval={50: (-0.5, 0.5), 90: (-1.0, 1.5), 98: (-2.0, 2.5)},
+        ),
+        threshold_degC=1.5,
+    ),
+    spread=Spread(
+        constant_degC2=0.0625,
+        terms=TERMS,
+        quantiles={50: (-0.625, 0.75), 90: (-1.5, 1.75), 98: (-2.5, 2.25)},
+    ),
+)
 
 
 def test_a_version_1_file_reads_the_same_for_ever() -> None:
@@ -75,6 +98,17 @@ def test_a_version_1_file_reads_the_same_for_ever() -> None:
     assert model == PHONE
     assert [each.column for each in model.main.inputs] == ["usb_degC", "battery_degC"]
     assert worst_difference_degC(model) == 0.0
+    assert (model.guard, model.spread) == (None, None)
+
+
+def test_a_version_1_file_with_guard_and_spread_reads_the_same_for_ever() -> None:
+    """The file was written when these keys came, and is never to be written again."""
+    assert load_model(str(FROZEN_GUARDED)) == GUARDED
+
+
+def test_a_model_without_guard_and_spread_is_written_as_before_they_came() -> None:
+    """The daemon's state belongs to the model whose text it knows."""
+    assert list(json.loads(encode(PHONE))) == list(document())
 
 
 @given(st.from_type(Model))
@@ -96,8 +130,8 @@ def test_what_would_be_refused_is_not_saved(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == []
 
 
-def document() -> dict[str, Any]:
-    data: dict[str, Any] = json.loads(FROZEN.read_text())
+def document(frozen: Path = FROZEN) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(frozen.read_text())
     return data
 
 
@@ -105,9 +139,9 @@ GONE = object()
 Edit = tuple[tuple[str | int, ...], Any]
 
 
-def edited(*edits: Edit) -> bytes:
+def edited(*edits: Edit, frozen: Path = FROZEN) -> bytes:
     """The frozen file with the value at each path replaced, added or removed."""
-    data = document()
+    data = document(frozen)
     for (*way, last), value in edits:
         place: Any = data
         for step in way:
@@ -130,7 +164,7 @@ def faults_of(content: bytes) -> list[str]:
 
 KEYS = (
     "known are format, version, name, created, output, inputs, states, discrete, offset, initial, interval, fallbacks, "
-    "provenance, conformance"
+    "provenance, conformance, guard, spread"
 )
 VERSION = "and only 1 is known; export the model again, or update ambientd"
 MODEL_FILE = "is this a model file?"
@@ -329,6 +363,138 @@ BROKEN: dict[str, tuple[list[Edit], list[str]]] = {
 }
 
 
+NOT_THE_MODELS = "a guard reads the model's inputs, unchanged and in order"
+BROKEN_GUARDED: dict[str, tuple[list[Edit], list[str]]] = {
+    "guard null": ([(("guard",), None)], ["guard: is nothing; an object is wanted"]),
+    "guard no object": ([(("guard",), [1])], ["guard: is a list; an object is wanted"]),
+    "guard empty": (
+        [(("guard",), {})],
+        [
+            f"guard.{key}: missing; {AGAIN}"
+            for key in ("threshold_degC", "inputs", "states", "discrete", "offset", "initial", "interval")
+        ],
+    ),
+    "unknown key in the guard": (
+        [(("guard", "name"), "x")],
+        ["guard.name: unknown key; known are threshold_degC, inputs, states, discrete, offset, initial, interval"],
+    ),
+    "threshold 0": ([(("guard", "threshold_degC"), 0)], ["guard.threshold_degC: is 0; more than 0 is wanted"]),
+    "threshold negative": (
+        [(("guard", "threshold_degC"), -1.5)],
+        ["guard.threshold_degC: is -1.5; more than 0 is wanted"],
+    ),
+    "threshold infinite": (
+        [(("guard", "threshold_degC"), math.inf)],
+        [f"guard.threshold_degC: is inf; {NUMBER}"],
+    ),
+    "threshold a text": ([(("guard", "threshold_degC"), "1")], [f"guard.threshold_degC: is '1'; {NUMBER}"]),
+    "guard's shape": (
+        [(("guard", "discrete", 1, "B", 0), [0.25])],
+        [f"guard.discrete[1].B[0]: has 1 numbers, not 2; {COLUMN}"],
+    ),
+    "guard unstable": (
+        [(("guard", "discrete", 0, "A"), [[-1.25]])],
+        [f"guard.discrete[0].A: {UNSTABLE}"],
+    ),
+    "guard reads less": (
+        [
+            (("guard", "inputs", 1), GONE),
+            (("guard", "initial"), [[1]]),
+            *[
+                edit
+                for k in (0, 1)
+                for edit in ((("guard", "discrete", k, "B"), [[0.5]]), (("guard", "discrete", k, "D"), [[0.5]]))
+            ],
+        ],
+        [f"guard.inputs: are not the model's; {NOT_THE_MODELS}"],
+    ),
+    "guard reads with another range": (
+        [(("guard", "inputs", 1, "max"), 61)],
+        [f"guard.inputs: are not the model's; {NOT_THE_MODELS}"],
+    ),
+    "guard reads in another order": (
+        [(("guard", "inputs"), document()["inputs"][::-1])],
+        [f"guard.inputs: are not the model's; {NOT_THE_MODELS}"],
+    ),
+    "guard at another period": (
+        [(("guard", "discrete", 1, "period_s"), 0.25)],
+        ["guard.discrete: the periods are not the model's; a guard runs at the model's periods"],
+    ),
+    "spread null": ([(("spread",), None)], ["spread: is nothing; an object is wanted"]),
+    "spread empty": (
+        [(("spread",), {})],
+        [f"spread.{key}: missing; {AGAIN}" for key in ("constant_degC2", "terms", "quantiles")],
+    ),
+    "unknown key in the spread": (
+        [(("spread", "floor"), 1)],
+        ["spread.floor: unknown key; known are constant_degC2, terms, quantiles"],
+    ),
+    "constant negative": (
+        [(("spread", "constant_degC2"), -0.25)],
+        ["spread.constant_degC2: is -0.25; 0 or more is wanted"],
+    ),
+    "constant NaN": ([(("spread", "constant_degC2"), math.nan)], [f"spread.constant_degC2: is nan; {NUMBER}"]),
+    "weight negative": (
+        [(("spread", "terms", 1, "weight"), -1)],
+        ["spread.terms[1].weight: is -1; 0 or more is wanted"],
+    ),
+    "weight infinite": (
+        [(("spread", "terms", 2, "weight"), math.inf)],
+        [f"spread.terms[2].weight: is inf; {NUMBER}"],
+    ),
+    "lag 0": ([(("spread", "terms", 0, "lag_s"), 0)], ["spread.terms[0].lag_s: is 0; more than 0 is wanted"]),
+    "lag huge": (
+        [(("spread", "terms", 0, "lag_s"), 1e13)],
+        ["spread.terms[0].lag_s: is 10000000000000.0; at most 1e+12 is wanted"],
+    ),
+    "of a stranger": (
+        [(("spread", "terms", 0, "of"), "wind")],
+        ["spread.terms[0].of: is 'wind'; known are movement, change, guard"],
+    ),
+    "of a number": ([(("spread", "terms", 0, "of"), 1)], [f"spread.terms[0].of: is 1; {TEXT}"]),
+    "term no object": ([(("spread", "terms", 0), 0.5)], ["spread.terms[0]: is a number; an object is wanted"]),
+    "unknown key in a term": (
+        [(("spread", "terms", 0, "unit"), "K")],
+        ["spread.terms[0].unit: unknown key; known are of, lag_s, weight"],
+    ),
+    "terms no list": ([(("spread", "terms"), {})], ["spread.terms: is an object; a list is wanted"]),
+    "too many terms": (
+        [(("spread", "terms"), [{"of": "change", "lag_s": 1, "weight": 1}] * 9)],
+        ["spread.terms: has 9 entries; at most 8 are wanted"],
+    ),
+    "quantiles not nested": (
+        [(("spread", "quantiles", "98"), [-0.5, 2.25])],
+        ["spread.quantiles.98: does not contain the 90 % interval; a higher level is wider"],
+    ),
+    "quantile missing": ([(("spread", "quantiles", "50"), GONE)], [f"spread.quantiles.50: missing; {AGAIN}"]),
+    "of a guard that is not there": (
+        [(("guard",), GONE)],
+        ["spread.terms[2].of: is 'guard', and there is none; add the key 'guard'"],
+    ),
+    "guard and spread at once": (
+        [(("guard", "offset"), None), (("guard", "threshold_degC"), 0), (("spread", "terms", 0, "weight"), -1)],
+        [
+            f"guard.offset: is nothing; {NUMBER}",
+            "guard.threshold_degC: is 0; more than 0 is wanted",
+            "spread.terms[0].weight: is -1; 0 or more is wanted",
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BROKEN_GUARDED)
+def test_a_broken_guard_or_spread_is_refused_with_every_fault_and_its_path(case: str) -> None:
+    edits, faults = BROKEN_GUARDED[case]
+    assert faults_of(edited(*edits, frozen=FROZEN_GUARDED)) == faults
+
+
+def test_guard_and_spread_come_alone_too() -> None:
+    alone = decode(edited((("spread",), GONE), frozen=FROZEN_GUARDED), "m.json")
+    assert alone == GUARDED._replace(spread=None)
+    alone = decode(edited((("guard",), GONE), (("spread", "terms", 2), GONE), frozen=FROZEN_GUARDED), "m.json")
+    assert alone == GUARDED._replace(guard=None, spread=GUARDED.spread and GUARDED.spread._replace(terms=TERMS[:2]))
+
+
 @pytest.mark.parametrize("case", BROKEN)
 def test_a_broken_file_is_refused_with_every_fault_and_its_path(case: str) -> None:
     edits, faults = BROKEN[case]
@@ -450,7 +616,7 @@ anything = st.recursive(
 @given(st.data())
 @settings(max_examples=300)
 def test_a_document_with_anything_anywhere_is_a_model_or_refused(data: st.DataObject) -> None:
-    whole: Any = document()
+    whole: Any = document(data.draw(st.sampled_from([FROZEN, FROZEN_GUARDED])))
     place = whole
     while True:
         key = data.draw(st.sampled_from(list(place) if isinstance(place, dict) else range(len(place))))

@@ -13,7 +13,7 @@ import pytest
 
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Input, Model
+from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
 
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 INTERVAL = {50: (-0.2, 0.3), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
@@ -45,7 +45,21 @@ def single(of: Input, tau_s: float, offset: float) -> Estimator:
     )
 
 
-def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = False) -> Model:
+def made_guard() -> Guard:
+    """The battery with a lag of 20 s, less 2 degC: where usb is at 30 and battery at 25, the main estimator agrees."""
+    alone = single(BATTERY, 20.0, -2.0)
+    discrete = tuple(each._replace(B=((0.0, each.B[0][0]),), D=((0.0, 0.0),)) for each in alone.discrete)
+    return Guard(alone._replace(inputs=(USB, BATTERY), discrete=discrete, initial=((0.0, 1.0),)), 1.0)
+
+
+SPREAD = Spread(
+    0.25,
+    (Term("movement", 60.0, 1.0), Term("change", 20.0, 9.0), Term("guard", 30.0, 0.25)),
+    {50: (-0.5, 0.75), 90: (-1.5, 2.0), 98: (-2.5, 3.0)},
+)
+
+
+def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = False, guarded: bool = False) -> Model:
     main = Estimator(
         inputs=inputs,
         states=("usb_lagged", "battery_lagged"),
@@ -57,6 +71,8 @@ def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = Fal
     others = {"usb": single(BATTERY, 20.0, -5.0), "battery": single(USB, 20.0, -1.0)} if fallbacks else {}
     steps = tuple((25.0 + k % 7, 30.0 - 0.5 * k) for k in range(20))
     model = Model("bench", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
+    if guarded:
+        model = model._replace(guard=made_guard(), spread=SPREAD)
     return decode(encode(model).encode(), "made by hand")
 
 
@@ -76,6 +92,13 @@ def model_file(tmp_path: Path) -> str:
 def fallback_model_file(tmp_path: Path) -> str:
     path = tmp_path / "fallback-model.json"
     path.write_text(encode(made_model(fallbacks=True)))
+    return str(path)
+
+
+@pytest.fixture
+def guarded_model_file(tmp_path: Path) -> str:
+    path = tmp_path / "guarded-model.json"
+    path.write_text(encode(made_model(fallbacks=True, guarded=True)))
     return str(path)
 
 

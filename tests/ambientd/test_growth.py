@@ -107,8 +107,8 @@ print(late - early, len(statuses), next(rows, None))
 """
 
 
-def test_nothing_that_is_allocated_stays(fallback_model_file, long_trace, memory):
-    words = [sys.executable, "-c", ALLOCATED, fallback_model_file, str(long_trace), str(memory / "ambient")]
+def test_nothing_that_is_allocated_stays(guarded_model_file, long_trace, memory):
+    words = [sys.executable, "-c", ALLOCATED, guarded_model_file, str(long_trace), str(memory / "ambient")]
     done = subprocess.run([*words, str(SETTLED), str(TICKS)], capture_output=True, text=True, check=True)
     grown_bytes, statuses, rest = done.stdout.split()
     assert int(statuses) == 5, "every status occurs"

@@ -9,15 +9,17 @@ from hypothesis import strategies as st
 from ambientd.fallback import FallbackTracker
 from ambientd.health import MAIN, TABLE, decide
 
-OWN = ("warming_up", "tracking", "coasting", "faulted")
+OWN = ("warming_up", "tracking", "degraded", "coasting", "faulted")
 FRESH = ("warming_up", "tracking")
+COMPLETE = (*FRESH, "degraded")
+"""The last by itself: the guard has a say."""
 
 
 @pytest.mark.parametrize(("main", "one", "other", "heard"), list(itertools.product(OWN, OWN, OWN, range(3))))
 def test_every_case_is_decided_as_it_was_promised(main, one, other, heard):
     """In words of the test's own: the complete speak first, the main one before all; then who spoke; then the main."""
     statuses = [main, one, other]
-    complete = [number for number, status in enumerate(statuses) if status in FRESH]
+    complete = [number for number, status in enumerate(statuses) if status in COMPLETE]
     if complete:
         who = complete[0]
         status = statuses[who] if who == MAIN else "degraded"

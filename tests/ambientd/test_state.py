@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from ambient_model.codec import encode as encode_model
 from ambient_model.faults import Refused
+from ambient_model.observer import Background
+from ambient_model.spread import Unrest
 from ambient_model.tracking import Snapshot, Tracker, nearest_discrete
 from ambientd.config import StateSpec, load_settings
 from ambientd.fallback import FallbackState, FallbackTracker
@@ -89,6 +91,42 @@ def test_another_models_state_is_refused_and_changes_nothing(make_model):
         slow.restore(plain.snapshot())
     assert rich.snapshot() == before
     assert slow.snapshot().voices == (None,)
+
+
+def guarded(make_model, **more):
+    return FallbackTracker(make_model(fallbacks=True, guarded=True, **more), 1.0)
+
+
+@pytest.mark.parametrize("at", [1, 7, 150, 300])
+def test_guard_and_spread_go_on_to_the_bit_where_they_stood(make_model, at):
+    whole, first, second = (guarded(make_model) for _ in range(3))
+    wanted = fed(whole, rows(400))
+    assert len({each.status for each in wanted}) == 3, "the guard has a say at times"
+    fed(first, rows(at))
+    second.restore(decode(encode(State("model", "boot", 99.0, first.snapshot()))).tracker)
+    assert fed(second, rows(400 - at, at)) == wanted[at:]
+
+
+def test_a_background_that_is_not_of_the_main_estimators_moment_is_refused_and_changes_nothing(make_model):
+    whole, other = guarded(make_model), guarded(make_model)
+    fed(whole, rows(10))
+    fed(other, rows(11))
+    mixed = whole.snapshot()._replace(background=other.snapshot().background)
+    before = other.snapshot()
+    with pytest.raises(ValueError, match="it has another guard or spread"):
+        other.restore(mixed)
+    with pytest.raises(ValueError, match="it has other estimators"):
+        other.restore(mixed._replace(background=None))
+    assert other.snapshot() == before
+    with pytest.raises(ValueError, match="it has other estimators"):
+        FallbackTracker(make_model(fallbacks=True), 1.0).restore(whole.snapshot())
+
+
+def test_a_model_without_guard_and_spread_keeps_the_state_of_before_they_came(make_model, settled):
+    assert list(json.loads(encode(a_state(settled)).splitlines()[0])) == [
+        *("format", "version", "model", "boot", "time_s"),
+        *("voices", "speaking", "difference_degC", "said_degC", "said_s"),
+    ]
 
 
 def a_state(tracker, now_s=99.0):
@@ -170,7 +208,16 @@ STATE = st.fixed_dictionaries(
         "difference_degC": JSON,
         "said_degC": JSON,
         "said_s": JSON,
-    }
+    },
+    optional={
+        "background": st.fixed_dictionaries(
+            {
+                "guard": st.none() | VOICE,
+                "unrest": st.none() | st.fixed_dictionaries(dict.fromkeys(Unrest._fields, JSON)),
+            }
+        )
+        | JSON
+    },
 )
 
 
@@ -183,7 +230,7 @@ def test_any_bytes_are_a_state_or_a_reason(content):
     with contextlib.suppress(ValueError):
         state = decode(content)
         assert decode(encode(state)) == state
-        assert all([abs(each) <= 1e12 for each in state.tracker[2:] if each is not None])
+        assert all([abs(each) <= 1e12 for each in state.tracker[2:5] if each is not None])
 
 
 NUMBERS = st.floats(-1e12, 1e12)
@@ -202,6 +249,28 @@ def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s
     tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
     voices = (Snapshot(1.0, start_s, step, tuple(x), tuple(u)), None, None)
     tracker.restore(decode(encode(State("m", "b", 99.0, FallbackState(voices, 0, difference, said, 98.0)))).tracker)
+    for time_s, values in [*rows(3, 99), (102.0, (None, None)), (140.0, (None, 25.0))]:
+        estimate = tracker.update(time_s, values)
+        assert all(value is None or math.isfinite(value) for value in estimate[:3])
+
+
+@given(
+    x=NUMBERS,
+    u=st.lists(NUMBERS, min_size=2, max_size=2),
+    unrest=st.builds(
+        Unrest,
+        NUMBERS,
+        st.lists(NUMBERS, min_size=3, max_size=3).map(tuple),
+        st.lists(st.floats(0, 1e12), min_size=3, max_size=3).map(tuple),
+    ),
+)
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_background_of_any_numbers_makes_finite_estimates(make_model, x, u, unrest):
+    tracker = guarded(make_model)
+    voices = (Snapshot(1.0, 90.0, 8, (x, x), tuple(u)), None, None)
+    background = Background(Snapshot(1.0, 90.0, 8, (x,), tuple(u)), unrest)
+    state = FallbackState(voices, 0, 0.0, None, 98.0, background)
+    tracker.restore(decode(encode(State("m", "b", 99.0, state))).tracker)
     for time_s, values in [*rows(3, 99), (102.0, (None, None)), (140.0, (None, 25.0))]:
         estimate = tracker.update(time_s, values)
         assert all(value is None or math.isfinite(value) for value in estimate[:3])

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from ambient_model.codec import save_model
-from ambient_model.model import Model
+from ambient_model.model import Guard, Model, Spread, Term
 
 ROOT = Path(__file__).parents[2]
 BARE = Path(__file__).parent / "bare_loop.py"
@@ -47,7 +47,9 @@ class Device(NamedTuple):
     plain: Path
     """A model without fallbacks,"""
     full: Path
-    """and with one for each input."""
+    """with one for each input,"""
+    guarded: Path
+    """and with guard and spread besides."""
 
     def packed(self, python: str, archive: Path, model: Path) -> Command:
         """The daemon as one file."""
@@ -83,12 +85,21 @@ def device(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Device:
         zones.append(zone / "temp")
     save_model(str(folder / "plain.json"), model._replace(fallbacks={}))
     save_model(str(folder / "full.json"), model)
+    save_model(str(folder / "guarded.json"), _guarded(model))
     archive, compiled = folder / "ambientd.pyz", folder / "compiled.pyz"
     build = [sys.executable, str(ROOT / "deploy" / "build_zipapp.py"), "-o"]
     subprocess.run([*build, str(archive)], check=True, capture_output=True)
     subprocess.run([*build, str(compiled), "--compiled"], check=True, capture_output=True)
-    yield Device(folder, tuple(zones), archive, compiled, folder / "plain.json", folder / "full.json")
+    yield Device(
+        folder, tuple(zones), archive, compiled, *(folder / f"{each}.json" for each in ("plain", "full", "guarded"))
+    )
     shutil.rmtree(folder)
+
+
+def _guarded(model: Model) -> Model:
+    """The same with a guard as large as the main estimator, which never has a say: what it costs is the same."""
+    terms = (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25))
+    return model._replace(guard=Guard(model.main, 1.0), spread=Spread(0.25, terms, model.main.interval))
 
 
 @contextlib.contextmanager
@@ -149,6 +160,7 @@ def subjects(device: Device) -> dict[str, Command]:
         "bare loop": device.bare,
         "one file, no fallbacks": device.packed(sys.executable, device.archive, device.plain),
         "one file, 4 fallbacks": device.packed(sys.executable, device.archive, device.full),
+        "the same, guard and spread": device.packed(sys.executable, device.archive, device.guarded),
         "compiled, 4 fallbacks": device.packed(sys.executable, device.compiled, device.full),
         "installed, 4 fallbacks": device.installed(device.full),
     }

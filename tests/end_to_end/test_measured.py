@@ -23,14 +23,23 @@ def split_of(trace):
     return round(0.6 * load_trace(str(trace)).time_s[-1], 3)
 
 
-def replayed_rmse(process, folder, trace, model, split_s):
-    """RMSE in degC over the last 40 % of what the daemon wrote while it ran over the whole log."""
+def replayed(process, folder, trace, model, split_s):
+    """What the daemon wrote of the last 40 % while it ran over the whole log: reference, estimate, low, high."""
     process("ambientd", "replay", model, trace, "-o", folder / "replay.csv")
-    estimate = np.genfromtxt(str(folder / "replay.csv"), delimiter=",", skip_header=1, usecols=(0, 1))
+    said = np.genfromtxt(str(folder / "replay.csv"), delimiter=",", skip_header=1, usecols=(0, 1, 2, 3))
     logged = load_trace(str(trace))
-    np.testing.assert_array_equal(estimate[:, 0], logged.time_s)
-    late = logged.time_s >= split_s
-    return float(np.sqrt(np.nanmean((logged.reference - estimate[:, 1])[late] ** 2)))
+    np.testing.assert_array_equal(said[:, 0], logged.time_s)
+    late = (logged.time_s >= split_s) & ~np.isnan(logged.reference)
+    return np.column_stack([logged.reference, said[:, 1:]])[late].T
+
+
+def replayed_rmse(process, folder, trace, model, split_s):
+    reference, estimate, _, _ = replayed(process, folder, trace, model, split_s)
+    return rmse(reference, estimate)
+
+
+def rmse(reference, estimate):
+    return float(np.sqrt(np.nanmean((reference - estimate) ** 2)))
 
 
 def compare(process, trace, split_s, *arguments):
@@ -66,12 +75,57 @@ def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(process, chamber, t
 def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path, as_in_readme):
     names = {102: "flash", 112: "battery", 105: "usb", 110: "display"}
     trace = import_chamber(process, chamber_log, tmp_path, names)
-    names = ("model2_ss", "model2_ss_free_cd", "free-1", "free-2", "free-3", "free-4", "linear_combined")
+    names = (
+        "model2_ss", "model2_ss_free_cd", "circuit_observer",
+        "free-1", "free-2", "free-3", "free-4", "free_observer", "linear_combined",
+    )  # fmt: skip
     circuits = [argument for name in names for argument in ("--circuit", name)]
     printed, found = compare(process, trace, split_of(trace), *circuits)
     as_in_readme("these names:", printed)
     assert 2.0 < found["model2_ss_free_cd"]["held_out_rmse_degC"] < 4.0  # what the thesis's best structure leaves
     assert found["free-3"]["held_out_rmse_degC"] < 0.75 < found["model2_ss"]["held_out_rmse_degC"]
+    assert found["free_observer"]["held_out_rmse_degC"] <= 0.58
+    assert found["circuit_observer"]["held_out_rmse_degC"] <= 0.87
+
+
+@pytest.mark.parametrize(
+    ("circuit", "worst_degC", "worst_without_degC"), [("free_observer", 0.58, 0.65), ("circuit_observer", 0.87, 0.87)]
+)
+def test_an_observer_in_the_daemon(process, chamber, tmp_path, circuit, worst_degC, worst_without_degC):
+    split_s = split_of(chamber)
+    model = tmp_path / "model.json"
+    print(process("ambient_trainer", "fit", chamber, "--circuit", circuit, "--to", split_s, "-o", model))
+    assert len(json.loads(model.read_text())["states"]) <= 4
+
+    reference, estimate, low, high = replayed(process, tmp_path, chamber, model, split_s)
+    inside = (low <= reference) & (reference <= high)
+    print(f"{circuit}: {rmse(reference, estimate):.3f} degC, 90 % interval holds {100 * inside.mean():.1f} %")
+    assert rmse(reference, estimate) <= worst_degC
+    assert 0.87 <= inside.mean() <= 0.93
+    hurry, half = np.abs(np.diff(reference, prepend=reference[0])), (high - low) / 2
+    calm, moving = half[hurry <= np.median(hurry)], half[hurry >= np.quantile(hurry, 0.95)]
+    print(f"half width {np.median(calm):.2f} degC in the calmer half, {np.median(moving):.2f} in the fastest twentieth")
+    assert np.median(moving) > 4 * np.median(calm)
+
+    damaged = emptied(chamber, "ch105_degC", split_s, tmp_path / "damaged.csv")
+    reference, estimate, _, _ = replayed(process, tmp_path, damaged, model, split_s)
+    print(f"without ch105 from the split on: {rmse(reference, estimate):.3f} degC")
+    assert not np.isnan(estimate).any()
+    assert rmse(reference, estimate) <= worst_without_degC
+    statuses = [line.rpartition(",")[2] for line in (tmp_path / "replay.csv").read_text().splitlines()[1:]]
+    assert set(statuses[-len(reference) :]) == {"degraded"}
+
+
+def emptied(trace, column, from_s, path):
+    """A copy of ``trace`` whose cells of ``column`` are empty from ``from_s`` on."""
+    comments, rows = [], []
+    for line in trace.read_text().splitlines():
+        (comments if line.startswith("#") else rows).append(line)
+    header, *rows = (line.split(",") for line in rows)
+    index = header.index(column)
+    rows = [[*row[:index], "", *row[index + 1 :]] if float(row[0]) >= from_s else row for row in rows]
+    path.write_text("\n".join([*comments, *(",".join(row) for row in [header, *rows])]) + "\n")
+    return path
 
 
 @pytest.mark.parametrize("channels", [(103, 106, 108, 111), (104, 105, 107, 109)])

@@ -12,6 +12,7 @@ from scipy.stats import spearmanr
 
 SCENARIOS = {"1", "2.1", "2.2", "2.3", "2.4", "2.5", "3", "4"}
 RELATED = {"chau_linear_battery", "he_svr", "ishii_transfer_functions", "li_fixed_point"}
+OURS = {"circuit_observer", "free_observer"}
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +35,14 @@ def test_every_model_in_every_scenario(reproduced):
     assert len(corrected) == len(models) * len(SCENARIOS)
     assert all(row["reproduced"] is not None for row in corrected)
     assert {row["variant"] for row in found["rows"]} == {
-        "corrected", "as_printed", "noncausal", "published_parameters",
+        "corrected", "as_printed", "noncausal", "published_parameters", "ours",
     }  # fmt: skip
 
 
 def test_published_figures_stand_where_there_are_any(reproduced):
     _, found, _ = reproduced
     for row in found["rows"]:
-        known = row["model"] not in RELATED and row["scenario"] not in ("2.2", "2.5")
+        known = row["model"] not in RELATED | OURS and row["scenario"] not in ("2.2", "2.5")
         assert (row["published"] is not None) == known
     (best,) = [
         row["published"]
@@ -49,6 +50,23 @@ def test_published_figures_stand_where_there_are_any(reproduced):
         if (row["scenario"], row["model"], row["variant"]) == ("4", "model2_ss_free_cd", "corrected")
     ]
     assert (best["rmse_degC"], best["mae_degC"], best["mbe_degC"]) == (1.30, 0.92, 0.11)
+
+
+def test_our_observers_stand_apart_and_beat_the_thesis_s_best(reproduced):
+    """In the thesis's verification run, on a device it has never seen in that weather."""
+    printed, found, page = reproduced
+    ours = {(row["model"], row["scenario"]): row["reproduced"] for row in found["rows"] if row["variant"] == "ours"}
+    assert ours.keys() == {(model, scenario) for model in OURS for scenario in SCENARIOS}
+    best = min(
+        row["reproduced"]["rmse_degC"]
+        for row in found["rows"]
+        if row["scenario"] == "4" and row["variant"] == "corrected" and row["model"] not in RELATED
+    )
+    for model in OURS:
+        assert ours[model, "4"]["rmse_degC"] < 0.5 * best
+    for name in ("Ours: circuit observer", "Ours: free observer"):
+        assert printed.count(name) == 2 * len(SCENARIOS) + 1
+        assert name in page
 
 
 def test_the_correlation_is_that_of_the_rows(reproduced):

@@ -8,13 +8,17 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete, dlsim
+from scipy.signal import cont2discrete, dlsim, lfilter
 from threadpoolctl import threadpool_limits
 
 from ambient_model.codec import load_model, save_model
 from ambient_model.conformance import run_recursion
+from ambient_model.model import Guard, Spread, Term
+from ambient_model.observer import Observer
 from ambient_model.trace import write_trace
+from ambient_model.tracking import Tracker
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.evaluation.observed import observe
 from ambient_trainer.export.model_file import model_of
 from ambient_trainer.identify.circuit_structure import CircuitStructure
 from ambient_trainer.identify.fit import Effort, fit_circuit, fit_free_filter
@@ -25,6 +29,11 @@ DAY = 86_400
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 TOLERANCE_DEGC = 1e-9
 MODELS = ("free-3", "model2_ss", "model2_ss_free_cd")
+THRESHOLD_DEGC = 1.0
+LAGS_S = {"movement": 300.0, "change": 40.0, "guard": 60.0}
+WEIGHTS = {"movement": 0.5, "change": 3.0, "guard": 0.25}
+CONSTANT_DEGC2 = 0.09
+QUANTILES = {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -112,3 +121,75 @@ def test_a_day_through_the_daemon_itself(fits, models, tmp_path):
     assert float(rows[-1]["low_degC"]) == pytest.approx(said[-1] + low)
     assert float(rows[-1]["high_degC"]) == pytest.approx(said[-1] + high)
     assert rows[-1]["status"] == "tracking"
+
+
+@pytest.fixture(scope="module")
+def second():
+    """The fit that the guard is made of: of the same sensors, and of another mind."""
+    return fit_free_filter(1, [simulate("5", seed=1)], Effort(starts=1))
+
+
+@pytest.fixture(scope="module")
+def guarded(models, second, tmp_path_factory):
+    """The free filter with a guard and a spread of all terms, made up, written to a file and read back."""
+    terms = tuple(Term(of, lag_s, WEIGHTS[of]) for of, lag_s in LAGS_S.items())
+    model = models["free-3"]._replace(
+        guard=Guard(model_of(second, [], {}).main, THRESHOLD_DEGC), spread=Spread(CONSTANT_DEGC2, terms, QUANTILES)
+    )
+    path = str(tmp_path_factory.mktemp("guarded") / "model.json")
+    save_model(path, model)
+    return load_model(path)
+
+
+def _low_pass(z, lag_s, period_s):
+    kept = np.exp(-period_s / lag_s)
+    return lfilter([1 - kept], [1, -kept], z - z[0]) + z[0]
+
+
+def _by_equations(first, second, u, period_s):
+    """Estimate, the guard's weight and sigma (N,), from the two fits by scipy alone."""
+    main, guard = _by_scipy(first, u, period_s), _by_scipy(second, u, period_s)
+    d = main - guard
+    w = np.clip(np.abs(d) / THRESHOLD_DEGC - 1, 0, 1)
+    y = main - w * d
+    squares = {
+        "movement": (y - _low_pass(y, LAGS_S["movement"], period_s)) ** 2,
+        "change": np.concatenate([[0], np.diff(y)]) ** 2,
+        "guard": d**2,
+    }
+    variance = sum(WEIGHTS[of] * _low_pass(z, LAGS_S[of], period_s) for of, z in squares.items())
+    return y, w, np.sqrt(CONSTANT_DEGC2 + variance)
+
+
+@pytest.mark.parametrize("period_s", PERIODS_S)
+def test_a_day_of_samples_with_guard_and_spread(period_s, fits, second, guarded):
+    u = _day(len(fits["free-3"].inputs))
+    y, w, sigma = _by_equations(fits["free-3"], second, u, period_s)
+    assert {0.0, 1.0} <= {*w.tolist()}, "the guard is silent at times, and alone at times"
+    arrays = observe(guarded, u, period_s)
+    [discrete] = [each for each in guarded.main.discrete if each.period_s == period_s]
+    observer = Observer(guarded, Tracker(guarded.main, discrete))
+    said = [observer.update(k * period_s, row)[:3] for k, row in enumerate(u.T.tolist())]
+    ambient, low, high = np.array(said).T
+    for found in (ambient, arrays.ambient_degC):
+        assert np.abs(found - y).max() < TOLERANCE_DEGC
+    assert np.abs(arrays.scale - sigma).max() < TOLERANCE_DEGC
+    assert np.abs(low - (y - 1.5 * sigma)).max() < TOLERANCE_DEGC
+    assert np.abs(high - (y + 1.8 * sigma)).max() < TOLERANCE_DEGC
+
+
+def test_a_guarded_day_through_the_daemon_itself(fits, second, guarded, tmp_path):
+    u = _day(len(fits["free-3"].inputs))
+    paths = [str(tmp_path / name) for name in ("model.json", "day.csv", "out.csv")]
+    save_model(paths[0], guarded)
+    write_trace(paths[1], fits["free-3"].inputs, ((float(k), row) for k, row in enumerate(u.T.tolist())))
+    command = [sys.executable, "-m", "ambientd", "replay", paths[0], paths[1], "-o", paths[2]]
+    subprocess.run(command, check=True, capture_output=True)
+    with open(paths[2], newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    y, w, sigma = _by_equations(fits["free-3"], second, u, 1.0)
+    wanted = {"ambient_degC": y, "low_degC": y - 1.5 * sigma, "high_degC": y + 1.8 * sigma}
+    for name, values in wanted.items():
+        assert np.abs(np.array([float(row[name]) for row in rows]) - values).max() < TOLERANCE_DEGC
+    degraded = np.array([row["status"] == "degraded" for row in rows])
+    assert np.array_equal(degraded, w > 0)

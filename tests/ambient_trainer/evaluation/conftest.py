@@ -11,7 +11,7 @@ import pytest
 
 from ambient_model.codec import save_model
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Input, Model
+from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
 from ambient_trainer.traces.trace import Trace, save_trace
 
 INPUTS = (Input("usb", "degC", "usb-therm", -30.0, 90.0), Input("battery", "degC", "battery", -30.0, 90.0))
@@ -35,6 +35,26 @@ def two_sensor_model(provenance: dict[str, Any] | None = None, periods_s: tuple[
     return Model("two sensors", "2024-01-01T00:00:00Z", "ambient_degC", estimator, {}, provenance or {}, conformance)
 
 
+def guarded_model(periods_s: tuple[float, ...] = (1.0,)) -> Model:
+    """The same with a guard of two lags in a row on usb, and a spread of all terms."""
+    model = two_sensor_model(periods_s=periods_s)
+    discrete = []
+    for period_s in periods_s:
+        a, b = float(np.exp(-period_s / 15.0)), float(np.exp(-period_s / 60.0))
+        rows = ((a, 0.0), (1.0 - b, b))
+        discrete.append(Discrete(period_s, rows, ((1.0 - a, 0.0), (0.0, 0.0)), ((0.0, 1.0),), ((0.0, 0.0),)))
+    both = ((1.0, 0.0), (1.0, 0.0))
+    estimator = Estimator(INPUTS, ("once", "twice"), tuple(discrete), -1.0, both, model.main.interval)
+    terms = (
+        Term("movement", 120.0, 0.5),
+        Term("change", 30.0, 2.0),
+        Term("guard", 60.0, 0.25),
+        Term("guard", 9.0, 0.1),
+    )
+    spread = Spread(0.04, terms, {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)})
+    return model._replace(guard=Guard(estimator, 1.5), spread=spread)
+
+
 def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:
     """Two wandering sensors and a reference somewhere below them."""
     rng = np.random.default_rng(seed)
@@ -48,6 +68,11 @@ def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:
 @pytest.fixture
 def model_of() -> Callable[..., Model]:
     return two_sensor_model
+
+
+@pytest.fixture
+def guarded_of() -> Callable[..., Model]:
+    return guarded_model
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_model.model import Model
 from ambient_trainer.evaluation.evaluate import evaluate_file, evaluate_trace
+from ambient_trainer.evaluation.observed import observe
 from ambient_trainer.traces.digest import sha256_of
 from ambient_trainer.traces.trace import Trace, save_trace
 
@@ -54,6 +55,38 @@ def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: Mo
     assert 0.0 < found.coverage[90] < 1.0
     assert (found.scored, found.unscored, found.trace) == (400, 0, "made.csv")
     assert set(found.status) == {"warming_up", "tracking"}
+
+
+def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace_of: TraceOf) -> None:
+    """Against ``observe``, which its own test holds against the equations."""
+    model, trace = guarded_of(), trace_of(2000)
+
+    found = evaluate_trace(model, trace)
+
+    said = observe(model, np.vstack([trace.columns["usb_degC"], trace.columns["battery_degC"]]), 1.0)
+    assert found.estimate_degC == pytest.approx(said.ambient_degC, abs=1e-9)
+    assert found.low_degC == pytest.approx(said.ambient_degC - 1.5 * said.scale, abs=1e-9)
+    assert found.high_degC == pytest.approx(said.ambient_degC + 1.8 * said.scale, abs=1e-9)
+    assert np.array_equal(found.status == "degraded", said.weight > 0)
+    assert set(found.status) == {"warming_up", "tracking", "degraded"}
+    error = trace.reference - said.ambient_degC
+    assert found.coverage == {
+        level: np.mean((error >= low * said.scale) & (error <= high * said.scale))
+        for level, (low, high) in ((50, (-0.6, 0.7)), (90, (-1.5, 1.8)), (98, (-2.4, 2.5)))
+    }
+    inside = (trace.reference >= found.low_degC) & (trace.reference <= found.high_degC)
+    assert found.coverage[90] == np.mean(inside)
+
+
+def test_what_has_no_estimate_is_not_covered_nor_missed(guarded_of: ModelOf, trace_of: TraceOf) -> None:
+    trace = without(trace_of(200), "usb_degC", 0, 1, 2, 50)
+
+    found = evaluate_trace(guarded_of(), trace)
+
+    scored = np.isfinite(found.error_degC)
+    inside = (trace.reference >= found.low_degC) & (trace.reference <= found.high_degC)
+    assert np.flatnonzero(~scored).tolist() == [0, 1, 2]
+    assert found.coverage[90] == np.mean(inside[scored])
 
 
 def test_the_reference_never_reaches_the_estimate(model_of: ModelOf, trace_of: TraceOf) -> None:

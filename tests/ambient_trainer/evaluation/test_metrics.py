@@ -102,3 +102,11 @@ def test_nineteen_errors_have_no_rolling_band() -> None:
 
     assert np.isnan(low).all()
     assert np.isnan(high).all()
+
+
+def test_each_error_is_held_against_an_interval_of_its_own_scale() -> None:
+    error, scale = np.array([-2.0, -0.9, 0.9, 2.0]), np.array([2.0, 1.0, 0.5, 0.25])
+    # -1 to 1.5 times the scale: -2 to 3, -1 to 1.5, -0.5 to 0.75, -0.25 to 0.375
+    assert coverage(error, {90: (-1.0, 1.5)}, scale) == {90: 0.5}
+    assert coverage(error, {90: (-1.0, 1.5)}) == {90: 0.5}
+    assert coverage(error, {50: (-1.0, 1.5), 98: (-1.0, 2.0)}, 10.0) == {50: 1.0, 98: 1.0}

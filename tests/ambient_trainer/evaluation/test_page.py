@@ -94,3 +94,13 @@ def test_a_hostile_name_stays_text(model_of: Callable[..., Model], trace_of: Cal
 
     assert "alert(1)" in page
     assert "<script>alert" not in page
+
+
+def test_a_spread_is_told_in_its_own_unit(
+    model_of: Callable[..., Model], guarded_of: Callable[..., Model], trace_of: Callable[..., Trace]
+) -> None:
+    constant, guarded = (
+        evaluation_page(each, [evaluate_trace(each, trace_of(50))]) for each in (model_of(), guarded_of())
+    )
+    assert "90 %: -0.60 to +0.70 °C, 98 %" in constant
+    assert "90 %: -1.50 to +1.80 sigma, 98 %: -2.40 to +2.50 sigma; sigma grows with the estimate" in guarded

@@ -56,7 +56,8 @@ def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offe
 def test_a_circuit_names_its_own_sensors():
     with pytest.raises(Refused) as refused:
         fitting("linear_usb", ["usb_degC"])
-    assert str(refused.value) == "--sensors: linear_usb names its own; use it with free-1 to free-4"
+    mend = "use it with free-1 to free-4, circuit_observer or free_observer"
+    assert str(refused.value) == f"--sensors: linear_usb names its own; {mend}"
 
 
 @pytest.mark.parametrize("name", ["free-1", "model2_ss", "linear_combined"])

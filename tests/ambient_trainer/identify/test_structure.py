@@ -197,6 +197,25 @@ def test_a_circuit_that_starts_anywhere(forward, periods_s, simulated, at_rest):
     _assert_same(structure, theta, brute)
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-5, 0.9e-3, 1.1e-3, 1e-2])
+def test_modes_that_lie_close(apart, forward, simulated, at_rest):
+    """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
+    for kind, circuit in ((CircuitStructure, load_circuit("model2_ss_free_cd")), (FreelyStartingCircuit, forward)):
+        structure = kind(circuit, _segments(len(circuit.inputs), len(circuit.outputs)))
+        theta = np.log([20.0 if name.startswith("C_") else 2.0 for name in structure.search.names])
+        if kind is FreelyStartingCircuit:
+            between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
+            theta[between] += np.log(1e9)
+        theta[structure.search.names.index("C_battery" if kind is CircuitStructure else "C_b")] += apart
+
+        def brute(theta, structure=structure):
+            plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
+            free = isinstance(structure, FreelyStartingCircuit)
+            return _residual(structure, _with_starts(structure, theta, plain, simulated) if free else plain)
+
+        _assert_same(structure, theta, brute, tolerance=1e-5)
+
+
 def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(forward, simulated, at_rest):
     """Every kind of unknown in one circuit: logarithmic, plain, weight, offset and start."""
     share, weight = (replace(forward.parameters[0], name=name, unit="1", initial=1.0, low=-9.0, high=9.0)

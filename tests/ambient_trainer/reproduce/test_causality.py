@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ambient_trainer.kalman.methods import observer_methods
 from ambient_trainer.related.methods import related_methods
-from ambient_trainer.reproduce.names import MODELS, RELATED
+from ambient_trainer.reproduce.names import MODELS, OURS, RELATED
 from ambient_trainer.simulation.phone import simulate
 from ambient_trainer.thesis.methods import thesis_methods
 
@@ -16,7 +17,8 @@ PERIOD_S = 10.0
 @pytest.fixture(scope="module")
 def methods():
     training = simulate("5", seed=11, period_s=PERIOD_S)
-    return [*thesis_methods(training), *related_methods(training, simulate("1", seed=12, period_s=PERIOD_S))]
+    related = related_methods(training, simulate("1", seed=12, period_s=PERIOD_S))
+    return [*thesis_methods(training), *related, *observer_methods(training, lambda what, done, total: None)]
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +40,14 @@ def corruptions(reference):
 
 
 def test_every_method_is_here(methods):
-    assert {each.name for each in methods} == {*MODELS, *RELATED}
-    assert {each.variant for each in methods} == {"corrected", "as_printed", "noncausal", "published_parameters"}
+    assert {each.name for each in methods} == {*MODELS, *RELATED, *OURS}
+    assert {each.variant for each in methods} == {
+        "corrected",
+        "as_printed",
+        "noncausal",
+        "published_parameters",
+        "ours",
+    }
 
 
 def test_a_corrupted_reference_changes_no_bit_of_a_causal_estimate(methods, runs):

@@ -28,7 +28,9 @@ def test_published_and_simulated_stand_side_by_side(made):
     assert rows["Li et al. 2020, fixed point"][::2] == ("-", "-", "-")
     assert rows["Model 1 state-space single input, causal"][:2] == ("0.30", "0.21")
     assert rows["Model 1 state-space single input, non-causal"][:2] == ("0.30", "0.04")
-    assert len(rows) == 10 + 1 + 4
+    assert len(rows) == 10 + 1 + 4 + 2
+    assert rows["Ours: circuit observer"][:2] == ("-", "0.01")
+    assert list(rows)[-2:] == ["Ours: circuit observer", "Ours: free observer"]
 
     lines = [row for row in pair.intervals.rows if row[0] == "Linear combined" or row[1] == "simulated"]
     at = next(index for index, row in enumerate(pair.intervals.rows) if row[0] == "Linear combined")
@@ -51,7 +53,11 @@ def test_the_overview_has_a_row_a_variant_and_a_column_a_scenario(made):
     table = overview_table(made().evaluated.rows)
 
     assert table.columns == ("method", "variant", "1", "2.1", "2.2", "2.3", "2.4", "2.5", "3", "4")
-    assert len(table.rows) == 15
+    assert len(table.rows) == 17
+    assert [row[:2] for row in table.rows[-2:]] == [
+        ("Ours: circuit observer", "ours"),
+        ("Ours: free observer", "ours"),
+    ]
     assert ("Model 1 state-space single input", "non-causal", *["0.04"] * 8) in table.rows
 
 

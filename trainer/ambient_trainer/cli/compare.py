@@ -34,7 +34,7 @@ _WIDTH = 120
 @click.option("--circuit", "circuits", required=True, multiple=True, metavar="NAME|FILE", help="As in fit; repeat it.")
 @click.option("--split", "split_s", type=float, metavar="S", help="Train before this time_s, score after it.")
 @click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
-@click.option("--sensors", metavar="A,B,...", help="What free-N reads (default: every _degC column).")
+@click.option("--sensors", metavar="A,B,...", help="As in fit (default: every _degC column).")
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @effort_options

@@ -26,14 +26,19 @@ STOPPED = 1
 @click.command("fit")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
 @click.option(
-    "--circuit", required=True, metavar="NAME|FILE", help="A shipped circuit, a .yaml file, or free-1 to free-4."
+    "--circuit",
+    required=True,
+    metavar="NAME|FILE",
+    help="A shipped circuit or observer, a .yaml file, or free-1 to free-4.",
 )
 @click.option("-o", "--output", required=True, metavar="MODEL.json", help="Where the model goes.")
 @click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
 @click.option("--json", "json_path", metavar="FIT.json", help="Write what the terminal shows to this file as JSON.")
 @click.option(
-    "--sensors", metavar="A,B,...", help="What free-N reads, such as usb,battery (default: every _degC column)."
+    "--sensors",
+    metavar="A,B,...",
+    help="What free-N, circuit_observer and free_observer read (default: every _degC column).",
 )
 @click.option(
     "--zone", "zones", multiple=True, metavar="NAME=TYPE", help="The thermal zone's type, where it is not the name."
@@ -61,7 +66,7 @@ def command(
     fit_to = fitting(circuit, sensor_columns(sensors))
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
-    with fit_progress(circuit, effort.starts, samples) as progress:
+    with fit_progress(circuit, fit_to.searches or effort.starts, samples) as progress:
         fit = fit_to(traces, effort, progress, period_s)
     model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types)
     save_model(output, model)

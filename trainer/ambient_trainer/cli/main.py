@@ -14,6 +14,7 @@ from ambient_model.faults import Refused
 COMMANDS = {
     "calibrate-phone": "calibrate_phone",
     "compare": "compare",
+    "correct": "correct",
     "demo": "demo",
     "diagnose": "diagnose",
     "discover": "discover",
@@ -21,9 +22,12 @@ COMMANDS = {
     "fit": "fit",
     "identifiability": "identifiability",
     "import": "import_",
+    "limit": "limit",
     "mitigate": "mitigate",
     "reproduce": "reproduce",
+    "search": "search",
     "simulate": "simulate",
+    "units": "units",
 }
 
 

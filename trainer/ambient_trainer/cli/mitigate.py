@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
-
 import click
-import rich.progress
 from rich.console import Console
-from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ambient_model.codec import load_model
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import write_figures
-from ambient_trainer.mitigation.comparison import Comparison, Progress, compare, settling_min
+from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer.mitigation.comparison import Comparison, compare, settling_min
 from ambient_trainer.mitigation.room import room_of
 from ambient_trainer.mitigation.score import as_json, fixed_trip, score_table, scores, verdict
 from ambient_trainer.mitigation.setting import Outage, Setting
@@ -138,7 +134,7 @@ def command(
         outage=None if lose is None else Outage(*lose),
     )
     ways = [room_of(text) for text in dict.fromkeys(rooms)]
-    with _bar() as progress:
+    with staged_progress() as progress:
         comparison = compare(model, sensor, setting, ways, range(seed, seed + runs), progress)
         progress("drawing the report", 0, 1)
         page = _page(comparison) if report_folder else ""
@@ -149,15 +145,6 @@ def command(
         from ambient_trainer.report.page import write_report
 
         click.echo(f"Report: {write_report(report_folder, page)}")
-
-
-@contextlib.contextmanager
-def _bar() -> Iterator[Progress]:
-    console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    with rich.progress.Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
 
 
 def _page(comparison: Comparison) -> str:

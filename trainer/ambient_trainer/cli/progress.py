@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from rich.console import Console
@@ -13,22 +13,32 @@ from ambient_trainer.identify import search
 
 
 @contextlib.contextmanager
-def fit_progress(name: str, starts: int, samples: int) -> Iterator[search.Progress]:
-    """A bar over the starts of a fit, with the evaluations and the best RMSE so far."""
+def fit_progress(name: str, searches: int, samples: int) -> Iterator[search.Progress]:
+    """A bar over the searches of a fit, mostly one a start, with the evaluations and the best RMSE so far."""
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("starts"),
+        TextColumn("searches"),
         TimeElapsedColumn(),
     )
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(name, total=starts)
+        task = bar.add_task(name, total=searches)
 
-        def show(start: int, evaluation: int, square: float) -> None:
+        def show(done: int, evaluation: int, square: float) -> None:
             rmse = float(np.sqrt(square / max(samples, 1)))
-            bar.update(task, completed=start, description=f"{name}, evaluation {evaluation}, best {rmse:.3f} degC")
+            bar.update(task, completed=done, description=f"{name}, evaluation {evaluation}, best {rmse:.3f} degC")
 
         yield show
+
+
+@contextlib.contextmanager
+def staged_progress() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar that is told what is under way, how much of it is done, and of how much."""
+    console = Console(stderr=True)
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)

@@ -10,8 +10,8 @@ from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.export.model_file import model_of, training_of
-from ambient_trainer.identify.fit import Effort, Fit, free_order
-from ambient_trainer.identify.named import fitting
+from ambient_trainer.identify.fit import Effort, Fit
+from ambient_trainer.identify.named import fitting, reads_any
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.report.table import Table
 from ambient_trainer.traces.trace import Trace, load_trace
@@ -73,8 +73,8 @@ def held_out_contest(training_paths: Sequence[str], held_out_path: str) -> Conte
 
 
 def contend(name: str, contest: Contest, sensors: Sequence[str], effort: Effort, progress: Progress) -> Contender:
-    """Fit the circuit called ``name`` and score it; ``sensors`` (trace columns) are what ``free-N`` reads."""
-    fit = fitting(name, sensors if free_order(name) else ())(contest.training, effort, progress, None)
+    """Fit the circuit called ``name`` and score it; ``sensors`` (trace columns) are for those that read any."""
+    fit = fitting(name, sensors if reads_any(name) else ())(contest.training, effort, progress, None)
     provenance = [training_of(trace, None, contest.to_s) for trace in contest.training]
     model = model_of(fit, provenance, {})
     running, cold = contest.score(model)

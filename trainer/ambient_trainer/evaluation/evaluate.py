@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import Refused, refuse
-from ambient_model.model import Discrete, Estimator, Input, Model
+from ambient_model.model import Discrete, Input, Model
+from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
@@ -101,6 +102,8 @@ class _Tracked(NamedTuple):
     status: NDArray[np.str_]
     used: Array
     """The inputs as the recursion took them, n x m."""
+    sigma_degC: Array
+    """Of a model with a spread."""
 
 
 def evaluate_file(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
@@ -144,7 +147,7 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
             "log more often, or fit the model to a trace with this period",
         )
     inputs = {each: trace.columns[each.column] for each in model.main.inputs}
-    tracked = _track(model.main, discrete, trace.time_s, np.column_stack(list(inputs.values())))
+    tracked = _track(model, discrete, trace.time_s, np.column_stack(list(inputs.values())))
     error = trace.reference - tracked.estimate_degC
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:
@@ -160,7 +163,7 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
         reference_degC=trace.reference,
         error_degC=error,
         metrics=score(error[scored]),
-        coverage=coverage(error[scored], model.main.interval),
+        coverage=_coverage(model, error[scored], tracked.sigma_degC[scored]),
         without_estimate=int(np.count_nonzero(np.isnan(tracked.estimate_degC))),
         without_reference=int(np.count_nonzero(np.isfinite(tracked.estimate_degC) & np.isnan(trace.reference))),
         trace_period_s=trace_period_s,
@@ -197,10 +200,12 @@ def _too_few(trace: Trace, tracked: _Tracked) -> Refused:
     )
 
 
-def _track(estimator: Estimator, discrete: Discrete, time_s: Array, inputs: Array) -> _Tracked:
-    tracker = Tracker(estimator, discrete)
-    readings = [[None if value != value else value for value in row] for row in inputs.tolist()]
-    estimates = [tracker.update(now_s, row) for now_s, row in zip(time_s.tolist(), readings)]
+def _track(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> _Tracked:
+    observer = Observer(model, Tracker(model.main, discrete))
+    estimates, sigmas = [], []
+    for now_s, row in zip(time_s.tolist(), inputs.tolist()):
+        estimates.append(observer.update(now_s, [None if value != value else value for value in row]))
+        sigmas.append(observer.sigma_degC)
     return _Tracked(
         # None becomes NaN
         np.array([each.ambient_degC for each in estimates], dtype=np.float64),
@@ -208,7 +213,15 @@ def _track(estimator: Estimator, discrete: Discrete, time_s: Array, inputs: Arra
         np.array([each.high_degC for each in estimates], dtype=np.float64),
         np.array([each.status for each in estimates]),
         np.array([each.used for each in estimates], dtype=np.float64),
+        np.array(sigmas, dtype=np.float64),
     )
+
+
+def _coverage(model: Model, error_degC: Array, sigma_degC: Array) -> dict[int, float]:
+    """Of the interval that is published: the spread's, or the constant one."""
+    if model.spread is None:
+        return coverage(error_degC, model.main.interval)
+    return coverage(error_degC, model.spread.quantiles, sigma_degC)
 
 
 def _baseline(model: Model, tracked: _Tracked, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from ambient_trainer.traces.trace import Array, Trace
 
-Variant = Literal["corrected", "as_printed", "noncausal", "published_parameters"]
+Variant = Literal["corrected", "as_printed", "noncausal", "published_parameters", "ours"]
 
 
 @dataclass(frozen=True)

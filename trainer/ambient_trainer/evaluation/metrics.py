@@ -50,10 +50,14 @@ def normal_interval(mean: float, sigma: float, level_percent: float) -> Band:
     return (mean - reach, mean + reach)
 
 
-def coverage(error_degC: Array, interval: Quantiles) -> dict[int, float]:
-    """Per level of a published interval (degC) the share, 0 to 1, of the errors that lie inside it, ends included."""
+def coverage(error_degC: Array, interval: Quantiles, scale: Array | float = 1.0) -> dict[int, float]:
+    """Per level of a published interval the share, 0 to 1, of the errors that lie inside it, ends included.
+
+    The interval is in units of ``scale`` (degC): one number, or one for each error.
+    """
     return {
-        level: float(np.mean((low <= error_degC) & (error_degC <= high))) for level, (low, high) in interval.items()
+        level: float(np.mean((low * scale <= error_degC) & (error_degC <= high * scale)))
+        for level, (low, high) in interval.items()
     }
 
 

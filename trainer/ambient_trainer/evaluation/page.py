@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-from ambient_model.model import LEVELS_PERCENT, Model
-from ambient_model.tracking import COASTING, FAULTED, WARMING_UP
+from ambient_model.model import Model
+from ambient_model.tracking import COASTING, DEGRADED, FAULTED, WARMING_UP
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, rolling_band
 from ambient_trainer.evaluation.provenance import training_spans
@@ -31,7 +31,12 @@ from ambient_trainer.report.plots import (
 )
 from ambient_trainer.report.units import written
 
-_SHADES = {WARMING_UP: ("warming up", "#e3a008"), COASTING: ("coasting", "#8b5cf6"), FAULTED: ("faulted", "#dc2626")}
+_SHADES = {
+    WARMING_UP: ("warming up", "#e3a008"),
+    DEGRADED: ("guard has a say", "#0d9488"),
+    COASTING: ("coasting", "#8b5cf6"),
+    FAULTED: ("faulted", "#dc2626"),
+}
 
 
 def evaluation_page(model: Model, evaluations: Sequence[Evaluation]) -> str:
@@ -64,16 +69,18 @@ def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
         ("estimates", model.output),
         ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {written(each.unit)}" for each in main.inputs]),
         ("periods", ", ".join(f"{each.period_s:g} s" for each in main.discrete)),
-        (
-            "published interval",
-            ", ".join(
-                f"{level} %: {main.interval[level][0]:+.2f} to {main.interval[level][1]:+.2f} °C"
-                for level in LEVELS_PERCENT
-            ),
-        ),
+        ("published interval", _published(model)),
         ("trained on", training or "not named in the model file"),
         ("created", model.created),
     ]
+
+
+def _published(model: Model) -> str:
+    quantiles, unit = model.main.interval, "°C"
+    if model.spread is not None:
+        quantiles, unit = model.spread.quantiles, "sigma"
+    told = ", ".join(f"{level} %: {low:+.2f} to {high:+.2f} {unit}" for level, (low, high) in quantiles.items())
+    return told if model.spread is None else f"{told}; sigma grows with the estimate's unrest"
 
 
 def _note(evaluation: Evaluation) -> str:

@@ -16,7 +16,7 @@ from ambient_model import __version__
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
-from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Input, Matrix, Model, Quantiles
+from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Guard, Input, Matrix, Model, Quantiles
 from ambient_model.trace import split_column
 from ambient_trainer.circuits.assemble import StateSpace
 from ambient_trainer.identify.discretise import discretised
@@ -46,22 +46,18 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
     unknown = sorted(set(zones) - set(names))
     if unknown:
         raise refuse("--zone", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
-    estimator = Estimator(
-        inputs=tuple(_input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)),
-        states=fit.states,
-        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
-        offset=float(fit.system.offset[0]),
-        initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
-        interval=error_quantiles(fit.errors_degC[0]),
-    )
+    inputs = {column: _input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)}
+    estimator = _estimator(fit, inputs)
     model = Model(
         name=fit.circuit,
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
         output="ambient",
         main=estimator,
-        fallbacks={},
+        fallbacks={without: _estimator(each, inputs) for without, each in fit.fallbacks.items()},
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
+        guard=None if fit.guard is None else Guard(_estimator(fit.guard.fit, inputs), fit.guard.threshold_degC),
+        spread=fit.spread,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
     return decode(encode(model).encode(), fit.circuit)
@@ -80,6 +76,18 @@ def error_quantiles(errors_degC: Array) -> Quantiles:
         low, high = np.percentile(errors_degC, [tail, 100 - tail])
         bands[level] = (float(low), float(high))
     return bands
+
+
+def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
+    """``inputs`` are those of the whole model by column: a fallback believes the same readings."""
+    return Estimator(
+        inputs=tuple(inputs[column] for column in fit.inputs),
+        states=fit.states,
+        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
+        offset=float(fit.system.offset[0]),
+        initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
+        interval=error_quantiles(fit.errors_degC[0]),
+    )
 
 
 def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> Input:
@@ -133,6 +141,7 @@ def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, An
             "seed": fit.effort.seed,
             "starts": len(fit.start_rmses_degC),
             "pieces": fit.effort.pieces,
+            **fit.figures,
         },
         "parameters": {each.name: each.value for each in fit.parameters},
         "baseline": {

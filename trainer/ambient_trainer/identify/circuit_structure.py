@@ -5,28 +5,74 @@ In the modes of A = V diag(lambda) V^-1, a = exp(lambda T), the state is z = V x
     xi_i = sum_j (V^-1 Bd)_ij phi_ij,    phi_ij = u_j / (z - a_i),
 
 and its derivative in a parameter is V times chi_ik = xi_k / (z - a_i), weighted by V^-1 dE V, plus phi, weighted by
-V^-1 dBd. So n m + n^2 filters serve any number of parameters, exactly.
+V^-1 dBd. Modes that lie apart make their chi_ik of phi. So n m + n filters serve any number of parameters, exactly.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.circuits.assemble import Assembled, StateSpace, assemble
-from ambient_trainer.circuits.circuit import Circuit, Parameter
+from ambient_trainer.circuits.circuit import Circuit, Hold, Parameter
 from ambient_trainer.identify.discretise import discretised, discretised_slopes
-from ambient_trainer.identify.modes import one_pole, passive_modes
+from ambient_trainer.identify.modes import Pairs, one_pole, passive_modes
 from ambient_trainer.identify.structure import Expansion, Unknowns
 from ambient_trainer.traces.grid import Segment
 
 Array = NDArray[np.float64]
 
 _SLOWEST_PER_S = 1e-15
+_KEPT = 4
+
+
+@dataclass(frozen=True)
+class Modal:
+    """A discretised circuit in its modes, with derivatives in theta first, then in beta."""
+
+    found: Assembled
+    value: StateSpace
+    slope: StateSpace
+    poles: Array
+    V: Array
+    W: Array
+    drive: Array
+    """W Bd (n, m)"""
+    pairs: Pairs
+
+    @staticmethod
+    def of(found: Assembled, period_s: float, hold: Hold) -> Modal:
+        """The modes of ``found``, sampled."""
+        value = discretised(found.value, period_s, hold)
+        slope = discretised_slopes(found.value, found.derivative, period_s, hold)
+        rates, V, W = passive_modes(found.value.A, found.capacitance)
+        poles = np.exp(rates * period_s)
+        return Modal(found, value, slope, poles, V, W, W @ value.B, Pairs.of(poles))
+
+    @property
+    def size(self) -> int:
+        """The number of signals: inputs, one, phi and chi."""
+        n, m = self.drive.shape
+        return m + 1 + n * m + self.pairs.count
+
+    @property
+    def decays(self) -> int:
+        """The number of signals that a free start adds."""
+        return len(self.poles) + self.pairs.count
+
+    def packed(self, direct: Array, offset: Array, phi: Array, chi: Array | None) -> Array:
+        """Coefficients (..., q, s) in the order of the signals: inputs, one, phi, chi."""
+        lead = direct.shape[:-1]
+        if chi is None:
+            last = np.zeros((*lead, self.pairs.count))
+        else:
+            last, quotients = self.pairs.parted(chi)
+            phi = phi + quotients @ self.drive - quotients.sum(axis=-2)[..., None] * self.drive
+        return np.concatenate([direct, offset[..., None], phi.reshape(*lead, -1), last], axis=-1)
 
 
 class CircuitStructure:
@@ -43,6 +89,7 @@ class CircuitStructure:
         self.search = self._unknowns(self.searched, self._logarithmic)
         self.linear = self._unknowns(self.linear_parameters, np.zeros(len(self.linear_parameters), dtype=bool))
         self._position = {each.name: index for index, each in enumerate(circuit.parameters)}
+        self._modal: dict[tuple[bytes, float], Modal] = {}
 
     @staticmethod
     def _unknowns(parameters: Sequence[Parameter], logarithmic: NDArray[np.bool_]) -> Unknowns:
@@ -68,7 +115,7 @@ class CircuitStructure:
         its start means nothing and its error never ends. One that is gone before the next sample is no state.
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
-        found = self._assembled(theta)
+        found = self._at(theta, self.segments[0].period_s).found
         longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
         shortest = min(segment.period_s for segment in self.segments) / 10
         eigenvalues, V, W = passive_modes(found.value.A, found.capacitance)
@@ -113,6 +160,15 @@ class CircuitStructure:
         """The continuous state space at these unknowns."""
         return assemble(self.circuit, self.values(theta, beta)).value
 
+    def _at(self, theta: Array, period_s: float) -> Modal:
+        """The modes at ``theta``; those of the last places are kept, signals and expansion being asked for in turn."""
+        key = (theta.tobytes(), period_s)
+        if key not in self._modal:
+            if len(self._modal) >= _KEPT:
+                self._modal.pop(next(iter(self._modal)))
+            self._modal[key] = Modal.of(self._assembled(theta), period_s, self.circuit.hold)
+        return self._modal[key]
+
     def _assembled(self, theta: Array) -> Assembled:
         """The circuit with its linear unknowns at zero; derivatives in theta first, then in beta."""
         weights = [each.name for each in self.linear_parameters]
@@ -130,33 +186,25 @@ class CircuitStructure:
 
     def expand(self, theta: Array, period_s: float) -> Expansion:
         """The outputs and their derivatives in terms of :meth:`signals`."""
-        found = self._assembled(theta)
-        hold = self.circuit.hold
-        value = discretised(found.value, period_s, hold)
-        slope = discretised_slopes(found.value, found.derivative, period_s, hold)
-        _, V, W = passive_modes(found.value.A, found.capacitance)
-        count = len(theta)
-        drive, gain = W @ value.B, value.C @ V
-        fixed = self._pack(value.D, value.offset, gain[:, :, None] * drive, None)
-        gain_slope, drive_slope = slope.C @ V, W @ slope.B
-        whole = self._pack(
+        at = self._at(theta, period_s)
+        value, slope, count = at.value, at.slope, len(theta)
+        gain = value.C @ at.V
+        fixed = at.packed(value.D, value.offset, gain[:, :, None] * at.drive, None)
+        gain_slope, drive_slope = slope.C @ at.V, at.W @ slope.B
+        whole = at.packed(
             slope.D,
             slope.offset,
-            gain_slope[..., None] * drive + gain[:, :, None] * drive_slope[:, None],
-            gain[:, :, None] * (W @ slope.A @ V)[:, None],
+            gain_slope[..., None] * at.drive + gain[:, :, None] * drive_slope[:, None],
+            gain[:, :, None] * (at.W @ slope.A @ at.V)[:, None],
         )
         free = np.moveaxis(whole[count:], 0, -1)
-        return Expansion(fixed, free, whole[:count], self._free_slope(found, slope, theta, period_s, V, W, drive))
+        return Expansion(fixed, free, whole[:count], self._free_slope(at, theta, period_s, fixed.shape[-1]))
 
-    def _free_slope(
-        self, found: Assembled, slope: StateSpace, theta: Array, period_s: float, V: Array, W: Array, drive: Array
-    ) -> Array:
+    def _free_slope(self, at: Modal, theta: Array, period_s: float, size: int) -> Array:
         """d/dtheta of each linear unknown's regressor, found as the slope of a system whose C, D are that unknown's."""
-        count, outputs = len(theta), len(self.circuit.outputs)
-        p = len(self.linear_parameters)
-        size = self._size
-        result = np.zeros((count, outputs, size, p))
-        for index in range(p):
+        found, count, outputs = at.found, len(theta), len(self.circuit.outputs)
+        result = np.zeros((count, outputs, size, len(self.linear_parameters)))
+        for index in range(len(self.linear_parameters)):
             unit = StateSpace(
                 found.value.A,
                 found.value.B,
@@ -174,40 +222,38 @@ class CircuitStructure:
                 np.zeros((count, outputs)),
             )
             moved = discretised_slopes(unit, still, period_s, self.circuit.hold)
-            gain = discretised(unit, period_s, self.circuit.hold).C @ V
-            result[..., index] = self._pack(
+            gain = discretised(unit, period_s, self.circuit.hold).C @ at.V
+            result[..., index] = at.packed(
                 moved.D,
                 moved.offset,
-                (moved.C @ V)[..., None] * drive + gain[:, :, None] * (W @ moved.B)[:, None],
-                gain[:, :, None] * (W @ moved.A @ V)[:, None],
+                (moved.C @ at.V)[..., None] * at.drive + gain[:, :, None] * (at.W @ moved.B)[:, None],
+                gain[:, :, None] * (at.W @ moved.A @ at.V)[:, None],
             )
         return result
 
-    @property
-    def _size(self) -> int:
-        n, m = len(self.circuit.states), len(self.circuit.inputs)
-        return m + 1 + n * m + n * n
-
-    def _pack(self, direct: Array, offset: Array, phi: Array, chi: Array | None) -> Array:
-        """Coefficients (..., q, s) in the order of the signals: inputs, one, phi, chi."""
-        lead = direct.shape[:-1]
-        n = len(self.circuit.states)
-        last = np.zeros((*lead, n * n)) if chi is None else chi.reshape(*lead, -1)
-        return np.concatenate([direct, offset[..., None], phi.reshape(*lead, -1), last], axis=-1)
-
     def signals(self, theta: Array, index: int) -> Array:
-        """The inputs, one, phi (n m rows) and chi (n^2 rows) of a segment."""
+        """The inputs, one, phi (n m rows), and chi of the pairs of modes that need one, of a segment."""
         segment = self.segments[index]
-        found = self._assembled(theta)
-        value = discretised(found.value, segment.period_s, self.circuit.hold)
-        rates, _, W = passive_modes(found.value.A, found.capacitance)
-        poles = np.exp(rates * segment.period_s)
-        u = segment.inputs
-        drive = W @ value.B
-        phi = [one_pole(a, u, u[:, 0] / (1 - a)) for a in poles]
-        xi = np.array([row @ each for row, each in zip(drive, phi)]).reshape(-1, u.shape[1])
-        chi = [one_pole(a, xi, xi[:, 0] / (1 - a)) for a in poles]
-        return np.concatenate([u, np.ones((1, u.shape[1])), *phi, *chi])
+        at = self._at(theta, segment.period_s)
+        result = np.empty((self._size(at), segment.inputs.shape[1]))
+        self._fill(result, at, index)
+        return result
+
+    def _size(self, at: Modal) -> int:
+        return at.size
+
+    def _fill(self, result: Array, at: Modal, index: int) -> None:
+        u = self.segments[index].inputs
+        n, m = at.drive.shape
+        result[:m], result[m] = u, 1.0
+        phi = result[m + 1 : m + 1 + n * m].reshape(n, m, u.shape[1])
+        for mode, a in enumerate(at.poles):
+            phi[mode] = one_pole(a, u, u[:, 0] / (1 - a))
+        row = m + 1 + n * m
+        for i, k in zip(*np.nonzero(at.pairs.own)):
+            xi = at.drive[k] @ phi[k]
+            result[row] = one_pole(at.poles[i], xi[None], xi[:1] / (1 - at.poles[i]))[0]
+            row += 1
 
 
 def _positive_names(circuit: Circuit) -> set[str]:

@@ -6,15 +6,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.model import Spread
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import StateSpace
 from ambient_trainer.circuits.circuit import Circuit, Hold
@@ -93,6 +94,15 @@ class Fit:
     errors_degC: tuple[Array, ...]
     baseline: StaticLinear
     input_ranges: tuple[tuple[float, float], ...]
+    fallbacks: Mapping[str, Fit] = field(default_factory=dict)
+    """Per input (its name in a model file) the fit that does without it."""
+    spread: Spread | None = None
+    """How wrong to think the estimate just now."""
+    guard: GuardFit | None = None
+    notes: tuple[str, ...] = ()
+    """What else there is to say of it, a line each."""
+    figures: Mapping[str, Any] = field(default_factory=dict)
+    """What a recipe of its own has to tell, for the file's provenance and for a machine."""
 
     @property
     def dc_gains(self) -> tuple[float, ...]:
@@ -104,6 +114,13 @@ class Fit:
     def samples(self) -> int:
         """The number of reference samples it was fitted to."""
         return sum(len(each) for each in self.errors_degC)
+
+
+class GuardFit(NamedTuple):
+    """The guard of a fit, of the same inputs, and how far the two may part before it has a say."""
+
+    fit: Fit
+    threshold_degC: float
 
 
 def free_order(name: str) -> int | None:
@@ -132,22 +149,22 @@ def fit_circuit(
     Raises :class:`Refused` where the traces lack a column, hold too little, or an input never changes.
     """
     columns = tuple(output.column for output in circuit.outputs)
-    data = _segments(traces, circuit.inputs, columns, period_s, effort.pieces)
+    data = training_segments(traces, circuit.inputs, columns, period_s, effort.pieces)
     estimates_ambient = columns == (REFERENCE,)
     structure = (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, data)
-    _enough(traces, structure)
+    require_enough(traces, structure)
     with threadpool_limits(1):
-        found = _searched(structure, effort, progress)
+        found = searched(structure, effort, progress)
         best = found.result.best
         values = structure.values(best.theta, best.beta)
         units = {each.name: each.unit for each in circuit.parameters}
         logarithmic = structure.logarithmic_names
         # what the file gives as a bare number has a place for a name, with dots in it
         shown = [each.name for each in circuit.parameters if each.free or "." not in each.name]
-        return _closed(
+        return fit_of(
             found,
             structure.system(best.theta, best.beta),
-            tuple(_estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown),
+            tuple(estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown),
             circuit=circuit.name,
             hold=circuit.hold,
             inputs=circuit.inputs,
@@ -167,18 +184,16 @@ def fit_free_filter(
     """Fit the free linear filter of ``order`` over ``inputs`` (trace columns; by default every temperature)."""
     columns = tuple(inputs or temperature_columns(traces))
     period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
-    structure = FreeFilter(order, _segments(traces, columns, (REFERENCE,), period, effort.pieces))
-    _enough(traces, structure)
+    structure = FreeFilter(order, training_segments(traces, columns, (REFERENCE,), period, effort.pieces))
+    require_enough(traces, structure)
     with threadpool_limits(1):
-        found = _searched(structure, effort, progress)
+        found = searched(structure, effort, progress)
         best = found.result.best
         poles = zip(structure.search.names, np.exp(best.theta).tolist())
-        return _closed(
+        return fit_of(
             found,
             structure.system(best.theta, best.beta),
-            tuple(
-                _estimated(name, "1" if "zeta" in name else "1/s", value, True, found.known) for name, value in poles
-            ),
+            tuple(estimated(name, "1" if "zeta" in name else "1/s", value, True, found.known) for name, value in poles),
             circuit=f"free-{order}",
             hold="first-order",
             inputs=columns,
@@ -187,8 +202,8 @@ def fit_free_filter(
         )
 
 
-class _Found(NamedTuple):
-    """What the search ended with, in the structure's own terms."""
+class Found(NamedTuple):
+    """What a search ended with, in the structure's own terms."""
 
     structure: Structure
     result: SearchResult
@@ -196,13 +211,14 @@ class _Found(NamedTuple):
     effort: Effort
 
 
-def _searched(structure: Structure, effort: Effort, progress: Progress | None) -> _Found:
+def searched(structure: Structure, effort: Effort, progress: Progress | None) -> Found:
+    """Search, and ask how well what was found is known."""
     result = search(structure, effort.starts, effort.seed, progress)
-    return _Found(structure, result, uncertainty(structure, result.best), effort)
+    return Found(structure, result, uncertainty(structure, result.best), effort)
 
 
-def _closed(
-    found: _Found,
+def fit_of(
+    found: Found,
     system: StateSpace,
     parameters: tuple[Estimated, ...],
     *,
@@ -212,6 +228,7 @@ def _closed(
     states: tuple[str, ...],
     outputs: tuple[str, ...],
 ) -> Fit:
+    """The fit of what was found: ``system`` and ``parameters`` are the structure's, in the user's terms."""
     structure, result, known, effort = found
     per_segment = residuals(structure, result.best)
     errors = [np.concatenate([each[output] for each in per_segment]) for output in range(len(outputs))]
@@ -245,7 +262,8 @@ def _closed(
     )
 
 
-def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> Estimated:
+def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> Estimated:
+    """One unknown of a fit; ``logarithmic`` where it was searched as a logarithm."""
     if name not in known.names:
         return Estimated(name, unit, value, None, None, free=False, at_bound=False, identifiable=True)
     index = known.names.index(name)
@@ -262,15 +280,16 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
     return Estimated(name, unit, value, error, (value - half, value + half), True, bound, told)
 
 
-def _segments(
+def training_segments(
     traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None, pieces: int
 ) -> list[Segment]:
-    _teach(traces, inputs, outputs)
+    """The grids that a fit works on, each trace in so many pieces; refuses what :func:`refuse_untaught` does."""
+    refuse_untaught(traces, inputs, outputs)
     whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
     return [piece for segment in whole for piece in segment.pieces(pieces)]
 
 
-def _teach(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
+def refuse_untaught(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
     """Refuse traces from which, taken together, nothing can be learned of a column, naming every such column."""
     faults = []
     for name in (*inputs, *outputs):
@@ -293,7 +312,8 @@ def _must_move(name: str, outputs: Sequence[str]) -> bool:
     return tuple(outputs) == (REFERENCE,) or tuple(outputs) == (name,)
 
 
-def _enough(traces: Sequence[Trace], structure: Structure) -> None:
+def require_enough(traces: Sequence[Trace], structure: Structure) -> None:
+    """Refuse traces with fewer samples than ``structure`` has unknowns."""
     samples = sum(int((~np.isnan(segment.outputs)).sum()) for segment in structure.segments)
     unknowns = len(structure.search.names) + len(structure.linear.names)
     if samples <= unknowns:

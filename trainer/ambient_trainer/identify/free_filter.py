@@ -42,6 +42,7 @@ class FreeFilter:
         self.inputs = segments[0].inputs.shape[0]
         self.pairs, self.singles = divmod(order, 2)
         self.search = self._search()
+        self._last: tuple[bytes, list[tuple[Array, Array]]] = b"", []
         p = self.inputs * (1 + order) + 1
         free = np.full(p, np.inf)
         self.linear = Unknowns(tuple(f"gain{index}" for index in range(p)), np.zeros(p), -free, free)
@@ -117,7 +118,15 @@ class FreeFilter:
         return found
 
     def _denominators(self, theta: Array) -> list[tuple[Array, Array]]:
-        """Per section the discrete denominator's coefficients after 1 (k,), and their slopes (k in theta, k)."""
+        """Per section the discrete denominator's coefficients after 1 (k,), and their slopes (k in theta, k).
+
+        Every segment asks for them in turn: those of the last theta are kept.
+        """
+        if self._last[0] != theta.tobytes():
+            self._last = theta.tobytes(), self._found_denominators(theta)
+        return self._last[1]
+
+    def _found_denominators(self, theta: Array) -> list[tuple[Array, Array]]:
         T = self.period_s
         found = []
         for F, slopes in self._sections(theta):

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.identify.circuit_structure import CircuitStructure
-from ambient_trainer.identify.discretise import discretised, discretised_slopes
-from ambient_trainer.identify.modes import one_pole, passive_modes
+from ambient_trainer.identify.circuit_structure import CircuitStructure, Modal
+from ambient_trainer.identify.modes import one_pole
 from ambient_trainer.identify.structure import Expansion, Unknowns
 from ambient_trainer.traces.grid import Segment
 
 Array = NDArray[np.float64]
+
+_NOTHING = 1e-150
 
 
 class FreelyStartingCircuit(CircuitStructure):
@@ -40,43 +41,44 @@ class FreelyStartingCircuit(CircuitStructure):
         """Every parameter of the circuit by name; the initial states are none of them."""
         return super().values(theta, beta[: len(self._weights.names)])
 
-    @property
-    def _decays(self) -> int:
-        n = len(self.circuit.states)
-        return n + n * n
+    def _size(self, at: Modal) -> int:
+        return at.size + len(self.segments) * at.decays
 
-    def signals(self, theta: Array, index: int) -> Array:
-        """The circuit's signals, then per segment its decays a_i^k and a_k^. / (z - a_i), zero in the others."""
-        segment = self.segments[index]
-        found = self._assembled(theta)
-        rates, _, _ = passive_modes(found.value.A, found.capacitance)
-        count = segment.inputs.shape[1]
-        decay = np.exp(np.outer(rates * segment.period_s, np.arange(count)))
-        slopes = [one_pole(a, decay, np.zeros(len(rates))) for a in np.exp(rates * segment.period_s)]
-        rows = np.zeros((len(self.segments) * self._decays, count))
-        rows[index * self._decays : (index + 1) * self._decays] = np.concatenate([decay, *slopes])
-        return np.concatenate([super().signals(theta, index), rows])
+    def _fill(self, result: Array, at: Modal, index: int) -> None:
+        """The circuit's signals, then per segment a_i^k and a_k^. / (z - a_i) of pairs, zero in the others."""
+        super()._fill(result, at, index)
+        result[at.size :] = 0.0
+        rows = result[at.size + index * at.decays :][: at.decays]
+        n, steps = len(at.poles), np.arange(float(rows.shape[1]))
+        decay = rows[:n]
+        # of the poles as they were rounded, for the sake of differences of powers
+        np.exp(np.outer(np.log(np.maximum(at.poles, _NOTHING)), steps), out=decay)
+        # arithmetic takes ten times as long with numbers that are all but zero
+        decay[decay < _NOTHING] = 0.0
+        for row, i, k in zip(rows[n:], *np.nonzero(at.pairs.own)):
+            if i == k:
+                np.multiply(decay[k, :-1], steps[1:], out=row[1:])
+            else:
+                row[:] = one_pole(at.poles[i], decay[k, None], np.zeros(1))[0]
 
     def expand(self, theta: Array, period_s: float) -> Expansion:
         """The circuit's expansion with the initial states' regressors beside it."""
         base = super().expand(theta, period_s)
-        found = self._assembled(theta)
-        hold = self.circuit.hold
-        value = discretised(found.value, period_s, hold)
-        slope = discretised_slopes(found.value, found.derivative, period_s, hold)
-        _, V, W = passive_modes(found.value.A, found.capacitance)
-        count, n, segments = len(theta), len(V), len(self.segments)
-        gain = value.C @ V
-        own = np.zeros((len(gain), self._decays, n))
-        own[:, :n] = gain[:, :, None] * W
-        moved = np.zeros((count, len(gain), self._decays, n))
-        moved[:, :, :n] = (slope.C[:count] @ V)[..., None] * W
-        turned = (W @ slope.A[:count] @ V)[:, None, :, :, None] * W
-        moved[:, :, n:] = (gain[:, :, None, None] * turned).reshape(count, len(gain), n * n, n)
+        at = self._at(theta, period_s)
+        slope, count, n, segments = at.slope, len(theta), len(at.poles), len(self.segments)
+        gain = at.value.C @ at.V
+        series, quotients = at.pairs.parted(gain[:, :, None] * (at.W @ slope.A[:count] @ at.V)[:, None])
+        own = np.zeros((len(gain), at.decays, n))
+        own[:, :n] = gain[:, :, None] * at.W
+        moved = np.zeros((count, len(gain), at.decays, n))
+        moved[:, :, :n] = (slope.C[:count] @ at.V)[..., None] * at.W
+        moved[:, :, :n] += quotients @ at.W - quotients.sum(axis=-2)[..., None] * at.W
+        _, source = np.nonzero(at.pairs.own)
+        moved[:, :, n:] = series[..., None] * at.W[source]
         return Expansion(
-            _grown(base.fixed, segments * self._decays),
+            _grown(base.fixed, segments * at.decays),
             _beside(base.free, own, segments),
-            _grown(base.fixed_slope, segments * self._decays),
+            _grown(base.fixed_slope, segments * at.decays),
             _beside(base.free_slope, moved, segments),
         )
 

@@ -1,12 +1,24 @@
-"""Signals come from one-pole filters 1/(z - a), run by ``scipy.signal.lfilter``: never a loop over samples."""
+"""Signals come from one-pole filters 1/(z - a), run by ``scipy.signal.lfilter``: never a loop over samples.
+
+Two filters in series are, by partial fractions, a difference of single ones,
+
+    1/((z - a_i)(z - a_k)) = (1/(z - a_i) - 1/(z - a_k)) / (a_i - a_k),
+
+but where a_i and a_k are so close that the difference would be rounding.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
+
+_CLOSE = 1e-3
+"""Of the faster of two poles' distance from 1: so many digits may be lost to the difference."""
 
 
 def one_pole(a: float, rows: Array, start: Array) -> Array:
@@ -24,3 +36,33 @@ def passive_modes(A: Array, capacitance: Array) -> tuple[Array, Array, Array]:
     root = np.sqrt(capacitance)
     rates, Q = np.linalg.eigh(A * root[:, None] / root)
     return rates, Q / root[:, None], Q.T * root
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Which filters in series (i after k) need a signal of their own, and what makes the others of single ones."""
+
+    own: NDArray[np.bool_]
+    """(n, n)"""
+    gap: Array
+    """a_i - a_k (n, n), 1 where ``own``."""
+
+    @staticmethod
+    def of(poles: Array) -> Pairs:
+        """The pairs of ``poles`` (n,), which are taken as they were rounded: their filters are."""
+        gap = np.subtract.outer(poles, poles)
+        own = np.abs(gap) <= _CLOSE * (1 - np.minimum.outer(poles, poles))
+        own |= np.eye(len(poles), dtype=bool)
+        return Pairs(own, np.where(own, 1.0, gap))
+
+    @property
+    def count(self) -> int:
+        """How many pairs need a signal of their own."""
+        return int(self.own.sum())
+
+    def parted(self, series: Array) -> tuple[Array, Array]:
+        """Coefficients (..., n, n) of all pairs as those of pairs with an own signal (..., c), and quotients.
+
+        A quotient (..., n, n) is what stands before (1/(z - a_i) - 1/(z - a_k)) in place of the pair.
+        """
+        return series[..., self.own], np.where(self.own, 0.0, series / self.gap)

@@ -36,11 +36,12 @@ def project(problem: Linearised, bounds: Unknowns) -> Projected:
     """Solve for the linear unknowns within their bounds and differentiate what is left."""
     target = problem.target - problem.fixed
     loose = np.ones(problem.free.shape[1], dtype=bool)
-    beta = _least_squares(problem.free, target)
+    U, inverse = _pseudo_inverse(problem.free)
+    beta = inverse @ target
     if (beta < bounds.low).any() or (beta > bounds.high).any():
         beta, loose = _bounded(problem.free, target, bounds)
+        U, inverse = _pseudo_inverse(problem.free[:, loose])
     residual = target - problem.free @ beta
-    U, inverse = _pseudo_inverse(problem.free[:, loose])
     moved = problem.free_slope @ beta + problem.fixed_slope
     jacobian = -(moved - moved @ U @ U.T).T
     jacobian -= inverse.T @ (residual @ problem.free_slope[:, :, loose]).T
@@ -64,8 +65,8 @@ def _least_squares(F: Array, target: Array) -> Array:
 
 def _bounded(F: Array, target: Array, bounds: Unknowns) -> tuple[Array, NDArray[np.bool_]]:
     solution = lsq_linear(F, target, (bounds.low, bounds.high), method="bvls")
-    loose = solution.active_mask == 0
-    beta = np.clip(solution.x, bounds.low, bounds.high)
+    held, loose = solution.active_mask, solution.active_mask == 0
+    beta = np.where(held < 0, bounds.low, np.where(held > 0, bounds.high, solution.x))
     # what the bounds leave loose is solved exactly, so that the derivative above is that of the solution
     beta[loose] = np.clip(
         _least_squares(F[:, loose], target - F[:, ~loose] @ beta[~loose]), bounds.low[loose], bounds.high[loose]

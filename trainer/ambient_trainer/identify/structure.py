@@ -93,8 +93,8 @@ def linearise(structure: Structure, theta: Array) -> Linearised:
     """The compressed least-squares problem of ``structure`` at ``theta`` over all its segments."""
     parts = []
     for period_s in sorted({segment.period_s for segment in structure.segments}):
-        expansion = structure.expand(theta, period_s)
-        factors = _factors(structure, theta, period_s)
+        expansion, used = _used(structure.expand(theta, period_s))
+        factors = _factors(structure, theta, period_s, used)
         for output, (R, target) in enumerate(factors):
             parts.append(
                 Linearised(
@@ -102,7 +102,7 @@ def linearise(structure: Structure, theta: Array) -> Linearised:
                     R @ expansion.fixed[output],
                     R @ expansion.free[output],
                     expansion.fixed_slope[:, output] @ R.T,
-                    np.einsum("rs,ksp->krp", R, expansion.free_slope[:, output], optimize=True),
+                    R @ expansion.free_slope[:, output],
                 )
             )
     return Linearised(
@@ -114,8 +114,23 @@ def linearise(structure: Structure, theta: Array) -> Linearised:
     )
 
 
-def _factors(structure: Structure, theta: Array, period_s: float) -> list[tuple[Array, Array]]:
-    """Per output R (r, s) and target (r,) with |target - R w| = |y - S' w| for every w, over the rows that count."""
+def _used(expansion: Expansion) -> tuple[Expansion, NDArray[np.bool_]]:
+    """The expansion without the signals that no output and no derivative has a share of, and which are left (s,)."""
+    used: NDArray[np.bool_] = np.logical_or(expansion.fixed.any(axis=0), expansion.free.any(axis=(0, 2)))
+    used |= expansion.fixed_slope.any(axis=(0, 1)) | expansion.free_slope.any(axis=(0, 1, 3))
+    return Expansion(
+        expansion.fixed[:, used],
+        expansion.free[:, used],
+        expansion.fixed_slope[:, :, used],
+        expansion.free_slope[:, :, used],
+    ), used
+
+
+def _factors(structure: Structure, theta: Array, period_s: float, used: NDArray[np.bool_]) -> list[tuple[Array, Array]]:
+    """Per output R (r, s) and target (r,) with |target - R w| = |y - S' w| for every w, over the rows that count.
+
+    S holds the ``used`` signals.
+    """
     tables = [
         (structure.signals(theta, index), segment.outputs)
         for index, segment in enumerate(structure.segments)
@@ -123,26 +138,33 @@ def _factors(structure: Structure, theta: Array, period_s: float) -> list[tuple[
     ]
     outputs = tables[0][1].shape[0]
     if all((np.isnan(targets) == np.isnan(targets[0])).all() for _, targets in tables):
-        R = _triangle(tables)
+        R = _triangle(tables, used)
         return [(R[:, :-outputs], R[:, index - outputs]) for index in range(outputs)]
-    alone = (_triangle([(signals, targets[index, None]) for signals, targets in tables]) for index in range(outputs))
+    alone = (
+        _triangle([(signals, targets[index, None]) for signals, targets in tables], used) for index in range(outputs)
+    )
     return [(R[:, :-1], R[:, -1]) for R in alone]
 
 
-def _triangle(tables: Sequence[tuple[Array, Array]]) -> Array:
-    """The R of a QR factorisation of all signals (s, N) and targets (q, N), transposed, over the samples that count.
+def _triangle(tables: Sequence[tuple[Array, Array]], used: NDArray[np.bool_]) -> Array:
+    """The R of a QR factorisation of used signals (s, N) and targets (q, N), transposed, over the samples that count.
 
     In blocks of samples that stay in the cache: a whole table at once takes twice as long.
     """
     triangles = []
+    size = int(used.sum()) + len(tables[0][1])
+    upper = np.tri(size, dtype=bool).T
     for signals, targets in tables:
         counts = ~np.isnan(targets[0])
         for start in range(0, len(counts), _BLOCK_SAMPLES):
             cut = slice(start, start + _BLOCK_SAMPLES)
-            block = np.concatenate([signals[:, cut], targets[:, cut]])
+            block = np.concatenate([signals[used, cut], targets[:, cut]])
             if not counts[cut].all():
                 block = block[:, counts[cut]]
+            if not block.shape[1]:
+                continue
             # its transpose has the columns where LAPACK wants them: nothing is copied
             packed, _, _, _ = dgeqrf(block.T, overwrite_a=1)
-            triangles.append(np.triu(packed[: len(block)]))
+            rows = min(packed.shape)
+            triangles.append(packed[:rows] * upper[:rows])
     return np.asarray(np.linalg.qr(np.concatenate(triangles), mode="r"))

@@ -30,6 +30,8 @@ def as_json(fit: Fit) -> dict[str, Any]:
         "parameters": [_parameter(each) for each in fit.parameters],
         "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
         "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
+        "notes": list(fit.notes),
+        **fit.figures,
     }
 
 
@@ -64,7 +66,7 @@ def facts(fit: Fit) -> list[str]:
             f"At rest the sensors' gains add up to {gain:.1f} in absolute value: large opposite gains that amplify "
             "noise and every cold start. --pieces 12 or a trace that comes to rest keeps them small."
         )
-    return lines
+    return [*lines, *fit.notes]
 
 
 def parameter_table(fit: Fit) -> Table:

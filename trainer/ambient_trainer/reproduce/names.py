@@ -23,11 +23,18 @@ RELATED = {
     "li_fixed_point": "Li et al. 2020, fixed point",
 }
 
+OURS = {
+    "circuit_observer": "Ours: circuit observer",
+    "free_observer": "Ours: free observer",
+}
+"""No part of the thesis, nor of what it relates to."""
+
 VARIANTS = {
     "corrected": "corrected",
     "as_printed": "as printed",
     "noncausal": "non-causal",
     "published_parameters": "published parameters",
+    "ours": "ours",
 }
 
 SCENARIOS = {
@@ -47,5 +54,5 @@ TABLES = {"4": (1, 2), "1": (3, 4), "2.1": (5, 6), "3": (7, 8), "2.3": (9, 10), 
 
 
 def method_name(model: str) -> str:
-    """The thesis's name, or the related method's."""
-    return {**MODELS, **RELATED}.get(model, model)
+    """The thesis's name, or the related method's, or ours."""
+    return {**MODELS, **RELATED, **OURS}.get(model, model)

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ambient_trainer.evaluation.method import Method
+from ambient_trainer.kalman.methods import observer_methods
 from ambient_trainer.reproduce.rows import Evaluated, Results, Row, evaluate
 from ambient_trainer.reproduce.runs import Progress, Runs, simulated_runs
 from ambient_trainer.reproduce.verdict import Verdict, verdict
@@ -37,13 +38,14 @@ def reproduce(seed: int, gather: GatherMethods, published: Results, progress: Pr
 
 
 def all_methods(runs: Runs, progress: Progress) -> list[Method]:
-    """The thesis's ten models in all their variants and the four related methods, trained."""
+    """The thesis's ten models in all their variants, the four related methods and our observers, trained."""
     # support vectors take a second to import, and nothing else needs them
     from ambient_trainer.related.methods import related_methods
 
     thesis = thesis_methods(runs.training, lambda model, done, total: progress(f"fitting {model}", done, total))
     progress("fitting the related methods", 0, 1)
-    return [*thesis, *related_methods(runs.training, runs.idle)]
+    related = related_methods(runs.training, runs.idle)
+    return [*thesis, *related, *observer_methods(runs.training, progress)]
 
 
 def errata_of(runs: Runs, progress: Progress) -> list[Erratum]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ambient_model.model import LEVELS_PERCENT
 from ambient_trainer.report.table import Table
-from ambient_trainer.reproduce.names import MODELS, RELATED, SCENARIOS, TABLES, VARIANTS, method_name
+from ambient_trainer.reproduce.names import MODELS, OURS, RELATED, SCENARIOS, TABLES, VARIANTS, method_name
 from ambient_trainer.reproduce.rows import NONCAUSAL_AS_PUBLISHED, Row
 from ambient_trainer.thesis.published import Result
 
@@ -41,7 +41,7 @@ def overview_table(rows: Sequence[Row]) -> Table:
     by_place: dict[tuple[str, str, str], Row] = {(row.model, row.variant, row.scenario): row for row in rows}
     methods = [
         (model, variant)
-        for model in (*MODELS, *RELATED)
+        for model in (*MODELS, *RELATED, *OURS)
         for variant in VARIANTS
         if any((model, variant, scenario) in by_place for scenario in scenarios)
     ]
@@ -57,14 +57,14 @@ def overview_table(rows: Sequence[Row]) -> Table:
         "RMSE in degC by scenario, simulated. Corrected: the equations without their errata, fitted to simulated "
         "scenario 5. Non-causal: with an offset that is fitted to the scenario under evaluation. Published "
         "parameters: found on the thesis's phone, used on the simulated one. As printed: equations and parameters "
-        f"with their errata. {_NONE}: no finite figure."
+        f"with their errata. Ours: no part of the thesis; fitted to the same run. {_NONE}: no finite figure."
     )
     return Table(caption, ("method", "variant", *scenarios), tuple(shown), labels=2)
 
 
 def _pair(scenario: str, rows: Sequence[Row]) -> ScenarioTables:
     compared = [row for row in rows if row.model in MODELS and row.variant in ("corrected", "noncausal")]
-    related = [row for row in rows if row.model in RELATED]
+    beside = [row for group in (RELATED, OURS) for row in rows if row.model in group]
     errors, intervals = TABLES.get(scenario, (None, None))
     known = errors is not None
     return ScenarioTables(
@@ -73,12 +73,12 @@ def _pair(scenario: str, rows: Sequence[Row]) -> ScenarioTables:
         Table(
             _caption(errors, "RMSE, MAE and MBE in degC, true minus estimate"),
             ("model", *(f"{each} {source}" for each in ("RMSE", "MAE", "MBE") for source in _sources(known))),
-            tuple((_label(row), *_errors(row, known)) for row in [*compared, *related]),
+            tuple((_label(row), *_errors(row, known)) for row in [*compared, *beside]),
         ),
         Table(
             _caption(intervals, "where 50, 90 and 98 % of the errors lie in degC, if normally distributed"),
             ("model", "figures", *(f"{level} %" for level in LEVELS_PERCENT)),
-            tuple(line for row in [*compared, *related] for line in _intervals(row)),
+            tuple(line for row in [*compared, *beside] for line in _intervals(row)),
             labels=2,
         ),
     )

@@ -1,0 +1,302 @@
+"""An observer is its two trackers and the two rules, whatever comes, and starts, coasts and ends as they do."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.conformance import conformance_of, run_recursion
+from ambient_model.guard import guarded
+from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
+from ambient_model.observer import Background, Observer
+from ambient_model.spread import at_rest, followed, gains, sigma_degC
+from ambient_model.tracking import Estimate, Tracker
+
+BANDS = {50: (-0.25, 0.5), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
+QUANTILES = {50: (-0.5, 0.75), 90: (-1.5, 2.0), 98: (-2.5, 3.0)}
+TERMS = (Term("movement", 300.0, 0.5), Term("change", 60.0, 12.0), Term("guard", 120.0, 0.125))
+USB, BATTERY = Input("usb", "degC", "usb", -20.0, 90.0), Input("battery", "degC", "battery", -20.0, 70.0)
+
+
+def lag_on(which: int, tau_s: float, offset: float) -> Estimator:
+    """One lag on one of the two inputs."""
+    discrete = []
+    for period_s in (0.1, 1.0):
+        a = math.exp(-period_s / tau_s)
+        row = [0.0, 0.0]
+        row[which] = 1 - a
+        discrete.append(Discrete(period_s, ((a,),), (tuple(row),), ((1.0,),), ((0.0, 0.0),)))
+    initial = ((1.0, 0.0),) if which == 0 else ((0.0, 1.0),)
+    return Estimator((USB, BATTERY), ("lagged",), tuple(discrete), offset, initial, BANDS)
+
+
+def phone(guard: bool = True, spread: bool = True) -> Model:
+    """The main estimator follows usb, the guard the battery; both say 20 degC where usb is at 25 and battery at 30."""
+    main = lag_on(0, 20.0, -5.0)
+    return Model(
+        "phone",
+        "today",
+        "ambient_degC",
+        main,
+        {},
+        {},
+        conformance_of(main, ((25.0, 30.0),)),
+        Guard(lag_on(1, 60.0, -10.0), 1.5) if guard else None,
+        Spread(0.25, TERMS if guard else TERMS[:2], QUANTILES) if spread else None,
+    )
+
+
+def tracker_of(model: Model, period_s: float = 1.0, coast_s: float | None = None) -> Tracker:
+    [discrete] = [each for each in model.main.discrete if each.period_s == period_s]
+    return Tracker(model.main, discrete, 90, coast_s)
+
+
+def observer_of(model: Model, period_s: float = 1.0, coast_s: float | None = None) -> Observer:
+    return Observer(model, tracker_of(model, period_s, coast_s), 90, coast_s)
+
+
+Rows = Sequence[tuple[float, tuple[float | None, ...]]]
+
+
+def fed(observer: Observer | Tracker, rows: Rows) -> list[Estimate]:
+    return [observer.update(time_s, readings) for time_s, readings in rows]
+
+
+def moving(count: int, start: int = 0, period_s: float = 1.0) -> list[tuple[float, tuple[float | None, ...]]]:
+    """The two agree at first, and are far apart after some minutes, when usb is heated."""
+    rows: list[tuple[float, tuple[float | None, ...]]] = []
+    for k in range(start, start + count):
+        time_s = k * period_s
+        swing = 3 * math.sin(time_s / 200)
+        heat = 6 * math.sin((time_s - 300) / 400) if time_s > 300 else 0.0
+        rows.append((time_s, (25 + swing + heat, 30 + swing)))
+    return rows
+
+
+def scattered(model: Model, period_s: float, seed: int) -> Rows:
+    """Samples at any times, back ones too, with readings that may be missing or out of their ranges."""
+    random = np.random.default_rng(seed)
+    now_s, rows = 0.0, []
+    for _ in range(random.integers(1, 40)):
+        now_s += period_s * random.choice([0.0, 0.4, 1.0, 1.0, 1.0, 1.0, 2.0, 3.3, 9.0, 400.0, -5.0])
+        drawn = random.uniform(-20, 90, len(model.main.inputs)).tolist()
+        faulty = random.random(len(drawn)) < random.choice([0.0, 0.0, 0.2])
+        wrong = None if random.random() < 0.7 else 1e6
+        rows.append((float(now_s), tuple(wrong if fails else value for value, fails in zip(drawn, faulty))))
+    return rows
+
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@given(st.from_type(Model), seeds)
+@settings(max_examples=60)
+def test_without_guard_and_spread_it_is_the_tracker_to_the_bit(model: Model, seed: int) -> None:
+    plain = model._replace(guard=None, spread=None)
+    period_s = plain.main.discrete[0].period_s
+    rows = scattered(plain, period_s, seed)
+    assert fed(observer_of(plain, period_s), rows) == fed(tracker_of(plain, period_s), rows)
+
+
+@given(st.from_type(Model), seeds, st.sampled_from([None, 0.0, 200.0]))
+def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float | None) -> None:
+    """Guard and main estimator, each a tracker of its own, have an estimate at the same moments."""
+    period_s = model.main.discrete[0].period_s
+    main, guard = tracker_of(model, period_s, coast_s), None
+    if model.guard is not None:
+        guard = Tracker(model.guard.estimator, model.guard.estimator.discrete[0], 90, coast_s)
+    observer, width = observer_of(model, period_s, coast_s), 0.0
+    for time_s, readings in scattered(model, period_s, seed):
+        said, alone = observer.update(time_s, readings), main.update(time_s, readings)
+        second = None if guard is None else guard.update(time_s, readings).ambient_degC
+        if alone.ambient_degC is None:
+            assert said == alone
+            assert second is None
+            continue
+        ambient, weight = alone.ambient_degC, 0.0
+        if model.guard is not None:
+            assert second is not None
+            ambient, _, weight = guarded(ambient, second, model.guard.threshold_degC)
+        status = "degraded" if weight > 0 and alone.status != "coasting" else alone.status
+        assert (said.ambient_degC, said.status, said.used) == (ambient, status, alone.used)
+        low, high = main.error_low_degC, main.error_high_degC
+        if model.spread is not None:
+            sigma = observer.sigma_degC
+            assert sigma is not None
+            assert sigma >= math.sqrt(model.spread.constant_degC2)
+            assert alone.status != "coasting" or sigma >= width
+            low, high = (end * sigma for end in model.spread.quantiles[90])
+            width = sigma
+        assert (said.low_degC, said.high_degC) == (ambient + low, ambient + high)
+
+
+@pytest.mark.parametrize("period_s", [0.1, 1.0])
+def test_without_gaps_it_is_two_recursions_and_the_equations(period_s: float) -> None:
+    model = phone()
+    rows = moving(1500, period_s=period_s)
+    index = [each.period_s for each in model.main.discrete].index(period_s)
+    u = tuple((usb or 0.0, battery or 0.0) for _, (usb, battery) in rows)
+    mains = run_recursion(model.main, model.main.discrete[index], u)
+    guards = run_recursion(lag_on(1, 60.0, -10.0), lag_on(1, 60.0, -10.0).discrete[index], u)
+    spread = Spread(0.25, TERMS, QUANTILES)
+    unrest, a = None, gains(spread, period_s)
+    for found, main, guard in zip(fed(observer_of(model, period_s), rows), mains, guards):
+        y, d, weight = guarded(main, guard, 1.5)
+        unrest = at_rest(spread, y, d) if unrest is None else followed(spread, unrest, a, y, d)
+        sigma = sigma_degC(spread, unrest)
+        assert found[:3] == pytest.approx((y, y - 1.5 * sigma, y + 2.0 * sigma), abs=1e-12)
+        assert (found.status == "degraded") == (weight > 0)
+
+
+def test_it_is_degraded_while_the_guard_has_a_say() -> None:
+    rest, hot = [(25.0, 30.0)] * 200, [(29.0, 30.0)] * 200
+    rows = [(float(k), row) for k, row in enumerate([*rest, *hot, *rest])]
+    said = fed(observer_of(phone()), rows)
+    assert {each.status for each in said[60:200]} == {"tracking"}
+    assert [each.ambient_degC for each in said[:200]] == pytest.approx([20.0] * 200)
+    # 4 degC apart is more than twice the threshold of 1.5 degC: the guard's word alone
+    assert (said[399].status, said[399].ambient_degC) == ("degraded", pytest.approx(20.0))
+    assert said[-1].status == "tracking"
+    steps = np.abs(np.diff([each.ambient_degC or math.nan for each in said]))
+    assert steps.max() < 2 * 4 / 20  # the main one's own largest step, by twice
+
+
+def test_a_wide_interval_does_not_shrink_while_inputs_are_missing() -> None:
+    rows = moving(900)
+    lost: Rows = [(float(k), (None, 30.0)) for k in range(900, 930)]
+    observer = observer_of(phone())
+    before = fed(observer, rows)[-1]
+    coasted = fed(observer, lost)
+    widths = [(each.high_degC or 0) - (each.low_degC or 0) for each in [before, *coasted]]
+    assert {each.status for each in coasted} == {"coasting"}
+    assert all(b >= a - 1e-12 for a, b in itertools.pairwise(widths))
+    assert before.ambient_degC == pytest.approx(coasted[0].ambient_degC, abs=0.2)
+
+
+def test_the_guard_coasts_as_long_as_the_main_estimator() -> None:
+    observer = observer_of(phone(), coast_s=100.0)
+    fed(observer, [(float(k), (29.0, 30.0) if k > 200 else (25.0, 30.0)) for k in range(260)])
+    said = fed(observer, [(float(k), (None, 30.0)) for k in range(260, 360)])
+    assert {each.status for each in said} == {"coasting"}
+    # usb has been believed to stay at 29: the main estimator says 24, and the guard 20
+    assert [each.ambient_degC for each in said] == pytest.approx([20.0] * 100, abs=1e-6)
+
+
+def test_after_a_gap_it_goes_on_from_the_last_whole_moment() -> None:
+    """Twenty seconds without samples, or without an input: the unrest afterwards is the same."""
+    rows = moving(900)
+    silent, coasting = observer_of(phone()), observer_of(phone())
+    fed(silent, rows)
+    fed(coasting, [*rows, *[(float(k), (None, None)) for k in range(900, 919)]])
+    assert coasting.background() == silent.background()
+    late = moving(1, start=919)
+    assert fed(silent, late) == fed(coasting, late)
+
+
+def test_two_samples_in_one_period_are_one_moment() -> None:
+    observer = observer_of(phone())
+    fed(observer, moving(900))
+    first = observer.update(899.6, (26.0, 30.0))
+    again = observer.update(899.9, (26.0, 30.0))
+    assert first == again
+    assert len(observer.background().unrest.squares_degC2) == 3
+
+
+def test_a_new_start_is_at_rest() -> None:
+    observer = observer_of(phone())
+    fed(observer, moving(900))
+    anew = observer.update(5000.0, (25.0, 30.0))
+    assert (anew.low_degC, anew.high_degC) == pytest.approx((20.0 - 1.5 * 0.5, 20.0 + 2.0 * 0.5))
+    assert observer.update(9000.0, (None, 30.0)).status == "faulted"
+    assert observer.sigma_degC is None
+
+
+def test_a_coast_that_may_not_last_says_nothing_and_forgets_nothing() -> None:
+    rows = moving(900)
+    strict, usual = observer_of(phone(), coast_s=0.0), observer_of(phone())
+    for observer in (strict, usual):
+        fed(observer, rows)
+        observer.update(900.0, (None, 30.0))
+    late = moving(3, start=901)
+    assert fed(strict, late) == fed(usual, late)
+
+
+@pytest.mark.parametrize(("guard", "spread"), [(True, True), (True, False), (False, True)])
+@pytest.mark.parametrize("at", [1, 7, 700])
+def test_it_goes_on_to_the_bit_where_another_stood(guard: bool, spread: bool, at: int) -> None:
+    model = phone(guard, spread)
+    whole, first, second = (observer_of(model) for _ in range(3))
+    wanted = fed(whole, moving(900))
+    fed(first, moving(at))
+    main, background = first.tracker.snapshot(), first.background()
+    assert main is not None
+    assert second.fits(main, background)
+    second.tracker.restore(main)
+    second.restore(main, background)
+    assert fed(second, moving(900 - at, start=at)) == wanted[at:]
+
+
+def restored(first: Observer) -> Observer:
+    """Another of the same model, that goes on from where ``first`` stands."""
+    second, main = observer_of(phone()), first.tracker.snapshot()
+    assert main is not None
+    second.tracker.restore(main)
+    second.restore(main, first.background())
+    return second
+
+
+def test_a_coast_right_after_a_restart_does_not_shrink_either() -> None:
+    """After some heat and a minute of rest the unrest is on its way down."""
+    first = observer_of(phone())
+    usb_degC = [25.0] * 100 + [29.0] * 20 + [25.0] * 60
+    before = fed(first, [(float(k), (each, 30.0)) for k, each in enumerate(usb_degC)])
+    second = restored(first)
+    lost = [(180.0, (None, 30.0)), (190.0, (None, 30.0))]
+    said = fed(second, lost)
+    assert said == fed(first, lost)
+    widths = [(each.high_degC or 0) - (each.low_degC or 0) for each in [*before[-2:], *said]]
+    assert widths[0] > widths[1] == pytest.approx(widths[2]) == pytest.approx(widths[3])
+
+
+def test_a_sample_in_the_period_of_the_restart_is_the_same_moment() -> None:
+    first = observer_of(phone())
+    fed(first, moving(900))
+    second = restored(first)
+    late = [(899.3, (26.0, 30.0)), (900.0, (26.0, 30.0)), (901.0, (26.0, 30.0))]
+    assert fed(second, late) == fed(first, late)
+
+
+def test_what_has_not_begun_has_no_background() -> None:
+    observer = observer_of(phone())
+    assert observer.background() == Background(None, None)
+    fed(observer, moving(900))
+    observer.update(9000.0, (None, 30.0))
+    assert observer.background() == Background(None, None)
+
+
+def test_a_background_of_another_model_or_moment_does_not_fit() -> None:
+    observer = observer_of(phone())
+    fed(observer, moving(10))
+    main, (guard, unrest) = observer.tracker.snapshot(), observer.background()
+    assert main is not None
+    assert guard is not None
+    assert unrest is not None
+    assert observer.fits(main, Background(guard, unrest))
+    for wrong in (
+        Background(None, unrest),
+        Background(guard, None),
+        Background(guard._replace(step=guard.step + 1), unrest),
+        Background(guard._replace(start_s=0.5), unrest),
+        Background(guard._replace(period_s=0.1), unrest),
+        Background(guard._replace(x=(1.0, 2.0)), unrest),
+        Background(guard, unrest._replace(means_degC=(1.0,))),
+        Background(guard, unrest._replace(squares_degC2=(1.0, 2.0))),
+        Background(guard, unrest._replace(squares_degC2=(1.0, -2.0, 3.0))),
+    ):
+        assert not observer.fits(main, wrong)
+    assert not observer_of(phone(guard=False)).fits(main, Background(guard, unrest))
+    assert not observer_of(phone(spread=False)).fits(main, Background(guard, unrest))

@@ -1,0 +1,82 @@
+"""The spread's rule against its equations summed out, term by term, over whole sequences."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_model.model import Spread, Term
+from ambient_model.spread import at_rest, followed, gains, sigma_degC
+
+QUANTILES = {50: (-0.7, 0.7), 90: (-1.6, 1.6), 98: (-2.3, 2.3)}
+PHONE = Spread(0.25, (Term("movement", 300.0, 0.5), Term("change", 60.0, 12.0), Term("guard", 120.0, 0.125)), QUANTILES)
+
+
+def low_pass(z: np.ndarray, time_s: np.ndarray, lag_s: float) -> np.ndarray:
+    """Each value a sum over all before it: what came in at j has decayed by exp(-(t_k - t_j) / lag) since."""
+    kept = np.exp(-np.abs(time_s[:, None] - time_s[None, :]) / lag_s)
+    entered = np.concatenate([[1.0], -np.expm1(-np.diff(time_s) / lag_s)])
+    return np.tril(kept * entered) @ z
+
+
+def sigmas(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> np.ndarray:
+    variance = np.full(len(y), spread.constant_degC2)
+    for term in spread.terms:
+        z = {
+            "movement": (y - low_pass(y, time_s, term.lag_s)) ** 2,
+            "change": np.concatenate([[0.0], np.diff(y) ** 2]),
+            "guard": d**2,
+        }[term.of]
+        variance = variance + term.weight * low_pass(z, time_s, term.lag_s)
+    return np.sqrt(variance)
+
+
+def followed_through(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> list[float]:
+    unrest = at_rest(spread, y[0], d[0])
+    said = [sigma_degC(spread, unrest)]
+    for (before_s, now_s), ambient, apart in zip(itertools.pairwise(time_s.tolist()), y.tolist()[1:], d.tolist()[1:]):
+        unrest = followed(spread, unrest, gains(spread, now_s - before_s), ambient, apart)
+        said.append(sigma_degC(spread, unrest))
+    return said
+
+
+terms = st.builds(Term, st.sampled_from(["movement", "change", "guard"]), st.floats(0.1, 1e4), st.floats(0, 20))
+spreads = st.builds(Spread, st.floats(0, 4), st.lists(terms, max_size=5).map(tuple), st.just(QUANTILES))
+
+
+@given(spreads, st.integers(1, 60), st.integers(0, 2**32 - 1))
+def test_any_spread_over_any_sequence(spread: Spread, count: int, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    time_s = np.cumsum(random.choice([0.1, 1.0, 1.0, 25.0], count))
+    y, d = random.normal(20, 5, count), random.normal(0, 2, count)
+    np.testing.assert_allclose(followed_through(spread, time_s, y, d), sigmas(spread, time_s, y, d), rtol=0, atol=1e-9)
+
+
+def test_rest_is_the_constant_alone() -> None:
+    unrest = at_rest(PHONE, 21.0, 0.0)
+    for _ in range(100):
+        unrest = followed(PHONE, unrest, gains(PHONE, 1.0), 21.0, 0.0)
+    assert sigma_degC(PHONE, unrest) == 0.5
+
+
+def test_the_guard_alone_counts_from_the_first_sample() -> None:
+    assert sigma_degC(PHONE, at_rest(PHONE, 21.0, 4.0)) == pytest.approx(np.sqrt(0.25 + 0.125 * 16))
+
+
+def test_no_time_passes_within_a_period_and_all_of_it_in_a_long_pause() -> None:
+    start = at_rest(PHONE, 20.0, 0.0)
+    again = followed(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0)
+    assert (again.means_degC, again.squares_degC2) == (start.means_degC, start.squares_degC2)
+    late = followed(PHONE, start, gains(PHONE, 1e9), 30.0, 7.0)
+    assert late.means_degC == (30.0,) * 3
+    assert late.squares_degC2 == (0.0, 100.0, 49.0)
+
+
+def test_a_step_widens_and_is_forgotten() -> None:
+    time_s = np.arange(6000.0)
+    said = followed_through(PHONE, time_s, np.where(time_s < 100, 20.0, 28.0), np.zeros(6000))
+    assert said[99] == 0.5
+    assert max(said) > 2.0
+    assert said[-1] == pytest.approx(0.5, abs=1e-3)

@@ -1,0 +1,85 @@
+"""``ambient-trainer units``: what a model of one phone is worth on others of the same make."""
+
+from __future__ import annotations
+
+import json
+
+import click
+from rich.console import Console
+
+from ambient_model.atomic import replacing
+from ambient_model.codec import load_model
+from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer.report.table import for_terminal
+from ambient_trainer.units.study import Plan, Study, study, usable_cores
+from ambient_trainer.units.summary import as_json, sentences, units_table
+
+_WIDTH = 120
+
+
+@click.command("units")
+@click.argument("model_path", metavar="MODEL.json")
+@click.option("--count", type=click.IntRange(2, 10_000), default=50, show_default=True, help="How many phones.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=1),
+    default=1,
+    show_default=True,
+    help="Of the phones and the weather; training has 0.",
+)
+@click.option("--scenarios", "scenario_list", metavar="A,B,...", default="4,1", show_default=True)
+@click.option(
+    "--period",
+    "period_s",
+    type=click.FloatRange(0.1, 10),
+    default=1.0,
+    show_default=True,
+    metavar="S",
+    help="Sampling.",
+)
+@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
+@click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 256), default=None, help="Processes. [default: as many as there are cores]"
+)
+def command(
+    model_path: str,
+    count: int,
+    seed: int,
+    scenario_list: str,
+    period_s: float,
+    json_path: str | None,
+    report_folder: str | None,
+    jobs: int | None,
+) -> None:
+    """Run MODEL.json, made from one simulated phone, on others drawn within the tolerances of manufacture.
+
+    Each goes through the scenarios bare and in a case; each is calibrated in ten minutes at rest in a known room, as
+    ``correct`` does it, and scored with and without that correction. Every figure is simulated.
+    """
+    check_outputs([json_path], [model_path], report_folder)
+    model = load_model(model_path)
+    plan = Plan(count, seed, tuple(dict.fromkeys(scenario_list.split(","))), period_s)
+    with staged_progress() as progress:
+        found = study(model, plan, jobs or usable_cores(), progress)
+        page = _page(found) if report_folder else ""
+    Console(width=_WIDTH).print(for_terminal(units_table(found)))
+    for line in sentences(found):
+        click.echo(line)
+    if json_path is not None:
+        with replacing(json_path) as stream:
+            json.dump(as_json(found), stream, indent=1, allow_nan=False)
+            stream.write("\n")
+        click.echo(f"Figures: {json_path}")
+    if report_folder is not None:
+        from ambient_trainer.report.page import write_report
+
+        click.echo(f"Report: {write_report(report_folder, page)}")
+
+
+def _page(found: Study) -> str:
+    # plotly takes half a second to import: only a report should wait for it
+    from ambient_trainer.units.page import units_page
+
+    return units_page(found)

@@ -1,0 +1,90 @@
+"""What a model file says over whole arrays, its guard and its spread included, as the device would say it.
+
+The rules are those of ``ambient_model.guard`` and ``ambient_model.spread``, here over arrays of samples without gaps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from ambient_model.model import Estimator, Model, Spread, Term
+from ambient_trainer.evaluation.estimate import states
+from ambient_trainer.traces.trace import Array
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What is said of N samples; arrays of shape (N,)."""
+
+    ambient_degC: Array
+    weight: Array
+    """How much of the guard's word is in it, 0 to 1."""
+    scale: Array
+    """What the quantiles are times: the standard deviation in degC of a model with a spread, 1 of any other."""
+
+
+def observe(model: Model, u: Array, period_s: float) -> Observed:
+    """What ``model`` says to its inputs ``u`` (m, N), all there, ``period_s`` apart, which is one of its periods.
+
+    The recursions start in equilibrium with the first sample. Ranges of inputs are not looked at.
+    """
+    ambient = response_of(model.main, u, period_s)
+    apart, weight = np.zeros_like(ambient), np.zeros_like(ambient)
+    if model.guard is not None:
+        apart = ambient - response_of(model.guard.estimator, u, period_s)
+        weight = guard_weight(apart, model.guard.threshold_degC)
+        ambient = ambient - weight * apart
+    if model.spread is None:
+        return Observed(ambient, weight, np.ones_like(ambient))
+    return Observed(ambient, weight, sigma_degC(model.spread, ambient, apart, period_s))
+
+
+def response_of(estimator: Estimator, u: Array, period_s: float) -> Array:
+    """The estimator's output over its inputs ``u`` (m, N) at one of its periods: shape (N,)."""
+    [found] = [each for each in estimator.discrete if each.period_s == period_s]
+    n, m = len(estimator.states), len(estimator.inputs)
+    A, B, C, D, start = (
+        np.reshape(np.array(matrix, dtype=np.float64), shape)
+        for matrix, shape in zip(
+            (found.A, found.B, found.C, found.D, estimator.initial), ((n, n), (n, m), (1, n), (1, m), (n, m))
+        )
+    )
+    x = states(A, B @ u, start @ u[:, 0])
+    response: Array = (C @ x + D @ u)[0] + estimator.offset
+    return response
+
+
+def guard_weight(apart_degC: Array, threshold_degC: float) -> Array:
+    """How much of the guard's word is taken where the main estimate lies ``apart_degC`` above it."""
+    return np.clip((np.abs(apart_degC) - threshold_degC) / threshold_degC, 0.0, 1.0)
+
+
+def sigma_degC(spread: Spread, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
+    """The standard deviation that ``spread`` gives the published estimate, the main one being ``apart_degC`` off the
+    guard's.
+    """
+    variance = np.full_like(ambient_degC, spread.constant_degC2)
+    for term in spread.terms:
+        variance += term.weight * unrest_degC2(term, ambient_degC, apart_degC, period_s)
+    return np.sqrt(variance)
+
+
+def unrest_degC2(term: Term, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
+    """One term of the spread, before its weight."""
+    if term.of == "movement":
+        squares = (ambient_degC - _low_pass(ambient_degC, term.lag_s, period_s)) ** 2
+    elif term.of == "change":
+        squares = np.diff(ambient_degC, prepend=ambient_degC[:1]) ** 2
+    else:
+        squares = apart_degC**2
+    return _low_pass(squares, term.lag_s, period_s)
+
+
+def _low_pass(values: Array, lag_s: float, period_s: float) -> Array:
+    """L[k] = L[k-1] + a (z[k] - L[k-1]), L[0] = z[0]."""
+    gain, kept = -np.expm1(-period_s / lag_s), np.exp(-period_s / lag_s)
+    passed, _ = lfilter([gain], [1.0, -kept], values, zi=[kept * values[0]])
+    return np.asarray(passed, dtype=np.float64)
