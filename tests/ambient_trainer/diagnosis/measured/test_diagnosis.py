@@ -99,13 +99,8 @@ def test_behind_closed_blinds_the_sun_gains_half_as_much_at_most(diagnosed):
     tried = [each for each in (*twin["steps"], *twin["ranking"]) if (each["signal"] or "").startswith("irradiance")]
     gained = max((gain_degC(each) for each in tried), default=0.0)
     assert gained <= 0.5 * gain_degC(diagnosed("O5")["steps"][0])
-    # nor is it sure there that it is the sun: a constant heat does as well
-    step = twin["steps"][0]
-    told = {
-        (step["cause"], step["signal"]),
-        *((each["cause"], each["signal"]) for each in step["indistinguishable_from"]),
-    }
-    assert ("heat_source", None) in told
+    # nor is it sure there that it is the sun: what needs no sun does as well
+    assert [each for each in twin["steps"][0]["indistinguishable_from"] if each["signal"] is None]
 
 
 def test_a_closed_case_keeps_the_heat_in(diagnosed):
@@ -156,7 +151,8 @@ def test_at_one_temperature_it_is_the_current_squared_and_no_more(diagnosed):
     assert step["magnitude"]["value"] == pytest.approx(0.032, rel=0.15)
     assert "growth_per_K" not in step["parameters"]
     assert step["gain"]["rmse_after_degC"] < 0.1 * step["gain"]["rmse_before_degC"]
-    assert rivals(step) == []
+    # the current never changes while it flows: heat that is there as long does as well, and nothing else
+    assert set(rivals(step)) <= {("heat_source", "cell")}
 
 
 @pytest.mark.parametrize(
