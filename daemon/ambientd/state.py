@@ -132,11 +132,11 @@ def _background(guard: Any, unrest: Any) -> "Background":
     return Background(None if guard is None else _snapshot(**guard), None if unrest is None else _unrest(**unrest))
 
 
-def _unrest(ambient_degC: Any, means_degC: Any, squares_degC2: Any) -> "Unrest":
+def _unrest(means_degC: Any, squares_degC2: Any) -> "Unrest":
     from ambient_model.spread import Unrest
 
     means, squares = (tuple([_number(each) for each in values]) for values in (means_degC, squares_degC2))
-    return Unrest(_number(ambient_degC), means, squares)
+    return Unrest(means, squares)
 
 
 def _snapshot(period_s: Any, start_s: Any, step: Any, x: Any, u: Any) -> Snapshot:

@@ -15,8 +15,8 @@ Band = tuple[float, float]
 Quantiles = dict[int, Band]
 
 LEVELS_PERCENT = (50, 90, 98)
-UNREST = ("movement", "change", "guard")
-"""What the spread may grow with: the estimate's own unrest, its steps, its difference to the guard."""
+UNREST = ("movement", "guard")
+"""What the spread may grow with: the estimate's own unrest, its difference to the guard."""
 
 
 class Input(NamedTuple):

@@ -2,7 +2,6 @@
 
     L[z][k] = L[z][k-1] + a (z[k] - L[z][k-1]),  a = 1 - exp(-T / lag),  L[z][0] = z[0]
     movement = L[(y - L[y])^2]
-    change   = L[(y[k] - y[k-1])^2], 0 at first
     guard    = L[d^2]
     sigma^2  = constant + sum of weight x term
 
@@ -13,14 +12,12 @@ a lag of its own. The published interval lies sigma times the quantiles around y
 import math
 from typing import NamedTuple
 
-from ambient_model.model import Spread, Term
+from ambient_model.model import Spread
 
 
 class Unrest(NamedTuple):
     """What the terms rest on after a sample, the low-passes term by term."""
 
-    ambient_degC: float
-    """y."""
     means_degC: tuple[float, ...]
     """L[y] of each term."""
     squares_degC2: tuple[float, ...]
@@ -35,23 +32,18 @@ def gains(spread: Spread, passed_s: float) -> tuple[float, ...]:
 def at_rest(spread: Spread, ambient_degC: float, apart_degC: float) -> Unrest:
     """The unrest at the first sample: that of the guard alone."""
     squares = [apart_degC * apart_degC if term.of == "guard" else 0.0 for term in spread.terms]
-    return Unrest(ambient_degC, (ambient_degC,) * len(spread.terms), tuple(squares))
+    return Unrest((ambient_degC,) * len(spread.terms), tuple(squares))
 
 
 def followed(spread: Spread, before: Unrest, a: tuple[float, ...], ambient_degC: float, apart_degC: float) -> Unrest:
     """The unrest one sample later, with ``a`` of :func:`gains`."""
-    step = ambient_degC - before.ambient_degC
     means, squares = [], []
     for term, gain, mean, square in zip(spread.terms, a, before.means_degC, before.squares_degC2):
         mean += gain * (ambient_degC - mean)
         means.append(mean)
-        squares.append(square + gain * (_square(term, ambient_degC - mean, step, apart_degC) - square))
-    return Unrest(ambient_degC, tuple(means), tuple(squares))
-
-
-def _square(term: Term, off_mean: float, step: float, apart: float) -> float:
-    z = off_mean if term.of == "movement" else step if term.of == "change" else apart
-    return z * z
+        z = apart_degC if term.of == "guard" else ambient_degC - mean
+        squares.append(square + gain * (z * z - square))
+    return Unrest(tuple(means), tuple(squares))
 
 
 def sigma_degC(spread: Spread, unrest: Unrest) -> float:

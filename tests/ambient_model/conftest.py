@@ -98,7 +98,7 @@ def models(draw: st.DrawFn) -> Model:
         provenance=draw(st.dictionaries(st.text(max_size=5), documents, max_size=3)),
         conformance=conformance_of(main, tuple(rows)),
         guard=guard,
-        spread=draw(st.none() | spreads(UNREST if guard is not None else UNREST[:2])),
+        spread=draw(st.none() | spreads(UNREST if guard is not None else UNREST[:1])),
     )
 
 

@@ -68,7 +68,7 @@ PHONE = Model(
         outputs={1.0: (28.5, 28.5, 30.5, 35.25), 0.5: (28.5, 28.5, 30.5, 34.875)},
     ),
 )
-TERMS = (Term("movement", 300.0, 0.5), Term("change", 60.0, 12.0), Term("guard", 120.0, 0.25))
+TERMS = (Term("movement", 300.0, 0.5), Term("movement", 60.0, 12.0), Term("guard", 120.0, 0.25))
 GUARDED = PHONE._replace(
     guard=Guard(
         Estimator(
@@ -449,7 +449,7 @@ BROKEN_GUARDED: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "of a stranger": (
         [(("spread", "terms", 0, "of"), "wind")],
-        ["spread.terms[0].of: is 'wind'; known are movement, change, guard"],
+        ["spread.terms[0].of: is 'wind'; known are movement, guard"],
     ),
     "of a number": ([(("spread", "terms", 0, "of"), 1)], [f"spread.terms[0].of: is 1; {TEXT}"]),
     "term no object": ([(("spread", "terms", 0), 0.5)], ["spread.terms[0]: is a number; an object is wanted"]),
@@ -459,7 +459,7 @@ BROKEN_GUARDED: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "terms no list": ([(("spread", "terms"), {})], ["spread.terms: is an object; a list is wanted"]),
     "too many terms": (
-        [(("spread", "terms"), [{"of": "change", "lag_s": 1, "weight": 1}] * 9)],
+        [(("spread", "terms"), [{"of": "movement", "lag_s": 1, "weight": 1}] * 9)],
         ["spread.terms: has 9 entries; at most 8 are wanted"],
     ),
     "quantiles not nested": (

@@ -18,7 +18,7 @@ from ambient_model.tracking import Estimate, Tracker
 
 BANDS = {50: (-0.25, 0.5), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
 QUANTILES = {50: (-0.5, 0.75), 90: (-1.5, 2.0), 98: (-2.5, 3.0)}
-TERMS = (Term("movement", 300.0, 0.5), Term("change", 60.0, 12.0), Term("guard", 120.0, 0.125))
+TERMS = (Term("movement", 300.0, 0.5), Term("movement", 60.0, 12.0), Term("guard", 120.0, 0.125))
 USB, BATTERY = Input("usb", "degC", "usb", -20.0, 90.0), Input("battery", "degC", "battery", -20.0, 70.0)
 
 

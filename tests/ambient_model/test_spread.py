@@ -1,6 +1,7 @@
 """The spread's rule against its equations summed out, term by term, over whole sequences."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from ambient_model.model import Spread, Term
 from ambient_model.spread import at_rest, followed, gains, sigma_degC
 
 QUANTILES = {50: (-0.7, 0.7), 90: (-1.6, 1.6), 98: (-2.3, 2.3)}
-PHONE = Spread(0.25, (Term("movement", 300.0, 0.5), Term("change", 60.0, 12.0), Term("guard", 120.0, 0.125)), QUANTILES)
+PHONE = Spread(
+    0.25, (Term("movement", 300.0, 0.5), Term("movement", 60.0, 12.0), Term("guard", 120.0, 0.125)), QUANTILES
+)
 
 
 def low_pass(z: np.ndarray, time_s: np.ndarray, lag_s: float) -> np.ndarray:
@@ -26,7 +29,6 @@ def sigmas(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> 
     for term in spread.terms:
         z = {
             "movement": (y - low_pass(y, time_s, term.lag_s)) ** 2,
-            "change": np.concatenate([[0.0], np.diff(y) ** 2]),
             "guard": d**2,
         }[term.of]
         variance = variance + term.weight * low_pass(z, time_s, term.lag_s)
@@ -42,7 +44,7 @@ def followed_through(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.nd
     return said
 
 
-terms = st.builds(Term, st.sampled_from(["movement", "change", "guard"]), st.floats(0.1, 1e4), st.floats(0, 20))
+terms = st.builds(Term, st.sampled_from(["movement", "guard"]), st.floats(0.1, 1e4), st.floats(0, 20))
 spreads = st.builds(Spread, st.floats(0, 4), st.lists(terms, max_size=5).map(tuple), st.just(QUANTILES))
 
 
@@ -67,11 +69,18 @@ def test_the_guard_alone_counts_from_the_first_sample() -> None:
 
 def test_no_time_passes_within_a_period_and_all_of_it_in_a_long_pause() -> None:
     start = at_rest(PHONE, 20.0, 0.0)
-    again = followed(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0)
-    assert (again.means_degC, again.squares_degC2) == (start.means_degC, start.squares_degC2)
+    assert followed(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0) == start
     late = followed(PHONE, start, gains(PHONE, 1e9), 30.0, 7.0)
     assert late.means_degC == (30.0,) * 3
-    assert late.squares_degC2 == (0.0, 100.0, 49.0)
+    assert late.squares_degC2 == (0.0, 0.0, 49.0)
+
+
+def test_a_pause_takes_each_term_as_far_as_its_own_lag_says() -> None:
+    halves = followed(PHONE, at_rest(PHONE, 20.0, 0.0), gains(PHONE, 60 * math.log(2)), 30.0, 7.0)
+    left = (0.5**0.2, 0.5, 0.5**0.5)
+    assert halves.means_degC == pytest.approx([30 - 10 * each for each in left])
+    squares = [(10 * left[0]) ** 2, 5.0**2, 7.0**2]
+    assert halves.squares_degC2 == pytest.approx([(1 - each) * z for each, z in zip(left, squares)])
 
 
 def test_a_step_widens_and_is_forgotten() -> None:

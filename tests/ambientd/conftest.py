@@ -54,7 +54,7 @@ def made_guard() -> Guard:
 
 SPREAD = Spread(
     0.25,
-    (Term("movement", 60.0, 1.0), Term("change", 20.0, 9.0), Term("guard", 30.0, 0.25)),
+    (Term("movement", 60.0, 1.0), Term("movement", 20.0, 9.0), Term("guard", 30.0, 0.25)),
     {50: (-0.5, 0.75), 90: (-1.5, 2.0), 98: (-2.5, 3.0)},
 )
 

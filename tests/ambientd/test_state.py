@@ -259,7 +259,6 @@ def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s
     u=st.lists(NUMBERS, min_size=2, max_size=2),
     unrest=st.builds(
         Unrest,
-        NUMBERS,
         st.lists(NUMBERS, min_size=3, max_size=3).map(tuple),
         st.lists(st.floats(0, 1e12), min_size=3, max_size=3).map(tuple),
     ),

@@ -30,8 +30,7 @@ PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 TOLERANCE_DEGC = 1e-9
 MODELS = ("free-3", "model2_ss", "model2_ss_free_cd")
 THRESHOLD_DEGC = 1.0
-LAGS_S = {"movement": 300.0, "change": 40.0, "guard": 60.0}
-WEIGHTS = {"movement": 0.5, "change": 3.0, "guard": 0.25}
+TERMS = (Term("movement", 300.0, 0.5), Term("movement", 40.0, 3.0), Term("guard", 60.0, 0.25))
 CONSTANT_DEGC2 = 0.09
 QUANTILES = {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)}
 
@@ -132,9 +131,8 @@ def second():
 @pytest.fixture(scope="module")
 def guarded(models, second, tmp_path_factory):
     """The free filter with a guard and a spread of all terms, made up, written to a file and read back."""
-    terms = tuple(Term(of, lag_s, WEIGHTS[of]) for of, lag_s in LAGS_S.items())
     model = models["free-3"]._replace(
-        guard=Guard(model_of(second, [], {}).main, THRESHOLD_DEGC), spread=Spread(CONSTANT_DEGC2, terms, QUANTILES)
+        guard=Guard(model_of(second, [], {}).main, THRESHOLD_DEGC), spread=Spread(CONSTANT_DEGC2, TERMS, QUANTILES)
     )
     path = str(tmp_path_factory.mktemp("guarded") / "model.json")
     save_model(path, model)
@@ -152,13 +150,9 @@ def _by_equations(first, second, u, period_s):
     d = main - guard
     w = np.clip(np.abs(d) / THRESHOLD_DEGC - 1, 0, 1)
     y = main - w * d
-    squares = {
-        "movement": (y - _low_pass(y, LAGS_S["movement"], period_s)) ** 2,
-        "change": np.concatenate([[0], np.diff(y)]) ** 2,
-        "guard": d**2,
-    }
-    variance = sum(WEIGHTS[of] * _low_pass(z, LAGS_S[of], period_s) for of, z in squares.items())
-    return y, w, np.sqrt(CONSTANT_DEGC2 + variance)
+    slow, fast = ((y - _low_pass(y, lag_s, period_s)) ** 2 for lag_s in (300.0, 40.0))
+    variance = CONSTANT_DEGC2 + 0.5 * _low_pass(slow, 300.0, period_s) + 3.0 * _low_pass(fast, 40.0, period_s)
+    return y, w, np.sqrt(variance + 0.25 * _low_pass(d**2, 60.0, period_s))
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)

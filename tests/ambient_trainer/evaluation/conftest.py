@@ -47,7 +47,7 @@ def guarded_model(periods_s: tuple[float, ...] = (1.0,)) -> Model:
     estimator = Estimator(INPUTS, ("once", "twice"), tuple(discrete), -1.0, both, model.main.interval)
     terms = (
         Term("movement", 120.0, 0.5),
-        Term("change", 30.0, 2.0),
+        Term("movement", 30.0, 2.0),
         Term("guard", 60.0, 0.25),
         Term("guard", 9.0, 0.1),
     )

@@ -76,8 +76,6 @@ def unrest_degC2(term: Term, ambient_degC: Array, apart_degC: Array, period_s: f
     """One term of the spread, before its weight."""
     if term.of == "movement":
         squares = (ambient_degC - _low_pass(ambient_degC, term.lag_s, period_s)) ** 2
-    elif term.of == "change":
-        squares = np.diff(ambient_degC, prepend=ambient_degC[:1]) ** 2
     else:
         squares = apart_degC**2
     return _low_pass(squares, term.lag_s, period_s)

@@ -1,4 +1,4 @@
-"""The closed loop: phones in rooms, the device's recursion on their sensors, and governors that are told an ambient.
+"""The closed loop: phones in rooms, a model on their sensors as a device runs it, governors that are told an ambient.
 
 Nothing that a phone cannot know reaches its governor, but in the row that says so: the estimator sees readings, the
 governor its sensor, the estimate, and what the SoC drew.
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_model.model import Model
+from ambient_model.observer import Observer
 from ambient_model.tracking import COASTING, DEGRADED, TRACKING, Tracker, nearest_discrete
 from ambient_trainer.mitigation.governor import Governor, Identified
 from ambient_trainer.mitigation.plant import Plant, skin_degC
@@ -46,7 +47,7 @@ class Record:
     told_degC: Array
     """The ambient that its governor went by; NaN without a governor."""
     estimate_degC: Array
-    """What the recursion said; NaN where it said nothing, or there is none."""
+    """What the model said; NaN where it said nothing, or there is none."""
     trusted: NDArray[np.bool_]
     """Whether the governor went by the estimate."""
 
@@ -104,22 +105,24 @@ def phone_zones(model: Model, sensor: str) -> list[Zone]:
 
 
 class _Estimators:
-    """The device's recursion on the readings of each phone whose governor is told what it says."""
+    """The model, its guard included, on the readings of each phone whose governor is told what it says."""
 
     def __init__(self, model: Model, cases: Sequence[Case], names: Sequence[str], period_s: float) -> None:
         discrete = nearest_discrete(model.main, period_s)
         self._picks = [names.index(each.name) for each in model.main.inputs]
-        self._trackers = {
-            index: Tracker(model.main, discrete) for index, case in enumerate(cases) if case.told is Told.ESTIMATE
+        self._observers = {
+            index: Observer(model, Tracker(model.main, discrete))
+            for index, case in enumerate(cases)
+            if case.told is Told.ESTIMATE
         }
         self._size = len(cases)
 
     def update(self, now_s: float, readings: Array) -> tuple[Array, NDArray[np.bool_]]:
         """What is said now, NaN for nothing, and whether it is to be trusted, both of shape (batch,)."""
         said, trusted = np.full(self._size, np.nan), np.zeros(self._size, dtype=np.bool_)
-        for index, tracker in self._trackers.items():
+        for index, observer in self._observers.items():
             row = readings[index, self._picks].tolist()
-            estimate = tracker.update(now_s, [None if value != value else value for value in row])
+            estimate = observer.update(now_s, [None if value != value else value for value in row])
             if estimate.ambient_degC is not None:
                 said[index] = estimate.ambient_degC
                 trusted[index] = estimate.status in TRUSTED

@@ -36,7 +36,7 @@ class Score:
     soc_W: float
     work_frac: float
     estimate_rmse_degC: float | None
-    """Of what the recursion said; None where it was not asked or said nothing."""
+    """Of what the model said; None where it was not asked or said nothing."""
     trusted_frac: float | None
     """How much of the time the governor went by the estimate."""
 
