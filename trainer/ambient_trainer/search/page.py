@@ -102,7 +102,7 @@ def _front(found: Found) -> go.Figure:
         x=[len(named.sensors)],
         y=[named.held_out.rmse_degC],
         mode="markers",
-        name=f"named: {', '.join(named.sensors)}",
+        name=f"fewest within one standard error: {', '.join(named.sensors)}",
         marker={"symbol": "circle-open", "size": 20, "color": BLUE, "line": {"width": 2}},
         hoverinfo="skip",
     )
