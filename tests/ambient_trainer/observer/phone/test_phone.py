@@ -25,7 +25,7 @@ from ambient_trainer.traces.trace import Trace, save_trace
 pytestmark = pytest.mark.slow
 
 SCENARIOS = ("1", "2.1", "2.2", "2.3", "2.4", "2.5", "3", "4", "5")
-TRAINING, UNSEEN, LIMIT = 20, (21, 22, 23), (31, 32, 33)
+TRAINING, UNSEEN, LIMIT = 28, (24, 25, 26), (31, 32, 33)
 SENSORS = ("soc", "flash", "battery", "usb", "display")
 
 
