@@ -1,4 +1,6 @@
-"""The bars, on the simulated phone: trained on scenario 5 of one seed, scored through the file on seeds never tuned on.
+"""The bars, on the simulated phone: trained on scenario 5 of one seed, scored through the file on runs of other seeds.
+
+No weight of the recipe was chosen on any of them.
 
 ``pytest -s -m slow`` prints the figures. All of them are simulated.
 """
