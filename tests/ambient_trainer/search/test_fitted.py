@@ -65,5 +65,5 @@ def test_what_carries_something_stays():
     assert drawn == HIDDEN
     assert less.edges == circuit.edges
     assert {each.name: each.initial for each in less.parameters} == pytest.approx(values | {
-        name: np.clip(values[name], -4, 4) for name in values if name[:2] in ("c_", "d_")
+        name: np.clip(values[name], -10, 10) for name in values if name[:2] in ("c_", "d_")
     })  # fmt: skip

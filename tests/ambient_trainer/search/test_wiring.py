@@ -93,7 +93,7 @@ def test_weights_of_nearly_equal_states_cannot_cancel_in_their_thousands(small):
     structure = CircuitStructure(circuit, small.segments)
     weights = [name for name in structure.linear.names if name[:2] in ("c_", "d_")]
     assert len(weights) == 6
-    assert np.abs(structure.linear.high[: len(weights)]).max() == 4.0
+    assert np.abs(structure.linear.high[: len(weights)]).max() == 10.0
 
 
 def test_names_that_run_together_stay_two_parameters():

@@ -13,6 +13,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from ambient_model import __version__
 from ambient_model.atomic import replacing
 from ambient_model.faults import refuse
 from ambient_trainer.cli.outputs import check_outputs
@@ -101,10 +102,11 @@ def command(
 
 
 def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, options: Options) -> dict[str, Any]:
-    """What results depend on: the data's bytes and the options."""
+    """What results depend on: who computes them, the data's bytes and the options."""
     from ambient_trainer.traces.digest import sha256_of
 
-    return {"traces": [sha256_of(path) for path in paths], "from_s": from_s, "to_s": to_s, **asdict(options)}
+    digests = [sha256_of(path) for path in paths]
+    return {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(options)}
 
 
 def _run(

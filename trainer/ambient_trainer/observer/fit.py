@@ -77,9 +77,9 @@ def fit_observer(
         forward = Forward(recipe, circuit)
         fit = fit_forward(forward, coarse, finer * period, stage(0))
         classroom = Classroom(recipe, forward, fit, weather, workload, finer * period, finer, effort.seed)
-        lessons = classroom.lessons(records)
-        bank = taught(recipe, lessons, period, lambda number: stage(1 + number))
-        spread = fit_spread(recipe, bank, lessons)
+        bank = taught(recipe, classroom.lessons(records), period, lambda number: stage(1 + number))
+        # filters err less in the very runs that taught them
+        spread = fit_spread(recipe, bank, replace(classroom, term=1).lessons(records))
     return _closed(recipe, bank, fit, spread, records, effort)
 
 

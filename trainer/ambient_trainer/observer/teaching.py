@@ -61,6 +61,8 @@ class Classroom:
     period_s: float
     finer: int
     seed: int
+    term: int = 0
+    """Another term's lessons are drawn anew."""
 
     def lessons(self, records: Sequence[Record]) -> dict[str, list[Lesson]]:
         """Every lesson of the recipe, ``records`` being the log at the filter's period."""
@@ -80,7 +82,7 @@ class Classroom:
         return max(1, round(seconds * self.finer / self.period_s))
 
     def _draws(self, kind: int, runs: int) -> Iterator[np.random.Generator]:
-        return (np.random.default_rng([self.seed, kind, run]) for run in range(runs))
+        return (np.random.default_rng([self.seed, kind, run, self.term]) for run in range(runs))
 
     def _count(self, hours: float) -> int:
         return round(hours * 3600 / self.period_s)

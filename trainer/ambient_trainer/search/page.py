@@ -94,7 +94,9 @@ def _front(found: Found) -> go.Figure:
             x=[len(found.against.sensors)],
             y=[found.against.held_out.rmse_degC],
             mode="markers",
-            name=f"held out: {', '.join(found.against.sensors)}",
+            name="held out, the given set",
+            text=[", ".join(found.against.sensors)],
+            hovertemplate="%{y:.3f} °C<br>%{text}<extra></extra>",
             marker={"symbol": "x", "size": 10, "color": INK},
         )
     named = found.sizes[found.named]
@@ -102,7 +104,7 @@ def _front(found: Found) -> go.Figure:
         x=[len(named.sensors)],
         y=[named.held_out.rmse_degC],
         mode="markers",
-        name=f"named: {', '.join(named.sensors)}",
+        name="fewest within one standard error",
         marker={"symbol": "circle-open", "size": 20, "color": BLUE, "line": {"width": 2}},
         hoverinfo="skip",
     )

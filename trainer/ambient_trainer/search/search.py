@@ -45,8 +45,8 @@ NEAR_DEGC = 0.02
 _SAMPLES_PER_UNKNOWN = 10
 _BANK_SENSORS = 3
 _SETS_AT_ONCE = 128
-_CIRCUIT_SAMPLES = 6000
-_TIMES_SHOWN, _STARTS_APART = 40, 5
+_CIRCUIT_SAMPLES = 10_000
+_TIMES_SHOWN = 40
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def searched(
     fits = _free_fits(data, options, work, wanted)
     sizes = tuple(_chosen(data, grams, each, fits[each], selection.near(each, everyone)) for each in best)
     unnamed = [each for each in data.names if not can_be_named(each)]
-    circuits = _circuits(data, options, work, selection, unnamed) if with_circuits else {}
+    circuits = _circuits(data, options, work, selection, poles_s, unnamed) if with_circuits else {}
     found = Found(
         traces=tuple(each.path for each in data.traces),
         simulated=any(each.notes.get("simulated") == "yes" for each in data.traces),
@@ -248,6 +248,7 @@ def _circuits(
     options: Options,
     work: Work,
     selection: _Selection,
+    poles_s: tuple[float, ...],
     unnamed: Sequence[str],
 ) -> dict[int, FoundCircuit]:
     """Per size the best circuit of the best sensors that a circuit file can name."""
@@ -256,7 +257,7 @@ def _circuits(
     source = ", ".join(each.path for each in data.traces)
     blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, source)
     whole = replace(data, segments=coarse, blocks=blocks)
-    task = WiringFits(coarse, blocks, data.names, _starting_tau_s(coarse, options.order))
+    task = WiringFits(coarse, blocks, data.names, _starting_tau_s(coarse, poles_s[0], options.order))
     found = {}
     for members in selection.best(allowed, options.most):
         names = [data.names[each] for each in members]
@@ -264,10 +265,11 @@ def _circuits(
     return found
 
 
-def _starting_tau_s(laid: Sequence[Segment], states: int) -> tuple[float, ...]:
-    """Time constants to start from: the slowest shown forty times by the longest stretch, then each a fifth."""
+def _starting_tau_s(laid: Sequence[Segment], fastest_s: float, states: int) -> tuple[float, ...]:
+    """Time constants to start from, slowest first: from what a stretch shows forty times to the bank's fastest."""
     longest_s = max(each.inputs.shape[1] * each.period_s for each in laid)
-    return tuple(longest_s / _TIMES_SHOWN / _STARTS_APART**k for k in range(states))
+    slowest_s = max(longest_s / _TIMES_SHOWN, fastest_s)
+    return tuple(np.geomspace(slowest_s, fastest_s, max(states, 2)).tolist())
 
 
 def _best_circuit(

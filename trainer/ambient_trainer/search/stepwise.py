@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from ambient_trainer.search.wiring import Wiring, neighbours, starting_wirings, without
 
 Score = Callable[[Sequence[Wiring]], Sequence[float]]
 """The held-out error of each wiring in degC."""
 
 _HUNDREDTH = 0.01
+_THINNINGS = 8
 
 
 def best_wiring(sensors: Sequence[str], most_states: int, score: Score) -> Wiring:
@@ -34,7 +37,8 @@ def _thinned(wiring: Wiring, score: Score, limit_degC: float) -> Wiring:
     """The wiring less as many edges as the limit allows, those first that cost least by themselves."""
     alone = [(edge, less) for edge in wiring.edges for less in [without(wiring, [edge])] if less.complete]
     order = [edge for _, (edge, _) in sorted(zip(score([less for _, less in alone]), alone))]
-    nested = [without(wiring, order[: count + 1]) for count in range(len(order))]
+    counts = sorted({round(each) for each in np.linspace(1, len(order), min(len(order), _THINNINGS))})
+    nested = [without(wiring, order[:count]) for count in counts]
     usable = [each for each in nested if each.complete]
     good = [each for each, error in zip(usable, score(usable)) if error <= limit_degC]
     return good[-1] if good else wiring

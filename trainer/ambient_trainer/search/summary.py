@@ -23,7 +23,7 @@ def sizes_table(found: Found) -> Table:
     rows = [_row(f"{len(each.sensors)}{' *' * (index == found.named)}", each, found.circuits.get(len(each.sensors)))
             for index, each in enumerate(found.sizes)]  # fmt: skip
     if found.against is not None:
-        rows.append(_row("named", found.against, None))
+        rows.append(_row("given", found.against, None))
     caption = (
         f"RMSE in degC on {found.blocks} blocks of {found.block_s:.0f} s, each left out of the fit with "
         f"{found.gap_s:.0f} s on either side: of the filter over fixed poles ({_seconds(found.poles_s)}) that the "
@@ -45,7 +45,7 @@ def checks_table(found: Found) -> Table:
     if found.against is not None:
         blank = ["-"] if found.circuits else []
         cells = [cell for each in found.checks for cell in (*map(_degC, each.against or ()), *blank)]
-        rows.append(("named", *cells))
+        rows.append(("given", *cells))
     caption = "RMSE in degC on traces that chose nothing and taught nothing, from a cold start."
     return Table(caption, columns, tuple(rows))
 

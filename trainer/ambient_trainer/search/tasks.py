@@ -19,7 +19,7 @@ from ambient_trainer.search.wiring import Wiring, circuit_of
 from ambient_trainer.traces.grid import Segment
 
 _FILTER = Budget(starts=2, whole=200, without=12)
-_CIRCUIT = Budget(starts=1, whole=60, without=8)
+_CIRCUIT = Budget(starts=1, whole=60, without=5)
 """Of hundreds: where a wiring leaves a direction open a search would creep along it for long."""
 
 

@@ -23,7 +23,7 @@ from ambient_trainer.circuits.schema import parse_circuit
 _CAPACITANCE = 10.0
 """J/K, where the data leave it open."""
 
-_LARGEST_WEIGHT = 4.0
+_LARGEST_WEIGHT = 10.0
 
 Pair = tuple[str, str]
 
