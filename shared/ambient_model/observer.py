@@ -84,6 +84,8 @@ class Observer:
         apart = 0.0
         if guard_degC is not None:
             ambient, apart, weight = guarded(ambient, guard_degC, self._threshold_degC)
+            # where the guard has the last word, how far off the main one is says nothing of the estimate
+            apart = min(max(apart, -self._threshold_degC), self._threshold_degC)
             if weight > 0 and status != COASTING:
                 status = DEGRADED
         if self._spread is None:

@@ -5,8 +5,9 @@
     guard    = L[d^2]
     sigma^2  = constant + sum of weight x term
 
-y is the estimate that is published, d the main one minus the guard's, T the time since the sample before, each term has
-a lag of its own. The published interval lies sigma times the quantiles around y.
+y is the estimate that is published, d the main one minus the guard's, but at most the guard's threshold either way, T
+the time since the sample before, each term has a lag of its own. The published interval lies sigma times the quantiles
+around y.
 """
 
 import math

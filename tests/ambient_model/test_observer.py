@@ -146,6 +146,7 @@ def test_without_gaps_it_is_two_recursions_and_the_equations(period_s: float) ->
     unrest, a = None, gains(spread, period_s)
     for found, main, guard in zip(fed(observer_of(model, period_s), rows), mains, guards):
         y, d, weight = guarded(main, guard, 1.5)
+        d = max(-1.5, min(1.5, d))
         unrest = at_rest(spread, y, d) if unrest is None else followed(spread, unrest, a, y, d)
         sigma = sigma_degC(spread, unrest)
         assert found[:3] == pytest.approx((y, y - 1.5 * sigma, y + 2.0 * sigma), abs=1e-12)

@@ -152,7 +152,8 @@ def _by_equations(first, second, u, period_s):
     y = main - w * d
     slow, fast = ((y - _low_pass(y, lag_s, period_s)) ** 2 for lag_s in (300.0, 40.0))
     variance = CONSTANT_DEGC2 + 0.5 * _low_pass(slow, 300.0, period_s) + 3.0 * _low_pass(fast, 40.0, period_s)
-    return y, w, np.sqrt(variance + 0.25 * _low_pass(d**2, 60.0, period_s))
+    apart = np.clip(d, -THRESHOLD_DEGC, THRESHOLD_DEGC)
+    return y, w, np.sqrt(variance + 0.25 * _low_pass(apart**2, 60.0, period_s))
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)

@@ -37,6 +37,7 @@ def observe(model: Model, u: Array, period_s: float) -> Observed:
         apart = ambient - response_of(model.guard.estimator, u, period_s)
         weight = guard_weight(apart, model.guard.threshold_degC)
         ambient = ambient - weight * apart
+        apart = np.clip(apart, -model.guard.threshold_degC, model.guard.threshold_degC)
     if model.spread is None:
         return Observed(ambient, weight, np.ones_like(ambient))
     return Observed(ambient, weight, sigma_degC(model.spread, ambient, apart, period_s))

@@ -33,10 +33,14 @@ class Bank:
     """Whether the user did not wait for all fallbacks."""
 
     def published(self, sensors_degC: Array) -> tuple[Array, Array]:
-        """What main and guard say together over sensors (m, N), and how far the main one lies above the guard."""
+        """What main and guard say together over sensors (m, N), and how far the main one lies above the guard.
+
+        The latter as the spread takes it: at most the threshold either way.
+        """
         main = self.main.estimate_degC(sensors_degC)
         apart = main - self.guard.estimate_degC(sensors_degC)
-        return main - guard_weight(apart, self.threshold_degC) * apart, apart
+        estimate = main - guard_weight(apart, self.threshold_degC) * apart
+        return estimate, np.clip(apart, -self.threshold_degC, self.threshold_degC)
 
 
 def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[int], Told]) -> Bank:
