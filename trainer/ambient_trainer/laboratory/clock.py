@@ -22,6 +22,10 @@ class Clock(Protocol):
         """Whether ``event`` is set, at the latest ``duration_s`` of this clock from now."""
         ...
 
+    def wall_s(self, duration_s: float) -> float:
+        """How many of the machine's seconds ``duration_s`` of this clock are."""
+        ...
+
     def patience_s(self, duration_s: float) -> float:
         """How many of the machine's seconds to give to a thing that takes at most ``duration_s`` of this clock."""
         ...
@@ -41,6 +45,10 @@ class RealClock:
     def wait(self, event: threading.Event, duration_s: float) -> bool:
         """Whether ``event`` is set within ``duration_s``."""
         return event.wait(max(duration_s, 0.0))
+
+    def wall_s(self, duration_s: float) -> float:
+        """``duration_s`` itself."""
+        return duration_s
 
     def patience_s(self, duration_s: float) -> float:
         """``duration_s`` itself."""
@@ -71,6 +79,10 @@ class FastClock:
     def wait(self, event: threading.Event, duration_s: float) -> bool:
         """Whether ``event`` is set within ``duration_s`` of this clock."""
         return event.wait(max(duration_s, 0.0) / self.speed)
+
+    def wall_s(self, duration_s: float) -> float:
+        """``duration_s`` of this clock in the machine's seconds."""
+        return duration_s / self.speed
 
     def patience_s(self, duration_s: float) -> float:
         """``duration_s`` of this clock in the machine's seconds, but never too few for a machine to answer in."""

@@ -14,11 +14,12 @@
     ``identify() -> str``, ``read() -> ThermometerReading``.
 
 All of them have ``name``, ``port`` and ``close()``. None opens its port before it is first asked, and each opens it
-again after it was lost: whoever asks again and again needs to do nothing else. They may be asked by several threads:
-one exchange at a time, first come first served; none waits longer than its timeout and its pause.
+again after it was lost: whoever asks again and again needs to do nothing else. They may be asked by several threads,
+one exchange at a time; an exchange lasts no longer than its timeout, its pause, and as much again where the line has to
+be brought in step.
 
 What goes wrong is a :class:`~ambient_trainer.laboratory.line.LineError`, which names instrument, port, what was
-expected and what came: ``Unplugged`` (the port is gone or cannot be opened), ``Silent`` (no answer, or a part of one,
-in time; ``SwitchedOff`` is a thermometer's), and plain ``LineError`` for an answer that is not one to the question.
-After any of them the same instrument may simply be asked again.
+expected and what came: ``Unplugged`` (the port is gone or cannot be opened), ``Silent`` (nothing came in time;
+``SwitchedOff`` is a thermometer's), and plain ``LineError`` for what is no answer to the question, or only a part of
+one. After any of them the same instrument may simply be asked again.
 """
