@@ -8,6 +8,7 @@ that comes unasked is an error, as is an answer that is cut short, doubled or an
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import termios
@@ -22,7 +23,7 @@ from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.protocols.misread import Misread, shown
 
 _QUIET_S = 0.02
-"""A line on which nothing came for so long has nothing more under way, at the bauds of instruments."""
+"""Silence for so long ends an answer: many bytes at the bauds of instruments, and more than an adapter holds back."""
 
 _Reply = TypeVar("_Reply")
 
@@ -179,8 +180,11 @@ class Line(Generic[_Reply]):
                 raise self._failed(LineError, question.expected, first.got)
             if not question.fits(first):
                 raise self._failed(LineError, question.expected, f"the answer to another question, {first}")
-            if more or decoder.rest():
-                raise self._failed(LineError, f"{question.expected} and nothing more", f"{first} and {shown(data)}")
+            beyond = self._receive(self._clock.wall_s(_QUIET_S))
+            if more or decoder.rest() or beyond:
+                raise self._failed(
+                    LineError, f"{question.expected}, and nothing more", f"{first}, and more in {shown(data + beyond)}"
+                )
             return Answer(asked_s, answered_s, first)
 
     def _come_in_step(self) -> _Reply | None:
@@ -235,6 +239,9 @@ class Line(Generic[_Reply]):
                 xonxoff=self._xonxoff,
                 exclusive=True,  # two instruments on one port would read each other's answers
             )
+            if self._xonxoff:  # an XOFF that nobody took back stays with the port: stop it ourselves, and let it go
+                self._serial.set_output_flow_control(False)
+                self._serial.set_output_flow_control(True)
         except (OSError, ValueError, termios.error) as error:
             raise self._failed(Unplugged, "a port that can be opened", _reason(error)) from error
         self._markers_owed = 0
@@ -275,4 +282,6 @@ class Line(Generic[_Reply]):
 
 def _reason(error: Exception) -> str:
     number = getattr(error, "errno", None)
+    if number == errno.EWOULDBLOCK:
+        return "one that is in use"
     return os.strerror(number) if isinstance(number, int) else str(error)

@@ -6,6 +6,7 @@ A file of offsets is YAML, as ``ambient-trainer calibrate`` writes it and a camp
 from __future__ import annotations
 
 import bisect
+import datetime
 import itertools
 from typing import NamedTuple
 
@@ -68,7 +69,7 @@ class OffsetFile(Strict):
 
     format: str
     version: int
-    created: str
+    created: datetime.datetime
     reference: str
     """What the probes were compared with."""
     probes: dict[str, ProbeTable] = Field(min_length=1)
@@ -85,8 +86,7 @@ class OffsetFile(Strict):
 
 def load_offsets(path: str) -> dict[str, ProbeOffset]:
     """The offsets in the file at ``path`` by probe; raises :class:`~ambient_model.faults.Refused` with every fault."""
-    data = load_yaml(path)
-    parsed = validated(OffsetFile, data if isinstance(data, dict) else {}, path)
+    parsed = validated(OffsetFile, load_yaml(path), path)
     return {
         name: ProbeOffset(tuple((point.reading_degC, point.offset_K) for point in table.points))
         for name, table in parsed.probes.items()

@@ -33,6 +33,7 @@ FAULTS = {
 NO_SENSOR = 16365
 
 _GROUP = 3
+_MOST_DECIMALS = 7  # of the nine digits that 27 bits hold
 _FAULTS_32 = 0x07F5E100
 _FAULTS_16 = 0x3FE0
 
@@ -78,7 +79,10 @@ def value_of(body: bytes) -> Value | Misread:
         digits = (digits + 0x02000000) & 0x07FFFFFF
         if digits & 0x04000000:
             digits -= 0x08000000
-        return Value(digits / 10.0 ** ((number >> 27) - 15), None)
+        decimals = (number >> 27) - 15
+        if not 0 <= decimals <= _MOST_DECIMALS:
+            return Misread(f"a value of 0 to {_MOST_DECIMALS} decimals", f"{decimals} decimals")
+        return Value(digits / 10.0**decimals, None)
     if len(body) == 2:
         number = int.from_bytes(_upright(body), "big")
         digits = number & 0x3FFF
