@@ -8,8 +8,10 @@ from __future__ import annotations
 import bisect
 import datetime
 import itertools
+from collections.abc import Mapping
 from typing import NamedTuple
 
+import yaml
 from pydantic import Field, model_validator
 
 from ambient_trainer.strict_yaml import Strict, load_yaml, validated, wrong
@@ -91,3 +93,18 @@ def load_offsets(path: str) -> dict[str, ProbeOffset]:
         name: ProbeOffset(tuple((point.reading_degC, point.offset_K) for point in table.points))
         for name, table in parsed.probes.items()
     }
+
+
+def offsets_text(probes: Mapping[str, ProbeTable], reference: str, created: datetime.datetime) -> str:
+    """The file that :func:`load_offsets` reads; tenths of a millikelvin are more than any thermocouple is worth."""
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "created": created.isoformat(timespec="seconds"),
+        "reference": reference,
+        "probes": {
+            name: {"points": [{key: round(value, 4) for key, value in point} for point in table.points]}
+            for name, table in probes.items()
+        },
+    }
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)

@@ -22,7 +22,7 @@ _STANDING_S = 1800.0  # how slowly a chamber that is stopped goes back to the ro
 class Air:
     """Air that follows a set point, from ``room_degC`` at the time ``start_s`` on."""
 
-    def __init__(self, start_s: float, room_degC: float, dynamics: Chamber, seed: int) -> None:
+    def __init__(self, start_s: float, room_degC: float, dynamics: Chamber, seed: int | np.random.Generator) -> None:
         random = np.random.default_rng(seed)
         self._start_s = start_s
         self._room_degC = room_degC

@@ -6,6 +6,8 @@ import math
 import re
 from collections.abc import Iterator
 
+import numpy as np
+
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.protocols import voetsch
 from ambient_trainer.laboratory.simulated.air import Air
@@ -32,7 +34,7 @@ class SimulatedChamber(SimulatedInstrument):
         folder: str | None = None,
         room_degC: float = 22.0,
         dynamics: Chamber | None = None,
-        seed: int = 0,
+        seed: int | np.random.Generator = 0,
         pause_s: float = 0.0,
     ) -> None:
         self._air = Air(clock.now_s(), room_degC, dynamics or Chamber.shipped(), seed)
