@@ -35,6 +35,8 @@ class _Links(NamedTuple):
     multiplexer: str | None
     probes: dict[str, int]
     thermocouple: str
+    baud: int
+    address: int
 
 
 @click.command("calibrate")
@@ -44,6 +46,8 @@ class _Links(NamedTuple):
 @click.option("--multiplexer", metavar="PORT", help="The 34970A with the probes.")
 @click.option("--probe", "probes", multiple=True, metavar="NAME=CHANNEL", help="Such as air1=101; repeat it.")
 @click.option("--thermocouple", type=click.Choice(list("BEJKNRST")), default="K", show_default=True, help="Its type.")
+@click.option("--baud", type=click.IntRange(1200), default=57600, show_default=True, help="Of the multiplexer.")
+@click.option("--address", type=click.IntRange(0, 255), default=1, show_default=True, help="Of the thermometer.")
 @click.option("--points", type=click.IntRange(1, 4), default=1, show_default=True, help="Temperatures of the bath.")
 @click.option("--reference", default=_REFERENCE, show_default=True, metavar="COLUMN", help="Of TRACE.csv.")
 @click.option(
@@ -79,6 +83,8 @@ def command(
     multiplexer: str | None,
     probes: tuple[str, ...],
     thermocouple: str,
+    baud: int,
+    address: int,
     points: int,
     reference: str,
     window_s: float,
@@ -99,7 +105,7 @@ def command(
     from ambient_trainer.laboratory.line import LineError
     from ambient_trainer.laboratory.simulated.bath import simulated_bath
 
-    links = _Links(thermometer, multiplexer, _channels(probes), thermocouple)
+    links = _Links(thermometer, multiplexer, _channels(probes), thermocouple, baud, address)
     _check_call(trace_path, links, points, record_path, simulate)
     check_outputs([output, record_path], [trace_path] if trace_path else [])
     settled = Settled(window_s, drift_K)
@@ -179,8 +185,10 @@ def _real_bath(links: _Links, points: int) -> Iterator[BathLab]:
             click.pause(f"Bring the bath to its temperature {point + 1} of {points}, and press a key.", err=True)
 
     clock = RealClock()
-    thermometer = Thermometer(links.thermometer or "", clock=clock)
-    multiplexer = Multiplexer(links.multiplexer or "", links.probes, thermocouple=links.thermocouple, clock=clock)
+    thermometer = Thermometer(links.thermometer or "", address=links.address, clock=clock)
+    multiplexer = Multiplexer(
+        links.multiplexer or "", links.probes, thermocouple=links.thermocouple, clock=clock, baud=links.baud
+    )
     try:
         yield BathLab(thermometer, multiplexer, tuple(links.probes), clock, go)
     finally:

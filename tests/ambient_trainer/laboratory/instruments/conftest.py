@@ -10,6 +10,7 @@ from ambient_trainer.laboratory.clock import FastClock
 from ambient_trainer.laboratory.instruments.chamber import Chamber
 from ambient_trainer.laboratory.instruments.multiplexer import Multiplexer
 from ambient_trainer.laboratory.instruments.thermometer import Thermometer
+from ambient_trainer.laboratory.line import LineError
 from ambient_trainer.laboratory.simulated.chamber import SimulatedChamber
 from ambient_trainer.laboratory.simulated.multiplexer import SimulatedMultiplexer
 from ambient_trainer.laboratory.simulated.terminal import SimulatedInstrument
@@ -26,6 +27,18 @@ class Bench(NamedTuple):
     clock: FastClock
     air_degC: list[float]
     """One number, to be changed."""
+
+    def failure(self, error_type: type[LineError] = LineError) -> LineError:
+        """How a reading fails; the error names the instrument, its port, what was expected, and what came."""
+        with pytest.raises(error_type) as caught:
+            self.driver.read()
+        error = caught.value
+        assert (error.instrument, error.port) == (self.driver.name, self.simulated.port)
+        assert (
+            str(error)
+            == f"{error.instrument} on {error.port}: expected {error.expected}, got {error.got}; {error.mend}"
+        )
+        return error
 
     def reading(self) -> float:
         """The temperature that a reading holds."""

@@ -11,8 +11,7 @@ from ambient_trainer.laboratory.clock import FastClock
 from ambient_trainer.laboratory.instruments.chamber import Chamber
 from ambient_trainer.laboratory.instruments.multiplexer import Multiplexer
 from ambient_trainer.laboratory.instruments.thermometer import Thermometer
-from ambient_trainer.laboratory.line import LineError, Silent, SwitchedOff, Unplugged
-from ambient_trainer.laboratory.simulated.terminal import XOFF
+from ambient_trainer.laboratory.line import LineError, Silent, SwitchedOff
 
 STATE = b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r"
 SCAN = b"+2.61950000E+01,101,+2.61950000E+01,103\r\n"
@@ -25,15 +24,6 @@ KINDS = {
 }
 each_kind = pytest.mark.parametrize("kind", KINDS)
 LATE_S = FastClock.LEAST_PATIENCE_S * 1.2 * 20.0  # of a clock that is 20 times as fast
-
-
-def failure(bench, kind: str, error_type: type[LineError] = LineError) -> LineError:
-    with pytest.raises(error_type) as caught:
-        bench.driver.read()
-    error = caught.value
-    assert (error.instrument, error.port) == (kind, bench.simulated.port)
-    assert str(error).startswith(f"{kind} on {bench.simulated.port}: expected {error.expected}, got {error.got}; ")
-    return error
 
 
 @each_kind
@@ -50,7 +40,7 @@ def test_an_answer_that_is_cut_short(bench, kind) -> None:
     bench = bench(kind)
     bench.driver.read()
     bench.simulated.twist(lambda reply: [(0.0, reply[:7])])
-    error = failure(bench, kind)
+    error = bench.failure()
     assert error.expected == KINDS[kind][1]
     assert error.got.startswith("only ")
     assert not isinstance(error, Silent)
@@ -62,7 +52,7 @@ def test_an_answer_that_lacks_its_beginning(bench, kind) -> None:
     bench = bench(kind)
     bench.driver.read()
     bench.simulated.twist(lambda reply: [(0.0, reply[4:])])
-    assert failure(bench, kind).expected == KINDS[kind][1]
+    assert bench.failure().expected == KINDS[kind][1]
     assert bench.reading() == pytest.approx(21.5, abs=0.1)
 
 
@@ -71,7 +61,7 @@ def test_an_answer_that_is_late_is_never_that_to_the_next_question(bench, kind) 
     bench = bench(kind)
     bench.driver.read()
     bench.simulated.twist(lambda reply: [(LATE_S, reply)])
-    error = failure(bench, kind, Silent)
+    error = bench.failure(Silent)
     assert error.expected in (KINDS[kind][1], "an error's number and text")
     bench.air_degC[0] = 40.0
     if kind == "multiplexer":
@@ -138,7 +128,7 @@ def test_an_answer_of_another_instrument_or_to_another_question(bench, kind, oth
     bench = bench(kind)
     bench.driver.read()
     bench.simulated.twist(lambda reply: [(0.0, other)])
-    error = failure(bench, kind)
+    error = bench.failure()
     assert error.expected == KINDS[kind][1]
     assert not isinstance(error, Silent)
     assert bench.reading() == pytest.approx(21.5, abs=0.1)
@@ -151,7 +141,7 @@ def test_noise_before_a_question(bench, kind, noise) -> None:
     bench.driver.read()
     bench.simulated.say(noise)
     bench.clock.sleep(2.0)
-    error = failure(bench, kind)
+    error = bench.failure()
     assert error.expected == f"nothing before it was asked for {KINDS[kind][1]}"
     assert bench.reading() == pytest.approx(21.5, abs=0.1)
 
@@ -161,71 +151,11 @@ def test_silence(bench, kind) -> None:
     bench = bench(kind)
     bench.driver.read()
     bench.simulated.mute()
-    error = failure(bench, kind, SwitchedOff if kind == "thermometer" else Silent)
+    error = bench.failure(SwitchedOff if kind == "thermometer" else Silent)
     assert error.got.startswith("nothing in ")
     assert str(error).endswith("; switch it on") == (kind == "thermometer")
-    failure(bench, kind, Silent)
+    bench.failure(Silent)
     bench.simulated.unmute()
-    assert bench.reading() == pytest.approx(21.5, abs=0.1)
-
-
-@each_kind
-def test_a_cable_that_is_pulled_and_put_in_again(bench, kind) -> None:
-    bench = bench(kind)
-    bench.driver.read()
-    bench.simulated.unplug()
-    error = failure(bench, kind, Unplugged)
-    assert error.expected == "the port to stay"
-    for _ in range(2):
-        error = failure(bench, kind, Unplugged)
-        assert (error.expected, error.got) == ("a port that can be opened", "No such file or directory")
-    bench.simulated.plug()
-    assert bench.reading() == pytest.approx(21.5, abs=0.1)
-
-
-@each_kind
-def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(bench, kind) -> None:
-    bench = bench(kind)
-    bench.driver.read()
-    bench.simulated.twist(lambda reply: [(0.0, reply[:3]), (1000.0, reply[3:])])
-    puller = threading.Timer(0.1, bench.simulated.unplug)
-    puller.start()
-    failure(bench, kind, Unplugged)
-    puller.join()
-    bench.simulated.plug()
-    assert bench.reading() == pytest.approx(21.5, abs=0.1)
-
-
-@each_kind
-def test_a_port_that_is_in_use(bench, kind) -> None:
-    bench = bench(kind)
-    bench.driver.read()
-    probes = ({"air": 103},) if kind == "multiplexer" else ()
-    second = KINDS[kind][0](bench.simulated.port, *probes, clock=bench.clock, name="second")
-    with pytest.raises(Unplugged, match=r"second on .*: expected a port that can be opened, got one that is in use; "):
-        second.read()
-    bench.driver.close()
-    assert second.read()
-    second.close()
-
-
-@each_kind
-def test_a_port_that_is_no_port(kind, tmp_path) -> None:
-    path = tmp_path / "a file"
-    path.write_text("")
-    driver = KINDS[kind][0](str(path), *(({"air": 103},) if kind == "multiplexer" else ()))
-    with pytest.raises(Unplugged) as caught:
-        driver.read()
-    assert caught.value.port == str(path)
-
-
-def test_a_hand_that_is_held_up_does_not_hold_up_for_ever(bench) -> None:
-    bench = bench("multiplexer")
-    bench.driver.read()
-    bench.simulated.say(XOFF)
-    bench.clock.sleep(2.0)
-    error = failure(bench, "multiplexer", Silent)
-    assert error.got == "its hand held up (XOFF) all the time"
     assert bench.reading() == pytest.approx(21.5, abs=0.1)
 
 
@@ -241,7 +171,7 @@ def test_an_instrument_that_babbles_does_not_hold_up_for_ever(bench) -> None:
     babbler = threading.Thread(target=babble)
     babbler.start()
     try:
-        failure(bench, "thermometer")
+        bench.failure()
     finally:
         ended.set()
         babbler.join()

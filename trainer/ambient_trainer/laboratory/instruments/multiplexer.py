@@ -11,7 +11,7 @@ from ambient_trainer.laboratory.instruments.readings import MultiplexerReading
 from ambient_trainer.laboratory.line import Answer, Line, LineError, Question, Silent
 from ambient_trainer.laboratory.protocols import agilent
 
-BAUDS = (57600, 115200)
+_BAUD = 57600
 THERMOCOUPLES = "BEJKNRST"
 
 _ERROR = Question(agilent.ERROR, "an error's number and text", lambda reply: isinstance(reply, agilent.ErrorText))
@@ -36,7 +36,7 @@ class Multiplexer:
         thermocouple: str = "K",
         name: str = "multiplexer",
         clock: Clock | None = None,
-        baud: int = BAUDS[0],
+        baud: int = _BAUD,
         timeout_s: float = 5.0,
     ) -> None:
         _check(name, probes, offsets or {}, thermocouple)
