@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import re
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,15 +17,14 @@ from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.report.table import Table, for_terminal
 
 if TYPE_CHECKING:
-    from rich.status import Status
-
-    from ambient_trainer.laboratory.instruments.bath_run import BathLab, Pace
+    from ambient_trainer.laboratory.instruments.bath_run import BathLab, BathRun
     from ambient_trainer.laboratory.instruments.calibration import Bath, Settled
     from ambient_trainer.laboratory.instruments.offsets import ProbeTable
 
 _UNIT = "_degC"
 _REFERENCE = "bath_degC"
 _WIDTH = 120
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 _PATIENCE_S = 3600.0
 
 
@@ -48,7 +48,7 @@ class _Links(NamedTuple):
 @click.option("--thermocouple", type=click.Choice(list("BEJKNRST")), default="K", show_default=True, help="Its type.")
 @click.option("--baud", type=click.IntRange(1200), default=57600, show_default=True, help="Of the multiplexer.")
 @click.option("--address", type=click.IntRange(0, 255), default=1, show_default=True, help="Of the thermometer.")
-@click.option("--points", type=click.IntRange(1, 4), default=1, show_default=True, help="Temperatures of the bath.")
+@click.option("--points", type=click.IntRange(1, 20), default=1, show_default=True, help="Temperatures of the bath.")
 @click.option("--reference", default=_REFERENCE, show_default=True, metavar="COLUMN", help="Of TRACE.csv.")
 @click.option(
     "--window",
@@ -99,14 +99,16 @@ def command(
     NAME_degC are the probes; or with --simulate. Nothing is written before the bath has settled. A campaign takes the
     file as its 'offsets'.
     """
-    from ambient_trainer.laboratory.instruments.bath_run import Pace
+    from ambient_trainer.laboratory.instruments.bath_run import BathRun, Pace
     from ambient_trainer.laboratory.instruments.calibration import Settled, calibrated
     from ambient_trainer.laboratory.instruments.offsets import offsets_text
     from ambient_trainer.laboratory.line import LineError
-    from ambient_trainer.laboratory.simulated.bath import simulated_bath
+    from ambient_trainer.laboratory.simulated.bath import BATHS_DEGC, simulated_bath
 
     links = _Links(thermometer, multiplexer, _channels(probes), thermocouple, baud, address)
     _check_call(trace_path, links, points, record_path, simulate)
+    if simulate and points > len(BATHS_DEGC):
+        raise click.UsageError(f"the simulated bath goes to {len(BATHS_DEGC)} temperatures, no more")
     check_outputs([output, record_path], [trace_path] if trace_path else [])
     settled = Settled(window_s, drift_K)
     errors_K = None
@@ -116,11 +118,14 @@ def command(
         try:
             with simulated_bath() if simulate else _real_bath(links, points) as lab:
                 source, errors_K = lab.identify(), lab.errors_K
-                windows, record = _watch(lab, points, settled, Pace(period_s, _PATIENCE_S))
+                run = BathRun(lab, Pace(period_s, _PATIENCE_S))
+                try:
+                    windows = [_settled(run, lab, point, points, settled) for point in range(points)]
+                finally:
+                    if record_path is not None:
+                        _save(run.record(), record_path)
         except LineError as error:
             raise click.ClickException(str(error)) from error
-        if record_path is not None:
-            _save(record, record_path)
     tables = calibrated(windows, trace_path or "the bath")
     with replacing(output) as stream:
         stream.write(offsets_text(tables, source, datetime.datetime.now(datetime.timezone.utc)))
@@ -148,7 +153,7 @@ def _channels(probes: tuple[str, ...]) -> dict[str, int]:
     channels: dict[str, int] = {}
     for text in probes:
         name, _, channel = text.partition("=")
-        if not name.isidentifier() or not (channel.isascii() and channel.isdigit()):
+        if not _NAME.fullmatch(name) or not (channel.isascii() and channel.isdigit()):
             raise click.UsageError(f"--probe {text}: write it as NAME=CHANNEL, such as air1=101")
         if name in channels:
             raise click.UsageError(f"--probe {text}: {name} stands twice")
@@ -196,23 +201,16 @@ def _real_bath(links: _Links, points: int) -> Iterator[BathLab]:
         multiplexer.close()
 
 
-def _watch(lab: BathLab, points: int, settled: Settled, pace: Pace) -> tuple[list[Bath], Bath]:
-    """A settled window a temperature, and all that was read; the terminal shows what a bath still lacks."""
-    from ambient_trainer.laboratory.instruments.bath_run import BathRun
+def _settled(run: BathRun, lab: BathLab, point: int, points: int, settled: Settled) -> Bath:
+    """The window in which the bath is settled at its temperature ``point``; the terminal shows what it still lacks."""
+    lab.go(point)
+    with Console(stderr=True, highlight=False).status("") as status:
 
-    console = Console(stderr=True, highlight=False)
-    run = BathRun(lab, pace)
-    windows = []
-    for point in range(points):
-        lab.go(point)
-        with console.status("") as status:
+        def show(window: Bath, reasons: list[str]) -> None:
+            lacks = "; ".join(reasons) or "settled"
+            status.update(f"bath {point + 1} of {points}, {window.reference_degC[-1]:.2f} degC: {lacks}")
 
-            def show(window: Bath, reasons: list[str], status: Status = status, point: int = point) -> None:
-                now = f"{window.reference_degC[-1]:.2f} degC" if len(window.time_s) else "no reading"
-                status.update(f"bath {point + 1} of {points}, {now}: {'; '.join(reasons) or 'settled'}")
-
-            windows.append(run.until_settled(settled, show))
-    return windows, run.record()
+        return run.until_settled(settled, show)
 
 
 def _save(bath: Bath, path: str) -> None:
@@ -228,8 +226,8 @@ def _print(tables: Mapping[str, ProbeTable], source: str, errors_K: Mapping[str,
         for name, table in tables.items()
         for point in table.points
     )
-    caption = f"Offsets in K, to be added to what a probe reads; against {source}, whose own error is not in it."
-    Console(width=_WIDTH).print(for_terminal(Table(caption, ("probe", "reads degC", "offset", "standard error"), rows)))
+    Console(width=_WIDTH).print(for_terminal(Table("", ("probe", "reads degC", "offset", "standard error"), rows)))
+    click.echo(f"Offsets in K, added to what a probe reads. Reference: {source}; its own error is not in them.")
     if errors_K is not None:
         misses = [abs(point.offset_K + errors_K[name]) for name, table in tables.items() for point in table.points]
         click.echo(f"The simulated probes' errors are known: the worst offset misses its by {max(misses):.4f} K.")

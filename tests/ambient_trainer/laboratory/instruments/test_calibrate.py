@@ -220,6 +220,8 @@ def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_pat
         ),
         (["--probe", "a"], "--probe a: write it as NAME=CHANNEL, such as air1=101"),
         (["--probe", "a=101", "--probe", "a=102"], "--probe a=102: a stands twice"),
+        (["--simulate", "--points", "5"], "the simulated bath goes to 4 temperatures, no more"),
+        (["--probe", "1a=101"], "--probe 1a=101: write it as NAME=CHANNEL"),
         (["bath.csv", "--points", "2"], "--points is for a live bath"),
         (["bath.csv", "--record", "other.csv"], "--record is for a live bath"),
     ],
