@@ -8,6 +8,7 @@ that comes unasked is an error, as is an answer that is cut short, doubled or an
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import select
@@ -24,6 +25,9 @@ from ambient_trainer.laboratory.protocols.misread import Misread, shown
 
 _QUIET_S = 0.02
 """Silence for so long ends an answer: many bytes at the bauds of instruments, and more than an adapter holds back."""
+
+_GONE = (OSError, ValueError, TypeError, termios.error)
+"""What a port raises that is not there, or not any more; TypeError is pyserial's, of a descriptor that it has lost."""
 
 _Reply = TypeVar("_Reply")
 
@@ -122,23 +126,32 @@ class Line(Generic[_Reply]):
         self._markers_owed = 0
         self._may_send_s = -float("inf")
 
-    def ask(self, question: Question, timeout_s: float | None = None, even_so: bool = False) -> Answer[_Reply]:
-        """The answer to ``question``; raises :class:`LineError`.
+    def ask(self, question: Question) -> Answer[_Reply]:
+        """The answer to ``question``; raises :class:`LineError`."""
+        with self._lock:
+            self._come_in_step()
+            data = self._receive(0.0)
+            if data:
+                raise self._failed(LineError, f"nothing before it was asked for {question.expected}", shown(data))
+            return self._exchange(question)
 
-        With ``even_so``, the request goes out even where the instrument does not answer the marker, and the error is
-        raised then: for a command that must be tried on a line that may be dead in one direction only.
+    def insist(self, question: Question) -> Answer[_Reply]:
+        """The answer to a command that must get through; raises :class:`LineError`.
+
+        What came unasked does not keep it from going out, nor does an instrument that does not answer the marker, as
+        the line may be dead in one direction only: the error is raised then.
         """
         with self._lock:
+            self._open()
+            if self._receive(0.0):
+                self._in_step = False
             try:
                 self._come_in_step()
-            except Unplugged:
-                raise
             except LineError:
-                if even_so:
+                if self._serial is not None:
                     self._send(question.request)
                 raise
-            self._expect_nothing(question)
-            return self._exchange(question, timeout_s or self._timeout_s)
+            return self._exchange(question)
 
     def tell(self, request: bytes) -> None:
         """Send what has no answer; raises :class:`LineError`."""
@@ -156,22 +169,21 @@ class Line(Generic[_Reply]):
         with self._lock:
             if self._serial is not None:
                 port, self._serial = self._serial, None
-                try:
+                with contextlib.suppress(*_GONE):
                     port.reset_output_buffer()  # else closing waits for an instrument that holds its hand up
-                    port.close()
-                except (OSError, ValueError, termios.error):
-                    pass  # it is gone already
+                with contextlib.suppress(*_GONE):
+                    port.close()  # an adapter that is still held comes back under another number
             self._in_step = False
 
-    def _exchange(self, question: Question, timeout_s: float) -> Answer[_Reply]:
+    def _exchange(self, question: Question) -> Answer[_Reply]:
         decoder = self._decoder()
         asked_s = self._send(question.request)
-        end_s = time.monotonic() + self._clock.patience_s(timeout_s)
+        end_s = time.monotonic() + self._clock.patience_s(self._timeout_s)
         while True:
             data = self._receive(end_s - time.monotonic())
             answered_s = self._clock.now_s()
             if not data:
-                raise self._missing(question, decoder.rest(), timeout_s)
+                raise self._missing(question, decoder.rest())
             replies = decoder.feed(data)
             if not replies:
                 continue
@@ -208,20 +220,15 @@ class Line(Generic[_Reply]):
                     self._markers_owed -= 1
                     answer = reply
         if answer is None:
-            raise self._missing(self._marker, decoder.rest(), self._timeout_s)
+            raise self._missing(self._marker, decoder.rest())
         self._markers_owed = 0
         self._in_step = True
         return answer
 
-    def _expect_nothing(self, question: Question) -> None:
-        data = self._receive(0.0)
-        if data:
-            raise self._failed(LineError, f"nothing before it was asked for {question.expected}", shown(data))
-
-    def _missing(self, question: Question, rest: bytes, timeout_s: float) -> LineError:
+    def _missing(self, question: Question, rest: bytes) -> LineError:
         if rest:
-            return self._failed(LineError, question.expected, f"only {shown(rest)} in {timeout_s:g} s")
-        return self._failed(Silent, question.expected, f"nothing in {timeout_s:g} s")
+            return self._failed(LineError, question.expected, f"only {shown(rest)} in {self._timeout_s:g} s")
+        return self._failed(Silent, question.expected, f"nothing in {self._timeout_s:g} s")
 
     def _failed(self, kind: type[LineError], expected: str, got: str) -> LineError:
         self._in_step = False
@@ -231,7 +238,7 @@ class Line(Generic[_Reply]):
         if self._serial is not None:
             return
         try:
-            self._serial = serial.Serial(
+            port = serial.Serial(
                 self.port,
                 self._baud,
                 timeout=0,
@@ -240,10 +247,11 @@ class Line(Generic[_Reply]):
                 exclusive=True,  # two instruments on one port would read each other's answers
             )
             if self._xonxoff:  # an XOFF that nobody took back stays with the port: stop it ourselves, and let it go
-                self._serial.set_output_flow_control(False)
-                self._serial.set_output_flow_control(True)
-        except (OSError, ValueError, termios.error) as error:
+                port.set_output_flow_control(False)
+                port.set_output_flow_control(True)
+        except _GONE as error:
             raise self._failed(Unplugged, "a port that can be opened", _reason(error)) from error
+        self._serial = port
         self._markers_owed = 0
         self._in_step = False
 
@@ -260,7 +268,7 @@ class Line(Generic[_Reply]):
             raise self._failed(
                 Silent, f"{shown(request)} to be taken", "its hand held up (XOFF) all the time"
             ) from error
-        except (OSError, ValueError, TypeError, termios.error) as error:
+        except _GONE as error:
             raise self._lost(error) from error
         return asked_s
 
@@ -272,7 +280,7 @@ class Line(Generic[_Reply]):
             if not select.select([port.fileno()], [], [], max(patience_s, 0.0))[0]:
                 return b""
             return bytes(port.read(max(port.in_waiting, 1)))
-        except (OSError, ValueError, TypeError, termios.error) as error:
+        except _GONE as error:
             raise self._lost(error) from error
 
     def _lost(self, error: Exception) -> LineError:

@@ -32,7 +32,7 @@ def test_whatever_happens_a_reading_is_of_the_time_between_question_and_answer(b
         lambda: (simulated.unplug(), simulated.plug()),
     ]
     readings = failures = 0
-    while readings < 5:
+    while readings < 5 or failures < 5:
         deed = int(random.integers(2 * len(deeds)))
         if deed < len(deeds):
             deeds[deed]()
@@ -44,4 +44,3 @@ def test_whatever_happens_a_reading_is_of_the_time_between_question_and_answer(b
         readings += 1
         value_degC = reading.actual_degC if kind == "chamber" else reading.temp_degC
         assert reading.asked_s - 0.5 <= value_degC / per_s <= reading.answered_s + 0.5
-    assert failures > 0

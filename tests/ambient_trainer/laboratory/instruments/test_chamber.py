@@ -138,6 +138,15 @@ def test_a_set_point_is_sent_to_a_chamber_that_hears_but_does_not_speak(bench) -
     became(lambda: bench.simulated.held_degC is None)
 
 
+def test_noise_does_not_keep_a_set_point_from_being_sent(bench) -> None:
+    bench = bench("chamber")
+    bench.driver.set_point(50.0)
+    bench.simulated.say(b"\xff\x00")
+    bench.clock.sleep(2.0)
+    bench.driver.set_point(20.0)
+    assert bench.simulated.held_degC == 20.0
+
+
 def test_a_later_controller_is_asked_once_in_five_seconds(tmp_path) -> None:
     clock = FastClock(100.0)
     simulated = SimulatedChamber(clock, folder=str(tmp_path), pause_s=5.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 
 import pytest
@@ -28,6 +29,18 @@ def test_a_cable_that_is_pulled_and_put_in_again(bench, kind) -> None:
         assert (error.expected, error.got) == ("a port that can be opened", "No such file or directory")
     bench.simulated.plug()
     assert bench.reading() == pytest.approx(21.5, abs=0.1)
+
+
+def test_a_port_that_went_is_let_go(bench) -> None:
+    bench = bench("thermometer")
+    held = []
+    for _ in range(5):
+        bench.driver.read()
+        bench.simulated.unplug()
+        held.append(bench.failure(Unplugged))  # with the frames that the port was used in
+        bench.simulated.plug()
+        held.append(len(os.listdir("/proc/self/fd")))
+    assert held[-1] == held[1]
 
 
 @each_kind

@@ -100,7 +100,7 @@ class Chamber:
         outputs = list(self._last.outputs if self._last else (False,) * voetsch.OUTPUTS)
         outputs[voetsch.START] = outputs[voetsch.TEMPERATURE] = run
         request = voetsch.set_values((nominal_degC, *others), outputs)
-        self._line.ask(Question(request, expected, _is_done), even_so=True)
+        self._line.insist(Question(request, expected, _is_done))
 
     def _allowed(self, temp_degC: float) -> float:
         """``temp_degC`` as the protocol can say it."""
