@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -82,14 +81,3 @@ def bench(tmp_path, clock) -> Iterator[Callable[[str], Bench]]:
     yield make
     for each in made:
         each.close()
-
-
-@pytest.fixture(scope="session")
-def in_pieces() -> Callable[[Any, bytes, list[int]], list[Any]]:
-    """All that a decoder finds in data that comes cut at some places."""
-
-    def feed(decoder: Any, data: bytes, cuts: list[int]) -> list[Any]:
-        edges = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
-        return [each for begin, end in itertools.pairwise(edges) for each in decoder.feed(data[begin:end])]
-
-    return feed

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.protocols.lines import LineSplitter
+from ambient_trainer.laboratory.protocols.lines import LineDecoder
 from ambient_trainer.laboratory.protocols.misread import Misread
 
 IDENTITY = b"*IDN?\n"
@@ -87,19 +87,11 @@ def scan_line(scan: Scan) -> bytes:
     return ",".join(texts).encode("ascii") + b"\r\n"
 
 
-class Decoder:
+class Decoder(LineDecoder[Reply]):
     """What a multiplexer sends, in pieces of any size, to replies."""
 
     def __init__(self) -> None:
-        self._lines = LineSplitter(b"\n", b"\r", _LONGEST)
-
-    def feed(self, data: bytes) -> list[Reply | Misread]:
-        """The replies that are whole by now, and what is none."""
-        return [line if isinstance(line, Misread) else _reply(line) for line in self._lines.feed(data)]
-
-    def rest(self) -> bytes:
-        """What has come of the next reply."""
-        return self._lines.rest()
+        super().__init__(b"\n", b"\r", _LONGEST, _reply)
 
 
 def _reply(line: str) -> Reply | Misread:

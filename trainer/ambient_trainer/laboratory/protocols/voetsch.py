@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.protocols.lines import LineSplitter
+from ambient_trainer.laboratory.protocols.lines import LineDecoder
 from ambient_trainer.laboratory.protocols.misread import Misread
 
 STATE = b"$00I\r"
@@ -84,19 +84,11 @@ def fault_line(fault: FaultText) -> bytes:
 DONE_LINE = b"0\r"
 
 
-class Decoder:
+class Decoder(LineDecoder[Reply]):
     """What a chamber sends, in pieces of any size, to replies."""
 
     def __init__(self) -> None:
-        self._lines = LineSplitter(b"\r", b"\n", _LONGEST)
-
-    def feed(self, data: bytes) -> list[Reply | Misread]:
-        """The replies that are whole by now, and what is none."""
-        return [line if isinstance(line, Misread) else _reply(line) for line in self._lines.feed(data)]
-
-    def rest(self) -> bytes:
-        """What has come of the next reply."""
-        return self._lines.rest()
+        super().__init__(b"\r", b"\n", _LONGEST, _reply)
 
 
 def _reply(line: str) -> Reply | Misread:
