@@ -71,6 +71,16 @@ def test_ways(connect, argv):
     assert way_to(connect).argv == argv
 
 
+def test_ssh_is_a_shell_too(zones):
+    ssh = zones.folder / "bin/ssh"
+    ssh.write_text('#!/bin/sh\nfor last; do :; done\nexec "$last"\n')
+    ssh.chmod(0o755)
+    device = device_of(zones, connect="ssh root@board")
+    assert device.read().values == {"board_degC": -1.25, "battery_degC": 28.3}
+    assert device.port == "ssh root@board"
+    device.close()
+
+
 def test_ssh_never_asks_for_a_password():
     argv = way_to("ssh root@board").argv
     assert argv[:2] == ("ssh", "-T")
@@ -169,7 +179,8 @@ def test_two_zones_of_one_type_are_refused(zones):
 
 def test_no_shell_at_all():
     device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Way(("no-such-program",), "adb", {}), RealClock())
-    with pytest.raises(Unplugged, match="device on adb: expected to start no-such-program, got No such file"):
+    message = "device on adb: expected to start no-such-program, got No such file or directory; install it"
+    with pytest.raises(Unplugged, match=message):
         device.read()
 
 

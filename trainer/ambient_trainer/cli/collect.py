@@ -68,8 +68,9 @@ def command(
         _print_schedule(loaded)
         return 0
     assert output is not None
-    check_outputs([output], [path])
-    from ambient_trainer.laboratory.collect import journal_path
+    from ambient_trainer.laboratory.collect import journal_path, laboratory_path
+
+    check_outputs([output, laboratory_path(output)], loaded.files)
 
     if resume and not os.path.exists(journal_path(output)):
         fault = Fault(journal_path(output), "there is no run to resume", "leave --resume out, or name its output")

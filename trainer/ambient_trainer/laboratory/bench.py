@@ -34,6 +34,12 @@ class Bench(NamedTuple):
     way: Way
     """To the device, for its actions."""
 
+    def close(self) -> None:
+        """Give everything back."""
+        for each in (self.chamber, self.multiplexer, self.thermometer, self.device):
+            if each is not None:
+                each.close()
+
 
 def bench_of(loaded: Loaded, clock: Clock, environment: Mapping[str, str] | None = None) -> Bench:
     """The instruments that a campaign names; ``environment`` is added to that of the device's shells."""
@@ -69,7 +75,7 @@ def identities(bench: Bench) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     faults: list[Fault] = []
     asked: list[tuple[str, Callable[[], str]]] = [
-        (CHAMBER, bench.chamber.identify),
+        (CHAMBER, lambda: _without_alarm(bench)),
         (MULTIPLEXER, lambda: _scanned(bench)),
         (DEVICE, lambda: _zones(bench)),
     ]
@@ -83,6 +89,14 @@ def identities(bench: Bench) -> list[tuple[str, str]]:
     if faults:
         raise Refused("the laboratory is not ready, and nothing was moved", faults)
     return found
+
+
+def _without_alarm(bench: Bench) -> str:
+    text = bench.chamber.identify()
+    alarm = bench.chamber.read().alarm
+    if alarm is not None:
+        raise InAlarm(CHAMBER, bench.chamber.port, "no alarm", alarm)
+    return text
 
 
 def _scanned(bench: Bench) -> str:
@@ -103,6 +117,12 @@ def _zones(bench: Bench) -> str:
         problem = "; ".join(part for part in (missing, f"nothing for {', '.join(silent)}") if part)
         raise NothingThere(DEVICE, bench.device.port, f"values for {len(reading.values)} columns", problem)
     return f"{bench.device.port}, up for {reading.clock_offset_s + 0.5 * (reading.asked_s + reading.answered_s):.0f} s"
+
+
+class InAlarm(LineError):
+    """The chamber has an alarm before anything began."""
+
+    mend = "see to it, and acknowledge it at the chamber"
 
 
 class OpenProbe(LineError):

@@ -26,7 +26,7 @@ _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 _Positive = Annotated[float, Field(gt=0)]
 _NotNegative = Annotated[float, Field(ge=0)]
 _Temperature = Annotated[float, Field(ge=-60, le=200)]
-_Fraction = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Signal = Annotated[float, Field(ge=-1e6, le=1e6)]
 
 
 class ChamberLink(Strict):
@@ -120,7 +120,7 @@ class Action(Strict):
 
     start: str
     stop: str
-    signals: dict[str, _Fraction]
+    signals: dict[str, _Signal]
     """What the trace's signal columns say while it lasts."""
 
 
@@ -151,7 +151,7 @@ class Laboratory(Strict):
     instruments: Instruments
     ambient: Ambient
     device: Device
-    signals: dict[str, _Fraction] = Field(default_factory=dict)
+    signals: dict[str, _Signal] = Field(default_factory=dict)
     """Signal columns, with what they say while no action lasts."""
     actions: dict[_Name, Action] = Field(default_factory=dict)
     safety: Safety
@@ -217,7 +217,9 @@ class Loaded(NamedTuple):
     campaign: Campaign
     offsets: Mapping[str, ProbeOffset]
     sha256: str
-    """Of the files that make it."""
+    """Of the files that make it,"""
+    files: tuple[str, ...]
+    """its own first."""
 
 
 def campaign_names() -> tuple[str, ...]:
@@ -260,7 +262,7 @@ def load_campaign(path: str, ports: bool = True) -> Loaded:
             faults += [fault._replace(place=f"laboratory.ambient.offsets {fault.place}") for fault in refused.faults]
     campaign = validated(Campaign, data, path, faults)
     name = os.path.basename(path).removesuffix(".yaml").removesuffix(".yml")
-    return Loaded(name, path, campaign, offsets, _digest(files))
+    return Loaded(name, path, campaign, offsets, _digest(files), tuple(files))
 
 
 def _offsets_file(data: Any) -> str | None:

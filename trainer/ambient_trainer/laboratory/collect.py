@@ -82,11 +82,15 @@ def collect(job: Job, watching: Watching) -> Collected:
     if os.path.exists(journal_path(job.output)):
         Journal(journal_path(job.output), _head(job))  # says what to do about it
     bench = bench_of(job.loaded, job.clock, job.environment)
-    found = identities(bench)
+    try:
+        found = identities(bench)
+    except BaseException:
+        bench.close()
+        raise
+    timebase = Timebase(job.clock, job.clock.now_s())
     journal = Journal(journal_path(job.output), _head(job))
     for identity in found:
         journal.add(Identity(*identity))
-    timebase = Timebase(job.clock, job.clock.now_s())
     return _run(job, bench, journal, timebase, Program(job.loaded.campaign.program, 0.0), watching)
 
 

@@ -101,7 +101,7 @@ class Conductor:
         """The newest sample of each instrument."""
         self.ambient_degC: float | None = None
         self.troubles: dict[str, Trouble] = {}
-        """What does not work now, by instrument."""
+        """What does not work now, by instrument, as it began."""
         self.alarm: str | None = None
         self._laboratory = bench.campaign.laboratory
         self._eyes = eyes
@@ -109,6 +109,7 @@ class Conductor:
         self._giving_up = giving_up
         self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._watch = Watch(self._laboratory.safety, timebase.now_s())
+        self._told: dict[str, set[str]] = {}
         self._notes: dict[str, str | None] = {}
         self._crash: BaseException | None = None
         self.keeper = self._new_keeper(_wish_of(program))
@@ -133,10 +134,14 @@ class Conductor:
             left_s = self.timebase.now_s()
             safe = self._make_safe()
             self._write(End(left_s, outcome.why))
-            self._say("the program is over" if outcome.ending is Ending.FINISHED else outcome.why)
-            for worker in self._workers:
+            if outcome.ending is Ending.FINISHED:
+                self._tell(self.timebase.now_s(), "the program is over")
+            else:
+                self._say(outcome.why)
+            running = [worker for worker in self._workers if worker.is_alive()]
+            for worker in running:
                 worker.finish()
-            for worker in self._workers:
+            for worker in running:
                 worker.join(_PATIENCE_S)
         return outcome._replace(alarm=self.alarm, safe=safe)
 
@@ -174,7 +179,8 @@ class Conductor:
             if why := self._stopping():
                 return Ending.STOPPED, why
             now_s = self.timebase.now_s()
-            if why := self._watch.verdict(now_s):
+            # after an alarm the chamber is stopped: there is nothing more to do, but to go on logging
+            if self.alarm is None and (why := self._watch.verdict(now_s)):
                 return Ending.LIMIT, why
             for reached in self.program.advance(now_s):
                 if reached.unsettled:
@@ -207,9 +213,10 @@ class Conductor:
         if isinstance(message, Crash):
             self._crash = self._crash or message.error
         elif isinstance(message, Trouble):
-            known = self.troubles.get(message.source)
-            if known is None or known.text != message.text:
-                self.troubles[message.source] = message
+            self.troubles.setdefault(message.source, message)
+            told = self._told.setdefault(message.source, set())
+            if message.text not in told:  # the same, every second of a night, would be the log
+                told.add(message.text)
                 self._write(message)
                 self._tell(message.at_s, message.text)
         elif isinstance(message, Doing):
@@ -245,6 +252,7 @@ class Conductor:
     def _well(self, source: str, at_s: float) -> None:
         trouble = self.troubles.pop(source, None)
         if trouble is not None:
+            del self._told[source]
             self._say(f"{source} is back after {at_s - trouble.at_s:.0f} s")
 
     def _zones(self, now_s: float) -> dict[str, float]:
@@ -265,7 +273,8 @@ class Conductor:
         self.doer.want(())
         began_s = told_s = time.monotonic()
         while not self._giving_up():
-            self._listen()
+            with contextlib.suppress(Exception):  # that the chamber is safe matters more than what is said meanwhile
+                self._listen()
             self._show()
             waited_s = time.monotonic() - began_s
             if self.keeper.confirmed and (self.doer.confirmed or waited_s > _PATIENCE_S):

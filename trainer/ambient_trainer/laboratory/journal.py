@@ -171,7 +171,17 @@ def _opened(path: str, fresh: bool) -> int:
         raise refuse(path, "", f"cannot be written ({error.strerror})", "name another output") from error
     if not fresh:
         os.truncate(path, _whole(path))
+    _keep_name(path)
     return file
+
+
+def _keep_name(path: str) -> None:
+    """Bring the file's name to the disk, too."""
+    folder = os.open(os.path.dirname(path) or ".", os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
 
 
 def _whole(path: str) -> int:

@@ -23,6 +23,12 @@ _MOST_WORDS = 200
 _LONGEST = 1 << 20
 
 
+class NotHere(Unplugged):
+    """The program that reaches the device cannot be started."""
+
+    mend = "install it, or see that it is on the PATH"
+
+
 class Way(NamedTuple):
     """How a shell on the device is reached."""
 
@@ -117,7 +123,7 @@ class Shell:
                 start_new_session=True,
             )
         except OSError as error:
-            raise Unplugged("device", self.way.label, f"to start {argv[0]}", f"{error.strerror}") from error
+            raise NotHere("device", self.way.label, f"to start {argv[0]}", f"{error.strerror}") from error
         for pipe in (self._process.stdin, self._process.stdout):
             assert pipe is not None
             os.set_blocking(pipe.fileno(), False)

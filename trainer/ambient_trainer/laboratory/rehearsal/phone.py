@@ -125,9 +125,10 @@ class SimulatedPhone:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._ending.set()
-        os.close(os.open(self._here / "proc/uptime", os.O_RDONLY | os.O_NONBLOCK))  # somebody asks, for the last time
+        asking = os.open(self._here / "proc/uptime", os.O_RDONLY | os.O_NONBLOCK)  # nobody waits for a reader now
         for thread in self._threads:
             thread.join()
+        os.close(asking)
         self._end_shells()
         for file in self._files:
             os.close(file)
