@@ -83,6 +83,7 @@ def test_a_command_that_fails_is_said_and_tried_again(one_phone, tmp_path):
     running = Running(one_phone, {"load": Action(start=f"[ -e {tmp_path}/ready ]", stop=":", signals={})})
     running.next(Doing)
     running.doer.want(("load",))
+    assert running.next(Doing).actions is None
     trouble = running.next(Trouble).text
     assert trouble.startswith("device on adb: expected action load to start, got exit status 1; try the command")
     (tmp_path / "ready").touch()

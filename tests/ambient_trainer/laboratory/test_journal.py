@@ -166,3 +166,16 @@ def test_nowhere_to_write(tmp_path):
         Journal(str(tmp_path / "nowhere" / "t.part"), HEAD)
     with pytest.raises(Refused, match=r"cannot be read \(No such file or directory\); is there a run to resume"):
         read_journal(str(tmp_path / "t.part"))
+
+
+def test_nothing_is_acknowledged_before_the_disk_has_it(tmp_path, monkeypatch):
+    calls = []
+    write, fsync = os.write, os.fsync
+    journal = Journal(str(tmp_path / "t.part"), HEAD)
+    monkeypatch.setattr(os, "write", lambda file, data: calls.append("write") or write(file, data))
+    monkeypatch.setattr(os, "fsync", lambda file: calls.append(f"sync, {journal.samples_on_disk} told") or fsync(file))
+    journal.add(Sample("device", 1.0, 1.0, {}))
+    journal._flush()
+    assert calls == ["write", "sync, 0 told"]
+    assert journal.samples_on_disk == 1
+    journal.close()

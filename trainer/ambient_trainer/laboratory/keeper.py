@@ -67,7 +67,6 @@ class Keeper(Worker):
                 self._sent = wish
             reading = self._chamber.read()
         except LineError as error:
-            self._sent = None
             self.post(Trouble(self.source, self.timebase.now_s(), str(error)))
             return self.timebase.now_s() + _RETRY_S
         of, values = self.timebase.of, {SET: reading.set_degC, ACTUAL: reading.actual_degC}
