@@ -46,6 +46,9 @@ def test_a_dry_run_tells_the_length_and_the_estimated_times(call):
     ]
     assert "1:43:38 in all, 1:20:00 of it recorded: 4,800 rows." in printed
     assert "chamber: /dev/ttyUSB0 is not there now." in printed
+    files = re.search(r"^From (.*), (.*)$", printed, re.MULTILINE)
+    assert [os.path.basename(path) for path in files.groups()] == ["3.yaml", "laboratory.yaml"]
+    assert all(map(os.path.isfile, files.groups()))
 
 
 @pytest.mark.parametrize(

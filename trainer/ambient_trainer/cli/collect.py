@@ -175,6 +175,7 @@ def _print_schedule(loaded: Loaded) -> None:
     whole = steps[-1].begins_s + steps[-1].length_s
     rows = round(recorded / campaign.period_s)
     console.print(f"{clock_text(whole)} in all, {clock_text(recorded)} of it recorded: {rows:,} rows.")
+    console.print(f"From {', '.join(loaded.files)}", markup=False, soft_wrap=True)
     for name, link in campaign.laboratory.instruments:
         if link is not None and not os.path.exists(link.port):
             console.print(f"{name}: {link.port} is not there now.", markup=False)
