@@ -12,7 +12,9 @@ from ambient_model import __version__
 from ambient_model.faults import Refused
 
 COMMANDS = {
+    "calibrate": "calibrate",
     "calibrate-phone": "calibrate_phone",
+    "collect": "collect",
     "compare": "compare",
     "correct": "correct",
     "demo": "demo",

@@ -1,0 +1,118 @@
+"""A phone of files behind an ``adb`` that is a real process, and campaigns to run."""
+
+import contextlib
+import os
+import shutil
+import signal
+from pathlib import Path
+
+import pytest
+import yaml
+
+from ambient_trainer.laboratory.campaign import campaign_path
+
+SHELLS = [path for name in ("dash", "bash", "mksh", "busybox") if (path := shutil.which(name))]
+
+ADB = """#!/bin/sh
+echo "$@" >>"{here}/calls"
+[ -e "{here}/cable" ] || {{ echo "error: no devices/emulators found" >&2; exit 1; }}
+echo "* daemon not running; starting now at tcp:5037"
+echo $$ >>"{here}/pids"
+exec {shell}
+"""
+
+
+class FilePhone:
+    """Files as a kernel shows them, and an adb in front of a shell; the uptime is this machine's own."""
+
+    def __init__(self, folder: Path, shell: str) -> None:
+        self.folder = folder
+        for name in ("bin", "proc", "sys/class/thermal", "sys/class/power_supply/battery"):
+            (folder / name).mkdir(parents=True)
+        (folder / "proc/uptime").symlink_to("/proc/uptime")
+        adb = folder / "bin/adb"
+        adb.write_text(ADB.format(here=folder, shell=f"{shell} sh" if shell.endswith("busybox") else shell))
+        adb.chmod(0o755)
+        self.plug()
+
+    @property
+    def root(self) -> str:
+        return str(self.folder)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        return {"PATH": f"{self.folder / 'bin'}:{os.environ['PATH']}"}
+
+    def zone(self, number: int, kind: str, content: str | None) -> Path:
+        folder = self.folder / f"sys/class/thermal/thermal_zone{number}"
+        folder.mkdir(exist_ok=True)
+        (folder / "type").write_text(f"{kind}\n")
+        if content is not None:
+            (folder / "temp").write_text(content)
+        return folder / "temp"
+
+    def supply(self, attribute: str, content: str) -> None:
+        (self.folder / "sys/class/power_supply/battery" / attribute).write_text(content)
+
+    def up(self, seconds: float) -> None:
+        uptime = self.folder / "proc/uptime"
+        uptime.unlink()
+        uptime.write_text(f"{seconds:.2f} 1.00\n")
+
+    def plug(self) -> None:
+        (self.folder / "cable").touch()
+
+    def pull(self) -> None:
+        (self.folder / "cable").unlink()
+        self.kill(signal.SIGKILL)
+
+    def kill(self, number: int) -> None:
+        for pid in (self.folder / "pids").read_text().split():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(int(pid), number)
+
+    def calls(self) -> list[str]:
+        return (self.folder / "calls").read_text().splitlines()
+
+
+@pytest.fixture(params=SHELLS, ids=os.path.basename)
+def phone(request, tmp_path) -> FilePhone:
+    """The same in every shell that is here: an Android phone has mksh, a board busybox or dash."""
+    return FilePhone(tmp_path / "phone", request.param)
+
+
+@pytest.fixture
+def one_phone(tmp_path) -> FilePhone:
+    return FilePhone(tmp_path / "phone", SHELLS[0])
+
+
+@pytest.fixture
+def laboratory_data() -> dict:
+    """The shipped laboratory, as it stands in its file."""
+    return yaml.safe_load((Path(campaign_path("1")).parent / "laboratory.yaml").read_text())
+
+
+@pytest.fixture
+def campaign_file(tmp_path, laboratory_data):
+    """Write a campaign file: changes to the laboratory by dotted place, steps, and further keys."""
+
+    def write(steps=None, changes=None, name="night.yaml", **further) -> str:
+        for place, value in (changes or {}).items():
+            *path, last = place.split(".")
+            part = laboratory_data
+            for key in path:
+                part = part[key]
+            part[last] = value
+        data = {
+            "format": "ambient-campaign",
+            "version": 1,
+            "about": "a test",
+            "laboratory": laboratory_data,
+            "steps": [{"duration_min": 1, "chamber_degC": 20}] if steps is None else steps,
+            **further,
+        }
+        path = tmp_path / name
+        path.write_text(yaml.safe_dump({key: value for key, value in data.items() if value is not None}))
+        return str(path)
+
+    return write

@@ -1,0 +1,238 @@
+"""The device over a real process that speaks as adb does, in every shell that is here."""
+
+import contextlib
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_trainer.laboratory.campaign import Device, PowerSupply
+from ambient_trainer.laboratory.clock import RealClock
+from ambient_trainer.laboratory.device import DeviceUnderTest, Misfit
+from ambient_trainer.laboratory.line import Silent, Unplugged
+from ambient_trainer.laboratory.shell import Shell, Way, way_to
+
+ZONES = {"xo-therm": "board_degC", "battery": "battery_degC"}
+
+
+def device_of(phone, zones=None, supply=None, timeout_s=10.0, connect="adb SERIAL7"):
+    described = Device(connect=connect, root=phone.root, zones=zones or ZONES, power_supply=supply, timeout_s=timeout_s)
+    return DeviceUnderTest(described, way_to(connect, phone.environment), RealClock())
+
+
+@pytest.fixture
+def zones(phone):
+    phone.zone(0, "cpu0", "61000\n")
+    phone.zone(3, "battery", "28300\n")
+    phone.zone(12, "xo-therm", "-1250\n")
+    return phone
+
+
+def test_zones_and_gauge_in_the_units_of_their_columns(zones):
+    for attribute, content in (("temp", "283\n"), ("current_now", "-412500\n"), ("voltage_now", "3851000\n")):
+        zones.supply(attribute, content)
+    columns = {"temp": "pack_degC", "current_now": "battery_current_A", "voltage_now": "battery_V"}
+    supply = PowerSupply(name="battery", columns=columns)
+    device = device_of(zones, supply=supply)
+    assert device.read().values == {
+        "board_degC": -1.25,
+        "battery_degC": 28.3,
+        "pack_degC": 28.3,
+        "battery_current_A": -0.4125,
+        "battery_V": 3.851,
+    }
+    other = device_of(zones, supply=supply.model_copy(update={"charging_is": "negative"}))
+    assert other.read().values["battery_current_A"] == 0.4125
+    device.close()
+    other.close()
+
+
+def test_adb_is_called_as_adb_is(zones):
+    device = device_of(zones)
+    device.read()
+    device.read()
+    device.close()
+    assert zones.calls() == ["-s SERIAL7 shell -T sh"]
+
+
+@pytest.mark.parametrize(
+    ("connect", "argv"),
+    [
+        ("adb", ("adb", "shell", "-T", "sh")),
+        ("adb 192.168.1.7:5555", ("adb", "-s", "192.168.1.7:5555", "shell", "-T", "sh")),
+        ("local", ("sh",)),
+    ],
+)
+def test_ways(connect, argv):
+    assert way_to(connect).argv == argv
+
+
+def test_ssh_is_a_shell_too(zones):
+    ssh = zones.folder / "bin/ssh"
+    ssh.write_text('#!/bin/sh\nfor last; do :; done\nexec "$last"\n')
+    ssh.chmod(0o755)
+    device = device_of(zones, connect="ssh root@board")
+    assert device.read().values == {"board_degC": -1.25, "battery_degC": 28.3}
+    assert device.port == "ssh root@board"
+    device.close()
+
+
+def test_ssh_never_asks_for_a_password():
+    argv = way_to("ssh root@board").argv
+    assert argv[:2] == ("ssh", "-T")
+    assert argv[-2:] == ("root@board", "sh")
+    assert "BatchMode=yes" in argv
+
+
+def test_the_clock_offset_is_known_to_half_the_delay(zones):
+    device = device_of(zones)
+    readings = [device.read() for _ in range(5)]
+    true_s = time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
+    for reading in readings:
+        doubt_s = 0.5 * (reading.answered_s - reading.asked_s) + 0.011  # an uptime has hundredths
+        assert abs(reading.clock_offset_s - true_s) <= doubt_s
+    assert not any(reading.rebooted for reading in readings)
+    device.close()
+
+
+def test_what_a_zone_does_not_say_is_missing(zones):
+    device = device_of(zones)
+    assert device.read().values["battery_degC"] == 28.3
+    battery = zones.folder / "sys/class/thermal/thermal_zone3/temp"
+    for content in ("", "nothing\n", "-274000\n", "-32768000\n", "2147483647\n", "28.3\n"):
+        battery.write_text(content)
+        assert device.read().values == {"board_degC": -1.25, "battery_degC": None}
+    battery.unlink()
+    assert device.read().values == {"board_degC": -1.25, "battery_degC": None}
+    battery.mkdir()  # reading it is an error, as of a sensor that is asleep
+    assert device.read().values == {"board_degC": -1.25, "battery_degC": None}
+    battery.rmdir()
+    battery.write_text("0\n")
+    assert device.read().values == {"board_degC": -1.25, "battery_degC": 0.0}
+    device.close()
+
+
+def test_a_pulled_cable_is_said_and_recovered_from(zones):
+    device = device_of(zones)
+    device.read()
+    zones.pull()
+    with pytest.raises(Unplugged, match=r"device on adb SERIAL7: expected an answer, got the end of the shell"):
+        device.read()
+    # the first may have seen only the end
+    with pytest.raises(Unplugged, match="no devices/emulators found"):
+        device.read()
+    zones.plug()
+    assert device.read().values == {"board_degC": -1.25, "battery_degC": 28.3}
+    device.close()
+
+
+def test_a_reboot_numbers_the_zones_anew(zones):
+    zones.up(5000.0)
+    device = device_of(zones)
+    device.read()
+    zones.pull()
+    zones.zone(3, "cpu0", "61000\n")
+    zones.zone(0, "battery", "30000\n")
+    zones.up(12.0)
+    with contextlib.suppress(Unplugged):  # unless its end was seen before
+        device.read()
+    zones.plug()
+    reading = device.read()
+    assert reading.values == {"board_degC": -1.25, "battery_degC": 30.0}
+    assert reading.rebooted
+    assert not device.read().rebooted
+    device.close()
+
+
+def test_a_shell_that_hangs_is_given_up_and_replaced(zones):
+    device = device_of(zones, timeout_s=0.3)
+    device.read()
+    zones.kill(signal.SIGSTOP)
+    with pytest.raises(Silent, match=r"got nothing in 0\.3 s"):
+        device.read()
+    assert device.read().values["battery_degC"] == 28.3
+    device.close()
+
+
+def test_a_zone_that_comes_late_is_found(zones):
+    device = device_of(zones, zones={**ZONES, "late": "late_degC"})
+    assert device.read().values["late_degC"] is None
+    assert device.missing == ("late",)
+    zones.zone(40, "late", "20000\n")
+    values = [device.read().values["late_degC"] for _ in range(40)]
+    assert values[-1] == 20.0
+    assert device.missing == ()
+    device.close()
+
+
+def test_two_zones_of_one_type_are_refused(zones):
+    zones.zone(41, "battery", "20000\n")
+    device = device_of(zones)
+    with pytest.raises(Misfit, match="expected one zone of type battery, got '2 of them'"):
+        device.read()
+    device.close()
+
+
+def test_no_shell_at_all():
+    device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Way(("no-such-program",), "adb", {}), RealClock())
+    message = "device on adb: expected to start no-such-program, got No such file or directory; install it"
+    with pytest.raises(Unplugged, match=message):
+        device.read()
+
+
+def test_this_machine_s_own_files_are_read(tmp_path):
+    device = DeviceUnderTest(Device(connect="local", zones=ZONES), way_to("local"), RealClock())
+    reading = device.read()
+    assert set(reading.values) == set(ZONES.values())
+    assert reading.asked_s <= reading.answered_s
+    device.close()
+
+
+def test_actions_cannot_eat_what_comes_after_them(one_phone):
+    shell = Shell(way_to("adb", one_phone.environment), RealClock(), 10.0)
+    assert shell.ask("cat; echo noise; answer=first").text == "first"
+    assert shell.ask("(exit 3)").status == 3
+    assert shell.ask("echo '=99 0 lie'; answer='a b'").text == "a b"
+    shell.close()
+
+
+def test_a_terminal_that_echoes_is_not_taken_for_an_answer(one_phone, tmp_path):
+    """An old adb has no -T, and gives a terminal: what is typed comes back, and lines end in CR LF."""
+    script = tmp_path / "terminal.py"
+    script.write_text("import pty\npty.spawn(['sh'])\n")
+    shell = Shell(Way(("python3", str(script)), "old adb", dict(os.environ)), RealClock(), 10.0)
+    assert shell.ask("answer=28").text == "28"
+    assert shell.ask("answer=29").text == "29"
+    shell.close()
+
+
+def test_a_shell_s_children_end_with_it(one_phone, tmp_path):
+    shell = Shell(way_to("adb", one_phone.environment), RealClock(), 10.0)
+    shell.ask(f"sleep 1000 & echo $! >{tmp_path}/pid")
+    pid = int((tmp_path / "pid").read_text())
+    os.kill(pid, 0)
+    shell.close()
+    deadline = time.monotonic() + 10.0
+    while time.monotonic() < deadline and not _ended(pid):
+        time.sleep(0.01)
+    assert _ended(pid)
+
+
+def _ended(pid):
+    """Whether the process is no more, or only its name."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split()[2] == "Z"
+    except OSError:
+        return True
+
+
+@given(st.text(alphabet=st.characters(exclude_characters="|\n"), max_size=20))
+def test_no_text_of_a_zone_is_more_than_a_number_or_missing(text):
+    device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Way(("sh",), "adb", {}), RealClock())
+    device._files = {"battery_degC": "/sys/class/thermal/thermal_zone0/temp"}
+    value = device._value("battery_degC", text)
+    assert value is None or (-60.0 <= value <= 250.0 and value * 1000 == pytest.approx(int(text)))

@@ -1,0 +1,68 @@
+"""The process that is left when the collector is killed."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from ambient_trainer.laboratory.clock import FastClock
+from ambient_trainer.laboratory.guard import Guard
+from ambient_trainer.laboratory.instruments.chamber import Chamber
+from ambient_trainer.laboratory.simulated.chamber import SimulatedChamber
+
+ARGUMENTS = ("20.0", "0.0", "1.0")
+
+
+@pytest.fixture
+def chamber():
+    clock = FastClock(50.0)
+    simulated = SimulatedChamber(clock, room_degC=22.0)
+    driver = Chamber(simulated.port, -20.0, 60.0, clock=clock)
+    driver.set_point(50.0)
+    driver.close()
+    yield simulated
+    simulated.close()
+
+
+def guard(port):
+    """As a collector starts it, with the pipe in our hands."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "ambient_trainer.laboratory.guard", port, *ARGUMENTS], stdin=subprocess.PIPE
+    )
+
+
+def test_the_end_of_the_pipe_is_a_death(chamber):
+    process = guard(chamber.port)
+    time.sleep(0.3)
+    assert chamber.held_degC == 50.0
+    process.stdin.close()
+    assert process.wait(timeout=30) == 0
+    assert chamber.held_degC == 20.0
+
+
+def test_it_waits_for_a_chamber_that_is_away(chamber):
+    chamber.unplug()
+    process = guard(chamber.port)
+    process.stdin.close()
+    threading.Timer(1.5, chamber.plug).start()
+    assert process.wait(timeout=30) == 0
+    assert chamber.held_degC == 20.0
+
+
+def test_a_farewell_is_none(chamber):
+    with Guard(chamber.port, 20.0, 0.0, 1.0):
+        pass
+    assert chamber.held_degC == 50.0
+
+
+def test_a_chamber_that_was_stopped_stays_so(chamber):
+    driver = Chamber(chamber.port, -20.0, 60.0, clock=FastClock(50.0))
+    driver.read()
+    driver.stop()
+    driver.close()
+    process = guard(chamber.port)
+    process.stdin.close()
+    assert process.wait(timeout=30) == 0
+    assert chamber.held_degC is None

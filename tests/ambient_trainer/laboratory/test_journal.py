@@ -1,0 +1,181 @@
+"""Whatever cuts a journal, what was written before is there, and nothing else."""
+
+import errno
+import json
+import os
+import string
+import tempfile
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.laboratory.journal import (
+    Began,
+    End,
+    Head,
+    Identity,
+    Journal,
+    Note,
+    Record,
+    read_journal,
+)
+from ambient_trainer.laboratory.messages import Doing, Sample, Trouble
+
+HEAD = Head("5", "ab" * 32, 1.7e9, 1.0, False)
+
+times = st.floats(0, 1e6)
+texts = st.text(max_size=20)
+values = st.dictionaries(st.text(string.ascii_letters, min_size=1, max_size=5), st.none() | st.floats(-300, 300))
+entries = st.one_of(
+    st.builds(Sample, texts, times, times, values, st.none() | texts),
+    st.builds(Trouble, texts, times, texts),
+    st.builds(Doing, times, st.none() | st.lists(texts, max_size=3).map(tuple)),
+    st.builds(Began, times, st.integers(0, 50), times),
+    st.builds(Note, times, texts),
+    st.builds(Identity, texts, texts),
+    st.builds(End, times, texts),
+)
+
+
+def written(path, added):
+    journal = Journal(str(path), HEAD)
+    for entry in added:
+        journal.add(entry)
+    journal.close()
+
+
+@settings(max_examples=30)
+@given(st.lists(entries, max_size=8))
+def test_what_is_added_is_read(added):
+    with tempfile.TemporaryDirectory() as folder:
+        path = f"{folder}/t.csv.part"
+        written(path, added)
+        assert read_journal(path) == Record(HEAD, tuple(added))
+
+
+def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
+    added = [
+        Began(0.0, 0, 0.0),
+        *(Sample("device", k, k + 0.1, {"a_degC": k / 3}) for k in range(6)),
+        Note(7.0, "grüße"),
+    ]
+    whole = tmp_path / "whole"
+    written(whole, added)
+    data = whole.read_bytes()
+    first = data.index(b"\n") + 1
+    for length in range(first, len(data) + 1, 3):
+        path = tmp_path / "cut"
+        path.write_bytes(data[:length])
+        kept = read_journal(str(path)).entries
+        assert kept == tuple(added[: len(kept)])
+        assert len(kept) == data[first:length].count(b"\n")
+        journal = Journal(str(path))
+        journal.add(Note(9.0, "resumed"))
+        journal.close()
+        assert read_journal(str(path)).entries == (*kept, Note(9.0, "resumed"))
+        path.unlink()
+
+
+def test_samples_on_disk_are_those_that_another_process_would_find(tmp_path):
+    path = str(tmp_path / "t.part")
+    journal = Journal(path, HEAD)
+    for k in range(100):
+        journal.add(Sample("device", k, k, {}))
+    while journal.samples_on_disk < 100:  # nobody asks for it: it comes by itself
+        found = sum(isinstance(entry, Sample) for entry in read_journal(path).entries)
+        assert found >= journal.samples_on_disk or journal.samples_on_disk == 100
+    assert len(read_journal(path).entries) == 100
+    journal.close()
+
+
+def test_a_full_disk_is_noticed_and_nothing_is_written_after_it(tmp_path, monkeypatch):
+    path = str(tmp_path / "t.part")
+    journal = Journal(path, HEAD)
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda file, data: _full(write, file, data))
+    journal.add(Note(1.0, "cut in the middle"))
+    journal._flush()
+    monkeypatch.setattr(os, "write", write)
+    assert journal.failure is not None
+    assert journal.failure.errno == errno.ENOSPC
+    journal.add(Note(2.0, "never there"))
+    journal.close()
+    assert read_journal(path).entries == ()
+
+
+def _full(write, file, data):
+    if b"middle" in data and len(data) > 10:
+        return write(file, data[:10])
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize(
+    ("added", "left"),
+    [
+        ([], Began(0.0, 0, 0.0)),
+        ([Began(0.0, 0, 0.0), Note(30.0, "")], Began(30.0, 0, 30.0)),
+        ([Began(0.0, 0, 0.0), Began(60.0, 1, 0.0), Sample("a", 99, 100, {})], Began(100.0, 1, 40.0)),
+        # stopped at 100: what comes then saw to safety
+        ([Began(60.0, 1, 0.0), End(100.0, "stopped"), Note(130.0, "")], Began(100.0, 1, 40.0)),
+        # resumed at 500, 40 s into the step, and killed at 520
+        (
+            [Began(60.0, 1, 0.0), End(100.0, "stopped"), Began(500.0, 1, 40.0), Note(520.0, "")],
+            Began(520.0, 1, 60.0),
+        ),
+    ],
+)
+def test_where_the_program_was_left(added, left):
+    assert Record(HEAD, tuple(added)).left == left
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no run; remove it, and begin anew"),
+        ("{}\n", "line 1: not the head of a journal"),
+        ("time_s,a_degC\n", "line 1: not the head of a journal"),
+        ('{"format": "ambient-journal", "version": 2}\n', "line 1: not the head of a journal"),
+        ('HEAD\n["sample"]\n', "line 2: not an entry of a journal; it is damaged: remove the line, then --resume"),
+        ('HEAD\n["note", 1, "a"]\n["dance", 1]\n', "line 3: not an entry of a journal"),
+        ("HEAD\n\n", "line 2: not an entry of a journal"),
+        ("HEAD\n7\n", "line 2: not an entry of a journal"),
+    ],
+)
+def test_what_is_no_journal_is_refused(text, message, tmp_path):
+    path = tmp_path / "t.part"
+    head = json.dumps({"format": "ambient-journal", "version": 1, **HEAD._asdict()})
+    path.write_text(text.replace("HEAD", head))
+    with pytest.raises(Refused) as refused:
+        read_journal(str(path))
+    assert message in str(refused.value)
+
+
+def test_a_second_run_does_not_begin_over_the_first(tmp_path):
+    path = str(tmp_path / "t.part")
+    Journal(path, HEAD).close()
+    with pytest.raises(
+        Refused, match="a run has begun here and not come to its end; go on with it: --resume; or remove"
+    ):
+        Journal(path, HEAD)
+
+
+def test_nowhere_to_write(tmp_path):
+    with pytest.raises(Refused, match=r"cannot be written \(No such file or directory\)"):
+        Journal(str(tmp_path / "nowhere" / "t.part"), HEAD)
+    with pytest.raises(Refused, match=r"cannot be read \(No such file or directory\); is there a run to resume"):
+        read_journal(str(tmp_path / "t.part"))
+
+
+def test_nothing_is_acknowledged_before_the_disk_has_it(tmp_path, monkeypatch):
+    calls = []
+    write, fsync = os.write, os.fsync
+    journal = Journal(str(tmp_path / "t.part"), HEAD)
+    monkeypatch.setattr(os, "write", lambda file, data: calls.append("write") or write(file, data))
+    monkeypatch.setattr(os, "fsync", lambda file: calls.append(f"sync, {journal.samples_on_disk} told") or fsync(file))
+    journal.add(Sample("device", 1.0, 1.0, {}))
+    journal._flush()
+    assert calls == ["write", "sync, 0 told"]
+    assert journal.samples_on_disk == 1
+    journal.close()

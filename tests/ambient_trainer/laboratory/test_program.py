@@ -1,0 +1,89 @@
+"""When a step is over, told step by step with times made up."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_trainer.laboratory.campaign import Settle, Step
+from ambient_trainer.laboratory.program import Program, Reached
+
+
+def timed(minutes, degC=20.0):
+    return Step(duration_min=minutes, chamber_degC=degC)
+
+
+def settling(within=1.0, drift=None, minutes=10.0, most=60.0, duration=None):
+    settle = Settle(within_K=within, drift_K=drift, for_min=minutes, at_most_min=most)
+    return Step(chamber_degC=20.0, settle=settle, duration_min=duration)
+
+
+def run(program, until_s, ambient, zones=lambda t: {}, every_s=1.0):
+    """What begins when, asked every so often."""
+    found, now_s = [], 0.0
+    while now_s <= until_s and not program.over:
+        program.hear(now_s, ambient(now_s), zones(now_s))
+        found += program.advance(now_s)
+        now_s += every_s
+    return found
+
+
+@given(st.lists(st.floats(0.05, 30.0), min_size=1, max_size=8), st.floats(0.1, 700.0))
+def test_delays_of_who_asks_do_not_add_up(minutes, every_s):
+    program = Program([timed(each) for each in minutes], 0.0)
+    found = run(program, 60.0 * sum(minutes) + 2 * every_s, lambda t: None, every_s=every_s)
+    ends = [60.0 * sum(minutes[: k + 1]) for k in range(len(minutes))]
+    assert [each.at_s for each in found] == pytest.approx(ends)
+    assert [each.step for each in found] == list(range(1, len(minutes) + 1))
+    assert program.over
+
+
+def test_a_run_goes_on_in_the_middle_of_a_step():
+    program = Program([timed(1), timed(10), timed(1)], 5000.0, step=1, elapsed_s=400.0)
+    assert program.advance(5199.0) == []
+    assert program.advance(5201.0) == [Reached(2, 5200.0, False)]
+    assert program.advance(6000.0) == [Reached(3, 5260.0, False)]
+
+
+def test_rest_is_counted_from_when_the_ambient_came_in_for_good():
+    def ambient(t):
+        return 25.0 if t < 100 or 300 <= t < 310 else 20.9
+
+    assert run(Program([settling()], 0.0), 5000, ambient) == [Reached(1, 310.0 + 600.0, False)]
+
+
+def test_a_missing_ambient_is_no_rest():
+    def ambient(t):
+        return None if t == 500 else 20.0
+
+    assert run(Program([settling()], 0.0), 5000, ambient) == [Reached(1, 501.0 + 600.0, False)]
+
+
+def test_zones_must_rest_too_where_that_is_asked():
+    def zones(t):
+        return {"battery_degC": min(20.0 + t / 500.0, 24.0)}  # 0.002 K/s until 2000 s
+
+    calm = run(Program([settling(drift=1.5)], 0.0), 5000, lambda t: 20.0, zones)
+    strict = run(Program([settling(drift=0.5)], 0.0), 5000, lambda t: 20.0, zones)
+    free = run(Program([settling()], 0.0), 5000, lambda t: 20.0, zones)
+    assert free == calm == [Reached(1, 600.0, False)]  # 1.2 K in ten minutes
+    # the last of the ever new beginnings is the last time it had moved 0.5 K: between 1750 and 2000 s
+    assert 1750.0 + 600.0 <= strict[0].at_s <= 2000.0 + 600.0
+
+
+def test_a_zone_that_is_not_heard_is_not_at_rest():
+    def zones(t):
+        return {} if t < 300 else {"battery_degC": 20.0}
+
+    found = run(Program([settling(drift=0.5)], 0.0), 5000, lambda t: 20.0, zones)
+    assert found == [Reached(1, 900.0, False)]
+
+
+def test_it_is_given_up_at_last_and_said():
+    assert run(Program([settling(most=20)], 0.0), 5000, lambda t: 30.0) == [Reached(1, 1200.0, True)]
+
+
+def test_with_both_the_later_one_counts():
+    at_rest = run(Program([settling(duration=15)], 0.0), 5000, lambda t: 20.0)
+    late = run(Program([settling(duration=15)], 0.0), 5000, lambda t: 20.0 if t > 600 else 0.0)
+    assert at_rest == [Reached(1, 900.0, False)]
+    assert late == [Reached(1, 1201.0, False)]

@@ -1,0 +1,121 @@
+"""What one slow instrument costs the others: how late their samples are asked for, in real time.
+
+The laboratory is simulated, on pseudo-terminals and a real shell; its clock is the machine's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from ambient_trainer.laboratory.campaign import campaign_path, load_campaign
+from ambient_trainer.laboratory.clock import RealClock
+from ambient_trainer.laboratory.collect import Job, Watching, collect
+from ambient_trainer.laboratory.conductor import Conductor
+from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Sample
+from ambient_trainer.laboratory.rehearsal.laboratory import Rehearsal, rehearsal
+
+RUN_MIN = 0.75
+PERIOD_S = 0.5
+SLOW_S = 3.0
+MOST_S = 0.05
+"""What issue and README promise."""
+
+
+class _Eyes:
+    """Nobody looks."""
+
+    def look(self, conductor: Conductor) -> None:
+        """Nothing."""
+
+    def say(self, at_s: float, text: str) -> None:
+        """Nothing."""
+
+
+def _chamber(there: Rehearsal) -> None:
+    for _ in range(200):
+        there.chamber.twist(lambda reply: [(SLOW_S, reply)])
+
+
+def _multiplexer(there: Rehearsal) -> None:
+    for _ in range(200):
+        there.multiplexer.twist(lambda reply: [(SLOW_S, reply)])
+
+
+def _none(there: Rehearsal) -> None:
+    """All answer as they do."""
+
+
+def _campaign(tmp_path: Path) -> str:
+    laboratory = yaml.safe_load((Path(campaign_path("1")).parent / "laboratory.yaml").read_text())
+    instruments = laboratory["instruments"]
+    instruments["chamber"].update(period_s=PERIOD_S, timeout_s=10.0)
+    instruments["multiplexer"].update(period_s=PERIOD_S, timeout_s=10.0)
+    laboratory["device"]["period_s"] = PERIOD_S
+    steps = [{"duration_min": RUN_MIN, "chamber_degC": 25}]
+    data = {
+        "format": "ambient-campaign",
+        "version": 1,
+        "about": "a benchmark",
+        "laboratory": laboratory,
+        "steps": steps,
+    }
+    path = tmp_path / "benchmark.yaml"
+    path.write_text(yaml.safe_dump(data))
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("slow", "slow_down", "others"),
+    [
+        ("none", _none, (DEVICE, MULTIPLEXER)),
+        ("chamber", _chamber, (DEVICE, MULTIPLEXER)),
+        ("multiplexer", _multiplexer, (DEVICE,)),
+    ],
+)
+def test_lateness(
+    benchmark,
+    tmp_path: Path,
+    noted: Callable[[str, str, float, str], None],
+    slow: str,
+    slow_down: Callable[[Rehearsal], None],
+    others: tuple[str, ...],
+) -> None:
+    loaded = load_campaign(_campaign(tmp_path), ports=False)
+
+    def run() -> list[Sample]:
+        clock = RealClock()
+        with rehearsal(loaded, clock) as there:
+            job = Job(there.loaded, str(tmp_path / "trace.csv"), clock, 1.0, True, there.environment)
+            eyes = _Late(there, slow_down)
+            collected = collect(job, Watching(eyes, lambda: None, lambda: False))
+        return [entry for entry in collected.record.entries if isinstance(entry, Sample)]
+
+    samples = benchmark.pedantic(run, rounds=1, iterations=1)
+    slowest_s = max((each.answered_s - each.asked_s for each in samples if each.source == slow), default=0.0)
+    late_s = np.array([each.asked_s % PERIOD_S for each in samples if each.source in others])
+    asked = sorted({round(each.asked_s / PERIOD_S) for each in samples if each.source == DEVICE})
+    left_out = asked[-1] - asked[0] + 1 - len(asked)
+    late = f"{1e3 * np.median(late_s):.2f} ms (median), {1e3 * late_s.max():.2f} ms (worst)"
+    result = f"{len(late_s)} samples of {' and '.join(others)} late by {late}; {left_out} of the device's left out"
+    noted(f"lateness, slow: {slow} ({slowest_s:.1f} s)", f"every {PERIOD_S:g} s", 60.0 * RUN_MIN, result)
+    assert slow == "none" or late_s.max() < MOST_S  # without a slow one it is the machine's own
+    assert left_out == 0
+
+
+class _Late(_Eyes):
+    """Slows an instrument down once the run has begun."""
+
+    def __init__(self, there: Rehearsal, slow_down: Callable[[Rehearsal], None]) -> None:
+        self._there = there
+        self._slow_down: Callable[[Rehearsal], None] | None = slow_down
+
+    def look(self, conductor: Conductor) -> None:
+        """The first look is the beginning."""
+        if self._slow_down is not None:
+            self._slow_down(self._there)
+            self._slow_down = None

@@ -1,0 +1,266 @@
+"""A simulated phone as its files: zones, gauge and uptime as a kernel shows them, an ``adb`` in front of a real shell.
+
+Who takes a sample reads the uptime first: it is a pipe, behind which the files are brought up to date for the answer.
+Second by second it is the phone of :mod:`ambient_trainer.simulation`, with the same equations, sensors and noise, in
+air that somebody else makes. What it does is what ``phone start ACTIVITY`` in its shell last said.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import tempfile
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from ambient_trainer.laboratory.campaign import PowerSupply
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.simulation.chamber import lag_weights
+from ambient_trainer.simulation.constants import NODES, Activity
+from ambient_trainer.simulation.device import Phone
+from ambient_trainer.simulation.heat import Demand, HeatBalance
+from ambient_trainer.simulation.instruments import felt_weights, reported
+from ambient_trainer.simulation.run import advanced, bursts, stream
+from ambient_trainer.simulation.zones import Zone
+
+_ACTIVITIES = tuple(Activity)
+_STEP_S = 1.0
+_BLOCK = 3600
+_WIDTH = 12
+"""Of a number in a file that is overwritten."""
+_READ_S = 0.0003
+"""The machine's seconds that a reader takes to go: one who is still there would be taken for the next."""
+_UPTIME_S = 5000.0
+"""When the simulation begins; chosen."""
+
+_ADB = """#!/bin/sh
+# Like `adb [-s SERIAL] shell -T sh`, where there is a cable.
+here=${0%/bin/adb}
+[ -e "$here/cable" ] || { echo "error: no devices/emulators found" >&2; exit 1; }
+echo $$ >>"$here/shells"
+exec sh
+"""
+_PHONE = """#!/bin/sh
+# phone start|stop ACTIVITY: what the simulated phone does. Its own folder is this one's parent.
+activity=${0%/bin/phone}/activity
+read -r now <"$activity"
+case $1 in
+start) next=$2 ;;
+stop) [ "$now" = "$2" ] || exit 0; next=idle ;;
+*) exit 2 ;;
+esac
+echo "$next" >"$activity.$$" && mv "$activity.$$" "$activity"
+"""
+
+
+class SimulatedPhone:
+    """The phone, at rest in the air of the clock's now; a ``with`` block is its life.
+
+    ``zones`` maps the types that its kernel shows to the simulated zones behind them; ``began_s`` is the clock's time
+    that the noise of ``seed`` counts from, ``recording_s`` how long after it a scenario's recording begins.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        air_degC: Callable[[float], float],
+        zones: Mapping[str, Zone],
+        supply: PowerSupply | None,
+        activity: Activity = Activity.IDLE,
+        seed: int = 0,
+        recording_s: float = 0.0,
+    ) -> None:
+        self._clock = clock
+        self._air_degC = air_degC
+        self._types = tuple(zones)
+        self._zones = tuple(zones.values())
+        self._supply = supply
+        self._seed = seed
+        self._recording_s = recording_s
+        self._began_s = clock.now_s()
+        self._booted_s = self._began_s - _UPTIME_S
+        self._folder = tempfile.TemporaryDirectory(prefix="simulated-phone-")
+        self._here = Path(self._folder.name)
+        self._ending = threading.Event()
+        self._lock = threading.Lock()
+        self._phone = Phone.shipped()
+        self._balance = HeatBalance([self._phone])
+        self._noise = [stream(seed, f"zone {zone.name}") for zone in self._zones]
+        self._weights = np.array([felt_weights(zone, self._phone) for zone in self._zones])
+        self._kept, self._gained = np.array([lag_weights(zone.lag_s, _STEP_S) for zone in self._zones]).T
+        self._seconds = 0
+        self._burst_block = np.ones(0)
+        air = np.array([air_degC(self._began_s)])
+        demand = self._balance.demand(np.array([_ACTIVITIES.index(activity)]), np.ones(1))
+        self._nodes = self._balance.equilibrium(air, demand)
+        self._current_A = self._drawn_A(demand)
+        self._felt = self._touched = self._weights @ self._nodes[0]
+        self._readings = self._read()
+        self._make_files(activity)
+        self._threads = [
+            threading.Thread(target=each, name="simulated phone", daemon=True) for each in (self._live, self._serve)
+        ]
+
+    @property
+    def root(self) -> str:
+        """What stands before its ``/sys`` and ``/proc``."""
+        return str(self._here)
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """With it, ``adb`` is this phone's."""
+        return {"PATH": f"{self._here / 'bin'}:{os.environ.get('PATH', os.defpath)}"}
+
+    def __enter__(self) -> SimulatedPhone:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._ending.set()
+        asking = os.open(self._here / "proc/uptime", os.O_RDONLY | os.O_NONBLOCK)  # nobody waits for a reader now
+        for thread in self._threads:
+            thread.join()
+        os.close(asking)
+        self._end_shells()
+        for file in self._files:
+            os.close(file)
+        self._folder.cleanup()
+
+    def pull_cable(self) -> None:
+        """Pull the cable: its shells end, and no other can be had."""
+        with contextlib.suppress(FileNotFoundError):
+            (self._here / "cable").unlink()
+        self._end_shells()
+
+    def plug_cable(self) -> None:
+        """Put it in again."""
+        (self._here / "cable").touch()
+
+    def reboot(self) -> None:
+        """Start it anew, with the cable out until ``plug_cable``: nothing runs, and its zones have new numbers."""
+        self.pull_cable()
+        with self._lock:
+            (self._here / "activity").write_text("idle\n")
+            self._booted_s = self._clock.now_s()
+            folder = self._here / "sys/class/thermal"
+            for index in range(len(self._types)):
+                (folder / f"thermal_zone{index}").rename(folder / f"was{index}")
+            for index in range(len(self._types)):
+                (folder / f"was{index}").rename(folder / f"thermal_zone{len(self._types) - 1 - index}")
+
+    def _make_files(self, activity: Activity) -> None:
+        places = []
+        for index, kind in enumerate(self._types):
+            folder = self._here / f"sys/class/thermal/thermal_zone{index}"
+            folder.mkdir(parents=True)
+            (folder / "type").write_text(f"{kind}\n")
+            places.append(folder / "temp")
+        (self._here / "proc").mkdir()
+        os.mkfifo(self._here / "proc/uptime")
+        if self._supply is not None:
+            folder = self._here / "sys/class/power_supply" / self._supply.name
+            folder.mkdir(parents=True)
+            places += [folder / attribute for attribute in self._supply.columns]
+        self._files = [os.open(place, os.O_WRONLY | os.O_CREAT, 0o644) for place in places]
+        programs = self._here / "bin"
+        programs.mkdir()
+        for name, text in (("adb", _ADB), ("phone", _PHONE)):
+            (programs / name).write_text(text)
+            (programs / name).chmod(0o755)
+        (self._here / "activity").write_text(f"{activity.value}\n")
+        self.plug_cable()
+        self._show()
+
+    def _live(self) -> None:
+        while not self._ending.is_set():
+            with self._lock:
+                self._advance()
+            due_s = self._began_s + (self._seconds + 1) * _STEP_S
+            self._clock.wait(self._ending, due_s - self._clock.now_s())
+
+    def _serve(self) -> None:
+        while not self._ending.is_set():
+            # waits for a reader; one that has gone in between wants no answer
+            with contextlib.suppress(BrokenPipeError), open(self._here / "proc/uptime", "w") as asked, self._lock:
+                self._advance()
+                self._show()
+                up_s = max(self._clock.now_s() - self._booted_s, 0.0)
+                asked.write(f"{up_s:.2f} {up_s:.2f}\n")
+            self._ending.wait(_READ_S)
+
+    def _advance(self) -> None:
+        now_s, activity = self._clock.now_s(), self._activity()
+        while self._began_s + (self._seconds + 1) * _STEP_S <= now_s:
+            self._step(activity)
+
+    def _activity(self) -> int:
+        """The index of what it does; what it does not know, it does not do."""
+        name = (self._here / "activity").read_text().strip()
+        known = [each.value for each in Activity]
+        return known.index(name) if name in known else known.index(Activity.IDLE.value)
+
+    def _step(self, activity: int) -> None:
+        at_s = self._began_s + self._seconds * _STEP_S
+        burst = self._burst() if _ACTIVITIES[activity] is Activity.STREAMING else 1.0
+        demand = self._balance.demand(np.array([activity]), np.array([burst]))
+        air = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
+        self._nodes = advanced(self._balance, self._nodes, demand, air, _STEP_S)
+        touched = self._weights @ self._nodes[0]
+        followed = (1.0 - self._gained) * touched + (self._gained - self._kept) * self._touched
+        self._felt, self._touched = self._kept * self._felt + followed, touched
+        self._current_A = self._drawn_A(demand)
+        self._readings = self._read()
+        self._seconds += 1
+
+    def _drawn_A(self, demand: Demand) -> float:
+        return float(self._balance.drawn(self._nodes, demand)[1][0])
+
+    def _read(self) -> list[int]:
+        """What the zones report now, in millidegrees."""
+        noise = np.array([random.standard_normal() for random in self._noise])
+        readings = [reported(zone, self._felt[k : k + 1], noise[k : k + 1]) for k, zone in enumerate(self._zones)]
+        return [round(1000.0 * float(each[0])) for each in readings]
+
+    def _burst(self) -> float:
+        place = self._seconds % _BLOCK
+        if place == 0 or not len(self._burst_block):
+            first = self._seconds - place - self._recording_s
+            self._burst_block = bursts(
+                first + np.arange(_BLOCK, dtype=np.float64), self._phone, stream(self._seed, "bursts")
+            )
+        return float(self._burst_block[place])
+
+    def _show(self) -> None:
+        """Bring what is so now into the files, in their place: who could read meanwhile waits at the pipe."""
+        values = [*self._readings, *(self._gauge(name) for name in (self._supply.columns if self._supply else ()))]
+        for file, value in zip(self._files, values):
+            os.pwrite(file, f"{value:<{_WIDTH}}\n".encode(), 0)
+
+    def _gauge(self, attribute: str) -> int:
+        """What the battery's gauge says, in its own units."""
+        current_A = self._current_A
+        if attribute == "temp":
+            return round(10.0 * self._nodes[0, NODES.index("battery")])
+        if attribute == "voltage_now":
+            return round(1e6 * (self._phone.battery_V + current_A * self._phone.battery_ohm))
+        assert self._supply is not None
+        return round(1e6 * (current_A if self._supply.charging_is == "positive" else -current_A))
+
+    def _end_shells(self) -> None:
+        shells = self._here / "shells"
+        with contextlib.suppress(FileNotFoundError):
+            pids = shells.read_text().split()
+            shells.unlink()
+            for pid in pids:
+                # a number may be another program's by now
+                with contextlib.suppress(OSError):
+                    if self.root.encode() in Path(f"/proc/{pid}/environ").read_bytes():
+                        os.kill(int(pid), signal.SIGKILL)
