@@ -32,7 +32,7 @@ _PATIENCE_S = 1.0
 @click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
 @click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
 @click.option(
-    "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: at most 2500 samples)."
+    "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: at most 2000 samples)."
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write what is said to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")

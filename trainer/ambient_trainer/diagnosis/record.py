@@ -17,7 +17,7 @@ from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
 
-MOST_SAMPLES = 2500
+MOST_SAMPLES = 2000
 _NICE = (1.0, 2.0, 5.0)
 
 
