@@ -5,6 +5,7 @@ It waits at the end of a pipe. A word on it is a farewell; its end without one i
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 import time
@@ -17,6 +18,8 @@ _FAREWELL = b"done\n"
 _RETRY_S = 1.0
 _AGREES_K = 0.06
 _LONGEST_S = 3600.0
+_BUSY_TIMES = 4
+"""A port that is taken for so long has a collector again, which sees to the chamber; once, it may still be let go."""
 
 
 class Guard:
@@ -46,9 +49,13 @@ class Guard:
 
 
 def make_safe(chamber: Chamber, safe_degC: float) -> None:
-    """Send the set point until the chamber confirms it; a stopped chamber stays stopped: it may have an alarm."""
+    """Send the set point until the chamber confirms it, or somebody else has it.
+
+    A stopped chamber stays stopped: it may have an alarm.
+    """
     end_s = time.monotonic() + _LONGEST_S
-    while time.monotonic() < end_s:
+    busy = 0
+    while time.monotonic() < end_s and busy < _BUSY_TIMES:
         try:
             reading = chamber.read()
             if not reading.running:
@@ -56,7 +63,9 @@ def make_safe(chamber: Chamber, safe_degC: float) -> None:
             if abs(reading.set_degC - safe_degC) <= _AGREES_K:
                 return
             chamber.set_point(safe_degC)
-        except LineError:
+        except LineError as error:
+            taken = getattr(error.__cause__, "errno", None) == errno.EWOULDBLOCK
+            busy = busy + 1 if taken else 0
             time.sleep(_RETRY_S)
 
 
