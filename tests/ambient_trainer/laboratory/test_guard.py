@@ -61,6 +61,20 @@ def test_it_waits_for_a_chamber_that_is_away(chamber, guard):
     assert chamber.held_degC == 20.0
 
 
+def test_who_could_not_wait_for_the_chamber_leaves_it_to_the_guard(chamber):
+    with Guard(chamber.port, 20.0, 0.0, 1.0) as guard:
+        guard.take_over()
+    assert guard._process.wait(timeout=30) == 0
+    assert chamber.held_degC == 20.0
+
+
+def test_an_error_that_came_through_everything_is_no_farewell(chamber):
+    with pytest.raises(KeyError), Guard(chamber.port, 20.0, 0.0, 1.0) as guard:
+        raise KeyError
+    assert guard._process.wait(timeout=30) == 0
+    assert chamber.held_degC == 20.0
+
+
 def test_a_farewell_is_none(chamber):
     with Guard(chamber.port, 20.0, 0.0, 1.0):
         pass

@@ -27,6 +27,7 @@ class Guard:
 
     def __init__(self, port: str, safe_degC: float, pause_s: float, timeout_s: float) -> None:
         numbers = [repr(each) for each in (safe_degC, pause_s, timeout_s)]
+        self._taken_over = False
         self._argv = [sys.executable, "-m", __name__, port, *numbers]
 
     def __enter__(self) -> Guard:
@@ -43,9 +44,16 @@ class Guard:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Say farewell: the run has seen to the chamber itself."""
+        """Say farewell, as the run has seen to the chamber itself; but not after an error or ``take_over``."""
         assert self._process.stdin is not None
-        self._process.communicate(_FAREWELL)
+        if self._taken_over or kind is not None:
+            self._process.stdin.close()
+        else:
+            self._process.communicate(_FAREWELL)
+
+    def take_over(self) -> None:
+        """Have it see to the chamber once the block ends."""
+        self._taken_over = True
 
 
 def make_safe(chamber: Chamber, safe_degC: float) -> None:
