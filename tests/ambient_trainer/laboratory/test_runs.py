@@ -247,7 +247,7 @@ def test_a_run_that_only_lacks_its_trace_is_brought_to_its_end(night, tmp_path):
 
 def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
     link = {"kind": "greisinger-easybus", "port": "/dev/ttyUSB2", "period_s": 2}
-    lab = night(minutes((4, 22)), {"instruments.thermometer": link})
+    lab = night(minutes((10, 22)), {"instruments.thermometer": link})
     eyes = lab.run(
         [
             (60.0, lambda there, eyes: there.thermometer.switch_off()),

@@ -150,10 +150,9 @@ def _tell(console: Console, job: Job, collected: Collected) -> int:
     console.print(f"{summary.headline(collected, job.output)}{simulated}", markup=False, soft_wrap=True)
     safe_degC = campaign.laboratory.safety.set_point_degC
     if not outcome.safe:
-        click.echo(
-            f"ambient-trainer: the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it",
-            err=True,
-        )
+        left = "" if job.simulated else " (for an hour, a process left behind goes on telling it)"
+        problem = f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}"
+        click.echo(f"ambient-trainer: {problem}", err=True)
     elif outcome.alarm is not None:
         click.echo(f"ambient-trainer: the chamber is stopped, after its alarm: {outcome.alarm}", err=True)
     if outcome.ending is not Ending.FINISHED:

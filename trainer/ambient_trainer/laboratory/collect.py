@@ -119,13 +119,14 @@ def _run(
 ) -> Collected:
     laboratory = job.loaded.campaign.laboratory
     link = laboratory.instruments.chamber
-    # a simulated chamber ends with this process
     guard = Guard(link.port, laboratory.safety.set_point_degC, link.pause_s, link.timeout_s)
-    with contextlib.nullcontext() if job.simulated else guard:
-        try:
-            outcome = Conductor(bench, timebase, journal, program, *watching).conduct()
-        finally:
-            journal.close()
+    with contextlib.ExitStack() as stack:
+        stack.callback(journal.close)
+        if not job.simulated:  # a simulated chamber ends with this process
+            stack.enter_context(guard)
+        outcome = Conductor(bench, timebase, journal, program, *watching).conduct()
+        if not outcome.safe:
+            guard.take_over()
     return _written(job, outcome)
 
 
