@@ -1,5 +1,8 @@
 """While one input is away, the estimator that does without it speaks: the rule for taking over without a jump.
 
+Where the input stays away for longer than is bridged, the main estimator starts anew when it is back, and is waited for
+until it has settled.
+
 Every fallback knows all that the main estimator knew, so that it has settled when it is needed; as long as nobody asks
 it, it takes the samples some at a time, which costs a fraction and comes to the same. Where the voice changes, the
 difference to what was last said is added to what the new one says, and fades as a thermal state does. It knows no
@@ -10,7 +13,15 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.model import Estimator, Model
-from ambient_model.tracking import Estimate, Readings, Snapshot, Tracker, bridge_limit_s, nearest_discrete
+from ambient_model.tracking import (
+    WARMING_UP,
+    Estimate,
+    Readings,
+    Snapshot,
+    Tracker,
+    bridge_limit_s,
+    nearest_discrete,
+)
 from ambientd.health import MAIN, decide, has_all_inputs
 
 if TYPE_CHECKING:
@@ -87,6 +98,11 @@ class FallbackTracker:
     def _voices(self) -> list[_Voice]:
         return [self._main, *self._fallbacks]
 
+    @property
+    def _settled(self) -> bool:
+        """Whether the main one has, which its status leaves open where its guard has a say."""
+        return self._main.tracker.step >= self._main.tracker.settling_steps
+
     def _make_up(self) -> None:
         for voice in self._fallbacks:
             voice.follow(self._behind)
@@ -130,7 +146,7 @@ class FallbackTracker:
         main = self._hear(time_s, readings)
         if not self._fallbacks:
             return main
-        if has_all_inputs(main.status):
+        if has_all_inputs(main.status) and (self._speaking is self._main or self._settled):
             self._behind.append((time_s, self._main.tracker.last))
             if len(self._behind) >= _MOST_BEHIND:
                 self._make_up()
@@ -160,9 +176,10 @@ class FallbackTracker:
         )
 
     def _choose(self, main: Estimate, others: list[tuple[_Voice, Estimate]]) -> tuple[_Voice, Estimate]:
-        """Who speaks where the main one lacks an input."""
+        """Who speaks where the main one lacks an input, or lacked one and has not settled since."""
+        own = WARMING_UP if has_all_inputs(main.status) else main.status
         heard = self._voices.index(self._speaking)
-        number, status = decide(main.status, [estimate.status for _, estimate in others], heard)
+        number, status = decide(own, [estimate.status for _, estimate in others], heard)
         if number == MAIN:
             return self._main, main
         voice, estimate = others[number - 1]

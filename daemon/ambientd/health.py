@@ -3,7 +3,8 @@
 An estimator by itself is ``tracking`` while all its inputs are there, ``warming_up`` until it has settled, ``degraded``
 while its guard has a say, ``coasting`` while last values may stand in for inputs that are missing, and ``faulted``
 after that. What is published follows from the main one's status and from what the fallbacks, which do without one input
-each and have no guard, have to offer.
+each and have no guard, have to offer. A main one that has not settled is ``warming_up`` here, guard or not: it starts
+from an equilibrium that the device may be far from, and a fallback that has been speaking knows better.
 """
 
 from collections.abc import Sequence
@@ -12,30 +13,40 @@ from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMIN
 
 MAIN = 0
 """Who speaks: this, or the number of a fallback, from 1."""
+SETTLED = "settled"
+"""The fallback that was heard last has all its inputs and has settled."""
 COMPLETE = "complete"
-"""A fallback has all its inputs."""
+"""That one has not, but a fallback has all its inputs."""
 STANDING_IN = "standing in"
 """None has, but in the one that was heard last a last value stands in."""
 NOTHING = "nothing"
 
 TABLE = {
+    (TRACKING, SETTLED): ("main", TRACKING),
     (TRACKING, COMPLETE): ("main", TRACKING),
     (TRACKING, STANDING_IN): ("main", TRACKING),
     (TRACKING, NOTHING): ("main", TRACKING),
+    (WARMING_UP, SETTLED): ("heard", DEGRADED),
     (WARMING_UP, COMPLETE): ("main", WARMING_UP),
     (WARMING_UP, STANDING_IN): ("main", WARMING_UP),
     (WARMING_UP, NOTHING): ("main", WARMING_UP),
+    (DEGRADED, SETTLED): ("main", DEGRADED),
     (DEGRADED, COMPLETE): ("main", DEGRADED),
     (DEGRADED, STANDING_IN): ("main", DEGRADED),
     (DEGRADED, NOTHING): ("main", DEGRADED),
-    (COASTING, COMPLETE): ("fallback", DEGRADED),
-    (COASTING, STANDING_IN): ("fallback", COASTING),
+    (COASTING, SETTLED): ("first", DEGRADED),
+    (COASTING, COMPLETE): ("first", DEGRADED),
+    (COASTING, STANDING_IN): ("heard", COASTING),
     (COASTING, NOTHING): ("main", COASTING),
-    (FAULTED, COMPLETE): ("fallback", DEGRADED),
-    (FAULTED, STANDING_IN): ("fallback", COASTING),
+    (FAULTED, SETTLED): ("first", DEGRADED),
+    (FAULTED, COMPLETE): ("first", DEGRADED),
+    (FAULTED, STANDING_IN): ("heard", COASTING),
     (FAULTED, NOTHING): ("main", FAULTED),
 }
-"""By the main one's status and the offer of the fallbacks: who speaks, and the status that is published."""
+"""By the main one's status and the offer of the fallbacks: who speaks, and the status that is published.
+
+Who speaks is the main one, the fallback that was heard last, or the first fallback that has all its inputs.
+"""
 
 
 def has_all_inputs(status: str) -> bool:
@@ -45,15 +56,17 @@ def has_all_inputs(status: str) -> bool:
 
 def decide(main: str, fallbacks: Sequence[str], heard: int) -> tuple[int, str]:
     """Who speaks now and with which status, from each estimator's own status and who was ``heard`` last."""
-    offer, number = _offer(fallbacks, heard)
-    who, status = TABLE[main, offer]
-    return (MAIN if who == "main" else number), status
+    complete = [number for number, status in enumerate(fallbacks, 1) if has_all_inputs(status)]
+    who, status = TABLE[main, _offer(NOTHING if heard == MAIN else fallbacks[heard - 1], bool(complete))]
+    if who == "main":
+        return MAIN, status
+    return (heard if who == "heard" else complete[0]), status
 
 
-def _offer(fallbacks: Sequence[str], heard: int) -> tuple[str, int]:
-    for number, status in enumerate(fallbacks, 1):
-        if has_all_inputs(status):
-            return COMPLETE, number
-    if heard != MAIN and fallbacks[heard - 1] == COASTING:
-        return STANDING_IN, heard
-    return NOTHING, MAIN
+def _offer(heard: str, complete: bool) -> str:
+    """From the status of the fallback that was ``heard`` last, and whether one has all its inputs."""
+    if heard == TRACKING:
+        return SETTLED
+    if complete:
+        return COMPLETE
+    return STANDING_IN if heard == COASTING else NOTHING

@@ -7,6 +7,7 @@ import pytest
 
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambientd.fallback import FallbackTracker
+from ambientd.state import State, decode, encode
 
 
 @pytest.fixture
@@ -20,6 +21,8 @@ def feed(tracker, rows, start=0):
 
 REST = (30.0, 25.0)
 """The main estimator says 0.8 * 25 + 0.2 * 30 - 3 = 23, the one without usb 25 - 5 = 20."""
+SETTLING = 120
+"""Samples in which the main estimator's lag of 40 s forgets all but 5 %."""
 
 
 def test_without_a_loss_it_is_the_main_estimator_to_the_bit(make_model):
@@ -45,9 +48,47 @@ def test_handing_back_makes_no_jump_either(tracker):
     feed(tracker, [REST] * 200)
     before = feed(tracker, [(None, 25.0)] * 1000, start=200)[-1]
     back = feed(tracker, [REST] * 1000, start=1200)
-    assert back[0].ambient_degC == pytest.approx(before.ambient_degC, abs=1e-9)
-    assert back[0].status == "warming_up"  # the main one was away for longer than a gap is bridged
-    assert back[-1].ambient_degC == pytest.approx(23.0, abs=1e-6)
+    # the main one was away for longer than a gap is bridged, and is waited for until it has settled
+    assert [each.status for each in back] == ["degraded"] * SETTLING + ["tracking"] * (1000 - SETTLING)
+    assert [each.used for each in back[SETTLING - 1 : SETTLING + 1]] == [(None, 25.0), REST]
+    said = [each.ambient_degC for each in back]
+    assert said[: SETTLING + 1] == pytest.approx([before.ambient_degC] * (SETTLING + 1), abs=1e-9)
+    # then 3 degC fade with a time constant of 120 / 3 s
+    assert max(b - a for a, b in itertools.pairwise(said)) <= 3 / 40
+    assert said[-1] == pytest.approx(23.0, abs=1e-6)
+
+
+def test_a_guard_that_has_a_say_does_not_make_an_unsettled_main_estimator_heard(make_model):
+    tracker = FallbackTracker(make_model(fallbacks=True, guarded=True), 1.0)
+    feed(tracker, [REST] * 200 + [(None, 25.0)] * 600)
+    # begun from here, the main one says 24.6 and the guard 23: more than its threshold of 1 apart
+    back = feed(tracker, [(38.0, 25.0)] * (SETTLING + 1), start=800)
+    assert {each.used for each in back[:SETTLING]} == {(None, 25.0)}
+    assert [each.ambient_degC for each in back[:SETTLING]] == pytest.approx([20.0] * SETTLING, abs=1e-5)
+    assert back[SETTLING].used == (38.0, 25.0)
+
+
+def test_a_fallback_that_has_not_settled_is_not_waited_with(tracker):
+    feed(tracker, [(None, 25.0)] * 40)
+    assert [each.status for each in feed(tracker, [REST] * 200, start=40)] == (
+        ["warming_up"] * SETTLING + ["tracking"] * (200 - SETTLING)
+    )
+
+
+def test_an_input_that_comes_and_goes_leaves_the_voice_where_it_is(tracker):
+    feed(tracker, [REST] * 200 + [(None, 25.0)] * 600)
+    said = feed(tracker, ([REST] * 100 + [(None, 25.0)] * 40) * 5, start=800)
+    assert {(each.status, each.used) for each in said} == {("degraded", (None, 25.0))}
+
+
+def test_a_restart_while_the_main_estimator_is_waited_for_changes_nothing(make_model):
+    rows = [REST] * 200 + [(None, 25.0)] * 300 + [(30 + math.sin(k / 9), 25 + math.cos(k / 7)) for k in range(300)]
+    whole, first, second = (FallbackTracker(make_model(fallbacks=True, guarded=True), 1.0) for _ in range(3))
+    wanted = feed(whole, rows)
+    feed(first, rows[:550])
+    second.restore(decode(encode(State("model", "boot", 99.0, first.snapshot()))).tracker)
+    assert feed(second, rows[550:], start=550) == wanted[550:]
+    assert [each.used[0] is None for each in wanted[500:]] == [True] * SETTLING + [False] * (300 - SETTLING)
 
 
 def test_a_single_missed_reading_leaves_hardly_a_trace(tracker):
