@@ -6,7 +6,6 @@ its own; its correction is then scored on the other runs, bare and in its case.
 
 from __future__ import annotations
 
-import os
 import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -95,11 +94,6 @@ def study(model: Model, plan: Plan, jobs: int, progress: Progress) -> Study:
             found += judged
             progress(what, len(found), len(units))
     return Study(model, plan, found[0], tuple(found[1:]))
-
-
-def usable_cores() -> int:
-    """How many processes this one may keep busy."""
-    return len(os.sched_getaffinity(0))
 
 
 def _judged(model: Model, units: Sequence[Unit], plan: Plan) -> list[Judged]:
