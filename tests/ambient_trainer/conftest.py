@@ -1,4 +1,4 @@
-"""A page in a real browser, from a file: what it complains of, what it fetches, how wide it is."""
+"""The trainer's command line, models in files, and a page in a real browser: what it complains of and fetches."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from ambient_model.codec import save_model
+from ambient_model.model import Model
+from ambient_trainer.cli.main import main
 from ambient_trainer.report.page import write_report
 
 QUIET = (
@@ -35,6 +39,31 @@ addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringif
 FRAME = """<html><body><pre id="said"></pre><iframe src="{page}" style="width:{width}px;height:900px;border:0"></iframe>
 <script>addEventListener("message", (event) => document.getElementById("said").textContent = event.data);</script>
 </body></html>"""
+
+
+@pytest.fixture
+def trainer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[Any, str, str]]:
+    """Runs ``ambient-trainer`` with arguments and returns its status, its output and its messages."""
+
+    def run(*arguments: object) -> tuple[Any, str, str]:
+        monkeypatch.setattr(sys, "argv", ["ambient-trainer", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        return (stopped.value.code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Callable[[Model], str]:
+    """Writes a model and returns its path."""
+
+    def save(model: Model) -> str:
+        path = str(tmp_path / "model.json")
+        save_model(path, model)
+        return path
+
+    return save
 
 
 @pytest.fixture

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
-from ambient_model.codec import save_model
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_trainer.export.model_file import model_of
@@ -41,13 +39,3 @@ def taught_the_scenario() -> Model:
 @pytest.fixture
 def constant() -> Callable[..., Model]:
     return constant_model
-
-
-@pytest.fixture
-def saved(tmp_path: Path) -> Callable[[Model], str]:
-    def save(model: Model) -> str:
-        path = str(tmp_path / "model.json")
-        save_model(path, model)
-        return path
-
-    return save

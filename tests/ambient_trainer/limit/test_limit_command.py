@@ -3,28 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import pytest
 
-from ambient_trainer.cli.main import main
 
-
-@pytest.fixture
-def limit(monkeypatch, capsys):
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["ambient-trainer", "limit", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        return (stopped.value.code, *capsys.readouterr())
-
-    return run
-
-
-def test_it_prints_and_writes(limit, saved, constant, tmp_path):
+def test_it_prints_and_writes(trainer, saved, constant, tmp_path):
     figures = tmp_path / "out.json"
     options = ("--scenarios", "1,2.5", "--seeds", "3", "--fitted", 2, "--period", 5, "--json", figures)
-    status, out, err = limit(saved(constant(22.0)), *options)
+    status, out, err = trainer("limit", saved(constant(22.0)), *options)
     assert (status, err) == (0, "")
     found = json.loads(figures.read_text())
     assert [each["scenario"] for each in found["scenarios"]] == ["1", "2.5"]
@@ -45,7 +31,7 @@ def test_it_prints_and_writes(limit, saved, constant, tmp_path):
         (("--scenarios", "9"), 1, "none is called '9'; take one of 1, 2.1, "),
     ],
 )
-def test_a_wrong_call(limit, saved, constant, arguments, status, message):
-    code, out, err = limit(saved(constant(20.0)), *arguments)
+def test_a_wrong_call(trainer, saved, constant, arguments, status, message):
+    code, out, err = trainer("limit", saved(constant(20.0)), *arguments)
     assert (code, out) == (status, "")
     assert message in err

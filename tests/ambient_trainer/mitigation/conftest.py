@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ambient_model.codec import save_model
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_trainer.circuits.assemble import StateSpace
@@ -74,18 +72,6 @@ def logged() -> Trace:
 def model(logged: Trace) -> Model:
     """As ``ambient-trainer simulate 5`` and ``fit --circuit free-2`` make it."""
     return model_of(fit_free_filter(2, [logged], Effort(starts=3)), [], {})
-
-
-@pytest.fixture
-def saved(tmp_path: Path) -> Callable[[Model], str]:
-    """Writes a model and returns its path."""
-
-    def save(model: Model) -> str:
-        path = str(tmp_path / "model.json")
-        save_model(path, model)
-        return path
-
-    return save
 
 
 @pytest.fixture(scope="session")

@@ -3,31 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import pytest
 
-from ambient_trainer.cli.main import main
 
-
-@pytest.fixture
-def mitigate(monkeypatch, capsys):
-    """Runs the command and returns its status, its output and its messages."""
-
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["ambient-trainer", "mitigate", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        return (stopped.value.code, *capsys.readouterr())
-
-    return run
-
-
-def test_it_prints_writes_and_draws(mitigate, saved, model, tmp_path):
+def test_it_prints_writes_and_draws(trainer, saved, model, tmp_path):
     figures, report = tmp_path / "out.json", tmp_path / "report"
-    status, out, err = mitigate(
-        saved(model), "--room", "5", "--room", "35", "--runs", 1, "--minutes", 20, "--json", figures, "--report", report
-    )
+    options = ("--room", "5", "--room", "35", "--runs", 1, "--minutes", 20, "--json", figures, "--report", report)
+    status, out, err = trainer("mitigate", saved(model), *options)
     assert (status, err) == (0, "")
     lines = out.splitlines()
     assert lines[0].startswith("Governor on soc, identified on scenario 5: at rest the skin is 0.126 soc + ")
@@ -64,8 +47,8 @@ def test_it_prints_writes_and_draws(mitigate, saved, model, tmp_path):
         (("--json", "nowhere/out.json"), "there is no folder "),
     ],
 )
-def test_a_wrong_call_is_status_2(mitigate, saved, saying, arguments, message):
-    status, out, err = mitigate(saved(saying(20.0)), *arguments)
+def test_a_wrong_call_is_status_2(trainer, saved, saying, arguments, message):
+    status, out, err = trainer("mitigate", saved(saying(20.0)), *arguments)
     assert (status, out) == (2, "")
     assert message in err
 
@@ -82,24 +65,24 @@ def test_a_wrong_call_is_status_2(mitigate, saved, saying, arguments, message):
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_simulated(
-    mitigate, saved, saying, monkeypatch, arguments, message
+    trainer, saved, saying, monkeypatch, arguments, message
 ):
     monkeypatch.setattr("ambient_trainer.mitigation.comparison.training_trace", None)
-    status, out, err = mitigate(saved(saying(20.0)), *arguments)
+    status, out, err = trainer("mitigate", saved(saying(20.0)), *arguments)
     assert (status, out) == (1, "")
     assert err.startswith(f"ambient-trainer: {message}")
 
 
-def test_the_model_is_not_overwritten(mitigate, saved, saying):
+def test_the_model_is_not_overwritten(trainer, saved, saying):
     path = saved(saying(20.0))
-    status, _, err = mitigate(path, "--json", path)
+    status, _, err = trainer("mitigate", path, "--json", path)
     assert status == 2
     assert "would be overwritten by what is made from it" in err
 
 
-def test_another_devices_model_is_refused(mitigate, saved, saying):
+def test_another_devices_model_is_refused(trainer, saved, saying):
     other = saying(20.0)
     inputs = (other.main.inputs[0]._replace(name="ch102"),)
-    status, _, err = mitigate(saved(other._replace(main=other.main._replace(inputs=inputs))))
+    status, _, err = trainer("mitigate", saved(other._replace(main=other.main._replace(inputs=inputs))))
     assert status == 1
     assert "inputs: reads ch102_degC, which the simulated phone has no zone for" in err

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-from ambient_trainer.cli.main import main
 
 _REPOSITORY = Path(__file__).parents[3]
 
@@ -36,13 +34,6 @@ def write(tmp_path) -> Callable[[str, str], str]:
 
 
 @pytest.fixture
-def run(monkeypatch, capsys):
+def run(trainer):
     """Runs ``ambient-trainer import`` with arguments; returns status, standard output and error."""
-
-    def called(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ambient-trainer", "import", *arguments])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        return (stopped.value.code, *capsys.readouterr())
-
-    return called
+    return functools.partial(trainer, "import")

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ambient_model.codec import decode, encode, save_model
+from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Guard, Input, Model
 from ambient_trainer.export.model_file import model_of
@@ -67,13 +66,3 @@ def known() -> Callable[..., Trace]:
 def free_model() -> Model:
     """A filter of order 2 of one simulated phone, for a period of 5 s."""
     return model_of(fit_free_filter(2, [simulate("5", period_s=PERIOD_S)], Effort(starts=2)), [], {})
-
-
-@pytest.fixture
-def saved(tmp_path: Path) -> Callable[[Model], str]:
-    def save(model: Model) -> str:
-        path = str(tmp_path / "model.json")
-        save_model(path, model)
-        return path
-
-    return save

@@ -12,19 +12,7 @@ import sys
 import pytest
 
 from ambient_model.codec import load_model
-from ambient_trainer.cli.main import main
 from ambient_trainer.traces.trace import save_trace
-
-
-@pytest.fixture
-def trainer(monkeypatch, capsys):
-    def run(*arguments):
-        monkeypatch.setattr(sys, "argv", ["ambient-trainer", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        return (stopped.value.code, *capsys.readouterr())
-
-    return run
 
 
 def test_units_prints_writes_and_draws(trainer, saved, free_model, tmp_path):

@@ -13,7 +13,9 @@ from rich.console import Console
 
 from ambient_model.atomic import replacing
 from ambient_model.faults import refuse
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.report.table import Table, for_terminal
 
 if TYPE_CHECKING:
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
 
 _UNIT = "_degC"
 _REFERENCE = "bath_degC"
-_WIDTH = 120
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 _PATIENCE_S = 3600.0
 
@@ -53,7 +54,7 @@ class _Links(NamedTuple):
 @click.option(
     "--window",
     "window_s",
-    type=click.FloatRange(min=30.0),
+    type=FiniteRange(min=30.0),
     default=300.0,
     show_default=True,
     help="Seconds for which it must be settled.",
@@ -61,7 +62,7 @@ class _Links(NamedTuple):
 @click.option(
     "--drift",
     "drift_K",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=FiniteRange(min=0.0, min_open=True),
     default=0.05,
     show_default=True,
     help="K that it may drift in them.",
@@ -69,7 +70,7 @@ class _Links(NamedTuple):
 @click.option(
     "--period",
     "period_s",
-    type=click.FloatRange(min=0.5),
+    type=FiniteRange(min=0.5),
     default=2.0,
     show_default=True,
     help="Seconds between readings.",
@@ -226,7 +227,7 @@ def _print(tables: Mapping[str, ProbeTable], source: str, errors_K: Mapping[str,
         for name, table in tables.items()
         for point in table.points
     )
-    Console(width=_WIDTH).print(for_terminal(Table("", ("probe", "reads degC", "offset", "standard error"), rows)))
+    printer().print(for_terminal(Table("", ("probe", "reads degC", "offset", "standard error"), rows)))
     click.echo(f"Offsets in K, added to what a probe reads. Reference: {source}; its own error is not in them.")
     if errors_K is not None:
         misses = [abs(point.offset_K + errors_K[name]) for name, table in tables.items() for point in table.points]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ambient_model.atomic import replacing
+from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
+from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.report.table import for_terminal
 
-_WIDTH = 120
 BUDGET = 25
 
 
@@ -35,17 +35,17 @@ def command(output: str, seed: int, budget: int) -> None:
     from ambient_trainer.simulation.calibrated import constants_text, load_constants, rounded
     from ambient_trainer.simulation.device import from_values
 
+    if budget:
+        check_outputs([output], [])
     constants = load_constants()
     values = {name: each.value for name, each in constants.items()}
-    console, errors = Console(width=_WIDTH), Console(stderr=True)
+    console = printer()
     if budget:
-        with _bar(errors) as bar:
-            task = bar.add_task("calibrating", total=budget)
-
-            def show(evaluations: int, cost: float) -> None:
-                bar.update(task, completed=evaluations, description=f"calibrating, cost {cost:.1f}")
-
-            found = calibrate(constants, budget, seed, show)
+        with counted_progress() as progress:
+            progress("calibrating", 0, budget)
+            found = calibrate(
+                constants, budget, seed, lambda done, cost: progress(f"calibrating, cost {cost:.1f}", done, budget)
+            )
         values = {name: rounded(value) for name, value in found.values.items()}
         with replacing(output) as stream:
             stream.write(constants_text(constants, values))
@@ -55,18 +55,7 @@ def command(output: str, seed: int, budget: int) -> None:
         )
     phone, chamber = from_values(values)
     console.print(for_terminal(outcome_table(outcomes(phone, chamber, seed))))
-    with _bar(errors) as bar:
-        task = bar.add_task("fitting the thesis's models to the simulated phone")
-        rows = ranked(phone, chamber, seed, lambda model, done, total: bar.update(task, completed=done, total=total))
+    with counted_progress() as progress:
+        what = "fitting the thesis's models to the simulated phone"
+        rows = ranked(phone, chamber, seed, lambda model, done, total: progress(what, done, total))
     console.print(for_terminal(rank_table(rows)))
-
-
-def _bar(console: Console) -> Progress:
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

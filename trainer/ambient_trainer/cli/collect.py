@@ -9,13 +9,16 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
-from rich.console import Console
 
 from ambient_model.faults import Fault, Refused
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.report.table import for_terminal
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from ambient_trainer.laboratory.campaign import Loaded
     from ambient_trainer.laboratory.collect import Collected, Job
     from ambient_trainer.laboratory.conductor import Eyes
@@ -29,9 +32,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     "-o", "--output", metavar="TRACE.csv", type=click.Path(dir_okay=False), help="The trace; .gz compresses it."
 )
 @click.option("--simulate", is_flag=True, help="Simulated instruments and a simulated phone in the place of real ones.")
-@click.option(
-    "--speed", type=click.FloatRange(min=0.1, max=1000.0), help="With --simulate: times real time.  [default: 1]"
-)
+@click.option("--speed", type=FiniteRange(min=0.1, max=1000.0), help="With --simulate: times real time.  [default: 1]")
 @click.option("--seed", type=click.IntRange(min=0), help="With --simulate: another one, another noise.  [default: 0]")
 @click.option("--resume", is_flag=True, help="Go on with the run that was stopped before its end.")
 @click.option("--dry-run", is_flag=True, help="Only print the schedule and the length.")
@@ -97,7 +98,7 @@ def _job(loaded: Loaded, output: str, simulate: bool, speed: float, seed: int) -
 def _run(job: Job, resume: bool) -> int:
     from ambient_trainer.laboratory import collect as work
 
-    console = Console(highlight=False)
+    console = printer()
     with _stopping() as asked, _eyes(console, job) as eyes:
         watching = work.Watching(eyes, lambda: _why(asked), lambda: asked.count(signal.SIGINT) > 1)
         collected = work.resume(job, watching) if resume else work.collect(job, watching)
@@ -165,7 +166,7 @@ def _print_schedule(loaded: Loaded) -> None:
     from ambient_trainer.laboratory.schedule import clock_text, expected, schedule_table
 
     campaign = loaded.campaign
-    console = Console(highlight=False)
+    console = printer()
     console.print(f"{loaded.name}: {campaign.about}", markup=False)
     console.print(for_terminal(schedule_table(campaign)))
     steps = expected(campaign)

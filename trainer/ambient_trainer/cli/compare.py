@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.console import Console
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer.cli.effort import effort_options
 from ambient_trainer.cli.fit import STOPPED, sensor_columns
+from ambient_trainer.cli.number import Finite
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import write_figures
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.evaluation.compare import (
     Contender,
@@ -26,13 +26,11 @@ from ambient_trainer.evaluation.compare import (
 from ambient_trainer.identify.fit import Effort
 from ambient_trainer.report.table import for_terminal
 
-_WIDTH = 120
-
 
 @click.command("compare")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
 @click.option("--circuit", "circuits", required=True, multiple=True, metavar="NAME|FILE", help="As in fit; repeat it.")
-@click.option("--split", "split_s", type=float, metavar="S", help="Train before this time_s, score after it.")
+@click.option("--split", "split_s", type=Finite(), metavar="S", help="Train before this time_s, score after it.")
 @click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
 @click.option("--sensors", metavar="A,B,...", help="As in fit (default: every _degC column).")
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
@@ -65,7 +63,7 @@ def command(
             save_model(written[len(contenders) - 1], contenders[-1].model)
         if contenders[-1].fit.stopped:
             break
-    Console(width=_WIDTH).print(for_terminal(comparison_table(contenders)))
+    printer().print(for_terminal(comparison_table(contenders)))
     if json_path is not None:
         write_figures(json_path, as_json(contenders))
     if contenders[-1].fit.stopped:

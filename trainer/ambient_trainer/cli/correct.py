@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from ambient_model.codec import load_model, save_model
+from ambient_trainer.cli.number import Finite
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.export.model_file import training_of
 from ambient_trainer.traces.trace import load_trace
@@ -15,8 +16,8 @@ from ambient_trainer.units.correction import MAIN, corrected, correction, known_
 @click.argument("model_path", metavar="MODEL.json")
 @click.argument("trace_path", metavar="TRACE")
 @click.option("-o", "--output", required=True, metavar="MODEL2.json", help="Where the corrected model goes.")
-@click.option("--from", "from_s", type=float, metavar="S", help="The ambient counts from this time_s on.")
-@click.option("--to", "to_s", type=float, metavar="S", help="The ambient counts before this time_s.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="The ambient counts from this time_s on.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="The ambient counts before this time_s.")
 def command(model_path: str, trace_path: str, output: str, from_s: float | None, to_s: float | None) -> None:
     """Correct MODEL.json for the one device that logged TRACE while the ambient was known, and write it anew.
 

@@ -12,6 +12,7 @@ from rich.console import Console
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
+from ambient_trainer.cli.printing import printer
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.evaluation.compare import Contender, comparison_table, contend, held_out_contest
 from ambient_trainer.identify.fit import Effort
@@ -22,7 +23,6 @@ from ambient_trainer.traces.trace import load_trace, save_trace
 _CIRCUITS = ("linear_combined", "model2_ss", "model2_ss_free_cd", "free-2")
 _EXPORTED = "free-2"
 _TRAINING, _VERIFICATION = "5", "4"
-_WIDTH = 120
 
 
 @click.command("demo")
@@ -48,7 +48,7 @@ def command(folder: str) -> None:
     for name in _CIRCUITS:
         with fit_progress(name, 8, contest.samples) as progress:
             contenders.append(contend(name, contest, (), Effort(), progress))
-    Console(width=_WIDTH).print(for_terminal(comparison_table(contenders)))
+    printer().print(for_terminal(comparison_table(contenders)))
     exported = next(each for each in contenders if each.fit.circuit == _EXPORTED)
     save_model(str(model_path), exported.model)
     click.echo(f"3. {_EXPORTED} is exported: {model_path}")

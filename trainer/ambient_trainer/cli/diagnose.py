@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ambient_trainer.cli.effort import jobs_option
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.traces.trace import load_trace
@@ -29,8 +29,8 @@ _PATIENCE_S = 1.0
     metavar="TRACE",
     help="A known-good trace of the same device: the question is then what changed since. May be given often.",
 )
-@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
 @click.option(
     "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: at most 2000 samples)."
 )

@@ -8,8 +8,6 @@ from typing import Any
 
 import click
 
-from ambient_trainer.identify.fit import Effort
-
 
 def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give ``command`` --starts, --pieces and --seed, and call it with them as its ``effort``."""
@@ -27,6 +25,8 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the places.")
     @functools.wraps(command)
     def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:
+        from ambient_trainer.identify.fit import Effort  # scipy: --help should not wait for it
+
         return command(effort=Effort(starts, seed, pieces), **rest)
 
     return with_effort

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import click
-from rich.console import Console
 from rich.panel import Panel
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from ambient_model.codec import load_model
 from ambient_model.model import Model
+from ambient_trainer.cli.number import Finite
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.evaluation.summary import as_json, figures_table, verdict, warnings
 from ambient_trainer.report.table import for_terminal
@@ -22,8 +22,8 @@ from ambient_trainer.report.table import for_terminal
 @click.command("evaluate")
 @click.argument("model_path", metavar="MODEL.json")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
-@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
 @click.option("--run-in", is_flag=True, help="Run the estimate from the trace's start on; score it from --from on.")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
@@ -58,24 +58,11 @@ def command(
 
 def _evaluate(trace_paths: Sequence[str], evaluated: Callable[[str], Evaluation]) -> list[Evaluation]:
     evaluations = []
-    with _progress() as progress:
-        task = progress.add_task("", total=len(trace_paths))
-        for path in trace_paths:
-            progress.update(task, description=path)
+    with counted_progress() as progress:
+        for done, path in enumerate(trace_paths):
+            progress(path, done, len(trace_paths))
             evaluations.append(evaluated(path))
-            progress.advance(task)
     return evaluations
-
-
-def _progress() -> Progress:
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    return Progress(*columns, console=Console(stderr=True), transient=True)
 
 
 def _show(evaluations: Sequence[Evaluation]) -> None:

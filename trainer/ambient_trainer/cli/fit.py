@@ -9,7 +9,7 @@ from rich.console import Console
 from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.cli.effort import effort_options
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import write_figures
 from ambient_trainer.cli.progress import fit_progress
@@ -32,8 +32,8 @@ STOPPED = 1
     help="A shipped circuit or observer, a .yaml file, or free-1 to free-4.",
 )
 @click.option("-o", "--output", required=True, metavar="MODEL.json", help="Where the model goes.")
-@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
 @click.option("--json", "json_path", metavar="FIT.json", help="Write what the terminal shows to this file as JSON.")
 @click.option(
     "--sensors",

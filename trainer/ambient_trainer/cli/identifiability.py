@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator
-
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bar
 from rich.text import Text
 
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.identify.fit import Effort
-from ambient_trainer.identify.identifiability import Progress, identifiability
+from ambient_trainer.identify.identifiability import identifiability
 from ambient_trainer.identify.named import thermal_circuit
 from ambient_trainer.identify.told import as_json, parameter_table, said, start_table
 from ambient_trainer.report.table import for_terminal
@@ -43,8 +38,8 @@ from ambient_trainer.traces.trace import load_trace
     help="Fit the circuit's own output so many times with noise of its own.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of places and noise.")
-@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
 @click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
 @click.option("--json", "json_path", metavar="OUT", help="Write what was found to this file as JSON.")
 def command(
@@ -69,7 +64,7 @@ def command(
     fixed = dict(_fix(each) for each in fixes)
     circuit = thermal_circuit(name)
     trace = load_trace(trace_path).cut(from_s, to_s)
-    with _bar() as progress:
+    with counted_progress() as progress:
         found = identifiability(circuit, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
     console = printer()
     console.print(for_terminal(start_table(found)))
@@ -78,21 +73,6 @@ def command(
         console.print(Text(line), soft_wrap=True)
     if json_path is not None:
         write_figures(json_path, as_json(found))
-
-
-@contextlib.contextmanager
-def _bar() -> Iterator[Progress]:
-    console = Console(stderr=True)
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Bar(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
 
 
 def _fix(text: str) -> tuple[str, float | None]:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import json
-
 import click
-from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
 from ambient_trainer.cli.lists import whole_numbers
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.limit.limit import Seeds, limits
 from ambient_trainer.limit.summary import as_json, limit_table, sentences
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.simulation.scenario import scenario_names
-
-_WIDTH = 120
 
 
 @click.command("limit")
@@ -35,7 +31,7 @@ _WIDTH = 120
 @click.option(
     "--period",
     "period_s",
-    type=click.FloatRange(0.1, 10),
+    type=FiniteRange(0.1, 10),
     default=1.0,
     show_default=True,
     metavar="S",
@@ -56,11 +52,8 @@ def command(
     model = load_model(model_path)
     with staged_progress() as progress, threadpool_limits(1):
         found = limits(model, scenarios, seeds, period_s, progress)
-    Console(width=_WIDTH).print(for_terminal(limit_table(model, found)))
+    printer().print(for_terminal(limit_table(model, found)))
     for line in sentences(found):
         click.echo(line)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(model, found, seeds), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(model, found, seeds))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import click
-from rich.console import Console
 
 from ambient_model.codec import load_model
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import write_figures
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.mitigation.comparison import Comparison, compare, settling_min
 from ambient_trainer.mitigation.room import room_of
@@ -18,7 +17,6 @@ from ambient_trainer.mitigation.training import SCENARIO
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.simulation.constants import Activity
 
-_WIDTH = 120
 _WORKLOADS = ("cpu_100", "cpu_50", "camera_1080p", "camera_4k", "streaming")
 _ROOMS = ("5", "20", "35", "35/5/35")
 
@@ -86,7 +84,10 @@ _ROOMS = ("5", "20", "35", "35/5/35")
     help="Of the rooms' air, in W/(m2 K^1.25); 2.8 is still.",
 )
 @click.option(
-    "--lose", type=(str, float, float), metavar="SENSOR FROM TO", help="That sensor is silent between these minutes."
+    "--lose",
+    type=(str, Finite(), Finite()),
+    metavar="SENSOR FROM TO",
+    help="That sensor is silent between these minutes.",
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
@@ -159,6 +160,6 @@ def _show(comparison: Comparison) -> None:
     found = scores(comparison.records, setting)
     click.echo(f"Governor on {identified.sensor}, identified on scenario {SCENARIO}: {identified}.")
     click.echo(f"{fixed_trip(comparison)}.")
-    Console(width=_WIDTH).print(for_terminal(score_table(found, setting)))
+    printer().print(for_terminal(score_table(found, setting)))
     for line in verdict(found, setting):
         click.echo(line)

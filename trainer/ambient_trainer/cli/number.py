@@ -1,4 +1,4 @@
-"""A number that an option takes within bounds is finite: nothing lies between nan and anything."""
+"""A number that an option takes is finite: nothing lies between nan and anything."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import math
 from typing import Any
 
 import click
+from click.types import FloatParamType
 
 
-class FiniteRange(click.FloatRange):
-    """``click.FloatRange``, which lets nan pass, and inf where a bound is open."""
+class Finite(FloatParamType):
+    """``click.FLOAT`` without nan and inf."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The number, or a refusal of the call."""
@@ -17,3 +18,7 @@ class FiniteRange(click.FloatRange):
         if not math.isfinite(found):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return found
+
+
+class FiniteRange(Finite, click.FloatRange):
+    """``click.FloatRange``, which lets nan pass, and inf where a bound is open."""

@@ -13,10 +13,13 @@ _OF_A_REPORT = ("index.html", "plotly.min.js")
 """As ``report/page.py`` names them, which takes half a second to import."""
 
 
-def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str], report: str | None = None) -> None:
+def check_outputs(
+    outputs: Sequence[str | None], inputs: Sequence[str], report: str | None = None, folder: str | None = None
+) -> None:
     """Refuse outputs that stand twice, are inputs, or lie where nothing can be written; None is one not asked for.
 
-    ``report`` is the folder of a page: it may have to be made, and what it will hold are outputs, too.
+    ``report`` is the folder of a page: it may have to be made, and what it will hold are outputs, too;
+    ``folder`` is one for files whose names the work decides.
     Raises :class:`click.UsageError` naming every such output.
     """
     pages = [] if report is None else [os.path.join(report, name) for name in _OF_A_REPORT]
@@ -30,8 +33,9 @@ def check_outputs(outputs: Sequence[str | None], inputs: Sequence[str], report: 
             faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
         elif problem := _no_file(path) or (_no_place(path) if index < len(files) else None):
             faults.append(Fault(path, *problem))
-    if report is not None and (problem := _no_folder(report)):
-        faults.append(Fault(report, *problem))
+    for place, purpose in ((report, "the report"), (folder, "these files")):
+        if place is not None and (problem := _no_folder(place, purpose)):
+            faults.append(Fault(place, *problem))
     if faults:
         raise click.UsageError("\n".join(map(str, faults)))
 
@@ -57,7 +61,7 @@ def _no_place(path: str) -> tuple[str, str] | None:
     return _closed(folder)
 
 
-def _no_folder(path: str) -> tuple[str, str] | None:
+def _no_folder(path: str, purpose: str) -> tuple[str, str] | None:
     """Why ``path`` neither is a folder to write into nor can be made one."""
     whole = there = os.path.abspath(path)
     while not os.path.lexists(there):
@@ -65,7 +69,7 @@ def _no_folder(path: str) -> tuple[str, str] | None:
     if os.path.isdir(there):
         return _closed(there)
     problem = "is no folder" if there == whole else f"cannot be made: {there} is no folder"
-    return problem, "name another folder for the report"
+    return problem, f"name another folder for {purpose}"
 
 
 def _closed(folder: str) -> tuple[str, str] | None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
-from ambient_trainer.reproduce.runs import Progress as Told
 from ambient_trainer.reproduce.tables import overview_table, scenario_tables
 from ambient_trainer.thesis.errata import Erratum
 from ambient_trainer.thesis.published import published_results
@@ -30,7 +27,7 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
     Prints the thesis's tables 5.1 to 5.12 with the published figures beside the simulated ones, and what is not alike.
     """
     check_outputs([json_path], [], report_folder)
-    with _bar() as progress:
+    with staged_progress() as progress:
         found = reproduce(seed, all_methods, published_results(), progress)
         errata = errata_of(found.runs, progress) if json_path or report_folder else []
         progress("drawing the report", 0, 1)
@@ -42,15 +39,6 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
         from ambient_trainer.report.page import write_report
 
         click.echo(f"Report: {write_report(report_folder, page)}")
-
-
-@contextlib.contextmanager
-def _bar() -> Iterator[Told]:
-    console = Console(stderr=True)
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
 
 
 def _page(found: Reproduction, errata: Sequence[Erratum]) -> str:

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from ambient_model import __version__
-from ambient_model.atomic import replacing
 from ambient_model.faults import refuse
+from ambient_trainer.cli.effort import jobs_option
+from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.progress import counted_progress
 
 if TYPE_CHECKING:
     from ambient_trainer.search.found import Found, Options
-    from ambient_trainer.search.work import Progress as Told
     from ambient_trainer.traces.trace import Trace
-
-_WIDTH_OF_A_FILE = 160
 
 
 @click.command("search")
@@ -31,13 +28,11 @@ _WIDTH_OF_A_FILE = 160
 @click.option("--most", type=click.IntRange(1, 12), default=6, show_default=True, help="Up to so many sensors.")
 @click.option("--order", type=click.IntRange(1, 4), default=4, show_default=True, help="States of a filter or circuit.")
 @click.option("--blocks", type=click.IntRange(2, 1000), default=10, show_default=True, help="Held out in turn.")
-@click.option(
-    "--gap", "gap_s", type=click.FloatRange(min=0), metavar="S", help="Beside a block [default: a tenth of it]."
-)
+@click.option("--gap", "gap_s", type=FiniteRange(min=0), metavar="S", help="Beside a block [default: a tenth of it].")
 @click.option(
     "--tolerance",
     "tolerance_degC",
-    type=click.FloatRange(min=1e-3, max=10),
+    type=FiniteRange(min=1e-3, max=10),
     default=0.1,
     show_default=True,
     help="What each sensor may be off, as noise and for long.",
@@ -46,17 +41,13 @@ _WIDTH_OF_A_FILE = 160
 @click.option("--check", "check_paths", metavar="TRACE", multiple=True, help="Score on this, too; it chooses nothing.")
 @click.option("--circuits", "circuit_folder", metavar="DIR", help="Write the best circuit of each size to this folder.")
 @click.option("--no-circuits", is_flag=True, help="Search for sensors only.")
-@click.option("--from", "from_s", type=float, metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=float, metavar="S", help="Leave out the samples from this time_s on.")
-@click.option(
-    "--period", "period_s", type=click.FloatRange(min=1e-3), metavar="S", help="Grid (default: the trace's own)."
-)
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with the picture into this folder.")
 @click.option("--state", "state_path", metavar="FILE", help="Keep what is done here, and go on from it.")
-@click.option(
-    "--jobs", type=click.IntRange(1, 256), default=None, help="Processes. [default: as many as there are cores]"
-)
+@jobs_option("Processes.")
 def command(
     trace_paths: tuple[str, ...],
     against: str | None,
@@ -68,7 +59,7 @@ def command(
     json_path: str | None,
     report_folder: str | None,
     state_path: str | None,
-    jobs: int | None,
+    jobs: int,
     **options: Any,
 ) -> None:
     """Search the temperatures of one or several TRACEs for those that tell ambient_degC best, one to --most of them.
@@ -85,7 +76,7 @@ def command(
     if no_circuits and circuit_folder is not None:
         raise click.UsageError("--circuits asks for what --no-circuits leaves out: give one of them")
     chosen = Options(**options)
-    check_outputs([json_path, state_path], [*trace_paths, *check_paths], report_folder)
+    check_outputs([json_path, state_path], [*trace_paths, *check_paths], report_folder, circuit_folder)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     zones = screened(traces)
     for line in left_out_lines(zones.left_out):
@@ -114,7 +105,7 @@ def _run(
     options: Options,
     identity: dict[str, Any],
     state_path: str | None,
-    jobs: int | None,
+    jobs: int,
     against: Sequence[str],
     checks: Sequence[Trace],
     with_circuits: bool,
@@ -125,7 +116,7 @@ def _run(
 
     with contextlib.closing(State(state_path, identity)) as state:
         try:
-            with _bar() as progress, Work(jobs or len(os.sched_getaffinity(0)), state, progress) as work:
+            with counted_progress() as progress, Work(jobs, state, progress) as work:
                 return searched(data, options, work, against, checks, with_circuits)
         except KeyboardInterrupt:
             kept = f"what is done is kept in {state_path}: the same command goes on from there"
@@ -133,28 +124,11 @@ def _run(
             raise click.ClickException(f"stopped; {kept if state_path else lost}") from None
 
 
-@contextlib.contextmanager
-def _bar() -> Iterator[Told]:
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
-
-
 def _show(found: Found) -> None:
     from ambient_trainer.report.table import for_terminal
     from ambient_trainer.search.summary import checks_table, sizes_table, verdict
 
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = _WIDTH_OF_A_FILE
+    console = printer()
     console.print(for_terminal(sizes_table(found)))
     if found.checks:
         console.print(for_terminal(checks_table(found)))
@@ -187,10 +161,7 @@ def _write(found: Found, json_path: str | None, report_folder: str | None) -> No
     if json_path is not None:
         from ambient_trainer.search.summary import as_json
 
-        with replacing(json_path) as stream:
-            json.dump(as_json(found), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found))
     if report_folder is not None:
         from ambient_trainer.report.page import write_report
         from ambient_trainer.search.page import search_page

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import json
-
 import click
-from rich.console import Console
 
-from ambient_model.atomic import replacing
 from ambient_model.codec import load_model
+from ambient_trainer.cli.effort import jobs_option
+from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.table import for_terminal
-from ambient_trainer.units.study import Plan, Study, study, usable_cores
+from ambient_trainer.units.study import Plan, Study, study
 from ambient_trainer.units.summary import as_json, sentences, units_table
-
-_WIDTH = 120
 
 
 @click.command("units")
@@ -32,7 +29,7 @@ _WIDTH = 120
 @click.option(
     "--period",
     "period_s",
-    type=click.FloatRange(0.1, 10),
+    type=FiniteRange(0.1, 10),
     default=1.0,
     show_default=True,
     metavar="S",
@@ -40,9 +37,7 @@ _WIDTH = 120
 )
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
-@click.option(
-    "--jobs", type=click.IntRange(1, 256), default=None, help="Processes. [default: as many as there are cores]"
-)
+@jobs_option("Processes.")
 def command(
     model_path: str,
     count: int,
@@ -51,7 +46,7 @@ def command(
     period_s: float,
     json_path: str | None,
     report_folder: str | None,
-    jobs: int | None,
+    jobs: int,
 ) -> None:
     """Run MODEL.json, made from one simulated phone, on others drawn within the tolerances of manufacture.
 
@@ -62,16 +57,13 @@ def command(
     model = load_model(model_path)
     plan = Plan(count, seed, tuple(dict.fromkeys(scenario_list.split(","))), period_s)
     with staged_progress() as progress:
-        found = study(model, plan, jobs or usable_cores(), progress)
+        found = study(model, plan, jobs, progress)
         page = _page(found) if report_folder else ""
-    Console(width=_WIDTH).print(for_terminal(units_table(found)))
+    printer().print(for_terminal(units_table(found)))
     for line in sentences(found):
         click.echo(line)
     if json_path is not None:
-        with replacing(json_path) as stream:
-            json.dump(as_json(found), stream, indent=1, allow_nan=False)
-            stream.write("\n")
-        click.echo(f"Figures: {json_path}")
+        write_figures(json_path, as_json(found))
     if report_folder is not None:
         from ambient_trainer.report.page import write_report
 

@@ -6,6 +6,7 @@ The rules are those of ``ambient_model.guard`` and ``ambient_model.spread``, her
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
@@ -34,10 +35,8 @@ def observe(model: Model, u: Array, period_s: float) -> Observed:
     ambient = response_of(model.main, u, period_s)
     apart, weight = np.zeros_like(ambient), np.zeros_like(ambient)
     if model.guard is not None:
-        apart = ambient - response_of(model.guard.estimator, u, period_s)
-        weight = guard_weight(apart, model.guard.threshold_degC)
-        ambient = ambient - weight * apart
-        apart = np.clip(apart, -model.guard.threshold_degC, model.guard.threshold_degC)
+        guard = response_of(model.guard.estimator, u, period_s)
+        ambient, weight, apart = guarded(ambient, guard, model.guard.threshold_degC)
     if model.spread is None:
         return Observed(ambient, weight, np.ones_like(ambient))
     return Observed(ambient, weight, sigma_degC(model.spread, ambient, apart, period_s))
@@ -58,9 +57,21 @@ def response_of(estimator: Estimator, u: Array, period_s: float) -> Array:
     return response
 
 
-def guard_weight(apart_degC: Array, threshold_degC: float) -> Array:
-    """How much of the guard's word is taken where the main estimate lies ``apart_degC`` above it."""
-    return np.clip((np.abs(apart_degC) - threshold_degC) / threshold_degC, 0.0, 1.0)
+class Guarded(NamedTuple):
+    """What main and guard say together; arrays of shape (N,)."""
+
+    ambient_degC: Array
+    weight: Array
+    """How much of the guard's word is in it, 0 to 1."""
+    apart_degC: Array
+    """How far the main estimate lies above the guard's, as the spread takes it: at most the threshold either way."""
+
+
+def guarded(main_degC: Array, guard_degC: Array, threshold_degC: float) -> Guarded:
+    """The estimate that is published where both are there."""
+    apart = main_degC - guard_degC
+    weight = np.clip((np.abs(apart) - threshold_degC) / threshold_degC, 0.0, 1.0)
+    return Guarded(main_degC - weight * apart, weight, np.clip(apart, -threshold_degC, threshold_degC))
 
 
 def sigma_degC(spread: Spread, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:

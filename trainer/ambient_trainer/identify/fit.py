@@ -182,9 +182,8 @@ def fit_free_filter(
     inputs: Sequence[str] | None = None,
 ) -> Fit:
     """Fit the free linear filter of ``order`` over ``inputs`` (trace columns; by default every temperature)."""
-    columns = tuple(inputs or temperature_columns(traces))
-    period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
-    structure = FreeFilter(order, training_segments(traces, columns, (REFERENCE,), period, effort.pieces))
+    columns, segments = estimator_data(traces, inputs, period_s, effort.pieces)
+    structure = FreeFilter(order, segments)
     require_enough(traces, structure)
     with threadpool_limits(1):
         found = searched(structure, effort, progress)
@@ -287,6 +286,18 @@ def training_segments(
     refuse_untaught(traces, inputs, outputs)
     whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
     return [piece for segment in whole for piece in segment.pieces(pieces)]
+
+
+def estimator_data(
+    traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int
+) -> tuple[tuple[str, ...], list[Segment]]:
+    """The columns that an estimator of the reference reads, and its grids.
+
+    Without ``inputs`` they are every temperature, without ``period_s`` the grid is the slowest trace's own.
+    """
+    columns = tuple(inputs or temperature_columns(traces))
+    period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
+    return columns, training_segments(traces, columns, (REFERENCE,), period, pieces)
 
 
 def refuse_untaught(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
-from ambient_model.trace import REFERENCE
 from ambient_trainer.identify.fit import (
     Effort,
     Fit,
     estimated,
+    estimator_data,
     fit_of,
     require_enough,
     searched,
-    temperature_columns,
-    training_segments,
 )
 from ambient_trainer.identify.search import Progress
 from ambient_trainer.kalman.believed import believed_theta, walk_of
@@ -32,7 +30,6 @@ from ambient_trainer.kalman.finish import Member, Told, finished, judged, late, 
 from ambient_trainer.kalman.observer_structure import ObserverStructure
 from ambient_trainer.kalman.reduce import reduced
 from ambient_trainer.kalman.walking_ambient import WalkingAmbient
-from ambient_trainer.traces.grid import sampling_period_s
 from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
@@ -55,12 +52,10 @@ def fit_circuit_observer(
 
     At most three of ``effort.starts`` are made. Raises :class:`Refused` for more sensors than any trace can tell.
     """
-    columns = tuple(inputs or temperature_columns(traces))
+    columns, segments = estimator_data(traces, inputs, period_s, effort.pieces)
     if len(columns) > _MOST_SENSORS:
         problem = f"{len(columns)} temperatures make a circuit with more unknowns than any trace can tell"
         raise refuse(CIRCUIT_OBSERVER, "", problem, f"name the best {_MOST_SENSORS} or fewer with --sensors")
-    period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
-    segments = training_segments(traces, columns, (REFERENCE,), period, effort.pieces)
     with threadpool_limits(1):
         walk = walk_of(segments)
         circuit = WalkingAmbient(columns, walk)

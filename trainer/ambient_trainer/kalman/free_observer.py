@@ -12,17 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import StateSpace
 from ambient_trainer.identify.fit import (
     Effort,
     Fit,
     Found,
     estimated,
+    estimator_data,
     fit_of,
     require_enough,
-    temperature_columns,
-    training_segments,
 )
 from ambient_trainer.identify.free_filter import FreeFilter
 from ambient_trainer.identify.search import Progress, SearchResult, search
@@ -31,7 +29,7 @@ from ambient_trainer.kalman.choosing import BLOCKS, ORDERS, Choice, Choosing
 from ambient_trainer.kalman.finish import Member, Told, finished, judged, late, without
 from ambient_trainer.kalman.free_structure import ConstrainedFilter
 from ambient_trainer.kalman.reduce import at_rest
-from ambient_trainer.traces.grid import Segment, sampling_period_s
+from ambient_trainer.traces.grid import Segment
 from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
@@ -51,9 +49,7 @@ def fit_free_observer(
 
     Ctrl-C before all is chosen keeps the best of what was tried.
     """
-    columns = tuple(inputs or temperature_columns(traces))
-    period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
-    segments = training_segments(traces, columns, (REFERENCE,), period, effort.pieces)
+    columns, segments = estimator_data(traces, inputs, period_s, effort.pieces)
     require_enough(traces, FreeFilter(max(ORDERS), segments))
     with threadpool_limits(1):
         choosing = Choosing(segments, effort, progress)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.evaluation.observed import guard_weight
+from ambient_trainer.evaluation.observed import Guarded, guarded
 from ambient_trainer.observer.objective import Objective
 from ambient_trainer.observer.poles import first_unknowns, search_poles
 from ambient_trainer.observer.recipe import LOGGED, Recipe
@@ -32,15 +32,10 @@ class Bank:
     stopped: bool = False
     """Whether the user did not wait for all fallbacks."""
 
-    def published(self, sensors_degC: Array) -> tuple[Array, Array]:
-        """What main and guard say together over sensors (m, N), and how far the main one lies above the guard.
-
-        The latter as the spread takes it: at most the threshold either way.
-        """
-        main = self.main.estimate_degC(sensors_degC)
-        apart = main - self.guard.estimate_degC(sensors_degC)
-        estimate = main - guard_weight(apart, self.threshold_degC) * apart
-        return estimate, np.clip(apart, -self.threshold_degC, self.threshold_degC)
+    def published(self, sensors_degC: Array) -> Guarded:
+        """What main and guard say together over sensors (m, N)."""
+        main, guard = (each.estimate_degC(sensors_degC) for each in (self.main, self.guard))
+        return guarded(main, guard, self.threshold_degC)
 
 
 def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[int], Told]) -> Bank:

@@ -117,9 +117,11 @@ def _closed(
     published = [bank.published(each.sensors_degC) for each in records]
     guard = _alone(recipe, bank.guard, records, effort)
     fallbacks = {name: _alone(recipe, each, records, effort) for name, each in bank.fallbacks.items()}
-    sigmas = np.concatenate([sigma_degC(spread, estimate, apart, bank.main.period_s) for estimate, apart in published])
+    sigmas = np.concatenate(
+        [sigma_degC(spread, each.ambient_degC, each.apart_degC, bank.main.period_s) for each in published]
+    )
     told = figures(recipe, bank, circuit, spread, sigmas, {name: each.rmse_degC for name, each in fallbacks.items()})
-    main = _fit(recipe, bank.main, [estimate for estimate, _ in published], records, effort)
+    main = _fit(recipe, bank.main, [each.ambient_degC for each in published], records, effort)
     members = [bank.main, bank.guard, *bank.fallbacks.values()]
     return replace(
         main,

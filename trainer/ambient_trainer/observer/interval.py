@@ -32,7 +32,7 @@ def fit_spread(recipe: Recipe, bank: Bank, lessons: Lessons) -> Spread:
     errors, terms, weights = [], [], []
     for name, count in recipe.weights.interval.items():
         for lesson in lessons[name]:
-            estimate, apart = bank.published(lesson.sensors_degC)
+            estimate, _, apart = bank.published(lesson.sensors_degC)
             errors.append((lesson.target_degC - estimate)[::stride])
             unrest = [unrest_degC2(kind, estimate, apart, period_s)[::stride] for kind in kinds]
             terms.append(np.vstack([np.ones_like(errors[-1]), *unrest]))

@@ -83,7 +83,8 @@ class Data:
         for name in names:
             if name not in self.names:
                 problem = f"left out: {out[name]}" if name in out else "no such sensor"
-                raise refuse(", ".join(each.path for each in self.traces), name, problem, "name others")
+                source = ", ".join(each.path for each in self.traces)
+                raise refuse(source, name, problem, f"take of {', '.join(self.names)}")
         return tuple(sorted(self.names.index(name) for name in names))
 
 
@@ -105,7 +106,17 @@ def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> Data
     if samples < _SAMPLES_PER_UNKNOWN * unknowns:
         mend = f"log {_SAMPLES_PER_UNKNOWN} each, or ask for fewer sensors (--most) or states (--order)"
         raise refuse(source, "", f"{samples} samples for up to {unknowns} unknowns", mend)
-    return Data(tuple(traces), sensors, left_out, laid, cut_in_blocks(laid, options.blocks, options.gap_s, source))
+    blocks = cut_in_blocks(laid, options.blocks, options.gap_s, source)
+    left = min(samples - _untaught(laid[each.segment], each) for each in blocks)
+    if left <= unknowns:
+        problem = f"beside a block and its gaps {left} samples are left to teach up to {unknowns} unknowns"
+        raise refuse(source, "", problem, "narrow the --gap, or ask for more --blocks")
+    return Data(tuple(traces), sensors, left_out, laid, blocks)
+
+
+def _untaught(segment: Segment, block: Block) -> int:
+    """How many samples with a reference lie in the block and its gaps."""
+    return int(np.count_nonzero(~np.isnan(segment.outputs[0, block.first : block.last])))
 
 
 def searched(

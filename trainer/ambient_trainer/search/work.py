@@ -5,15 +5,15 @@ So it is done in parallel, kept as it comes in, and skipped where it was done be
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Protocol
 
-from joblib import Parallel, delayed
+from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from ambient_trainer.search.state import State
+from ambient_trainer.workers import results, workers
 
 Progress = Callable[[str, int, int], None]
 """Told what is worked at, how many results of it are there, and how many are wanted."""
@@ -38,8 +38,7 @@ class Work:
         self.progress = progress
         self.computed = 0
         """How many results were not known before."""
-        options = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)} if jobs > 1 else {}
-        self._parallel = Parallel(n_jobs=jobs, return_as="generator", batch_size=1, **options)
+        self._parallel = workers(jobs)
 
     def __enter__(self) -> Work:
         self._parallel.__enter__()
@@ -59,7 +58,8 @@ class Work:
         self.progress(what, done, len(keys))
         if parts:
             # results come in the order of the parts, whoever is done first
-            for part, found in zip(parts, self._parallel(delayed(_limited)(task, part) for part in parts)):
+            computed = results(self._parallel, (delayed(_limited)(task, part) for part in parts))
+            for part, found in zip(parts, computed):
                 self.state.add({f"{task.name} {key}": value for key, value in zip(part, found)})
                 done += len(part)
                 self.computed += len(part)

@@ -6,12 +6,10 @@ its own; its correction is then scored on the other runs, bare and in its case.
 
 from __future__ import annotations
 
-import os
-import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from joblib import Parallel, delayed
+from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Model
@@ -22,6 +20,7 @@ from ambient_trainer.traces.trace import Trace
 from ambient_trainer.units.correction import MAIN, corrected, correction, known_between
 from ambient_trainer.units.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
 from ambient_trainer.units.unit import Unit, drawn, nominal
+from ambient_trainer.workers import results, workers
 
 Progress = Callable[[str, int, int], None]
 """What is under way, how much of it is done, of how much."""
@@ -88,18 +87,11 @@ def study(model: Model, plan: Plan, jobs: int, progress: Progress) -> Study:
     what = f"{len(units)} phones"
     found: list[Judged] = []
     progress(what, 0, len(units))
-    # whoever interrupts means the study, which then ends its workers
-    options = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)} if jobs > 1 else {}
-    with Parallel(n_jobs=min(jobs, len(parts)), return_as="generator", batch_size=1, **options) as parallel:
-        for judged in parallel(delayed(_judged)(model, part, plan) for part in parts):
+    with workers(min(jobs, len(parts))) as parallel:
+        for judged in results(parallel, (delayed(_judged)(model, part, plan) for part in parts)):
             found += judged
             progress(what, len(found), len(units))
     return Study(model, plan, found[0], tuple(found[1:]))
-
-
-def usable_cores() -> int:
-    """How many processes this one may keep busy."""
-    return len(os.sched_getaffinity(0))
 
 
 def _judged(model: Model, units: Sequence[Unit], plan: Plan) -> list[Judged]:

@@ -22,7 +22,7 @@ def test_the_bank_over_arrays_is_the_device_s():
 
     sensors = np.random.default_rng(2).normal(20, 2, (2, 1000))
     bank = Bank(Says(0), Says(1), 0.8, {})  # type: ignore[arg-type]
-    said, apart = bank.published(sensors)
+    said, _, apart = bank.published(sensors)
     device = [guarded(main, guard, 0.8) for main, guard in sensors.T.tolist()]
     assert said == pytest.approx([each.ambient_degC for each in device], abs=1e-12)
     assert apart == pytest.approx(np.clip([each.apart_degC for each in device], -0.8, 0.8), abs=1e-12)

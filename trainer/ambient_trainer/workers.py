@@ -1,0 +1,39 @@
+"""Worker processes are started whole, and leave Ctrl-C to whoever started them, who then ends them.
+
+One that is interrupted while it starts would print a traceback of its own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from joblib import Parallel
+
+
+def workers(jobs: int) -> Parallel:
+    """A context in which :func:`results` are computed by ``jobs`` processes, or by this one."""
+    options = {"initializer": signal.signal, "initargs": (signal.SIGINT, signal.SIG_IGN)} if jobs > 1 else {}
+    return Parallel(n_jobs=jobs, return_as="generator", batch_size=1, **options)
+
+
+def results(parallel: Parallel, tasks: Iterable[tuple[Callable[..., Any], Any, Any]]) -> Iterator[Any]:
+    """What the delayed ``tasks`` return, in their order, each as soon as it and those before are done."""
+    with _uninterrupted():
+        found: Iterator[Any] = parallel(tasks)
+    return found
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C comes when the block is done."""
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if came and callable(before):
+        before(signal.SIGINT, None)
