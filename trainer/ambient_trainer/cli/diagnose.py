@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.traces.trace import load_trace
 
 _PATIENCE_S = 1.0
@@ -80,9 +80,8 @@ def command(
             click.echo(f"Circuit: {extended_path}")
     if report_folder is not None:
         from ambient_trainer.diagnosis.page import diagnosis_page
-        from ambient_trainer.report.page import write_report
 
-        click.echo(f"Report: {write_report(report_folder, diagnosis_page(found))}")
+        write_page(report_folder, diagnosis_page(found))
 
 
 class _Bar:

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.simulation.zones import THESIS_ZONES
 
 if TYPE_CHECKING:
@@ -104,9 +104,8 @@ def _tell(done: Sequence[Done], of: Mapping[str, Any], json_path: str | None, re
         write_figures(json_path, {**of, **as_json(outcomes), "each": [_data(each) for each in done]})
     if report_folder is not None:
         from ambient_trainer.diagnosis.discovery.page import discovery_page
-        from ambient_trainer.report.page import write_report
 
-        click.echo(f"Report: {write_report(report_folder, discovery_page(outcomes))}")
+        write_page(report_folder, discovery_page(outcomes))
 
 
 def _data(done: Done) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import click
 from ambient_model.codec import load_model
 from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.mitigation.comparison import Comparison, compare, settling_min
 from ambient_trainer.mitigation.room import room_of
@@ -143,9 +143,7 @@ def command(
     if json_path is not None:
         write_figures(json_path, as_json(comparison))
     if report_folder is not None:
-        from ambient_trainer.report.page import write_report
-
-        click.echo(f"Report: {write_report(report_folder, page)}")
+        write_page(report_folder, page)
 
 
 def _page(comparison: Comparison) -> str:

@@ -28,6 +28,13 @@ def write_figures(path: str, data: Mapping[str, Any]) -> None:
     click.echo(f"Figures: {path}")
 
 
+def write_page(folder: str, page: str) -> None:
+    """Write a report's page into ``folder``, and say where it is."""
+    from ambient_trainer.report.page import write_report  # jinja2: only a report should wait for it
+
+    click.echo(f"Report: {write_report(folder, page)}")
+
+
 def write_json(path: str, data: Mapping[str, Any]) -> None:
     """Write ``data`` as JSON, whole or not at all; a number that is none is an error."""
     with replacing(path) as stream:

@@ -8,7 +8,7 @@ import click
 from rich.text import Text
 
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
@@ -36,9 +36,7 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
     if json_path:
         write_figures(json_path, as_json(found, errata))
     if report_folder:
-        from ambient_trainer.report.page import write_report
-
-        click.echo(f"Report: {write_report(report_folder, page)}")
+        write_page(report_folder, page)
 
 
 def _page(found: Reproduction, errata: Sequence[Erratum]) -> str:

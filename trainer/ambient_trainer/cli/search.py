@@ -15,7 +15,7 @@ from ambient_model.faults import refuse
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import counted_progress
 
 if TYPE_CHECKING:
@@ -163,7 +163,6 @@ def _write(found: Found, json_path: str | None, report_folder: str | None) -> No
 
         write_figures(json_path, as_json(found))
     if report_folder is not None:
-        from ambient_trainer.report.page import write_report
         from ambient_trainer.search.page import search_page
 
-        click.echo(f"Report: {write_report(report_folder, search_page(found))}")
+        write_page(report_folder, search_page(found))

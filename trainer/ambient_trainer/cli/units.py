@@ -8,7 +8,7 @@ from ambient_model.codec import load_model
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.table import for_terminal
 from ambient_trainer.units.study import Plan, Study, study
@@ -65,9 +65,7 @@ def command(
     if json_path is not None:
         write_figures(json_path, as_json(found))
     if report_folder is not None:
-        from ambient_trainer.report.page import write_report
-
-        click.echo(f"Report: {write_report(report_folder, page)}")
+        write_page(report_folder, page)
 
 
 def _page(found: Study) -> str:
