@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.codec import load_model
 from ambient_trainer.cli.lists import whole_numbers
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.number import sampling_option
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import staged_progress
@@ -28,15 +28,7 @@ from ambient_trainer.simulation.scenario import scenario_names
     show_default=True,
     help="How many other runs of a scenario the filters are fitted to.",
 )
-@click.option(
-    "--period",
-    "period_s",
-    type=FiniteRange(0.1, 10),
-    default=1.0,
-    show_default=True,
-    metavar="S",
-    help="Sampling.",
-)
+@sampling_option("Sampling.")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 def command(
     model_path: str, scenario_list: str, seed_list: str, fitted: int, period_s: float, json_path: str | None

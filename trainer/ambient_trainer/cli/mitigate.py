@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from ambient_model.codec import load_model
-from ambient_trainer.cli.number import Finite, FiniteRange
+from ambient_trainer.cli.number import Finite, FiniteRange, sampling_option
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
@@ -68,15 +68,7 @@ _ROOMS = ("5", "20", "35", "35/5/35")
     "--seed", type=click.IntRange(min=1), default=1, show_default=True, help="The first run's; training has 0."
 )
 @click.option("--runs", type=click.IntRange(1, 50), default=3, show_default=True, help="How many seeds a room.")
-@click.option(
-    "--period",
-    "period_s",
-    type=FiniteRange(0.1, 10),
-    default=1.0,
-    show_default=True,
-    metavar="S",
-    help="Between a governor's decisions.",
-)
+@sampling_option("Between a governor's decisions.")
 @click.option(
     "--convection",
     type=FiniteRange(0.5, 50),

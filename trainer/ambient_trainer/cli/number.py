@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import click
@@ -22,3 +23,10 @@ class Finite(FloatParamType):
 
 class FiniteRange(Finite, click.FloatRange):
     """``click.FloatRange``, which lets nan pass, and inf where a bound is open."""
+
+
+def sampling_option(meaning: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a command on the simulated phone --period, a device's: 0.1 to 10 s."""
+    return click.option(
+        "--period", "period_s", type=FiniteRange(0.1, 10), default=1.0, show_default=True, metavar="S", help=meaning
+    )

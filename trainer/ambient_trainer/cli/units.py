@@ -6,7 +6,7 @@ import click
 
 from ambient_model.codec import load_model
 from ambient_trainer.cli.effort import jobs_option
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.number import sampling_option
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
@@ -26,15 +26,7 @@ from ambient_trainer.units.summary import as_json, sentences, units_table
     help="Of the phones and the weather; training has 0.",
 )
 @click.option("--scenarios", "scenario_list", metavar="A,B,...", default="4,1", show_default=True)
-@click.option(
-    "--period",
-    "period_s",
-    type=FiniteRange(0.1, 10),
-    default=1.0,
-    show_default=True,
-    metavar="S",
-    help="Sampling.",
-)
+@sampling_option("Sampling.")
 @click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
 @click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
 @jobs_option("Processes.")
