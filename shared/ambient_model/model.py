@@ -5,7 +5,7 @@
     x[0]   = X0 u[0]
 
 X0 is the thermal equilibrium with the first sample and the same at every period: the trainer chooses the state's
-coordinates so (see ``ambient_trainer.identify.discretise``).
+coordinates so (see ``ambient_trainer.lti.discretise``).
 """
 
 from typing import Any, NamedTuple

@@ -1,99 +1,54 @@
-"""The trainer's command line, models in files, and a page in a real browser: what it complains of and fetches."""
+"""Small circuits with known parameters, data made of them by integration, and problems solved the slow way."""
 
 from __future__ import annotations
 
-import html
-import json
-import re
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
-from ambient_model.codec import save_model
-from ambient_model.model import Model
-from ambient_trainer.cli.main import main
-from ambient_trainer.report.page import write_report
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.lti.statespace import StateSpace
 
-QUIET = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--no-first-run", "--host-resolver-rules=MAP * ~NOTFOUND",
-)  # fmt: skip
-LISTEN = """<script>
-window.faults = [];
-addEventListener("error", (event) => faults.push(String(event.message || event.target.src)), true);
-addEventListener("unhandledrejection", (event) => faults.push(String(event.reason)));
-for (const level of ["error", "warn"]) console[level] = (...said) => faults.push(said.join(" "));
-addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringify({
-  faults,
-  fetched: performance.getEntriesByType("resource").map((each) => each.name),
-  wide: document.documentElement.scrollWidth, room: innerWidth,
-  plots: [...document.querySelectorAll(".js-plotly-plot .subplot")].map(
-    (each) => each.closest(".js-plotly-plot").querySelector(".nsewdrag").getBoundingClientRect().width),
-}), "*"), 3000));
-</script>"""
-FRAME = """<html><body><pre id="said"></pre><iframe src="{page}" style="width:{width}px;height:900px;border:0"></iframe>
-<script>addEventListener("message", (event) => document.getElementById("said").textContent = event.data);</script>
-</body></html>"""
+CIRCUITS = Path(__file__).parents[1] / "data" / "circuits"
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _one_thread():
+    """Four BLAS threads make the algebra of 5 x 5 matrices many times slower."""
+    with threadpool_limits(1):
+        yield
 
 
 @pytest.fixture
-def trainer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[Any, str, str]]:
-    """Runs ``ambient-trainer`` with arguments and returns its status, its output and its messages."""
-
-    def run(*arguments: object) -> tuple[Any, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ambient-trainer", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        return (stopped.value.code, *capsys.readouterr())
-
-    return run
+def forward():
+    """The circuit whose nodes are all measured; its initial values are the truth."""
+    return load_circuit(str(CIRCUITS / "three_nodes.yaml"))
 
 
 @pytest.fixture
-def saved(tmp_path: Path) -> Callable[[Model], str]:
-    """Writes a model and returns its path."""
+def rise():
+    """A circuit in rise form with known heat capacities; its initial values are the truth."""
+    return load_circuit(str(CIRCUITS / "rise.yaml"))
 
-    def save(model: Model) -> str:
-        path = str(tmp_path / "model.json")
-        save_model(path, model)
-        return path
 
-    return save
+def run_loop(discrete: StateSpace, inputs: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """The outputs (q, N) by the plain recursion, one sample at a time."""
+    outputs = []
+    for u in inputs.T:
+        outputs.append(discrete.C @ x + discrete.D @ u + discrete.offset)
+        x = discrete.A @ x + discrete.B @ u
+    return np.array(outputs).T
 
 
 @pytest.fixture
-def opened(tmp_path: Path) -> Callable[[str, int], dict[str, Any]]:
-    """What a page says of itself in a window of some width."""
-    if shutil.which("chromium") is None:
-        pytest.skip("no chromium to open the page with")
+def simulated() -> Callable[..., np.ndarray]:
+    return run_loop
 
-    def open_page(page: str, width: int) -> dict[str, Any]:
-        path = write_report(str(tmp_path / "report"), page.replace("<head>", "<head>" + LISTEN, 1))
-        frame = tmp_path / "frame.html"
-        frame.write_text(FRAME.format(page=f"file://{path}", width=width))
-        shown = subprocess.run(
-            [
-                "chromium",
-                *QUIET,
-                f"--user-data-dir={tmp_path / 'profile'}",
-                "--window-size=1400,1000",
-                "--virtual-time-budget=15000",
-                "--dump-dom",
-                f"file://{frame}",
-            ],
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=True,
-        ).stdout
-        found = re.search(r'<pre id="said">(.*?)</pre>', shown, re.DOTALL)
-        assert found
-        said: dict[str, Any] = json.loads(html.unescape(found[1]))
-        return said
 
-    return open_page
+@pytest.fixture
+def at_rest() -> Callable[[StateSpace, np.ndarray], np.ndarray]:
+    """The state of a discrete system that has seen ``u`` for ever."""
+    return lambda discrete, u: np.linalg.solve(np.eye(len(discrete.A)) - discrete.A, discrete.B @ u)

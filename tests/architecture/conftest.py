@@ -13,6 +13,7 @@ PACKAGES = {
     "ambient_model": ROOT / "shared" / "ambient_model",
     "ambientd": ROOT / "daemon" / "ambientd",
     "ambient_trainer": ROOT / "trainer" / "ambient_trainer",
+    "ambient_studies": ROOT / "trainer" / "ambient_studies",
 }
 
 

@@ -10,9 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Estimator, Matrix, Model
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.export.model_file import model_of
-from ambient_trainer.identify.fit import Effort, fit_circuit
-from ambient_trainer.simulation.phone import simulate
+from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.simulator.phone import simulate
 
 HERE = Path(__file__).parent
 ROWS: pytest.StashKey[list[tuple[str, ...]]] = pytest.StashKey()

@@ -9,13 +9,13 @@ import pytest
 from joblib import parallel_config
 
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.diagnosis.summary import as_json
-from ambient_trainer.simulation.hidden.effect import Hidden
-from ambient_trainer.simulation.hidden.runs import simulate_hidden
-from ambient_trainer.simulation.hidden.signals import SIGNALS
-from ambient_trainer.traces.trace import Trace
+from ambient_trainer.simulator.effects.effect import Hidden
+from ambient_trainer.simulator.effects.runs import simulate_hidden
+from ambient_trainer.simulator.effects.signals import SIGNALS
 
 SCENARIOS = ("5", "3")
 """Together more than seven hours."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.identify.fit import Effort, fit_circuit
-from ambient_trainer.simulation.phone import simulate
+from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.simulator.phone import simulate
 
 
 @pytest.mark.benchmark(group="thesis")

@@ -33,10 +33,10 @@ from scipy.signal import cont2discrete, dlsim
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.identify.discretise import zero_order_hold
-from ambient_trainer.identify.free_start import FreelyStartingCircuit
-from ambient_trainer.identify.search import search
-from ambient_trainer.traces.grid import Segment
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.search import search
+from ambient_trainer.lti.discretise import zero_order_hold
 
 THREE_NODES = Path(__file__).parents[1] / "data" / "circuits" / "three_nodes.yaml"
 SAMPLES = 25_000

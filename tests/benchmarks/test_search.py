@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from ambient_trainer.search.bank import low_passes, noise_gram
-from ambient_trainer.search.found import Options
-from ambient_trainer.search.grams import gathered
-from ambient_trainer.search.screen import screened
-from ambient_trainer.search.search import prepared, searched
-from ambient_trainer.search.state import State
-from ambient_trainer.search.work import Work
-from ambient_trainer.simulation.phone import simulate_zones
+from ambient_trainer.selection.bank import low_passes, noise_gram
+from ambient_trainer.selection.found import Options
+from ambient_trainer.selection.grams import gathered
+from ambient_trainer.selection.screen import screened
+from ambient_trainer.selection.search import prepared, searched
+from ambient_trainer.selection.state import State
+from ambient_trainer.selection.work import Work
+from ambient_trainer.simulator.phone import simulate_zones
 
 POLES_S = (10.0, 30.0, 90.0, 270.0)
 FIVE = ("soc", "flash", "battery", "usb", "display")

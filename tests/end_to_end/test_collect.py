@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 import yaml
 
+from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import campaign_path
-from ambient_trainer.simulation.scenario import scenario_names
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.simulator.scenario import scenario_names
 
 SPEED = 200
 

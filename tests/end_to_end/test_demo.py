@@ -4,7 +4,7 @@ import json
 import re
 
 from ambient_model.codec import load_model
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.data.trace import load_trace
 
 
 def test_the_whole_path(process, tmp_path, as_in_readme):

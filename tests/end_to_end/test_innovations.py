@@ -13,12 +13,12 @@ from scipy.linalg import expm, schur
 from scipy.optimize import minimize
 from threadpoolctl import threadpool_limits
 
-from ambient_trainer.kalman.believed import believed_theta, walk_of
-from ambient_trainer.kalman.response import states_from_rest
-from ambient_trainer.kalman.riccati import Unsettled, sampled_covariance
-from ambient_trainer.kalman.walking_ambient import WalkingAmbient
-from ambient_trainer.traces.grid import segments
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.data.grid import segments
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.estimators.kalman.prior import believed_theta, walk_of
+from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.lti.response import states_from_rest
+from ambient_trainer.lti.riccati import Unsettled, sampled_covariance
 
 MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"
 REFERENCE_NOISE_DEGC = 0.1

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.data.trace import load_trace
 
 CHANNELS = (102, 105, 110, 112)
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from ambient_trainer.identify.search import search
-from ambient_trainer.kalman.believed import believed_theta, walk_of
-from ambient_trainer.kalman.noise_gain import noise_gain
-from ambient_trainer.kalman.observer_structure import ObserverStructure, estimate_of
-from ambient_trainer.kalman.walking_ambient import WalkingAmbient
-from ambient_trainer.traces.grid import segments
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.data.grid import segments
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of
+from ambient_trainer.estimators.kalman.prior import believed_theta, walk_of
+from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.lti.noise_gain import noise_gain
 
 MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"
 BLIND_S, NONE = 1e7, 1e-9

@@ -18,12 +18,12 @@ from ambient_model.observer import Observer
 from ambient_model.trace import write_trace
 from ambient_model.tracking import Tracker
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.evaluation.observed import observe
-from ambient_trainer.export.model_file import model_of
-from ambient_trainer.identify.circuit_structure import CircuitStructure
-from ambient_trainer.identify.fit import Effort, fit_circuit, fit_free_filter
-from ambient_trainer.simulation.phone import simulate
-from ambient_trainer.traces.grid import Segment
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.published import observe
+from ambient_trainer.simulator.phone import simulate
 
 DAY = 86_400
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)

@@ -85,7 +85,7 @@ def test_a_report_is_the_files_that_are_looked_at(tmp_path):
     ],
 )
 def test_before_anything_is_read_or_done(here, monkeypatch, capsys, arguments):
-    monkeypatch.setattr("ambient_trainer.cli.reproduce.reproduce", lambda *_: pytest.fail("it has begun"))
+    monkeypatch.setattr("ambient_studies.cli.reproduce.reproduce", lambda *_: pytest.fail("it has begun"))
     monkeypatch.setattr(sys, "argv", ["ambient-trainer", *arguments.split(), "--report", "notes.txt"])
     with pytest.raises(SystemExit) as stopped:
         main()

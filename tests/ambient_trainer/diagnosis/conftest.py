@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_trainer.diagnosis.discovery.outcome import Outcome
+from ambient_studies.discovery.outcome import Outcome
 from ambient_trainer.diagnosis.misfit_tests import misfit_tests
 from ambient_trainer.diagnosis.result import Cause, Diagnosis, Gain, Magnitude, Misfit, Ranked, Step
 

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 from scipy.optimize import brentq
 
-from ambient_trainer.diagnosis.discovery.figures import (
+from ambient_studies.discovery.figures import (
     Share,
     confusion,
     detection_by_size,
@@ -17,8 +17,8 @@ from ambient_trainer.diagnosis.discovery.figures import (
     median_of,
     pairs_found,
 )
-from ambient_trainer.diagnosis.discovery.outcome import Outcome
-from ambient_trainer.diagnosis.discovery.summary import as_json, show
+from ambient_studies.discovery.outcome import Outcome
+from ambient_studies.discovery.summary import as_json, show
 from ambient_trainer.diagnosis.result import Cause
 
 HEAT, CASE, HAND = Cause("heat_source", "soc", "a_on"), Cause("ambient_coupling"), Cause("contact", "soc")

@@ -14,8 +14,9 @@ from click.testing import CliRunner
 from ambient_trainer.circuits.circuit import Source
 from ambient_trainer.circuits.schema import load_circuit, parse_circuit
 from ambient_trainer.circuits.write import save_circuit, write_circuit
-from ambient_trainer.cli.evaluate import command as evaluate
-from ambient_trainer.cli.fit import command as fit
+from ambient_trainer.cli.commands.evaluate import command as evaluate
+from ambient_trainer.cli.commands.fit import command as fit
+from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.extended import Effect, Model, view
 from ambient_trainer.diagnosis.extension import extended_circuit
@@ -25,10 +26,9 @@ from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.teach import left_over, records_of
-from ambient_trainer.identify.fit import Effort, fit_circuit
-from ambient_trainer.simulation.hidden.effect import Hidden
-from ambient_trainer.simulation.hidden.runs import simulate_hidden
-from ambient_trainer.traces.trace import Trace, save_trace
+from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.simulator.effects.effect import Hidden
+from ambient_trainer.simulator.effects.runs import simulate_hidden
 from ambientd.__main__ import main as ambientd
 
 PERIOD_S = 5.0

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from ambient_trainer.diagnosis.discovery.page import discovery_page
+from ambient_studies.discovery.page import discovery_page
 from ambient_trainer.diagnosis.page import diagnosis_page
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 

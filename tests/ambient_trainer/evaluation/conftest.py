@@ -12,7 +12,7 @@ import pytest
 from ambient_model.codec import save_model
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
-from ambient_trainer.traces.trace import Trace, save_trace
+from ambient_trainer.data.trace import Trace, save_trace
 
 INPUTS = (Input("usb", "degC", "usb-therm", -30.0, 90.0), Input("battery", "degC", "battery", -30.0, 90.0))
 

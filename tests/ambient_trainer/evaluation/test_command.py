@@ -14,8 +14,8 @@ import pytest
 from click.testing import CliRunner
 
 from ambient_model.faults import Refused
-from ambient_trainer.cli.evaluate import command
-from ambient_trainer.traces.trace import Trace
+from ambient_trainer.cli.commands.evaluate import command
+from ambient_trainer.data.trace import Trace
 
 Saved = Callable[..., tuple[str, str]]
 TraceOf = Callable[..., Trace]

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from ambient_model.faults import Refused
 from ambient_model.model import Discrete, Estimator, Input
 from ambient_model.tracking import Tracker
-from ambient_trainer.circuits.assemble import StateSpace
-from ambient_trainer.evaluation.estimate import estimate_degC, states
-from ambient_trainer.identify.discretise import first_order_hold
-from ambient_trainer.traces.trace import Array, Trace
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.estimators.estimate import estimate_degC
+from ambient_trainer.lti.discretise import first_order_hold
+from ambient_trainer.lti.response import states
+from ambient_trainer.lti.statespace import StateSpace
 
 INPUTS = ("usb_degC", "battery_degC")
 SYSTEM = StateSpace(

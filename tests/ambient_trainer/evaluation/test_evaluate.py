@@ -9,10 +9,10 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_model.model import Model
+from ambient_trainer.data.digest import sha256_of
+from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.estimators.published import observe
 from ambient_trainer.evaluation.evaluate import evaluate_file, evaluate_trace
-from ambient_trainer.evaluation.observed import observe
-from ambient_trainer.traces.digest import sha256_of
-from ambient_trainer.traces.trace import Trace, save_trace
 
 ModelOf = Callable[..., Model]
 TraceOf = Callable[..., Trace]

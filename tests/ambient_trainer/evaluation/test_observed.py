@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from ambient_model.model import Model, Spread, Term
 from ambient_model.observer import Observer
 from ambient_model.tracking import Tracker
-from ambient_trainer.evaluation.observed import Observed, observe
-from ambient_trainer.traces.trace import Array
+from ambient_trainer.data.trace import Array
+from ambient_trainer.estimators.published import Observed, observe
 
 ModelOf = Callable[..., Model]
 

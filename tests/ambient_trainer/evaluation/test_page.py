@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from ambient_model.model import Model
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.evaluation.page import evaluation_page
 from ambient_trainer.evaluation.summary import figures_table
 from ambient_trainer.report.page import write_report
-from ambient_trainer.traces.trace import Trace
 
 BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 QUIET = [

@@ -17,12 +17,12 @@ import numpy as np
 import pytest
 import yaml
 
+from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.clock import FastClock
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Sample
 from ambient_trainer.laboratory.rehearsal.laboratory import rehearsal
-from ambient_trainer.traces.trace import load_trace
 
 SPEED = 60.0
 SAFE_DEGC = 20.0

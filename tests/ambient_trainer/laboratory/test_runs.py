@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
+from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.clock import FastClock
 from ambient_trainer.laboratory.collect import Job, Watching, collect, resume
 from ambient_trainer.laboratory.conductor import Ending
 from ambient_trainer.laboratory.rehearsal.laboratory import rehearsal
-from ambient_trainer.traces.trace import load_trace
 
 SPEED = 150.0
 

@@ -4,10 +4,10 @@ import pytest
 
 from ambient_trainer.laboratory.campaign import campaign_names, campaign_path, load_campaign
 from ambient_trainer.laboratory.rows import signals_while
-from ambient_trainer.simulation import constants as c
-from ambient_trainer.simulation.constants import Activity
-from ambient_trainer.simulation.scenario import load_scenario, scenario_names
-from ambient_trainer.simulation.zones import THESIS_ZONES
+from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator.scenario import load_scenario, scenario_names
+from ambient_trainer.simulator.zones import THESIS_ZONES
 
 
 def shipped(name):

@@ -9,22 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Output
+from ambient_trainer.lti.statespace import StateSpace
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class StateSpace:
-    """Continuous dx/dt = A x + B u, y = C x + D u + offset.
-
-    Shapes: A (n, n), B (n, m), C (q, n), D (q, m), offset (q,); x and y in degC, time in s.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    D: Array
-    offset: Array
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from ambient_trainer.lti.statespace import Hold
+
 AMBIENT = "ambient"
 
 Form = Literal["rise", "temperature"]
-Hold = Literal["first-order", "zero-order"]
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,9 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from ambient_model.faults import Fault, Refused, refuse
-from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Form, Hold, Node, Output, Parameter, Source
-from ambient_trainer.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Form, Node, Output, Parameter, Source
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
+from ambient_trainer.lti.statespace import Hold
 
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
 

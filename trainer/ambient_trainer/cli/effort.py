@@ -25,7 +25,7 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the places.")
     @functools.wraps(command)
     def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:
-        from ambient_trainer.identify.fit import Effort  # scipy: --help should not wait for it
+        from ambient_trainer.estimators.fit import Effort  # scipy: --help should not wait for it
 
         return command(effort=Effort(starts, seed, pieces), **rest)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import sys
 
@@ -10,41 +11,38 @@ import click
 
 from ambient_model import __version__
 from ambient_model.faults import Refused
+from ambient_trainer.data.plugins import plugin_names
 
-COMMANDS = {
-    "calibrate": "calibrate",
-    "calibrate-phone": "calibrate_phone",
-    "collect": "collect",
-    "compare": "compare",
-    "correct": "correct",
-    "demo": "demo",
-    "diagnose": "diagnose",
-    "discover": "discover",
-    "evaluate": "evaluate",
-    "fit": "fit",
-    "identifiability": "identifiability",
-    "import": "import_",
-    "limit": "limit",
-    "mitigate": "mitigate",
-    "reproduce": "reproduce",
-    "search": "search",
-    "simulate": "simulate",
-    "units": "units",
-}
+COMMANDS = "ambient_trainer.cli.commands"
+STUDIES = "ambient_studies.cli"
 
 
 class _LazyCommands(click.Group):
     """Imports a command's module when the command is asked for: ``--help`` should not wait for plots."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return [*plugin_names(COMMANDS), *_studies()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
+        module = {**_studies(), **plugin_names(COMMANDS)}.get(cmd_name)
+        if module is None:
             return None
-        module = importlib.import_module(f"ambient_trainer.cli.{COMMANDS[cmd_name]}")
-        command: click.Command = module.command
+        command: click.Command = importlib.import_module(module).command
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands, and under a heading of their own those of the studies."""
+        for heading, names in (("Commands", plugin_names(COMMANDS)), ("Studies of the simulated phone", _studies())):
+            limit = formatter.width - 6 - max(map(len, names), default=0)
+            rows = [(name, found.get_short_help_str(limit)) for name in names if (found := self.get_command(ctx, name))]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+
+
+def _studies() -> dict[str, str]:
+    """The commands of the studies, by name; none where they are not installed."""
+    return plugin_names(STUDIES) if importlib.util.find_spec(STUDIES.partition(".")[0]) else {}
 
 
 @click.command(cls=_LazyCommands, context_settings={"help_option_names": ["-h", "--help"]})

@@ -19,7 +19,7 @@ from rich.progress import (
 )
 
 if TYPE_CHECKING:
-    from ambient_trainer.identify import search  # scipy: --help should not wait for it
+    from ambient_trainer.estimation import search  # scipy: --help should not wait for it
 
 
 @contextlib.contextmanager

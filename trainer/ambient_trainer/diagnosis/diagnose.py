@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.causes import contact, heat_source
 from ambient_trainer.diagnosis.choose import Choice, Chosen, Trial, choose, lacking
 from ambient_trainer.diagnosis.experiment import next_experiment
@@ -25,7 +26,6 @@ from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ra
 from ambient_trainer.diagnosis.teach import Taught, records_of, taught_by_baselines, taught_by_itself
 from ambient_trainer.diagnosis.view import conductances_to_ambient
 from ambient_trainer.diagnosis.words import figures, growth, window
-from ambient_trainer.traces.trace import Trace
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.identify.modes import passive_modes
+from ambient_trainer.lti.modes import passive_modes
 
 Array = NDArray[np.float64]
 

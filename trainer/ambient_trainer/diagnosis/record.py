@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.circuits.circuit import Hold
-from ambient_trainer.traces.grid import sampling_period_s, segments
-from ambient_trainer.traces.trace import Trace
+from ambient_trainer.data.grid import sampling_period_s, segments
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.lti.statespace import Hold
 
 Array = NDArray[np.float64]
 

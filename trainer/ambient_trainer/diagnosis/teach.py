@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.extended import Model, view
 from ambient_trainer.diagnosis.joint import Teaching, fitted, information
 from ambient_trainer.diagnosis.noise import Noise
@@ -17,9 +18,8 @@ from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record, means, records, straight
 from ambient_trainer.diagnosis.setting import knows_watts
-from ambient_trainer.identify.fit import Effort, fit_circuit
-from ambient_trainer.identify.search import Progress
-from ambient_trainer.traces.trace import Trace
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimators.fit import Effort, fit_circuit
 
 
 @dataclass(frozen=True)

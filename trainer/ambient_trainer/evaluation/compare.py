@@ -8,13 +8,13 @@ from typing import Any
 
 from ambient_model.faults import refuse
 from ambient_model.model import Model
+from ambient_trainer.data.trace import Trace, load_trace
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimators.fit import Effort, Fit
+from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.named import fitting, reads_any
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
-from ambient_trainer.export.model_file import model_of, training_of
-from ambient_trainer.identify.fit import Effort, Fit
-from ambient_trainer.identify.named import fitting, reads_any
-from ambient_trainer.identify.search import Progress
 from ambient_trainer.report.table import Table
-from ambient_trainer.traces.trace import Trace, load_trace
 
 _COLUMNS = ("circuit", "sensors", "states", "training", "held out", "static", "cold start", "converged", "identifiable")
 _CAPTION = (

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from ambient_model.model import LEVELS_PERCENT, Band, Quantiles
-from ambient_trainer.traces.trace import Array
+from ambient_trainer.data.trace import Array
 
 ROLLING_SAMPLES = 20
 ROLLING_LEVEL_PERCENT = 98

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 from ambient_model.model import Model
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, WARMING_UP
+from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, rolling_band
 from ambient_trainer.evaluation.provenance import training_spans
 from ambient_trainer.evaluation.summary import figures_table, labels, verdict, warnings
-from ambient_trainer.identify.static_linear import STATIC_LINEAR
 from ambient_trainer.report.page import render
 from ambient_trainer.report.plots import (
     BLUE,

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from ambient_model.model import Model
+from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import Metrics
-from ambient_trainer.identify.static_linear import STATIC_LINEAR
 from ambient_trainer.report.table import Table
 
 _COLUMNS = ("trace", "method", "RMSE", "MAE", "MBE", "98 % interval", "in 50/90/98 %", "samples")

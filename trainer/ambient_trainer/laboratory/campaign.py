@@ -16,9 +16,9 @@ from pydantic import Field, model_validator
 
 from ambient_model.faults import Refused, refuse
 from ambient_model.trace import REFERENCE
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 from ambient_trainer.laboratory.campaign_checks import faults_between, offset_faults
 from ambient_trainer.laboratory.instruments.offsets import ProbeOffset, load_offsets
-from ambient_trainer.strict_yaml import Strict, load_yaml, validated, wrong
 
 _FOLDER = Path(__file__).with_name("campaigns")
 

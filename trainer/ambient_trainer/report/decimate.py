@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.traces.trace import Array
+from ambient_trainer.data.trace import Array
 
 _GAP_STEPS = 2.5
 

@@ -13,8 +13,8 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots  # type: ignore[import-untyped]
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.report.decimate import broken_at_gaps, envelope, extremes
-from ambient_trainer.traces.trace import Array
 
 POINTS_PER_LINE = 6000
 """Lines of more samples than this are drawn from the extremes of stretches."""

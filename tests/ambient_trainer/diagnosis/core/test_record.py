@@ -7,8 +7,8 @@ import pytest
 from scipy.linalg import expm
 
 from ambient_model.faults import Refused
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.record import MOST_SAMPLES, diagnosis_period_s, means, records, straight
-from ambient_trainer.traces.trace import Trace
 
 
 def _trace(time_s: np.ndarray, **columns: np.ndarray) -> Trace:

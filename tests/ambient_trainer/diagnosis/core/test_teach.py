@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.choose import _unmoved, lacking
 from ambient_trainer.diagnosis.extended import Model
 from ambient_trainer.diagnosis.joint import Teaching, fitted, information
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.teach import Taught, left_over, searched, taught_by_baselines, taught_by_itself
-from ambient_trainer.traces.trace import Trace
 
 N = 540
 TIME_S = 10.0 * np.arange(N)

@@ -12,21 +12,21 @@ import pytest
 from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
+from ambient_studies.discovery.cases import CAUSES, Case, baselines, simulated
+from ambient_studies.discovery.runner import Bench, size_in_noise
+from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.choose import lacking
 from ambient_trainer.diagnosis.diagnose import diagnose_taught
-from ambient_trainer.diagnosis.discovery.cases import CAUSES, Case, baselines, simulated
-from ambient_trainer.diagnosis.discovery.runner import Bench, size_in_noise
-from ambient_trainer.diagnosis.discovery.score import Scored, score
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.diagnosis.teach import taught_by_baselines
-from ambient_trainer.simulation.hidden.draw import draw_hidden
-from ambient_trainer.simulation.hidden.runs import Simulated
-from ambient_trainer.simulation.hidden.signals import SIGNALS
-from ambient_trainer.simulation.scenario import load_scenario
-from ambient_trainer.traces.trace import Trace
+from ambient_trainer.simulator.effects.draw import draw_hidden
+from ambient_trainer.simulator.effects.runs import Simulated
+from ambient_trainer.simulator.effects.signals import SIGNALS
+from ambient_trainer.simulator.scenario import load_scenario
 
 PERIOD_S = 20.0
 """Of the phone's records: half as many samples as a diagnosis takes by itself, for half the time."""

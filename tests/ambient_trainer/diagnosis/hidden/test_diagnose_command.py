@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from ambient_model.codec import load_model
-from ambient_trainer.simulation.phone import simulate
-from ambient_trainer.traces.trace import save_trace
+from ambient_trainer.data.trace import save_trace
+from ambient_trainer.simulator.phone import simulate
 
 LID = Path(__file__).parents[3] / "data" / "circuits" / "lid.yaml"
 STEP = {"cause", "location", "signal", "onset_s", "end_s", "magnitude", "confidence", "gain", "indistinguishable_from",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
 
-from ambient_trainer.diagnosis.discovery.cases import CAUSES, PERIOD_S
-from ambient_trainer.diagnosis.discovery.score import ONSET_S
+from ambient_studies.discovery.cases import CAUSES, PERIOD_S
+from ambient_studies.discovery.score import ONSET_S
 
 DUE_IN_NOISE = 5.0
 _SMOOTH_S = 60.0

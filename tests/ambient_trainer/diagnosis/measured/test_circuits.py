@@ -14,11 +14,11 @@ from threadpoolctl import threadpool_limits
 
 from ambient_trainer.circuits.circuit import Parameter, Source
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.identify.free_start import FreelyStartingCircuit
-from ambient_trainer.identify.search import search
-from ambient_trainer.identify.uncertainty import residuals
-from ambient_trainer.traces.grid import segments
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.data.grid import segments
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation.uncertainty import residuals
 
 
 class Fitted(NamedTuple):

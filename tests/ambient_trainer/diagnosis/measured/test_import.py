@@ -8,7 +8,7 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from ambient_trainer.traces.trace import load_trace
+from ambient_trainer.data.trace import load_trace
 
 
 @pytest.mark.parametrize("house", ["O5", "N2"])

@@ -9,7 +9,8 @@ from click.testing import CliRunner
 from scipy.signal import lfilter
 
 from ambient_model.faults import Refused
-from ambient_trainer.cli.calibrate import command
+from ambient_trainer.cli.commands.calibrate import command
+from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.laboratory.clock import FastClock
 from ambient_trainer.laboratory.instruments.bath_run import BathLab, BathRun, Pace
 from ambient_trainer.laboratory.instruments.calibration import (
@@ -25,7 +26,6 @@ from ambient_trainer.laboratory.instruments.thermometer import Thermometer
 from ambient_trainer.laboratory.line import SwitchedOff
 from ambient_trainer.laboratory.simulated.multiplexer import SimulatedMultiplexer
 from ambient_trainer.laboratory.simulated.thermometer import SimulatedThermometer
-from ambient_trainer.traces.trace import Trace, load_trace, save_trace
 
 PERIOD_S = 2.0
 

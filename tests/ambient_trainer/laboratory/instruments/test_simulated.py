@@ -14,8 +14,8 @@ from ambient_trainer.laboratory.clock import FastClock, RealClock
 from ambient_trainer.laboratory.instruments.chamber import Chamber
 from ambient_trainer.laboratory.simulated.air import Air
 from ambient_trainer.laboratory.simulated.chamber import SimulatedChamber
-from ambient_trainer.simulation.chamber import ramped
-from ambient_trainer.simulation.device import Chamber as Dynamics
+from ambient_trainer.simulator.chamber import ramped
+from ambient_trainer.simulator.device import Chamber as Dynamics
 
 STILL = Dynamics(heating_K_min=2.0, cooling_K_min=1.5, wobble_degC=0.0)
 

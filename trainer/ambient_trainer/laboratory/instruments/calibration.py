@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import Fault, Refused
-from ambient_trainer.identify.uncertainty import residual_memory
+from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.laboratory.instruments.offsets import ProbePoint, ProbeTable
 
 Array = NDArray[np.float64]

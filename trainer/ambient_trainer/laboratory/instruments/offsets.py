@@ -14,7 +14,7 @@ from typing import NamedTuple
 import yaml
 from pydantic import Field, model_validator
 
-from ambient_trainer.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 
 FORMAT = "probe-offsets"
 VERSION = 1

@@ -18,10 +18,10 @@ from ambient_trainer.laboratory.rehearsal.phone import SimulatedPhone
 from ambient_trainer.laboratory.simulated.chamber import SimulatedChamber
 from ambient_trainer.laboratory.simulated.multiplexer import SimulatedMultiplexer
 from ambient_trainer.laboratory.simulated.thermometer import SimulatedThermometer
-from ambient_trainer.simulation import constants as c
-from ambient_trainer.simulation.constants import Activity
-from ambient_trainer.simulation.run import stream
-from ambient_trainer.simulation.zones import Zone, all_zones
+from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator.run import stream
+from ambient_trainer.simulator.zones import Zone, all_zones
 
 _SWITCH_S = 2e-4
 _ACTIVITIES = {activity.value: activity for activity in Activity if activity is not Activity.IDLE}
@@ -45,7 +45,7 @@ def rehearsal(loaded: Loaded, clock: Clock, seed: int = 0) -> Iterator[Rehearsal
     """The simulated laboratory for ``loaded``; raises :class:`Refused` for what the simulated phone does not have.
 
     It begins with the chamber at the program's first set point and the phone at rest in it. With the same ``seed``,
-    chamber, probes and phone have the swing, errors and noise of :func:`ambient_trainer.simulation.phone.simulate`.
+    chamber, probes and phone have the swing, errors and noise of :func:`ambient_trainer.simulator.phone.simulate`.
     """
     campaign = loaded.campaign
     zones = _zones(loaded)

@@ -1,7 +1,7 @@
 """A simulated phone as its files: zones, gauge and uptime as a kernel shows them, an ``adb`` in front of a real shell.
 
 Who takes a sample reads the uptime first: it is a pipe, behind which the files are brought up to date for the answer.
-Second by second it is the phone of :mod:`ambient_trainer.simulation`, with the same equations, sensors and noise, in
+Second by second it is the phone of :mod:`ambient_trainer.simulator`, with the same equations, sensors and noise, in
 air that somebody else makes. What it does is what ``phone start ACTIVITY`` in its shell last said.
 """
 
@@ -20,13 +20,13 @@ import numpy as np
 
 from ambient_trainer.laboratory.campaign import PowerSupply
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.simulation.chamber import lag_weights
-from ambient_trainer.simulation.constants import NODES, Activity
-from ambient_trainer.simulation.device import Phone
-from ambient_trainer.simulation.heat import Demand, HeatBalance
-from ambient_trainer.simulation.instruments import felt_weights, reported
-from ambient_trainer.simulation.run import advanced, bursts, stream
-from ambient_trainer.simulation.zones import Zone
+from ambient_trainer.simulator.chamber import lag_weights
+from ambient_trainer.simulator.constants import NODES, Activity
+from ambient_trainer.simulator.device import Phone
+from ambient_trainer.simulator.heat import Demand, HeatBalance
+from ambient_trainer.simulator.instruments import felt_weights, reported
+from ambient_trainer.simulator.run import advanced, bursts, stream
+from ambient_trainer.simulator.zones import Zone
 
 _ACTIVITIES = tuple(Activity)
 _STEP_S = 1.0

@@ -11,9 +11,9 @@ import threading
 
 import numpy as np
 
-from ambient_trainer.simulation import constants as c
-from ambient_trainer.simulation.chamber import lag_weights
-from ambient_trainer.simulation.device import Chamber
+from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.chamber import lag_weights
+from ambient_trainer.simulator.device import Chamber
 
 _STEP_S = 1.0
 _STANDING_S = 1800.0  # how slowly a chamber that is stopped goes back to the room's temperature; chosen

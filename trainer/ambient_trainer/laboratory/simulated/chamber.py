@@ -12,7 +12,7 @@ from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.protocols import voetsch
 from ambient_trainer.laboratory.simulated.air import Air
 from ambient_trainer.laboratory.simulated.terminal import SimulatedInstrument, Work
-from ambient_trainer.simulation.device import Chamber
+from ambient_trainer.simulator.device import Chamber
 
 _BAUD = 9600
 _WORK_S = 0.08  # between a question and the first byte of its answer; chosen

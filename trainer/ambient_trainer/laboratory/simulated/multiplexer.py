@@ -11,8 +11,8 @@ import numpy as np
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.protocols import agilent
 from ambient_trainer.laboratory.simulated.terminal import XOFF, XON, SimulatedInstrument, Work
-from ambient_trainer.simulation import constants as c
-from ambient_trainer.simulation.chamber import lag_weights
+from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.chamber import lag_weights
 
 _BAUD = 57600
 _IDENTITY = b"HEWLETT-PACKARD,34970A,0,13-2-2\r\n"

@@ -1,0 +1,134 @@
+"""What counts as found, on diagnoses and truths made by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambient_studies.discovery.score import place_in, score
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Step
+from ambient_trainer.simulator.constants import NODES
+from ambient_trainer.simulator.effects.truth import Truth
+
+PHONE = load_circuit("phone")
+TIME_S = 5.0 + 10.0 * np.arange(100)
+HEAT = Truth("heat_source", "board2", "battery", "charger_on", 600.0, None, 0.8, "W")
+BIAS = Truth("sensor_bias", "battery", "battery", None, 500.0, 900.0, 2.0, "degC")
+LAW = Truth("convection_law", None, None, None, None, None, 0.4, "1")
+PATH = Truth("path", "usb-flash", "usb-flash", None, 500.0, None, 0.1, "W/K")
+FOUND_HEAT = Cause("heat_source", "board2", "charger_on")
+FOUND_BIAS = Cause("sensor_bias", "battery")
+
+
+def step(cause, onset_s=None, value=1.0, unit="W", ci95=(0.0, 0.0), gain=(0.1, 0.2)):
+    magnitude = Magnitude(value, unit, "how much", ci95)
+    return Step(cause, onset_s, None, magnitude, 1.0, Gain(1.0, 0.5, gain, 0.0), (), "said", {}, np.zeros((1, 100)))
+
+
+@pytest.fixture
+def scored(made):
+    def scored(truths, *steps):
+        said = made(time_s=TIME_S, steps=steps, verdict=steps[0] if steps else None)
+        return score(truths, 6.0, said, PHONE, 1.5)
+
+    return scored
+
+
+def test_one_effect_is_named_by_the_first_step(scored):
+    found = scored([HEAT], step(FOUND_HEAT, gain=(0.3, 0.4)), step(FOUND_BIAS)).outcome
+    assert found.correct
+    assert (found.true, found.found) == ((FOUND_HEAT,), (FOUND_HEAT, FOUND_BIAS))
+    assert (found.gain_ci, found.seconds, found.size_in_noise) == ((0.3, 0.4), 1.5, 6.0)
+    late = scored([HEAT], step(FOUND_BIAS), step(FOUND_HEAT)).outcome
+    assert not late.correct
+    assert late.magnitude_error_frac is not None
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        Cause("heat_source", "board2"),
+        Cause("heat_source", "board2", "radio_on"),
+        Cause("heat_source", "usb", "charger_on"),
+        Cause("contact", "board2", "charger_on"),
+        Cause(UNKNOWN),
+    ],
+)
+def test_cause_location_and_signal_have_to_agree(scored, cause):
+    found = scored([HEAT], step(cause))
+    assert not found.outcome.correct
+    assert (found.outcome.magnitude_error_frac, found.magnitude_right, found.onset_right) == (None, None, None)
+
+
+def test_nothing_hidden_and_nothing_found(scored):
+    assert scored([]).outcome.correct
+    assert scored([]).outcome.gain_ci is None
+    assert not scored([], step(Cause(UNKNOWN))).outcome.correct
+    assert not scored([BIAS]).outcome.correct
+
+
+def test_of_two_both_have_to_be_there_in_any_order(scored):
+    assert scored([HEAT, BIAS], step(FOUND_BIAS), step(FOUND_HEAT)).outcome.correct
+    assert scored([HEAT, BIAS], step(FOUND_BIAS), step(Cause("contact", "cell")), step(FOUND_HEAT)).outcome.correct
+    assert not scored([HEAT, BIAS], step(FOUND_HEAT), step(Cause("sensor_bias", "usb"))).outcome.correct
+
+
+@pytest.mark.parametrize(("found_s", "right"), [(380.0, True), (620.0, True), (379.0, False), (621.0, False)])
+def test_an_onset_may_be_off_by_two_minutes(scored, found_s, right):
+    found = scored([BIAS], step(FOUND_BIAS, found_s, 2.0, "degC"))
+    assert (found.outcome.onset_error_s, found.onset_right) == (found_s - 500.0, right)
+
+
+def test_since_ever_is_since_the_trace_began(scored):
+    assert scored([LAW], step(Cause("convection_law"))).outcome.onset_error_s is None
+    assert scored([LAW], step(Cause("convection_law"), 55.0)).outcome.onset_error_s == 50.0
+    assert scored([BIAS], step(FOUND_BIAS)).outcome.onset_error_s == -495.0
+    # a signal tells itself when it is on
+    assert scored([HEAT], step(FOUND_HEAT)).outcome.onset_error_s is None
+
+
+@pytest.mark.parametrize(
+    ("value", "ci95", "right"),
+    [(2.5, (2.4, 2.6), True), (1.49, (1.4, 1.6), False), (3.0, (1.9, 4.1), True), (-2.0, (-2.1, -1.9), False)],
+)
+def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(scored, value, ci95, right):
+    found = scored([BIAS], step(FOUND_BIAS, 500.0, value, "degC", ci95))
+    assert found.outcome.magnitude_error_frac == pytest.approx(value / 2.0 - 1.0)
+    assert found.magnitude_right is right
+
+
+def test_magnitudes_in_other_units_are_not_compared(scored):
+    found = scored([BIAS], step(FOUND_BIAS, 500.0, 2.0, "K/s"))
+    assert (found.outcome.magnitude_error_frac, found.magnitude_right) == (None, None)
+
+
+def test_a_negative_magnitude_is_compared_by_its_size(scored):
+    found = scored([replace(BIAS, magnitude=-2.0)], step(FOUND_BIAS, 500.0, -1.0, "degC"))
+    assert found.outcome.magnitude_error_frac == 0.5
+
+
+def test_a_path_has_two_ends_and_no_direction(scored):
+    assert scored([PATH], step(Cause("path", "flash-usb"))).outcome.correct
+
+
+def test_places_by_the_circuits_names():
+    named = {node: place_in(PHONE, node) for node in NODES}
+    assert {node: name for node, name in named.items() if name != node} == {
+        "battery": "cell",
+        "back": "case",
+        "frame": "case",
+    }
+    thesis = load_circuit("model2_ss")
+    assert [place_in(thesis, node) for node in ("board2", "battery", "usb", "soc")] == [
+        "battery",
+        "battery",
+        "usb",
+        "soc",
+    ]
+
+
+def test_what_is_no_number_is_none(scored):
+    found = scored([BIAS], step(FOUND_BIAS, 500.0, float("nan"), "degC", gain=(0.1, float("inf"))))
+    assert found.outcome.correct
+    assert (found.outcome.magnitude_error_frac, found.outcome.gain_ci) == (None, None)

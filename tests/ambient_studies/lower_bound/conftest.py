@@ -1,0 +1,41 @@
+"""Models of the simulated phone: one that was fitted to what it is scored on, and one that says nothing new."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Discrete, Estimator, Input, Model
+from ambient_trainer.estimators.fit import Effort, fit_free_filter
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.simulator.phone import simulate_many
+
+SCENARIO, PERIOD_S = "2.5", 5.0
+
+
+def constant_model(said_degC: float, sensor: str = "usb") -> Model:
+    estimator = Estimator(
+        (Input(sensor, "degC", sensor, -45.0, 130.0),),
+        (),
+        (Discrete(PERIOD_S, (), (), ((),), ((0.0,),)),),
+        said_degC,
+        (),
+        {50: (-0.1, 0.1), 90: (-0.2, 0.2), 98: (-0.3, 0.3)},
+    )
+    return Model(
+        "constant", "2024-01-01T00:00:00Z", "ambient", estimator, {}, {}, conformance_of(estimator, ((20.0,),))
+    )
+
+
+@pytest.fixture(scope="session")
+def taught_the_scenario() -> Model:
+    """What a free filter of order 2 learns of the scenario itself, of the runs that the limit is fitted to."""
+    traces = simulate_many([(SCENARIO, seed) for seed in (6, 7, 8)], PERIOD_S)
+    return model_of(fit_free_filter(2, traces, Effort(starts=4)), [], {})
+
+
+@pytest.fixture
+def constant() -> Callable[..., Model]:
+    return constant_model

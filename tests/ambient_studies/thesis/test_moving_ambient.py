@@ -1,0 +1,61 @@
+"""The explicit system is the implicit balance with -dT_amb/dt, and a fit finds it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambient_studies.thesis.moving_ambient import INPUTS, fit_with_moving_ambient, with_moving_ambient
+from ambient_trainer.estimators.estimate import estimate_degC
+from ambient_trainer.lti.statespace import StateSpace
+
+RISES = StateSpace(
+    A=np.diag([-0.03, -0.004, -0.011]),
+    B=np.array([[-0.02, 0, 0, 0.02], [0, -0.009, 0.005, 0.004], [0, 0.003, -0.003, 0]]),
+    C=np.array([[0.3, 0.2, -0.7]]),
+    D=np.array([[0.1, -0.1, 0.6, 0.4]]),
+    offset=np.zeros(1),
+)
+
+
+@pytest.mark.parametrize("frequency", [1e-5, 1e-3, 0.01, 0.3, 10.0])
+def test_every_frequency_obeys_the_implicit_balance(frequency):
+    """s x = A x + B u - 1 s y with y = C x + D u, solved for x and y together at s = i omega."""
+    s, u = 2j * np.pi * frequency, np.array([1.0, 0.3 - 0.2j, -0.5j, 2.0])
+    implicit = np.zeros((4, 4), dtype=complex)
+    implicit[:3, :3], implicit[:3, 3] = s * np.eye(3) - RISES.A, s
+    implicit[3, :3], implicit[3, 3] = -RISES.C[0], 1
+    y = np.linalg.solve(implicit, [*(RISES.B @ u), (RISES.D @ u)[0]])[3]
+    found = with_moving_ambient(RISES)
+    explicit = found.C @ np.linalg.solve(s * np.eye(3) - found.A, found.B @ u) + found.D @ u
+    np.testing.assert_allclose(explicit[0], y, rtol=1e-9)
+
+
+def test_at_rest_the_term_changes_nothing():
+    gains = [each.D - each.C @ np.linalg.solve(each.A, each.B) for each in (RISES, with_moving_ambient(RISES))]
+    np.testing.assert_allclose(*gains, rtol=1e-12)
+
+
+def test_a_fit_finds_a_circuit_that_has_the_term(training, unseen):
+    """The reference is what such a circuit says: without the term no fit could follow it."""
+    truth = with_moving_ambient(RISES)
+
+    def told(trace):
+        said = estimate_degC(truth, "first-order", INPUTS, trace)
+        return replace(trace, columns={**trace.columns, "ambient_degC": said})
+
+    found = fit_with_moving_ambient(told(training))
+    error = told(unseen).reference - estimate_degC(found, "first-order", INPUTS, unseen)
+    assert np.sqrt(np.mean(error**2)) < 0.05
+
+
+def test_missing_samples_are_left_out(training):
+    holes = {name: values.copy() for name, values in training.columns.items()}
+    holes["ambient_degC"][100:400] = np.nan
+    holes["usb_degC"][1000:1004] = np.nan
+    found = fit_with_moving_ambient(replace(training, columns=holes))
+    assert np.linalg.eigvals(found.A).real.max() < 0
+    error = training.reference - estimate_degC(found, "first-order", INPUTS, training)
+    assert np.sqrt(np.mean(error**2)) < 2

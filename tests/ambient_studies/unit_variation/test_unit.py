@@ -1,0 +1,84 @@
+"""Units are drawn within what their tolerances say, each by its own number."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ambient_studies.unit_variation.unit import drawn, nominal
+from ambient_trainer.simulator.device import Phone
+from ambient_trainer.simulator.zones import thesis_zones
+
+ZONES = thesis_zones()
+MANY = 400
+
+
+@pytest.fixture(scope="module")
+def many():
+    return [drawn(number, 1, ZONES) for number in range(1, MANY + 1)]
+
+
+def test_the_nominal_one_is_the_calibrated_phone():
+    unit = nominal(ZONES)
+    assert (unit.number, unit.phone, unit.zones, unit.gains) == (0, Phone.shipped(), ZONES, {})
+
+
+def test_a_unit_is_itself_whoever_else_is_drawn(many):
+    assert drawn(7, 1, ZONES) == many[6]
+    assert drawn(7, 2, ZONES) != many[6]
+    some = drawn(7, 1, ZONES[3:])
+    assert some.phone == many[6].phone
+    assert some.zones == many[6].zones[3:]
+
+
+def _logs(many, of):
+    return np.log([of(each) for each in many])
+
+
+@pytest.mark.parametrize(
+    ("of", "middle", "spread"),
+    [
+        (lambda unit: unit.phone.conductance_W_K["battery-display"], 0.3888, 0.15),
+        (lambda unit: unit.phone.capacitance_J_K["battery"], 61.02, 0.03),
+        (lambda unit: unit.phone.power_W["idle.soc"], 0.2409, 0.3),
+        (lambda unit: unit.phone.power_W["cpu_100.soc"], 9.0, 0.05),
+        (lambda unit: unit.phone.convection_W_m2_K125, 11.96, 0.03),
+        (lambda unit: unit.phone.battery_ohm, 0.08, 0.1),
+        (lambda unit: unit.phone.share["usb"], 0.1648, 0.1),
+        (lambda unit: unit.zones[3].lag_s, 8.0, 0.2),
+    ],
+)
+def test_what_scatters_by_so_much_does(many, of, middle, spread):
+    logs = _logs(many, of)
+    assert np.mean(logs) == pytest.approx(np.log(middle), abs=4 * spread / np.sqrt(MANY))
+    assert np.std(logs) == pytest.approx(spread, rel=0.15)
+
+
+def test_leakage_is_the_die_s_own_and_not_each_activity_s(many):
+    unit, phone = many[0], Phone.shipped()
+    standby = {unit.phone.power_W[f"idle.{node}"] / phone.power_W[f"idle.{node}"] for node in ("soc", "board2")}
+    assert max(standby) == pytest.approx(min(standby))
+    loads = {unit.phone.power_W[name] / phone.power_W[name] for name in ("cpu_100.soc", "camera_4k.camera")}
+    assert max(loads) == pytest.approx(min(loads))
+
+
+def test_thermistors_keep_within_their_grade_and_silicon_scatters(many):
+    usb = np.array([unit.zones[3].offset_degC for unit in many])
+    assert np.abs(usb).max() <= 0.02 / 0.044
+    assert np.std(usb) == pytest.approx(np.sqrt(2 / 3) * 0.01 / 0.044, rel=0.1)
+    assert max(abs(unit.gains["usb"]) for unit in many) <= 0.01
+    soc = np.array([unit.zones[0].offset_degC for unit in many])
+    assert np.std(soc) == pytest.approx(1.0, rel=0.1)
+
+
+def test_nothing_is_beyond_what_can_be(many):
+    assert all(0 < share < 1 for unit in many for share in unit.phone.share.values())
+    assert all(0.8 < unit.phone.emissivity <= 1.0 for unit in many)
+
+
+def test_a_case_is_that_of_its_layers(many):
+    """Conduction through 1 to 2 mm of 0.2 W/(m K) and 0.2 to 0.5 mm of air against 20 W/(m2 K)."""
+    shares = [unit.case.resistance_frac for unit in many]
+    assert min(shares) >= 20 * (0.001 / 0.2 + 0.0002 / 0.026)
+    assert max(shares) <= 20 * (0.002 / 0.2 + 0.0005 / 0.026)
+    assert all(40 <= unit.case.capacitance_J_K <= 64 for unit in many)

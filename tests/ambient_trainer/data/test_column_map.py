@@ -1,0 +1,187 @@
+"""A map says what it means, and a wrong one is refused with every fault and its place."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.data.importers.column_map import ColumnMap, load_map, parse_map
+from ambient_trainer.data.strict_yaml import parse_yaml
+
+_GOOD = "time: {column: t, unit: s}\ncolumns:\n  usb_degC: T_usb\n"
+
+
+def _parsed(text):
+    return parse_map(parse_yaml(text, "m.yaml"), "m.yaml")
+
+
+def _message(text):
+    with pytest.raises(Refused) as refused:
+        _parsed(text)
+    return str(refused.value)
+
+
+def test_shorthand_is_the_long_form():
+    assert _parsed(_GOOD) == _parsed(_GOOD.replace("T_usb", "{from: [T_usb]}"))
+
+
+def test_numbers_name_columns_and_missing_values():
+    source = _parsed(_GOOD.replace("T_usb", "{from: 101, missing: [-32768, NaN, 9.9E+37]}")).columns["usb_degC"]
+    assert source.sources == ("101",)
+    assert [str(float(each)) for each in source.missing] == ["-32768.0", "nan", "9.9e+37"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("columns: {usb_degC: T}", "time: missing; add it"),
+        ("time: {column: t, unit: s}", "columns: missing; add it"),
+        (
+            "time: {column: t, unit: s}\ncolumns:",
+            "columns: no columns; map at least one, such as 'usb_degC: T_usb'",
+        ),
+        (
+            "time: {column: t}\ncolumns: {a_degC: T}",
+            "time: neither 'unit' nor 'format'; "
+            "give 'unit: s' for a number, or 'format: \"%Y-%m-%d %H:%M:%S\"' for a date",
+        ),
+        (
+            _GOOD + "colums: 1",
+            "colums: unknown key; remove it or correct its name; "
+            "known are time, columns, constants, missing, delimiter, decimal, header, skip_rows, skip_under_header, "
+            "drop_rows, bad_rows, notes, comment, encoding",
+        ),
+        (
+            _GOOD.replace("T_usb", "{from: T, scal: 2}"),
+            "columns.usb_degC.scal: unknown key; remove it or correct its name; "
+            "known are from, combine, unit, scale, offset, missing",
+        ),
+        (_GOOD.replace("T_usb", "{unit: K}"), "columns.usb_degC.from: missing; add it"),
+        (
+            _GOOD.replace("T_usb", "{from: T, unit: mW}"),
+            "columns.usb_degC.unit: mW does not become degC; take one of degC, ddegC, cdegC, mdegC, degF, K",
+        ),
+        (
+            _GOOD.replace("usb_degC", "fan_rpm").replace("T_usb", "{from: T, unit: mW}"),
+            "columns.fan_rpm.unit: mW does not become rpm; end its name in _W",
+        ),
+        (
+            _GOOD.replace("T_usb", "{from: T, scale: 0}"),
+            "columns.usb_degC.scale: a scale of 0 leaves nothing of the value; give another, or leave the column out",
+        ),
+        (
+            _GOOD.replace("T_usb", "{from: [A, B]}"),
+            "columns.usb_degC: 2 columns and no 'combine'; add 'combine: mean' or 'combine: median'",
+        ),
+        (
+            _GOOD.replace("T_usb", "{from: A, combine: mean}"),
+            "columns.usb_degC: 'combine' with a single column; remove it",
+        ),
+        (
+            _GOOD.replace("T_usb", "on"),
+            "columns.usb_degC.from[0]: YAML reads True here, not text; put it in quotes",
+        ),
+        (
+            _GOOD.replace("usb_degC", "usb"),
+            "columns.usb: is no column's name; name it <name>_<unit>, such as usb_degC",
+        ),
+        (_GOOD.replace("usb_degC", "time_s"), "columns.time_s: the time is not mapped here; describe it under 'time'"),
+        (_GOOD + "constants: {usb_degC: 22}", "constants.usb_degC: stands under 'columns' too; remove one"),
+        (
+            _GOOD + "constants: {room: 22}",
+            "constants.room: is no column's name; name it <name>_<unit>, such as usb_degC",
+        ),
+        (_GOOD + "constants: {time_s: 0}", "constants.time_s: the time is not mapped here; describe it under 'time'"),
+        (_GOOD + "constants: {a_W: 2e40}", "constants: a_W is 2e+40; give what an instrument could read"),
+        (
+            _GOOD + "delimiter: ', '",
+            "delimiter: ', ' is no delimiter; give one character, or 'whitespace' for runs of blanks",
+        ),
+        (
+            _GOOD + "delimiter: '\"'",
+            "delimiter: '\"' is no delimiter; give one character, or 'whitespace' for runs of blanks",
+        ),
+        (
+            _GOOD + "header: false\nskip_under_header: 1",
+            "'skip_under_header' without a header; count those lines in 'skip_rows'",
+        ),
+        (_GOOD + "header: 1", "header: 1: input should be a valid boolean; correct it"),
+        (_GOOD + "drop_rows: {Status: [on]}", "drop_rows.Status[0]: YAML reads True here, not text; put it in quotes"),
+        (_GOOD + "bad_rows: keep", "bad_rows: 'keep': input should be 'refuse' or 'drop'; correct it"),
+        (_GOOD + "notes: {start: 5}", "notes: 'start' is a note that the import writes; call it otherwise"),
+        (
+            _GOOD + "notes: {'a: b': c}",
+            "notes: 'a: b' is no note; give a key without ':' or '#', and one line of text",
+        ),
+        (
+            _GOOD + 'notes: {a: "b\\nc"}',
+            "notes: 'a' is no note; give a key without ':' or '#', and one line of text",
+        ),
+        (_GOOD + "decimal: ','", "',' is both delimiter and decimal; give 'delimiter: \";\"'"),
+        (_GOOD + "encoding: cp99", "encoding: no encoding is called 'cp99'; take utf-8, utf-16, cp1252 or latin-1"),
+        (
+            _GOOD + "  usb_degC: U\n",
+            "line 4, column 3: not YAML (key 'usb_degC' stands twice); correct the indentation or the quotes",
+        ),
+        (
+            "time: [",
+            "line 1, column 8: not YAML (expected the node content, but found '<stream end>'); "
+            "correct the indentation or the quotes",
+        ),
+        ("time: 2020-13-45", ": not YAML (month must be in 1..12); put the value in quotes"),
+    ],
+)
+def test_a_wrong_map_is_refused_with_place_and_mend(text, message):
+    assert _message(text) == f"m.yaml: {message.removeprefix(': ')}"
+
+
+def test_every_fault_is_named_at_once():
+    text = """
+time: {column: t, unit: weeks}
+columns:
+  usb_degC: {from: A, scale: steep}
+  soc_degC: {from: B, unit: furlong}
+  battery_degC: {from: C, unit: mA}
+  x: D
+"""
+    places = [line.split(":")[0].strip() for line in _message(text).splitlines()[1:]]
+    assert places == [
+        "time.unit",
+        "columns.usb_degC.scale",
+        "columns.soc_degC.unit",
+        "columns.battery_degC.unit",
+        "columns.x",
+    ]
+
+
+def test_a_map_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(Refused, match="cannot be read"):
+        load_map(str(tmp_path / "none.yaml"))
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_a_map_or_refused(tmp_path_factory, raw):
+    path = tmp_path_factory.getbasetemp() / "any.yaml"
+    path.write_bytes(raw)
+    with pytest.raises(Refused):
+        load_map(str(path))
+
+
+_leaf = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
+_part = st.recursive(
+    _leaf, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+)
+_entry = st.dictionaries(
+    st.sampled_from(["from", "unit", "scale", "offset", "missing", "combine"]), _part | st.just("mW")
+)
+
+
+@given(st.dictionaries(st.sampled_from([*ColumnMap.model_fields]), _part), _entry)
+def test_any_structure_is_a_map_or_refused(data, entry):
+    for columns in (data.get("columns"), {"usb_degC": entry}):
+        try:
+            parse_map(data | {"columns": columns}, "m")
+        except Refused:
+            continue

@@ -1,0 +1,373 @@
+"""Foreign CSV files become traces: units, dates, German numbers, sentinels, and one clear message for a wrong file."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.data.importers.column_map import load_map, parse_map
+from ambient_trainer.data.importers.csv_import import import_csv
+from ambient_trainer.data.trace import load_trace, save_trace
+from ambient_trainer.data.units import UNITS
+
+_TIME = {"column": "t", "unit": "s"}
+
+_CORRECT = "correct it, or list it under 'missing' in the map"
+_DESCRIBE = "correct or remove the row, or describe the time otherwise in the map"
+
+
+def _imported(path, columns, time=_TIME, **layout):
+    return import_csv(path, parse_map({"time": time, "columns": columns, **layout}, "m.yaml"), "m.yaml")
+
+
+def _columns(path, columns, **layout):
+    return {name: values.tolist() for name, values in _imported(path, columns, **layout).trace.columns.items()}
+
+
+def _message(path, columns=None, **layout):
+    with pytest.raises(Refused) as refused:
+        _imported(path, columns or {"a_degC": "a"}, **layout)
+    return str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "text", "value"),
+    [
+        ("a_degC", "mdegC", "30241", 30.241),
+        ("a_degC", "ddegC", "-7", -0.7),
+        ("a_degC", "degF", "212", 100.0),
+        ("a_degC", "degF", "-40", -40.0),
+        ("a_degC", "K", "300.15", 27.0),
+        ("a_W", "mW", "1234.5", 1.2345),
+        ("a_A", "uA", "-250000", -0.25),
+        ("a_frac", "percent", "45.2", 0.452),
+        ("wind_m_s", "km_h", "36", 10.0),
+        ("irradiance_W_m2", "kW_m2", "0.8", 800.0),
+        ("clock_Hz", "MHz", "1804.8", 1804800000.0),
+    ],
+)
+def test_units_become_the_traces(write, name, unit, text, value):
+    path = write("a.csv", f"t,a\n0,{text}\n")
+    assert _columns(path, {name: {"from": "a", "unit": unit}}) == {name: [value]}
+
+
+def test_a_unit_converts_to_one_that_names_may_end_with():
+    assert {unit.base for unit in UNITS.values()} <= UNITS.keys()
+
+
+def test_scale_and_offset_follow_the_conversion(write):
+    path = write("a.csv", "t,a\n0,1000\n")
+    assert _columns(path, {"a_degC": {"from": "a", "unit": "mdegC", "scale": 2, "offset": -0.5}}) == {"a_degC": [1.5]}
+
+
+def test_probes_are_averaged_over_those_that_read(write):
+    path = write("a.csv", "t,a,b,c\n0,1,2,6\n1,1,,6\n2,,,\n")
+    mean = _columns(path, {"a_degC": {"from": ["a", "b", "c"], "combine": "mean"}})["a_degC"]
+    median = _columns(path, {"a_degC": {"from": ["a", "b", "c"], "combine": "median"}})["a_degC"]
+    assert mean == pytest.approx([3.0, 3.5, np.nan], nan_ok=True)
+    assert median == pytest.approx([2.0, 3.5, np.nan], nan_ok=True)
+
+
+def test_missing_values_are_told_as_text_or_as_numbers(write):
+    path = write("a.csv", "t,a,b\n0,-,NaN\n1,+9.90000000E+37,\n2,-32768.0,nan\n3,5,-1\n")
+    columns = _columns(
+        path, {"a_degC": {"from": "a", "missing": ["-", "9.9E+37", -32768]}, "b_degC": "b"}, missing=["-1"]
+    )
+    assert columns == {
+        "a_degC": pytest.approx([np.nan] * 3 + [5.0], nan_ok=True),
+        "b_degC": pytest.approx([np.nan] * 4, nan_ok=True),
+    }
+
+
+@pytest.mark.parametrize(
+    ("time", "texts", "seconds"),
+    [
+        ({"unit": "ms"}, ["1764155611546", "1764155612575"], [0, 1.029]),
+        ({"unit": "s"}, ["1764155611.546", "1764155612.575"], [0, 1.029]),
+        ({"unit": "min"}, ["0", "0.5"], [0, 30]),
+        ({"unit": "h"}, ["1", "1.25"], [0, 900]),
+        ({"format": "%d.%m.%Y %H:%M:%S"}, ["28.02.2024 23:59:59", "01.03.2024 00:00:01"], [0, 86402]),
+        ({"format": "iso"}, ["2020-07-29 06:12:38", "2020-07-29T06:12:39.622862"], [0, 1.622862]),
+        ({"format": "iso"}, ["2020-07-29T06:12:38Z", "2020-07-29T08:12:39+02:00"], [0, 1]),
+    ],
+)
+def test_time_counts_from_the_first_row(write, time, texts, seconds):
+    path = write("a.csv", "t,a\n" + "".join(f"{text},1\n" for text in texts))
+    trace = _imported(path, {"a_degC": "a"}, time={"column": "t", **time}).trace
+    assert trace.time_s.tolist() == seconds
+    assert trace.notes["start"].startswith(texts[0])
+
+
+def test_a_german_export_is_read(tmp_path):
+    path = tmp_path / "messung.csv"
+    head = '# Prüfling 7\nLogger;V1\nZeit;"Fühler; 1 (°C)";Bemerkung\n'
+    rows = head + "01.02.2024 10:00:00;-12,5;\n# Pause\n01.02.2024 10:00:10;1,25;gut\n"
+    path.write_bytes(rows.replace("\n", "\r\n").encode("cp1252"))
+    trace = _imported(
+        str(path),
+        {"ambient_degC": "Fühler; 1 (°C)"},
+        time={"column": "Zeit", "format": "%d.%m.%Y %H:%M:%S"},
+        delimiter=";", decimal=",", encoding="cp1252", comment="#", skip_rows=2,
+    ).trace  # fmt: skip
+    assert trace.time_s.tolist() == [0, 10]
+    assert trace.reference.tolist() == [-12.5, 1.25]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_byte_order_mark_tells_the_encoding(tmp_path, encoding):
+    (tmp_path / "a.csv").write_bytes("t,a\n0,1\n".encode(encoding))
+    assert _columns(str(tmp_path / "a.csv"), {"a_degC": "a"}) == {"a_degC": [1.0]}
+
+
+def test_rows_that_go_backwards_are_dropped_where_the_map_says_so(write):
+    path = write("a.csv", "t,a\n0,1\n5,2\n3,3\n5,4\n6,5\n")
+    imported = _imported(path, {"a_degC": "a"}, time={**_TIME, "not_increasing": "drop"})
+    assert imported.trace.time_s.tolist() == [0, 5, 6]
+    assert imported.trace.columns["a_degC"].tolist() == [1, 2, 5]
+    assert imported.dropped_rows == 2
+    assert imported.trace.notes["dropped_rows"] == "2"
+
+
+def test_a_table_without_names_between_blanks(write):
+    path = write("a.txt", "#1 \ndouble data(2,3) \n 20044800.0  24.5\t-1e1 \n\n20045400.0 24.25   3 \n")
+    imported = _imported(
+        path, {"a_degC": 2, "b_W": {"from": 3, "scale": -1}}, time={"column": 1, "unit": "s"},
+        delimiter="whitespace", header=False, skip_rows=2,
+    )  # fmt: skip
+    assert imported.trace.time_s.tolist() == [0, 600]
+    assert imported.trace.columns["a_degC"].tolist() == [24.5, 24.25]
+    assert imported.trace.columns["b_W"].tolist() == [10, -3]
+    assert imported.trace.notes == {"source": "a.txt", "start": "20044800.0 s"}
+
+
+def test_a_testers_export_with_a_units_row_and_its_own_steps(write):
+    rows = "1,PAU,0.5,20.5,\n2,RANGE,0.5,20.5,\n3,DCH,1.5,21,\n9999,STO,1.5,21,\n"
+    path = write("a.csv", f"\n\nName,LG\nStep,Status,Prog Time,T,\n[],[],[s],[T1],\n{rows}")
+    imported = _imported(
+        path, {"a_degC": "T"}, time={"column": "Prog Time", "unit": "s"},
+        skip_rows=3, skip_under_header=1, drop_rows={"Status": ["STO"], "Step": 2},
+    )  # fmt: skip
+    assert imported.trace.time_s.tolist() == [0, 1]
+    assert imported.dropped == {"the map's 'drop_rows' names them": 2}
+
+
+def test_rows_that_cannot_be_read_are_dropped_where_the_map_says_so(write):
+    rows = ["nan,1", "0,1", "later,2", "1,warm", "2,inf", "3", "4,2,?", "5,", "4,7", "-1e308,1", "6,1e300", "7,2"]
+    imported = _imported(
+        write("a.csv", "\n".join(["t,a", *rows]) + "\n"), {"a_degC": {"from": "a", "unit": "mdegC", "scale": 1000}},
+        time={**_TIME, "not_increasing": "drop"}, bad_rows="drop",
+    )  # fmt: skip
+    assert imported.trace.time_s.tolist() == [0, 5, 7]
+    assert imported.trace.columns["a_degC"].tolist() == pytest.approx([1, np.nan, 2], nan_ok=True)
+    assert imported.trace.notes["start"] == "0 s"
+    assert imported.dropped == {"they cannot be read": 8, "their time did not increase": 1}
+    assert imported.trace.notes["dropped_rows"] == "9"
+
+
+def test_a_row_that_cannot_be_read_hides_no_step_back_in_time(write):
+    path = write("a.csv", "t,a\n5,1\n9,x\n3,2\n")
+    assert _message(path, bad_rows="drop") == (
+        f"{path}: line 4, column t: 3 does not come after 5 (rows out of order: 1); "
+        "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'"
+    )
+
+
+def test_what_nobody_logged_comes_in_as_assumed(write, tmp_path):
+    path = write("a.csv", "t,a\n0,1\n1,2\n")
+    trace = _imported(
+        path, {"a_degC": "a"}, constants={"ambient_degC": 21.5, "idle_W": 2}, notes={"room": "by the window"}
+    ).trace
+    assert trace.reference.tolist() == [21.5, 21.5]
+    assert trace.columns["idle_W"].tolist() == [2, 2]
+    out = str(tmp_path / "o.csv")
+    save_trace(out, trace)
+    assert load_trace(out).notes == {
+        "source": "a.csv",
+        "start": "0 s",
+        "assumed": "ambient_degC = 21.5, idle_W = 2 (not logged)",
+        "room": "by the window",
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "layout", "message"),
+    [
+        ("", {}, "{path}: no header line; check 'skip_rows' and 'comment', or the file: it may be empty"),
+        ("t,a\n", {}, "{path}: no rows under the header; log something first"),
+        (
+            "",
+            {"header": False},
+            "{path}: no row; check 'skip_rows' and 'comment', or the file: it may be empty",
+        ),
+        (
+            "0,1\n1,2\n",
+            {"header": False, "time": {"column": 1, "unit": "s"}},
+            "m.yaml: columns.a_degC.from: no column 'a' in {path}; line 1 has 1, 2",
+        ),
+        ("t,a\n0,1\n", {"drop_rows": {"s": ["x"]}}, "m.yaml: drop_rows.s: no column 's' in {path}; line 1 has t, a"),
+        (
+            "t,a\n0,1\n1,1\n",
+            {"drop_rows": {"a": [1]}},
+            "{path}: no row is left (2 dropped since the map's 'drop_rows' names them); "
+            "check 'drop_rows' and 'delimiter' in the map",
+        ),
+        (
+            "t,a\nx,1\n1,y\nnan,1\n",
+            {"bad_rows": "drop"},
+            "{path}: no row is left (3 dropped since they cannot be read); "
+            "import it with 'bad_rows: refuse' to see why",
+        ),
+        ("t,b\n0,1\n", {}, "m.yaml: columns.a_degC.from: no column 'a' in {path}; line 1 has t, b"),
+        ("t,a,a\n0,1,2\n", {}, "m.yaml: columns.a_degC.from: column 'a' stands twice in {path}; rename one in line 1"),
+        (
+            "t,a\n0,1\n1\n",
+            {},
+            "{path}: line 3: 1 cells where the header has 2; "
+            "correct or remove the row; check 'delimiter' and 'decimal' in the map",
+        ),
+        ("t,a\n0,1\n\n1,warm\n", {}, "{path}: line 4, column a: 'warm' is not a number; " + _CORRECT),
+        (
+            't,a\n0,"1,5"\n',
+            {},
+            "{path}: line 2, column a: '1,5' is not a number; "
+            "if that is a decimal comma, say 'decimal: \",\"' in the map",
+        ),
+        (
+            "t;a\n0;1.500\n",
+            {"delimiter": ";", "decimal": ","},
+            "{path}: line 2, column a: '1.500' is not a number; " + _CORRECT,
+        ),
+        ("t,a\n0,inf\n", {}, "{path}: line 2, column a: 'inf' is not a finite number; " + _CORRECT),
+        (
+            "t,a\n0,1\nnan,2\n",
+            {},
+            "{path}: line 3, column t: 'nan' is no time to count from '0'; correct or remove the row",
+        ),
+        (
+            "t,a\n0,1\n,2\n",
+            {},
+            "{path}: line 3, column t: '' is not a number; " + _DESCRIBE,
+        ),
+        (
+            "t,a\n0,1\n2,1\n2,1\n1,1\n",
+            {},
+            "{path}: line 4, column t: 2 does not come after 2 (rows out of order: 2); "
+            "correct the rows, or drop them with 'not_increasing: drop' in the map's 'time'",
+        ),
+        (
+            "t,a\n0,1\n",
+            {"time": {"column": "t", "format": "%H:%M"}},
+            "{path}: line 2, column t: '0' is not the format '%H:%M'; " + _DESCRIBE,
+        ),
+    ],
+)
+def test_a_wrong_file_is_refused_with_line_column_and_mend(write, text, layout, message):
+    path = write("a.csv", text)
+    assert _message(path, **layout) == message.format(path=path)
+
+
+def test_each_column_tells_its_first_fault(write):
+    path = write("a.csv", "t,a,b\n0,1,x\n1,y,2\n2,z,3\n")
+    assert _message(path, {"a_degC": "a", "b_degC": "b"}).splitlines()[1:] == [
+        "  line 3, column a: 'y' is not a number; " + _CORRECT,
+        "  line 2, column b: 'x' is not a number; " + _CORRECT,
+    ]
+
+
+def test_a_value_that_scales_out_of_range_is_refused(write):
+    path = write("a.csv", "t,a\n0,1\n1,1e300\n")
+    assert _message(path, {"a_degC": {"from": "a", "scale": 1e10}}) == (
+        f"{path}: line 3, column a: '1e300' converts to no measurement; "
+        "correct it, or list it under 'missing' in columns.a_degC"
+    )
+
+
+def test_bytes_in_another_encoding_are_refused_by_line(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"t,a\n0,1\n1,\xb0\n")
+    assert _message(str(path)) == (
+        f"{path}: line 3: is not utf-8-sig text; name its encoding in the map, such as 'encoding: cp1252'"
+    )
+
+
+def test_a_phones_zones_come_in(measured, maps, tmp_path):
+    path = measured / "s25plus-zones" / "s25_zones_tidy.csv"
+    imported = import_csv(str(path), load_map(str(maps / "s25plus-zones.map.yaml")), "map")
+    raw = np.genfromtxt(path, delimiter=",", skip_header=1)
+    clock = raw[:, 0]
+    kept = np.array([k == 0 or clock[k] > clock[:k].max() for k in range(len(clock)) if k < 3000])
+    trace = imported.trace
+    assert len(clock) - len(trace.time_s) == imported.dropped_rows == 80
+    assert (np.diff(trace.time_s) > 0).all()
+    head = int(kept.sum())
+    assert trace.time_s[:head] == pytest.approx(clock[:3000][kept] - clock[0], abs=1e-6)
+    names = ["cpu_big_degC", "cpu_little_degC", "gpu_degC", "battery_degC", "modem_degC", "chassis_degC", "skin_degC"]
+    for index, name in enumerate(names):
+        np.testing.assert_array_equal(trace.columns[name][:head], raw[:3000][kept][:, index + 1])
+    assert 16 <= np.isnan(trace.columns["cpu_big_degC"]).sum() <= 36
+
+
+@given(
+    st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5, unique=True).map(sorted),
+    st.data(),
+    st.sampled_from([",", ";", "\t", "|", "whitespace"]),
+    st.booleans(),
+    st.integers(0, 3),
+    st.integers(0, 2),
+)
+def test_any_layout_of_the_same_numbers_is_the_same_trace(
+    tmp_path_factory, times, data, delimiter, header, above, below
+):
+    values = data.draw(st.lists(st.floats(-1e6, 1e6), min_size=len(times), max_size=len(times)))
+    path = tmp_path_factory.getbasetemp() / "layout.txt"
+    by = data.draw(st.text(" \t", min_size=1, max_size=3)) if delimiter == "whitespace" else delimiter
+    lines = [f"about it {line}" for line in range(above)]
+    lines += [f"t{by}s{by}a", *[f"s{by}x{by}K"] * below] if header else []
+    for time_s, value in zip(times, values):
+        lines += [f"{time_s!r}{by}ok{by}{value!r}", f"0{by}skipped{by}7"]
+    path.write_text("\n".join(lines), newline="")
+    t, s, a = ("t", "s", "a") if header else ("1", "2", "3")
+    trace = _imported(
+        str(path), {"a_K": a}, time={"column": t, "unit": "s", "not_increasing": "drop"}, delimiter=delimiter,
+        header=header, skip_rows=above, skip_under_header=below if header else 0, drop_rows={s: ["skipped"]},
+    ).trace  # fmt: skip
+    seconds = np.round(np.array(times) - times[0], 6)
+    kept = [row for row in range(len(seconds)) if row == 0 or seconds[row] > seconds[:row].max()]
+    assert trace.time_s.tolist() == seconds[kept].tolist()
+    assert trace.columns["a_K"].tolist() == [values[row] for row in kept]
+
+
+_cell = st.text(st.sampled_from('0123456789.,-+eE"; nNaA\t#'), max_size=6)
+
+
+@given(st.lists(st.lists(_cell, min_size=1, max_size=4), max_size=6), st.sampled_from(["\n", "\r\n", "\r"]))
+def test_any_table_becomes_a_trace_that_reads_back_or_is_refused(tmp_path_factory, rows, newline):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_text("t,a\n" + newline.join(",".join(row) for row in rows), newline="")
+    _becomes_a_trace_or_is_refused(path)
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_become_a_trace_or_are_refused(tmp_path_factory, raw):
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    path.write_bytes(b"t,a\n" + raw)
+    _becomes_a_trace_or_is_refused(path)
+
+
+def _becomes_a_trace_or_is_refused(path):
+    for layout in ({}, {"bad_rows": "drop"}, {"delimiter": "whitespace"}):
+        _is_a_trace_or_refused(path, missing=["#"], constants={"b_degC": 1}, **layout)
+
+
+def _is_a_trace_or_refused(path, **layout):
+    try:
+        trace = _imported(str(path), {"a_degC": {"from": "a", "unit": "degF"}}, **layout).trace
+    except Refused:
+        return
+    out = str(path.with_suffix(".out"))
+    save_trace(out, trace)
+    np.testing.assert_array_equal(load_trace(out).time_s, trace.time_s)
+    np.testing.assert_array_equal(load_trace(out).columns["a_degC"], trace.columns["a_degC"])

@@ -1,0 +1,77 @@
+"""``ambient-trainer import``: status, what the terminal shows, and an output that survives a failure."""
+
+from __future__ import annotations
+
+import gzip
+
+import pytest
+
+from ambient_trainer.data.trace import load_trace
+
+_MAP = "time: {column: t, unit: s, not_increasing: drop}\ncolumns: {usb_degC: {from: a, unit: mdegC}, b_degC: b}\n"
+_TABLE = "t,a,b\n0,20000,\n1,21000,\n1,9,\n3,25000,\n"
+
+
+def test_what_came_in_is_shown(run, write, tmp_path):
+    out = str(tmp_path / "o.csv")
+    status, shown, error = run(write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
+    assert (status, error) == (0, "")
+    lines = shown.splitlines()
+    assert lines[0] == "3 rows, 3 s, median period 1.5 s, longest step 2 s"
+    cells = [line.split() for line in lines if "_degC" in line]
+    assert cells == [["usb_degC", "20", "22", "25", "0"], ["b_degC", "-", "-", "-", "3"]]
+    assert lines[-2:] == ["dropped 1 of 4 rows: their time did not increase", f"wrote {out}"]
+    assert load_trace(out).columns["usb_degC"].tolist() == [20.0, 21.0, 25.0]
+
+
+def test_what_was_left_out_and_what_is_assumed_is_said(run, write, tmp_path):
+    out = str(tmp_path / "o.csv")
+    mapped = write("m.yaml", _MAP + "bad_rows: drop\ndrop_rows: {b: out}\nconstants: {ambient_degC: 22}\n")
+    path = write("a.csv", _TABLE + "4,warm,\n5,1,out\n6,1,out\n")
+    status, shown, error = run(path, "--format", "csv", "--map", mapped, "-o", out)
+    assert (status, error) == (0, "")
+    assert shown.splitlines()[-5:] == [
+        "dropped 2 of 7 rows: the map's 'drop_rows' names them",
+        "dropped 1 of 7 rows: they cannot be read",
+        "dropped 1 of 7 rows: their time did not increase",
+        "assumed ambient_degC = 22 (not logged)",
+        f"wrote {out}",
+    ]
+
+
+def test_gz_compresses(run, write, tmp_path):
+    out = str(tmp_path / "o.csv.gz")
+    assert run(write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)[0] == 0
+    with gzip.open(out, "rt") as stream:
+        assert stream.readline() == "# source: a.csv\n"
+
+
+def test_a_failure_leaves_the_output_as_it_was(run, write, tmp_path):
+    out = write("o.csv", "precious")
+    path = write("a.csv", _TABLE.replace("21000", "warm"))
+    status, shown, error = run(path, "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
+    assert (status, shown) == (1, "")
+    assert error == (
+        f"ambient-trainer: {path}: line 3, column a: 'warm' is not a number; "
+        "correct it, or list it under 'missing' in the map\n"
+    )
+    assert (tmp_path / "o.csv").read_text() == "precious"
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "m.yaml", "o.csv"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["{a}", "--format", "csv", "-o", "{o}"], "--format csv needs --map MAP.yaml"),
+        (["{a}", "--format", "xls", "-o", "{o}"], "'xls' is not one of 'benchlink', 'csv'"),
+        (["{a}", "--format", "benchlink", "-o", "{a}"], "would be overwritten by what is made from it"),
+        (["{a}.none", "--format", "benchlink", "-o", "{o}"], "does not exist"),
+        (["{a}", "--format", "benchlink"], "Missing option '-o'"),
+    ],
+)
+def test_a_wrong_call_is_status_2(run, write, tmp_path, arguments, message):
+    names = {"a": write("a.csv", _TABLE), "o": str(tmp_path / "o.csv")}
+    status, _, error = run(*[argument.format(**names) for argument in arguments])
+    assert status == 2
+    assert message in " ".join(error.split())
+    assert not (tmp_path / "o.csv").exists()

@@ -1,0 +1,261 @@
+"""Traces go in, a system comes out; what cannot be learned from is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambient_model.faults import Refused
+from ambient_trainer.circuits.assemble import assemble
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter, free_order, temperature_columns
+from ambient_trainer.lti.discretise import discretised
+
+ONE = Effort(starts=1)
+QUIET = slice(2500, 4600)
+
+
+@pytest.fixture
+def logged(rise, simulated, at_rest):
+    """A trace that the rise circuit made, with 0.1 degC of white noise; at rest from 3500 to 4600 s."""
+
+    def make(seed=0, samples=7000):
+        random = np.random.default_rng(seed)
+        chip = np.repeat(random.choice([30.0, 40.0, 55.0], samples // 100 + 1), 100)[:samples]
+        wander = np.cumsum(random.normal(size=(2, samples)), axis=1) * [[0.2], [0.1]]
+        u = np.vstack([25 + wander[0], 24 + wander[1], chip])
+        u[:, QUIET] = u[:, [QUIET.start]]
+        discrete = discretised(
+            assemble(rise, {each.name: each.initial for each in rise.parameters}).value, 1.0, "first-order"
+        )
+        y = simulated(discrete, u, at_rest(discrete, u[:, 0]))[0] + random.normal(size=samples) * 0.1
+        columns = {"board_degC": u[0], "shell_degC": u[1], "chip_degC": u[2], "ambient_degC": y}
+        return Trace(f"log{seed}.csv", np.arange(samples, dtype=float), columns)
+
+    return make
+
+
+def _assert_true(fit, rise):
+    """Every free parameter within 3.5 standard errors of the truth."""
+    truth = {each.name: each.initial for each in rise.parameters}
+    for each in fit.parameters:
+        if each.free:
+            assert abs(each.value - truth[each.name]) < 3.5 * each.standard_error + 1e-6, each.name
+        else:
+            assert each.value == truth[each.name]
+
+
+def test_a_whole_trace(rise, logged):
+    fit = fit_circuit(rise, [logged()], Effort(starts=2))
+    _assert_true(fit, rise)
+    assert (fit.converged, fit.uncertainty_available, fit.identifiable, fit.stopped) == (True, True, True, False)
+    assert (fit.inputs, fit.outputs) == (("board_degC", "shell_degC", "chip_degC"), ("ambient",))
+    assert (fit.states, fit.periods_s, fit.samples) == (("board", "shell"), (1.0,), 7000)
+    assert fit.rmse_degC == pytest.approx(0.1, rel=0.03)
+    assert fit.rmse_degC == pytest.approx(np.sqrt(np.mean(fit.errors_degC[0] ** 2)))
+    assert fit.residual_memory_samples < 1.3
+    assert len(fit.start_rmses_degC) == 2
+    trace = logged()
+    assert fit.input_ranges[2] == (30.0, 55.0)
+    assert fit.input_ranges[0] == (trace.columns["board_degC"].min(), trace.columns["board_degC"].max())
+    names = [each.name for each in fit.parameters]
+    assert names == [each.name for each in rise.parameters]
+    for each in fit.parameters[2:]:
+        low, high = each.interval95
+        assert low < each.value < high
+
+
+def test_a_logarithmic_interval_is_a_factor_and_a_plain_one_a_distance(rise, logged):
+    found = {each.name: each for each in fit_circuit(rise, [logged()], ONE).parameters}
+    R, w = found["R_board"], found["w1"]
+    assert R.interval95[0] * R.interval95[1] == pytest.approx(R.value**2)
+    assert R.interval95[1] / R.value == pytest.approx(np.exp(1.96 * R.standard_error / R.value), rel=1e-3)
+    assert sum(w.interval95) / 2 == pytest.approx(w.value)
+    assert w.interval95[1] - w.value == pytest.approx(1.96 * w.standard_error, rel=1e-3)
+
+
+def test_the_baseline_is_the_best_static_plane(rise, logged):
+    trace = logged()
+    fit = fit_circuit(rise, [trace], ONE)
+    table = np.column_stack([*(trace.columns[name] for name in fit.inputs), np.ones(7000)])
+    solution, square, *_ = np.linalg.lstsq(table, trace.reference, rcond=None)
+    np.testing.assert_allclose(fit.baseline.gains, solution[:3], rtol=1e-9)
+    assert fit.baseline.offset == pytest.approx(solution[3])
+    assert fit.baseline.rmse_degC == pytest.approx(np.sqrt(square[0] / 7000))
+
+
+def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
+    """20 s without a row, single readings missing, a reference with gaps, and a long hole in a time of rest."""
+    random = np.random.default_rng(9)
+    whole = logged()
+    kept = np.ones(7000, dtype=bool)
+    kept[1010:1030] = False
+    kept[4000:4100] = False
+    holed = Trace(whole.path, whole.time_s[kept], {name: values[kept] for name, values in whole.columns.items()})
+    for name in ("board_degC", "shell_degC"):
+        holed.columns[name] = np.where(random.uniform(size=6880) < 0.02, np.nan, holed.columns[name])
+    holed.columns["ambient_degC"][random.uniform(size=6880) < 0.3] = np.nan
+    full, gappy = fit_circuit(rise, [whole], ONE), fit_circuit(rise, [holed], ONE)
+    _assert_true(gappy, rise)
+    assert gappy.converged
+    assert gappy.samples == int((~np.isnan(holed.reference)).sum())
+    for one, other in zip(full.parameters, gappy.parameters):
+        if one.free:
+            assert abs(one.value - other.value) < 3 * other.standard_error
+
+
+def test_two_traces_tell_more_than_one(rise, logged):
+    one, both = fit_circuit(rise, [logged(0)], ONE), fit_circuit(rise, [logged(0), logged(1)], ONE)
+    _assert_true(both, rise)
+    assert both.samples == 14000
+    assert len(both.errors_degC[0]) == 14000
+    shrunk = [b.standard_error / a.standard_error for a, b in zip(one.parameters, both.parameters) if a.free]
+    assert np.mean(shrunk) == pytest.approx(np.sqrt(0.5), abs=0.15)
+
+
+def test_two_traces_of_different_periods(rise, logged):
+    fast = logged(0)
+    slow = Trace("slow.csv", fast.time_s[::2], {name: values[::2] for name, values in logged(1).columns.items()})
+    fit = fit_circuit(rise, [fast, slow], ONE)
+    assert fit.samples == 10500
+    # between the samples of the slow one the chip steps where a straight line is drawn
+    for each in fit.parameters:
+        truth = next(known.initial for known in rise.parameters if known.name == each.name)
+        assert each.value == pytest.approx(truth, rel=0.1)
+
+
+def test_a_circuit_that_predicts_its_sensors(forward, simulated):
+    random = np.random.default_rng(3)
+    u = np.vstack([20 + np.cumsum(random.normal(size=3000)) * 0.05, np.repeat(random.choice([0.0, 3.0, 5.0], 30), 100)])
+    truth = {each.name: each.initial for each in forward.parameters}
+    discrete = discretised(assemble(forward, truth).value, 1.0, "zero-order")
+    y = simulated(discrete, u, np.array([30.0, 25.0, 22.0])) + random.normal(size=(3, 3000)) * 0.05
+    columns = {"ambient_degC": u[0], "cpu_power_W": u[1], "a_degC": y[0], "b_degC": y[1], "c_degC": y[2]}
+    fit = fit_circuit(forward, [Trace("log.csv", np.arange(3000.0), columns)], ONE)
+    assert fit.outputs == ("a", "b", "c")
+    assert fit.samples == 9000
+    assert [len(each) for each in fit.errors_degC] == [3000] * 3
+    assert fit.rmse_degC == pytest.approx(0.05, rel=0.03)
+    shown = {each.name: each for each in fit.parameters}
+    assert set(shown) == {name for name in truth if "." not in name}
+    for name, each in shown.items():
+        assert abs(each.value - truth[name]) < 3.5 * each.standard_error
+
+
+def test_a_free_filter_reads_every_temperature_but_the_reference(logged):
+    trace = logged()
+    trace.columns["cpu_load_frac"] = np.linspace(0, 1, 7000)
+    fit = fit_free_filter(2, [trace], ONE)
+    assert fit.inputs == ("board_degC", "shell_degC", "chip_degC")
+    assert (fit.circuit, fit.hold, fit.states) == ("free-2", "first-order", ("mode1", "mode2"))
+    assert fit.rmse_degC == pytest.approx(0.1, rel=0.03)
+    assert fit_free_filter(1, [trace], ONE, inputs=["chip_degC"]).inputs == ("chip_degC",)
+
+
+def test_a_static_line_has_no_state(logged):
+    trace = logged()
+    trace.columns["usb_degC"] = trace.columns["shell_degC"]
+    fit = fit_circuit(load_circuit("linear_usb"), [trace], ONE)
+    k, m = np.polyfit(trace.columns["usb_degC"], trace.reference, 1)
+    assert [each.value for each in fit.parameters] == pytest.approx([k, m])
+    assert (fit.states, fit.converged, fit.evaluations) == ((), True, 1)
+    assert fit.rmse_degC == pytest.approx(fit.baseline.rmse_degC)
+
+
+def test_ctrl_c_is_said(rise, logged):
+    start = replace(rise, parameters=tuple(
+        replace(each, initial=each.initial * 2) if each.unit == "K/W" else each for each in rise.parameters
+    ))  # fmt: skip
+
+    def stop(number, evaluation, square):
+        if evaluation == 3:
+            raise KeyboardInterrupt
+
+    fit = fit_circuit(start, [logged()], ONE, stop)
+    assert fit.stopped
+    assert not fit.converged
+    assert np.isfinite(fit.rmse_degC)
+
+
+def _refused(fit, *arguments):
+    with pytest.raises(Refused) as refused:
+        fit(*arguments)
+    return str(refused.value)
+
+
+def _without(trace, name):
+    return replace(trace, columns={key: values for key, values in trace.columns.items() if key != name})
+
+
+def _with(trace, **columns):
+    full = {f"{name}_degC": np.full(len(trace.time_s), values) for name, values in columns.items()}
+    return replace(trace, columns={**trace.columns, **full})
+
+
+def test_a_missing_column_is_refused(rise, logged):
+    assert _refused(fit_circuit, rise, [_without(logged(), "chip_degC")], ONE) == (
+        "log0.csv: line 1: no column 'chip_degC'; it has board_degC, shell_degC, ambient_degC;"
+        " log it or map it on import"
+    )
+
+
+def test_stuck_and_empty_columns_are_refused_together(rise, logged):
+    assert _refused(fit_circuit, rise, [_with(logged(seed), board=25.5, chip=np.nan) for seed in (0, 1)], ONE) == (
+        "log0.csv, log1.csv: 2 faults\n"
+        "  column board_degC: is 25.5 all the time; a stuck sensor teaches nothing: leave it out\n"
+        "  column chip_degC: holds no value at all; leave it out, or log it"
+    )
+
+
+def test_what_stays_in_one_trace_may_change_in_another(rise, logged):
+    """A run in a room of constant temperature is worth having beside one in which it moves."""
+    calm = _with(logged(1), ambient=20.0)
+    assert fit_circuit(rise, [logged(), calm], ONE).samples == 2 * len(calm.time_s)
+
+
+def test_a_reference_that_never_changes_is_refused(rise, logged):
+    assert _refused(fit_circuit, rise, [_with(logged(), ambient=20.0)], ONE) == (
+        "log0.csv: column ambient_degC: is 20 all the time; log a run in which it changes"
+    )
+
+
+def test_an_empty_reference_is_refused(rise, logged):
+    assert _refused(fit_circuit, rise, [_with(logged(), ambient=np.nan)], ONE) == (
+        "log0.csv: column ambient_degC: holds no value at all; leave it out, or log it"
+    )
+
+
+def test_fewer_samples_than_unknowns_are_refused(rise, logged):
+    short = logged().cut(98, 104)
+    assert _refused(fit_circuit, rise, [short], ONE) == (
+        "log0.csv: 6 samples for 6 unknowns; log longer, or take a smaller circuit"
+    )
+    assert _refused(fit_free_filter, 4, [logged().cut(90, 110)], ONE) == (
+        "log0.csv: 20 samples for 20 unknowns; log longer, or take a smaller circuit"
+    )
+
+
+def test_inputs_that_are_never_there_together_are_refused(rise, logged):
+    trace = logged()
+    odd = np.arange(7000) % 2 == 1
+    trace.columns["board_degC"] = np.where(odd, np.nan, trace.columns["board_degC"])
+    trace.columns["chip_degC"] = np.where(odd, trace.columns["chip_degC"], np.nan)
+    assert _refused(fit_circuit, rise, [trace], ONE) == (
+        "log0.csv: columns board_degC, shell_degC, chip_degC: no 3 samples in a row, one every 1 s, hold them all;"
+        " leave out the column that is empty, or log again"
+    )
+
+
+def test_a_trace_without_sensors_is_refused():
+    trace = Trace("bare.csv", np.arange(5.0), {"ambient_degC": np.arange(5.0), "cpu_power_W": np.arange(5.0)})
+    assert _refused(temperature_columns, [trace]) == (
+        "bare.csv: line 1: no '_degC' column besides the reference; log a sensor"
+    )
+
+
+def test_the_names_of_free_filters():
+    assert [free_order(name) for name in ("free-1", "free-4")] == [1, 4]
+    assert [free_order(name) for name in ("free-0", "free-5", "free-", "free-11", "xfree-1", "free-1\n")] == [None] * 6

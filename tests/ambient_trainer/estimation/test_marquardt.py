@@ -1,0 +1,169 @@
+"""Least squares in a box: certified and textbook problems, bounds that hold, ranks that lack."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+
+from ambient_trainer.estimation.marquardt import Evaluation, descend
+
+INF = np.inf
+
+
+def _descend(residual, jacobian, start, low=-INF, high=INF, most=400):
+    """The end, and every point that was asked for."""
+    asked = []
+    start = np.array(start, dtype=float)
+
+    def evaluate(point):
+        asked.append(point.copy())
+        return Evaluation(residual(point), jacobian(point))
+
+    low, high = (np.broadcast_to(each, start.shape).astype(float) for each in (low, high))
+    return descend(evaluate, start, low, high, most), np.array(asked)
+
+
+def _differences(residual, h=1e-6):
+    def jacobian(point):
+        steps = h * np.maximum(np.abs(point), 1e-3)
+        return np.array(
+            [(residual(point + s * e) - residual(point - s * e)) / (2 * s) for s, e in zip(steps, np.eye(len(point)))]
+        ).T
+
+    return jacobian
+
+
+def _rosenbrock(x):
+    return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+
+# Kowalik and Osborne, in More, Garbow and Hillstrom 1981, ACM TOMS 7(1), problem 15
+KOWALIK_Y = np.array([0.1957, 0.1947, 0.1735, 0.1600, 0.0844, 0.0627, 0.0456, 0.0342, 0.0323, 0.0235, 0.0246])
+KOWALIK_U = np.array([4, 2, 1, 0.5, 0.25, 0.167, 0.125, 0.1, 0.0833, 0.0714, 0.0625])
+
+
+def _kowalik(x):
+    return KOWALIK_Y - x[0] * (KOWALIK_U**2 + KOWALIK_U * x[1]) / (KOWALIK_U**2 + KOWALIK_U * x[2] + x[3])
+
+
+# NIST Statistical Reference Datasets, nonlinear regression: Misra1a, y = b1 (1 - exp(-b2 x))
+MISRA_X = np.array([77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0])
+MISRA_Y = np.array([10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78])
+MISRA_CERTIFIED = np.array([2.3894212918e02, 5.5015643181e-04])
+MISRA_SQUARE = 1.2455138894e-01
+
+
+def _misra(b):
+    return MISRA_Y - b[0] * (1 - np.exp(-b[1] * MISRA_X))
+
+
+def test_rosenbrock():
+    end, _ = _descend(_rosenbrock, _differences(_rosenbrock), [-1.2, 1.0])
+    np.testing.assert_allclose(end.point, [1, 1], atol=1e-6)
+    assert end.settled
+
+
+def test_kowalik_and_osborne():
+    end, _ = _descend(_kowalik, _differences(_kowalik), [0.25, 0.39, 0.415, 0.39])
+    assert end.settled
+    assert np.sum(_kowalik(end.point) ** 2) == pytest.approx(3.07505e-4, rel=1e-5)
+
+
+@pytest.mark.parametrize("start", [[500.0, 1e-4], [250.0, 5e-4]])
+def test_misra_is_as_certified(start):
+    """Both of the published starts; the scale of the two unknowns differs by 10^6."""
+    end, _ = _descend(lambda s: _misra(np.exp(s)), _differences(lambda s: _misra(np.exp(s))), np.log(start), most=100)
+    assert end.settled
+    np.testing.assert_allclose(np.exp(end.point), MISRA_CERTIFIED, rtol=1e-4)
+    assert np.sum(_misra(np.exp(end.point)) ** 2) == pytest.approx(MISRA_SQUARE, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("residual", "start", "low", "high"),
+    [
+        (_rosenbrock, [-1.2, 1.0], [-2, -1], [0.5, 2]),
+        (_rosenbrock, [-1.2, 1.0], [-2, 1.5], [2, 3]),
+        (_rosenbrock, [2.0, 2.0], [1.5, -1], [3, 9]),
+        (_kowalik, [0.2, 0.3, 0.3, 0.3], [0, 0, 0, 0], [0.18, 1, 1, 1]),
+    ],
+)
+def test_with_a_bound_that_holds_it_ends_where_scipy_does(residual, start, low, high):
+    end, asked = _descend(residual, _differences(residual), start, low, high)
+    wanted = least_squares(residual, np.clip(start, low, high), bounds=(low, high), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    assert end.settled
+    assert (wanted.active_mask != 0).any()
+    assert np.sum(residual(end.point) ** 2) == pytest.approx(2 * wanted.cost, rel=1e-6)
+    np.testing.assert_allclose(end.point, wanted.x, atol=2e-4)
+    held = wanted.active_mask != 0
+    np.testing.assert_array_equal(end.point[held], np.where(wanted.active_mask < 0, low, high)[held])
+    assert (asked >= low).all()
+    assert (asked <= high).all()
+
+
+def test_missing_rank_is_no_obstacle():
+    """Only the sum of the first two unknowns shows, and the third not at all."""
+    x = np.linspace(0, 3, 20)
+    y = 2 * np.exp(-0.7 * x)
+
+    def residual(p):
+        return y - np.exp(-(p[0] + p[1]) * x) * p[3]
+
+    end, _ = _descend(residual, _differences(residual), [0.1, 0.2, 5.0, 1.0])
+    assert end.settled
+    assert end.point[0] + end.point[1] == pytest.approx(0.7, abs=1e-6)
+    assert end.point[2] == 5.0
+    assert end.point[3] == pytest.approx(2.0, abs=1e-6)
+
+
+def test_a_column_of_rounding_does_not_throw_its_unknown_across_the_box():
+    random = np.random.default_rng(0)
+    noise = random.normal(size=20) * 1e-14
+    x = np.linspace(0, 3, 20)
+    y = 2 * np.exp(-0.7 * x) + random.normal(size=20) * 0.1
+
+    def jacobian(p):
+        return np.column_stack([p[1] * x * np.exp(-p[0] * x), -np.exp(-p[0] * x), noise])
+
+    end, _ = _descend(lambda p: y - p[1] * np.exp(-p[0] * x), jacobian, [0.3, 1.0, 0.5], -20, 20)
+    assert end.settled
+    assert abs(end.point[2] - 0.5) < 0.5
+
+
+def test_too_few_evaluations_are_said():
+    end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [-1.2, 1.0], most=4)
+    assert not end.settled
+    assert len(asked) == 4
+
+
+def test_a_start_outside_is_moved_to_the_box():
+    end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [-9.0, 40.0], [-2, -2], [2, 2])
+    np.testing.assert_array_equal(asked[0], [-2, 2])
+    np.testing.assert_allclose(end.point, [1, 1], atol=1e-5)
+
+
+def test_a_start_at_the_minimum_is_settled_at_once():
+    end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [1.0, 1.0])
+    assert end.settled
+    assert len(asked) == 1
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
+@settings(max_examples=60)
+def test_it_never_leaves_the_box_and_never_ends_worse(seed, count):
+    random = np.random.default_rng(seed)
+    W, v = random.normal(size=(count + 3, count)), random.normal(size=count + 3)
+
+    def residual(p):
+        return np.tanh(W @ p) * 2 - v + 0.1 * (p**2).sum()
+
+    low = random.uniform(-2, 0, count)
+    high = low + random.uniform(0, 3, count) * random.integers(0, 2, count)
+    start = random.uniform(low, high)
+    end, asked = _descend(residual, _differences(residual), start, low, high, most=60)
+    assert (asked >= low).all()
+    assert (asked <= high).all()
+    values = [np.sum(residual(each) ** 2) for each in asked]
+    assert np.sum(residual(end.point) ** 2) == min(values)

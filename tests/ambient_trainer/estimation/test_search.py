@@ -1,0 +1,163 @@
+"""The search finds what made the data, from several starts; it can be stopped, and repeats itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambient_trainer.circuits.assemble import assemble
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation.uncertainty import uncertainty
+from ambient_trainer.lti.discretise import discretised
+
+
+def _steps(random, levels, length, hold):
+    return np.repeat(random.choice(levels, length // hold + 1), hold)[:length]
+
+
+@pytest.fixture
+def forward_data(forward, simulated):
+    """4000 s of three nodes that start away from equilibrium, seen with 0.05 degC of white noise."""
+    random = np.random.default_rng(1)
+    truth = {each.name: each.initial for each in forward.parameters}
+    ambient = 20 + np.cumsum(random.normal(size=4000)) * 0.05
+    u = np.vstack([ambient, _steps(random, [0.0, 1.0, 2.0, 5.0], 4000, 200)])
+    discrete = discretised(assemble(forward, truth).value, 1.0, "zero-order")
+    y = simulated(discrete, u, np.array([30.0, 25.0, 22.0]))
+    return truth, Segment(1.0, u, y + random.normal(size=y.shape) * 0.05)
+
+
+@pytest.fixture
+def rise_data(rise, simulated, at_rest):
+    """5000 s of the ambient that a rise circuit makes of wandering sensors, seen with 0.1 degC of white noise."""
+    random = np.random.default_rng(4)
+    truth = {each.name: each.initial for each in rise.parameters}
+    wander = [np.cumsum(random.normal(size=5000)) * scale for scale in (0.2, 0.1)]
+    u = np.vstack([25 + wander[0], 24 + wander[1], 30 + _steps(random, [0.0, 10.0, 25.0], 5000, 150)])
+    discrete = discretised(assemble(rise, truth).value, 1.0, "first-order")
+    y = simulated(discrete, u, at_rest(discrete, u[:, 0]))
+    return truth, Segment(1.0, u, y + random.normal(size=y.shape) * 0.1)
+
+
+def _off(circuit, random, factor=3.0):
+    """The circuit with every free resistance and capacitance up to ``factor`` off."""
+    span = np.log(factor)
+    moved = [
+        replace(each, initial=float(each.initial * np.exp(random.uniform(-span, span))))
+        if each.free and each.unit in ("J/K", "K/W")
+        else each
+        for each in circuit.parameters
+    ]
+    return replace(circuit, parameters=tuple(moved))
+
+
+def _assert_within_intervals(structure, best, truth):
+    """All unknowns within 95 % intervals, of one draw of noise; how often that is so is test_uncertainty's business."""
+    known = uncertainty(structure, best)
+    logarithmic = structure.logarithmic_names
+    wanted = [np.log(truth[name]) if name in logarithmic else truth[name] for name in structure.search.names]
+    found = best.theta
+    weights = [name for name in structure.linear.names if name in truth]
+    wanted = np.array([*wanted, *(truth[name] for name in weights)])
+    found = np.concatenate([found, best.beta[: len(weights)]])
+    off = np.abs(found - wanted) / known.standard_error[: len(wanted)]
+    assert np.isfinite(off).all()
+    assert (off < known.quantile).all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_forward_circuit_is_recovered_from_a_start_up_to_3x_off(forward, forward_data, seed):
+    truth, segment = forward_data
+    structure = FreelyStartingCircuit(_off(forward, np.random.default_rng(seed)), [segment])
+    best = search(structure, 1, 0).best
+    assert best.converged
+    assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.05, rel=0.03)
+    _assert_within_intervals(structure, best, truth)
+    # the starts are the true ones minus equilibrium with the first inputs
+    discrete = discretised(structure.system(best.theta, best.beta), 1.0, "zero-order")
+    rest = np.linalg.solve(np.eye(3) - discrete.A, discrete.B @ segment.inputs[:, 0])
+    np.testing.assert_allclose(rest + best.beta, [30, 25, 22], atol=0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rise_circuit_is_recovered_from_a_start_up_to_3x_off(rise, rise_data, seed):
+    truth, segment = rise_data
+    structure = CircuitStructure(_off(rise, np.random.default_rng(seed)), [segment])
+    best = search(structure, 3, seed).best
+    assert best.converged
+    assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.1, rel=0.03)
+    _assert_within_intervals(structure, best, truth)
+
+
+def test_a_free_filter_finds_the_poles_of_a_free_filter(rise_data):
+    """Order 2 over the inputs of the rise circuit, which has two real poles: 1/(R C) of its nodes."""
+    _, segment = rise_data
+    structure = FreeFilter(2, [segment])
+    best = search(structure, 3, 0).best
+    assert best.converged
+    taus = structure.time_constants_s(best.theta)
+    np.testing.assert_allclose(np.real(taus), [30 * 9, 12 * 15], rtol=0.25)
+    assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.1, rel=0.03)
+
+
+def test_ctrl_c_returns_the_best_so_far(forward, forward_data):
+    _, segment = forward_data
+    structure = FreelyStartingCircuit(_off(forward, np.random.default_rng(0)), [segment])
+    seen = []
+
+    def interrupted(start, evaluation, square):
+        seen.append(square)
+        if len(seen) == 5:
+            raise KeyboardInterrupt
+
+    found = search(structure, 4, 0, interrupted)
+    assert found.stopped
+    assert not found.best.converged
+    assert found.best.sum_of_squares == min(seen)
+    assert len(found.starts) == 1
+    assert np.isfinite(found.best.theta).all()
+
+
+def test_ctrl_c_in_a_later_start_keeps_the_best_of_all(forward, forward_data):
+    _, segment = forward_data
+    structure = FreelyStartingCircuit(_off(forward, np.random.default_rng(0)), [segment])
+
+    def interrupted(start, evaluation, square):
+        if start == 1 and evaluation == 2:
+            raise KeyboardInterrupt
+
+    found = search(structure, 4, 0, interrupted)
+    alone = search(structure, 1, 0)
+    assert found.stopped
+    assert found.best.sum_of_squares == alone.best.sum_of_squares
+    assert len(found.starts) == 2
+
+
+def test_the_same_seed_gives_the_same_result(rise, rise_data):
+    _, segment = rise_data
+    structure = CircuitStructure(_off(rise, np.random.default_rng(0)), [segment])
+    results = [search(structure, 3, seed) for seed in (5, 5, 6)]
+    for first, second in zip(results[0].starts, results[1].starts):
+        np.testing.assert_array_equal(first.theta, second.theta)
+        np.testing.assert_array_equal(first.beta, second.beta)
+    assert results[0].starts[1].evaluations != results[2].starts[1].evaluations or not np.array_equal(
+        results[0].starts[1].theta, results[2].starts[1].theta
+    )
+
+
+def test_progress_counts_and_never_worsens(rise, rise_data):
+    _, segment = rise_data
+    seen = []
+    found = search(CircuitStructure(rise, [segment]), 2, 0, lambda *each: seen.append(each))
+    squares = [square for _, _, square in seen]
+    assert squares == sorted(squares, reverse=True)
+    for start in (0, 1):
+        counts = [evaluation for number, evaluation, _ in seen if number == start]
+        assert counts == list(range(1, len(counts) + 1))
+        assert found.starts[start].evaluations == len(counts)

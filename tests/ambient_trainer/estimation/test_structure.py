@@ -1,0 +1,417 @@
+"""The compressed problem is the problem: the same residuals and inner products as sample by sample, the slow way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.optimize import lsq_linear
+
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.separable import project
+from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.lti.discretise import discretised
+
+CIRCUITS = (
+    "model1_kirchhoff",
+    "model1_ss",
+    "model2_ss",
+    "model2_ss_free_cd",
+    "model2_ss_single_input",
+    "linear_combined",
+)
+
+
+def _segments(m, q, lengths=(120, 70), periods_s=(1.0, 1.0), seed=0, level=25.0):
+    """Wandering inputs and outputs of nothing in particular, some missing, not the same in each output."""
+    random = np.random.default_rng(seed)
+    found = []
+    for length, period_s in zip(lengths, periods_s):
+        u = level + np.cumsum(random.normal(size=(m, length)), axis=1)
+        y = u.mean(axis=0) - 3 + random.normal(size=(q, length))
+        for row in range(q):
+            y[row, random.choice(length, 7 + 3 * row, replace=False)] = np.nan
+        found.append(Segment(period_s, u, y))
+    return found
+
+
+def _regressors_of_circuit(structure, theta, simulated, at_rest):
+    """Per segment the outputs without the weights (q, N), and what each weight adds (p, q, N), by simulation."""
+    p = len(structure.linear_parameters)
+    found = []
+    for segment in structure.segments:
+        outputs = []
+        for beta in [np.zeros(p), *np.eye(p)]:
+            discrete = discretised(_system(structure, theta, beta), segment.period_s, structure.circuit.hold)
+            start = at_rest(discrete, segment.inputs[:, 0])
+            outputs.append(simulated(discrete, segment.inputs, start))
+        found.append((outputs[0], np.array([each - outputs[0] for each in outputs[1:]])))
+    return found
+
+
+def _system(structure, theta, beta):
+    return structure.system(theta, np.concatenate([beta, np.zeros(len(structure.linear.names) - len(beta))]))
+
+
+def _with_starts(structure, theta, found, simulated):
+    """One more regressor for each segment's state: its own decay, nothing in the other segments."""
+    n, count = len(structure.circuit.states), len(structure.segments)
+    grown = []
+    for index, (segment, (fixed, free)) in enumerate(zip(structure.segments, found)):
+        discrete = discretised(_system(structure, theta, np.zeros(len(free))), segment.period_s, structure.circuit.hold)
+        still = replace(discrete, offset=np.zeros_like(discrete.offset))
+        decays = np.zeros((count * n, *fixed.shape))
+        for k, x in enumerate(np.eye(n)):
+            decays[index * n + k] = simulated(still, np.zeros_like(segment.inputs), x)
+        grown.append((fixed, np.concatenate([free.reshape(-1, *fixed.shape), decays])))
+    return grown
+
+
+def _regressors_of_filter(structure, theta):
+    """Any basis of the free filter's outputs: per input and section the states of a system with those poles."""
+    found = []
+    for segment in structure.segments:
+        u = segment.inputs
+        columns = [*u, np.ones(u.shape[1])]
+        at = 0
+        while at < len(theta):
+            if at + 1 < len(theta):
+                omega, zeta = np.exp(theta[at : at + 2])
+                F, b = np.array([[0.0, 1.0], [-(omega**2), -2 * zeta * omega]]), np.array([0.3, 0.7])
+            else:
+                F, b = np.array([[-np.exp(theta[at])]]), np.array([1.0])
+            at += len(F)
+            E = expm(F * segment.period_s)
+            for row in u:
+                x = np.linalg.solve(np.eye(len(E)) - E, b * row[0])
+                states = []
+                for value in row:
+                    states.append(x)
+                    x = E @ x + b * value
+                columns += list(np.array(states).T)
+        found.append((np.zeros((1, u.shape[1])), np.array(columns)[:, None]))
+    return found
+
+
+def _residual(structure, found):
+    """What the best weights leave, over all samples with an output; ``lsq_linear`` where bounds hold."""
+    y = np.concatenate([segment.outputs.ravel() for segment in structure.segments])
+    fixed = np.concatenate([each[0].ravel() for each in found])
+    free = np.concatenate([each[1].reshape(len(each[1]), each[0].size).T for each in found])
+    known = ~np.isnan(y)
+    target, F = (y - fixed)[known], free[known]
+    low, high = structure.linear.low, structure.linear.high
+    scale = np.linalg.norm(F, axis=0)
+    scale[scale == 0] = 1.0
+    beta = np.linalg.lstsq(F / scale, target, rcond=1e-12)[0] / scale
+    if len(low) == len(beta) and ((beta < low).any() or (beta > high).any()):
+        beta = lsq_linear(F, target, (low, high), method="bvls", tol=1e-14).x
+    return target - F @ beta
+
+
+def _assert_same(structure, theta, brute, tolerance=1e-6):
+    """|r|, J'J and J'r of the compressed problem against those of the residual of every sample."""
+    found = project(linearise(structure, theta), structure.linear)
+    residual = brute(theta)
+    square = residual @ residual
+    assert found.residual @ found.residual == pytest.approx(square, rel=1e-9)
+    if not len(theta):
+        return
+    h = 3e-4
+    slopes = [
+        (8 * (brute(theta + h * e) - brute(theta - h * e)) - (brute(theta + 2 * h * e) - brute(theta - 2 * h * e)))
+        / (12 * h)
+        for e in np.eye(len(theta))
+    ]
+    J = np.array(slopes).T
+    # a column that is zero but for the rounding of differences is compared with the longest
+    length = np.linalg.norm(J, axis=0)
+    length = np.maximum(length, 1e-4 * length.max())
+    np.testing.assert_allclose(
+        found.jacobian.T @ found.jacobian / np.outer(length, length),
+        J.T @ J / np.outer(length, length),
+        rtol=0,
+        atol=tolerance,
+    )
+    np.testing.assert_allclose(
+        found.jacobian.T @ found.residual / length / np.sqrt(square),
+        J.T @ residual / length / np.sqrt(square),
+        rtol=0,
+        atol=tolerance,
+    )
+
+
+def _somewhere(structure, seed):
+    """A theta whose time constants are tens of seconds, each resistance and capacitance off its initial value."""
+    random = np.random.default_rng(seed)
+    theta = structure.search.initial + random.uniform(-0.5, 0.5, len(structure.search.initial))
+    capacities = {node.capacitance for node in structure.circuit.states}
+    theta += [3.0 if name in capacities else 0.0 for name in structure.search.names]
+    return theta
+
+
+@pytest.mark.parametrize("periods_s", [(1.0, 1.0), (1.0, 0.5)], ids=["one period", "two periods"])
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_a_circuit_from_equilibrium(name, periods_s, simulated, at_rest):
+    circuit = load_circuit(name)
+    structure = CircuitStructure(circuit, _segments(len(circuit.inputs), 1, periods_s=periods_s))
+    theta = _somewhere(structure, 1)
+
+    def brute(theta):
+        return _residual(structure, _regressors_of_circuit(structure, theta, simulated, at_rest))
+
+    _assert_same(structure, theta, brute)
+
+
+def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
+    """An output that is beyond the hottest input wants weights above 1 and below 0."""
+    circuit = load_circuit("model2_ss")
+    segments = [replace(each, outputs=each.outputs + 8 * (each.inputs[0] - each.inputs[1])) for each in _segments(4, 1)]
+    structure = CircuitStructure(circuit, segments)
+    theta = _somewhere(structure, 1)
+    found = project(linearise(structure, theta), structure.linear)
+    assert (found.beta == 0).any()
+    assert (found.beta == 1).any()
+
+    def brute(theta):
+        return _residual(structure, _regressors_of_circuit(structure, theta, simulated, at_rest))
+
+    _assert_same(structure, theta, brute)
+
+
+@pytest.mark.parametrize("periods_s", [(1.0, 1.0), (1.0, 0.5)], ids=["one period", "two periods"])
+def test_a_circuit_that_starts_anywhere(forward, periods_s, simulated, at_rest):
+    structure = FreelyStartingCircuit(forward, _segments(2, 3, periods_s=periods_s))
+    theta = _somewhere(structure, 2) - np.array([3.0] * 3 + [0.0] * 6)
+
+    def brute(theta):
+        plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
+        return _residual(structure, _with_starts(structure, theta, plain, simulated))
+
+    _assert_same(structure, theta, brute)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-5, 0.9e-3, 1.1e-3, 1e-2])
+def test_modes_that_lie_close(apart, forward, simulated, at_rest):
+    """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
+    for kind, circuit in ((CircuitStructure, load_circuit("model2_ss_free_cd")), (FreelyStartingCircuit, forward)):
+        structure = kind(circuit, _segments(len(circuit.inputs), len(circuit.outputs)))
+        theta = np.log([20.0 if name.startswith("C_") else 2.0 for name in structure.search.names])
+        if kind is FreelyStartingCircuit:
+            between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
+            theta[between] += np.log(1e9)
+        theta[structure.search.names.index("C_battery" if kind is CircuitStructure else "C_b")] += apart
+
+        def brute(theta, structure=structure):
+            plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
+            free = isinstance(structure, FreelyStartingCircuit)
+            return _residual(structure, _with_starts(structure, theta, plain, simulated) if free else plain)
+
+        _assert_same(structure, theta, brute, tolerance=1e-5)
+
+
+def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(forward, simulated, at_rest):
+    """Every kind of unknown in one circuit: logarithmic, plain, weight, offset and start."""
+    share, weight = (replace(forward.parameters[0], name=name, unit="1", initial=1.0, low=-9.0, high=9.0)
+                     for name in ("share", "weight"))  # fmt: skip
+    offset = replace(weight, name="offset", initial=0.0)
+    outputs = (
+        replace(forward.outputs[0], states={"a": "weight", "b": "weight"}, inputs={"ambient_degC": "w_ambient"}),
+        replace(forward.outputs[1], offset="offset"),
+    )
+    circuit = replace(
+        forward,
+        sources=(replace(forward.sources[0], share="share"),),
+        outputs=outputs,
+        hold="first-order",
+        parameters=(*forward.parameters, share, weight, offset, replace(weight, name="w_ambient")),
+    )
+    structure = FreelyStartingCircuit(circuit, _segments(2, 2))
+    assert structure.search.names[-1] == "share"
+    assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
+    assert "share" not in structure.logarithmic_names
+
+    def brute(theta):
+        plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
+        return _residual(structure, _with_starts(structure, theta, plain, simulated))
+
+    theta = _somewhere(structure, 3) - np.array([3.0] * 3 + [0.0] * 7)
+    _assert_same(structure, theta, brute)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_a_free_filter(order):
+    structure = FreeFilter(order, _segments(2, 1))
+    theta = structure.search.initial + np.random.default_rng(order).uniform(-0.3, 0.3, order)
+
+    def brute(theta):
+        return _residual(structure, _regressors_of_filter(structure, theta))
+
+    _assert_same(structure, theta, brute, tolerance=1e-5)
+
+
+@pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
+def test_a_section_of_a_free_filter_of_any_damping(zeta):
+    structure = FreeFilter(3, _segments(2, 1))
+    theta = np.array([np.log(0.15), np.log(zeta), np.log(0.02)])
+
+    def brute(theta):
+        return _residual(structure, _regressors_of_filter(structure, theta))
+
+    _assert_same(structure, theta, brute, tolerance=1e-5)
+
+
+@pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, simulated, at_rest):
+    structure = FreeFilter(order, _segments(2, 1))
+    random = np.random.default_rng(order)
+    sections = [np.log(0.15), np.log(zeta), np.log(0.04), np.log(zeta)]
+    theta = np.array(sections[:order] if order % 2 == 0 else [*sections[: order - 1], np.log(0.02)])
+    beta = random.normal(size=len(structure.linear.names))
+    system = structure.system(theta, beta)
+    discrete = discretised(system, structure.period_s, "first-order")
+    for index, segment in enumerate(structure.segments):
+        expansion = structure.expand(theta, segment.period_s)
+        predicted = (expansion.fixed + expansion.free @ beta) @ structure.signals(theta, index)
+        looped = simulated(discrete, segment.inputs, at_rest(discrete, segment.inputs[:, 0]))
+        np.testing.assert_allclose(predicted, looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max())
+    poles = np.sort_complex(np.linalg.eigvals(system.A))
+    taus = structure.time_constants_s(theta)
+    # a double pole splits by the root of the rounding error
+    np.testing.assert_allclose(np.sort_complex([-1 / tau for tau in taus]), poles, rtol=1e-6)
+
+
+def test_long_segments_are_compressed_in_blocks():
+    """Taken in blocks, with a rest, the samples have the inner products of the whole."""
+    circuit = load_circuit("model2_ss_free_cd")
+    structure = CircuitStructure(circuit, _segments(4, 1, lengths=(9000,), periods_s=(1.0,)))
+    theta = _somewhere(structure, 4)
+    problem = linearise(structure, theta)
+    signals = structure.signals(theta, 0)
+    expansion = structure.expand(theta, 1.0)
+    known = ~np.isnan(structure.segments[0].outputs[0])
+    free = signals[:, known].T @ expansion.free[0]
+    target = structure.segments[0].outputs[0, known]
+    np.testing.assert_allclose(problem.free.T @ problem.free, free.T @ free, rtol=1e-9)
+    np.testing.assert_allclose(problem.free.T @ problem.target, free.T @ target, rtol=1e-9)
+    assert problem.target @ problem.target == pytest.approx(target @ target)
+
+
+def test_a_time_constant_beyond_all_data_is_in_excess():
+    circuit = load_circuit("model2_ss_free_cd")
+    structure = CircuitStructure(circuit, _segments(4, 1))
+    theta = _somewhere(structure, 5)
+    names = structure.search.names
+    theta[names.index("C_flash")] += 6.0
+    theta[names.index("C_battery")] -= 9.0
+    theta[names.index("R_usb_ambient")] += 9.0
+    excess, slope = structure.excess(theta)
+    values = structure.values(theta, np.zeros(7))
+    taus = [values[f"C_{node}"] * values[f"R_{node}_ambient"] for node in ("flash", "battery", "usb")]
+    slow, fast = np.log(np.array(taus) / 120), np.log(0.1 / np.array(taus))
+    # per mode, in the order of their rates; here every node is a mode of its own
+    np.testing.assert_allclose(np.sort(excess[:3]), np.sort(np.maximum(slow, 0)), atol=1e-9)
+    np.testing.assert_allclose(np.sort(excess[3:]), np.sort(np.maximum(fast, 0)), atol=1e-9)
+    assert (np.count_nonzero(excess[:3]), np.count_nonzero(excess[3:])) == (2, 1)
+    h = 1e-6
+    moved = [
+        (structure.excess(theta + h * e)[0] - structure.excess(theta - h * e)[0]) / (2 * h) for e in np.eye(len(theta))
+    ]
+    np.testing.assert_allclose(slope, np.array(moved).T, atol=1e-8)
+
+
+def test_a_mode_of_two_nodes_that_lose_nothing_together_is_in_excess():
+    """Battery and usb exchange quickly and lose almost nothing: each node alone looks fast."""
+    circuit = load_circuit("model2_ss_single_input")
+    structure = CircuitStructure(circuit, _segments(1, 1))
+    theta = structure.search.initial.copy()
+    theta[structure.search.names.index("R_display_battery")] += 13.0
+    excess, slope = structure.excess(theta)
+    (slow,) = excess[:3][excess[:3] > 0]
+    rate = -np.linalg.eigvals(structure.system(theta, np.zeros(0)).A).real.max()
+    assert slow == pytest.approx(-np.log(rate * 120), abs=1e-6)
+    h = 1e-5
+    moved = [
+        (structure.excess(theta + h * e)[0] - structure.excess(theta - h * e)[0]) / (2 * h) for e in np.eye(len(theta))
+    ]
+    np.testing.assert_allclose(slope, np.array(moved).T, atol=1e-4)
+
+
+def test_random_starts_differ_and_stay_in_the_box(forward):
+    circuit = load_circuit("model2_ss")
+    random = np.random.default_rng(0)
+    for structure in (
+        CircuitStructure(circuit, _segments(4, 1)),
+        FreelyStartingCircuit(forward, _segments(2, 3)),
+        FreeFilter(4, _segments(3, 1)),
+    ):
+        starts = np.array([structure.random_start(random) for _ in range(50)])
+        assert (starts >= structure.search.low).all()
+        assert (starts <= structure.search.high).all()
+        assert len(np.unique(starts, axis=0)) == 50
+        assert (np.ptp(starts, axis=0) > 0.1).all()
+
+
+def _poles(structure, theta):
+    return np.sort_complex([-1 / tau for tau in structure.time_constants_s(theta)])
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
+def test_regrouping_keeps_the_poles(order):
+    structure = FreeFilter(order, _segments(2, 1, lengths=(2000,), periods_s=(1.0,)))
+    random = np.random.default_rng(order)
+    for _ in range(20):
+        theta = structure.random_start(random)
+        again = structure.regrouped(theta)
+        np.testing.assert_allclose(_poles(structure, again), _poles(structure, theta), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("single", "slow"), [(0.11, 0.01), (0.012, 0.01), (0.05, 0.049)])
+def test_the_closest_of_three_real_poles_become_one_section(single, slow):
+    structure = FreeFilter(3, _segments(2, 1, lengths=(2000,), periods_s=(1.0,)))
+    pair = (slow, 0.1)
+    theta = np.log([np.sqrt(pair[0] * pair[1]), sum(pair) / 2 / np.sqrt(pair[0] * pair[1]), single])
+    again = structure.regrouped(theta)
+    rates = np.sort([*pair, single])
+    alone = rates[0] if rates[2] / rates[1] < rates[1] / rates[0] else rates[2]
+    assert np.exp(again[2]) == pytest.approx(alone)
+
+
+def test_a_damped_pair_stays_one():
+    structure = FreeFilter(4, _segments(2, 1, lengths=(2000,), periods_s=(1.0,)))
+    theta = np.log([0.1, 0.5, 0.05, 3.0])
+    np.testing.assert_array_equal(structure.regrouped(theta), theta)
+
+
+def test_a_pole_that_the_data_hardly_show_is_in_excess():
+    """The slowest pole of a section against a tenth of the 2000 s of data, and its slope by differences."""
+    structure = FreeFilter(4, _segments(2, 1, lengths=(2000,), periods_s=(1.0,)))
+    theta = np.log([0.02, 6.0, 0.05, 1.5])
+    excess, slope = structure.excess(theta)
+    slowest = 0.02 * (6 - np.sqrt(35))
+    np.testing.assert_allclose(excess, [np.log(1 / 200 / slowest), 0], atol=1e-12)
+    h = 1e-6
+    moved = [(structure.excess(theta + h * e)[0] - structure.excess(theta - h * e)[0]) / (2 * h) for e in np.eye(4)]
+    np.testing.assert_allclose(slope, np.array(moved).T, atol=1e-7)
+
+
+@pytest.mark.parametrize("known", [slice(8990, 9000), slice(0, 3), slice(5000, 5100)])
+def test_a_reference_that_is_there_for_a_moment_only(known):
+    """Whole blocks hold nothing to compare with, and one of them fewer samples than signals."""
+    circuit = load_circuit("model2_ss_free_cd")
+    [whole] = _segments(4, 1, lengths=(9000,), periods_s=(1.0,))
+    outputs = np.full_like(whole.outputs, np.nan)
+    outputs[:, known] = 20.0
+    structure = CircuitStructure(circuit, [replace(whole, outputs=outputs)])
+    theta = _somewhere(structure, 4)
+    problem = linearise(structure, theta)
+    free = structure.signals(theta, 0)[:, known].T @ structure.expand(theta, 1.0).free[0]
+    np.testing.assert_allclose(problem.free.T @ problem.free, free.T @ free, rtol=1e-9)
+    assert problem.target @ problem.target == pytest.approx(400 * len(free))

@@ -1,0 +1,73 @@
+"""The forward simulation against an integrator, and the recovery of a device's constants from its log."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ambient_trainer.estimators.blended.fit import record_of
+from ambient_trainer.estimators.blended.forward_fit import Forward, fit_forward
+from ambient_trainer.estimators.blended.nonlinear_loss import factor, simulate
+from ambient_trainer.estimators.blended.recipe import Loss, find_observer
+
+LAW = Loss(rho=0.5, exponent=0.25, at_rise_K=5, at_degC=20)
+
+
+def test_the_law_is_one_where_it_is_normalised():
+    # sqrt(25 - 0.25): where the smoothed rise is 5 K
+    assert factor(np.sqrt(24.75), np.array(20.0), 0.3, LAW) == pytest.approx(1.0)
+    assert factor(np.array(80.0), np.array(20.0), 1.0, LAW) == pytest.approx(1.0), "radiation alone knows no rise"
+    assert factor(np.sqrt(99.75), np.array(-20.0), 0.0, LAW) == pytest.approx(2**0.25), "convection alone no mean"
+
+
+@pytest.fixture
+def forward(observer_file):
+    recipe, circuit = find_observer(observer_file)
+    return Forward(recipe, circuit)
+
+
+@pytest.fixture
+def record(forward, brick_log):
+    return record_of(forward.recipe, brick_log.columns)
+
+
+def truly(forward, truth):
+    """The search's unknowns of the true constants."""
+    positive = [np.log(value) for name, value in truth.items() if name not in ("share_board", "rho")]
+    return np.array([*positive, truth["share_board"], np.log(truth["rho"] / (1 - truth["rho"]))])
+
+
+def test_with_the_true_constants_only_the_sensors_noise_is_left(forward, record, brick_truth):
+    x = truly(forward, brick_truth)
+    assert forward.values(x) == pytest.approx(brick_truth)
+    [misfit] = forward.misfits(x, [record], 5.0)
+    # between samples 5 s apart the nodes bend a little
+    assert (np.sqrt(np.mean(misfit**2, axis=1)) < 0.025).all()
+
+
+def test_the_iteration_converges_and_few_passes_are_near(forward, record, brick_truth):
+    x = truly(forward, brick_truth)
+    heat = forward.heat_W(forward.shares(x), record.measured_W, record.shared_W)
+    four, ten, twenty = (
+        simulate(forward.plant(x), LAW, record.ambient_degC, heat, 5.0, passes) for passes in (4, 10, 20)
+    )
+    assert np.abs(ten - twenty).max() < 1e-4
+    assert np.abs(four - twenty).max() < 0.1
+
+
+def test_a_brick_s_constants_come_back_from_its_log(forward, record, brick_truth):
+    heard = []
+    found = fit_forward(forward, [record], 5.0, lambda evaluation, square: heard.append((evaluation, square)))
+    assert found.converged
+    assert found.values == pytest.approx(brick_truth, rel=0.05)
+    assert max(found.misfit_degC.values()) < 0.025
+    assert [count for count, _ in heard] == list(range(1, found.evaluations + 1))
+
+
+def test_what_is_believed_holds_where_the_log_says_nothing(observer_file, brick_log):
+    recipe, circuit = find_observer(observer_file)
+    stubborn = recipe.model_copy(update={"believed": recipe.believed.model_copy(update={"capacitance": 1e-4})})
+    forward = Forward(stubborn, circuit)
+    found = fit_forward(forward, [record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
+    first = {name: found.values[name] for name in ("C_chip", "C_board", "C_shell")}
+    assert first == pytest.approx({"C_chip": 3, "C_board": 15, "C_shell": 40}, rel=0.01)

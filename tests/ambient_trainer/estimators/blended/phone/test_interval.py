@@ -1,0 +1,55 @@
+"""The bank against the device's own rule, and the fit of a variance against known ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ambient_model.guard import guarded
+from ambient_trainer.estimators.blended.bank import Bank
+from ambient_trainer.estimators.blended.interval import fit_variance, weighted_quantile
+
+
+def test_the_bank_over_arrays_is_the_device_s():
+    class Says:
+        """A filter that repeats its sensor."""
+
+        def __init__(self, index: int) -> None:
+            self.index = index
+
+        def estimate_degC(self, sensors_degC: np.ndarray) -> np.ndarray:
+            return sensors_degC[self.index]
+
+    sensors = np.random.default_rng(2).normal(20, 2, (2, 1000))
+    bank = Bank(Says(0), Says(1), 0.8, {})  # type: ignore[arg-type]
+    said, _, apart = bank.published(sensors)
+    device = [guarded(main, guard, 0.8) for main, guard in sensors.T.tolist()]
+    assert said == pytest.approx([each.ambient_degC for each in device], abs=1e-12)
+    assert apart == pytest.approx(np.clip([each.apart_degC for each in device], -0.8, 0.8), abs=1e-12)
+    assert {0.0, 1.0} < {each.weight for each in device}
+
+
+def test_a_known_variance_comes_back_and_nothing_turns_negative():
+    random = np.random.default_rng(3)
+    terms = np.vstack([np.ones(40_000), random.exponential(1.0, 40_000), random.exponential(1.0, 40_000)])
+    error = random.standard_normal(40_000) * np.sqrt(np.array([0.2, 0.5, 0.0]) @ terms)
+    found = fit_variance(error, terms, np.ones(40_000))
+    assert found == pytest.approx([0.2, 0.5, 0.0], abs=0.03)
+    assert (found >= 0).all()
+
+
+def test_what_counts_twice_is_like_having_it_twice():
+    random = np.random.default_rng(4)
+    terms = np.vstack([np.ones(500), random.exponential(1.0, 500)])
+    error = random.standard_normal(500) * np.sqrt(terms.sum(axis=0))
+    twice = fit_variance(np.r_[error, error[:100]], np.c_[terms, terms[:, :100]], np.ones(600))
+    weighted = fit_variance(error, terms, np.r_[np.full(100, 2.0), np.ones(400)])
+    assert weighted == pytest.approx(twice, rel=1e-6)
+
+
+def test_a_weighted_quantile_leaves_that_share_of_the_weight_below():
+    random = np.random.default_rng(5)
+    values, weight = random.standard_normal(20_000), random.uniform(0, 1, 20_000)
+    for share in (0.5, 0.9, 0.98):
+        at = weighted_quantile(values, weight, share)
+        assert weight[values <= at].sum() / weight.sum() == pytest.approx(share, abs=1e-3)

@@ -1,0 +1,158 @@
+"""Observer files: what is shipped reads, what is wrong is refused with every fault and its place."""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.estimators.blended.recipe import Recipe, find_observer, observer_names, read_observer
+from ambient_trainer.estimators.named import fitting
+
+SHIPPED = (
+    Path(__file__).parents[5]
+    / "trainer"
+    / "ambient_trainer"
+    / "estimators"
+    / "blended"
+    / "library"
+    / "phone_observer.yaml"
+)
+DATA = yaml.safe_load(SHIPPED.read_text())
+
+
+def faults(data: Any, source: str = "mine.yaml") -> list[str]:
+    with pytest.raises(Refused) as refused:
+        read_observer(data, source)
+    return [str(each) for each in refused.value.faults]
+
+
+def changed(**places: Any) -> Any:
+    """The shipped file with values put at places such as ``heat__measured__into``; ``...`` removes one."""
+    data = copy.deepcopy(DATA)
+    for place, value in places.items():
+        *folders, key = place.split("__")
+        part = data
+        for folder in folders:
+            part = part[folder]
+        if value is ...:
+            del part[key]
+        else:
+            part[key] = value
+    return data
+
+
+def test_the_shipped_observer_reads():
+    assert observer_names() == ("phone_observer",)
+    recipe, circuit = find_observer("phone_observer")
+    assert circuit.name == "phone"
+    assert recipe.sensor_columns == tuple(f"{each}_degC" for each in ("soc", "flash", "battery", "usb", "display"))
+    assert recipe.drive_columns == ("soc_power_W", "battery_current_A", "cpu_load_frac")
+
+
+def test_circuits_are_no_observers(tmp_path):
+    (tmp_path / "circuit.yaml").write_text("format: ambient-circuit\n")
+    assert find_observer("phone") is None
+    assert find_observer("free-2") is None
+    assert find_observer(str(tmp_path / "circuit.yaml")) is None
+
+
+def test_an_observer_file_finds_the_circuit_beside_it(observer_file):
+    recipe, circuit = find_observer(observer_file)
+    assert (recipe.name, circuit.name) == ("brick_observer", "brick")
+
+
+def test_an_observer_names_its_own_sensors():
+    with pytest.raises(Refused, match="phone_observer names its own; use it with free-1 to free-4"):
+        fitting("phone_observer", ["usb_degC"])
+
+
+def test_an_unknown_name_is_told_the_observers_too():
+    with pytest.raises(Refused, match=r"no circuit is called 'nosuch'; take one of .*, phone_observer, free-1 to"):
+        fitting("nosuch")
+
+
+def test_every_fault_of_the_form_is_said_at_once():
+    wrong = changed(
+        version=2,
+        filter__noise=-1,
+        made_up__stay_min=[30, 20],
+        heat__measured__watts={"power": 1},
+        unlogged__colour="red",
+        threshold=...,
+    )
+    assert faults(wrong) == [
+        "version: 2: input should be 1; correct it",
+        "heat.measured.watts.power: 'power' has no unit; name a trace column, such as soc_power_W",
+        "made_up.stay_min: 30 is not below 20; give the lower one first",
+        "unlogged.colour: unknown key; remove it or correct its name; known are runs, hours, episode_min, pause_min, "
+        "log_spread, patterns",
+        "filter.noise: -1: input should be greater than 0; correct it",
+        "threshold: missing; add it",
+    ]
+
+
+def test_every_fault_against_the_circuit_is_said_at_once():
+    wrong = changed(
+        sensors__skin={"lag_s": 5, "trust_degC": 0.2},
+        heat__measured__into="gpu",
+        unlogged__patterns__charge__watts=[{"usb": 0.3, "plug": 1.0}],
+        weights__main={"logged": 1, "charging": 1},
+        weights__interval={"logged": 0, "residual": 1},
+    )
+    nodes = "its nodes are soc, board1, flash, board2, usb, display, cell, case"
+    patterns = "charge, screen, radio, camera"
+    assert faults(wrong) == [
+        "sensors.skin: reads no state of phone; its sensors are soc, flash, battery, usb, display",
+        f"heat.measured.into: phone has no node 'gpu' with a capacitance; {nodes}",
+        f"unlogged.patterns.charge.watts[0].plug: phone has no node 'plug' with a capacitance; {nodes}",
+        f"weights.main.charging: no such teaching; known are logged, idle, residual, {patterns}",
+        f"weights.interval.residual: no such teaching; known are logged, idle, {patterns}",
+        "weights.interval.logged: counts nothing; the log is what was measured: weigh it above 0",
+    ]
+
+
+def test_a_circuit_that_cannot_be_simulated_from_the_ambient_is_refused():
+    [first, *_] = faults(changed(circuit="model2_ss"))
+    assert first.startswith("circuit: model2_ss cannot be simulated from the ambient alone; take one of form temp")
+
+
+def test_an_unknown_circuit_is_refused_where_it_is_named():
+    [only] = faults(changed(circuit="phon"))
+    assert only.startswith("circuit: no circuit is called 'phon'; take one of linear_battery, ")
+
+
+def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    return [path, *(each for key, value in items for each in places(value, (*path, key)))]
+
+
+odd = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(-(10**20), 10**20),
+    st.floats(),
+    st.text(max_size=5),
+    st.lists(st.floats(), max_size=3),
+    st.dictionaries(st.text(max_size=5), st.floats(), max_size=2),
+)
+
+
+@settings(max_examples=300)
+@given(st.sampled_from(places(DATA)[1:]), odd)
+def test_whatever_stands_somewhere_is_read_or_refused(place, value):
+    data = copy.deepcopy(DATA)
+    part = data
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    with contextlib.suppress(Refused):
+        recipe, _ = read_observer(data, "odd.yaml")
+        assert Recipe.model_validate(recipe.model_dump()) == recipe

@@ -1,0 +1,173 @@
+"""``circuit_observer`` on simulated circuits, from the fit to the file that a device runs."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from ambient_model.faults import Refused
+from ambient_model.recursion import advance, equilibrium, output
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.estimators.kalman.circuit_observer import fit_circuit_observer, struck_out
+from ambient_trainer.estimators.kalman.observer_structure import estimate_of
+from ambient_trainer.estimators.kalman.prior import walk_of
+from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.named import fitting
+from ambient_trainer.estimators.summary import as_json, facts
+from ambient_trainer.evaluation.evaluate import evaluate_trace
+from ambient_trainer.lti.reduce import at_rest
+
+ONE = Effort(starts=1)
+
+
+@pytest.fixture(scope="module")
+def fit(simulated):
+    return fit_circuit_observer([simulated(1)], ONE)
+
+
+@pytest.fixture(scope="module")
+def model(fit):
+    return model_of(fit, [], {})
+
+
+def test_a_lone_sensor_gives_its_time_constant_and_noise_back(simulated):
+    alone = {"tau_s": (90.0,), "exchange": 0.0, "node_walk": 0.15, "noise_degC": 0.4, "period_s": 2.0}
+    found = fit_circuit_observer([simulated(seed, samples=12_000, **alone) for seed in (1, 2)], ONE)
+    known = {each.name: each for each in found.parameters}
+    for name, truth in (("tau_a", 90.0), ("q_a", 0.15)):
+        low, high = known[name].interval95
+        assert low < truth < high < 2 * low
+    # the filter draws lines between samples, which is smoother than noise: what serves it is less than the sensor's own
+    assert 0.3 * 0.4 * np.sqrt(2.0) < known["r_a"].value < 0.4 * np.sqrt(2.0)
+    assert found.fallbacks == {}
+    assert found.converged
+
+
+def test_it_errs_like_the_filter_that_knows_the_truth(fit, simulated):
+    """The true circuit's filter is the best there is; what was fitted leaves hardly more on a run that it never saw."""
+    circuit = WalkingAmbient(fit.inputs, 0.3)
+    density = 0.05 * np.sqrt(10.0)
+    truth = np.log([60, 200, 120, 1, 1, *[0.004] * 3, *[0.02] * 3, *[density] * 3])
+    held_out = simulated(2)
+    segment = Segment(10.0, np.vstack([held_out.columns[name] for name in fit.inputs]), held_out.reference[None])
+    best = np.std(held_out.reference - estimate_of(circuit.filter(truth), segment))
+    scored = evaluate_trace(model_of(fit, [], {}), held_out)
+    assert scored.metrics.rmse_degC < 1.05 * best
+    assert scored.baseline.metrics.rmse_degC > 1.3 * best
+
+
+def test_the_file_runs_the_filter(fit, model, simulated):
+    """With three sensors nothing is reduced: the file's recursion is the filter along straight lines, to 1e-9."""
+    trace = simulated(1)
+    u = np.vstack([trace.columns[name] for name in fit.inputs])
+    walk = walk_of([Segment(10.0, u, trace.reference[None])])
+    found = WalkingAmbient(fit.inputs, walk).filter(np.log([each.value for each in fit.parameters]))
+    assert len(model.main.states) == 4
+    for discrete in model.main.discrete:
+        T = discrete.period_s
+        block = np.zeros((10, 10))
+        block[:4, :4], block[:4, 4:7], block[4:7, 7:] = found.A, found.B, np.eye(3)
+        step = expm(block * T)
+        x, z = np.linalg.solve(-found.A, found.B @ u[:, 0]), equilibrium(model.main.initial, u[:, 0])
+        for before, after in zip(u.T[:40], u.T[1:41]):
+            said = output(discrete, model.main.offset, z, before)
+            assert said == pytest.approx(x[3] + fit.system.offset[0], abs=1e-9)
+            x = step[:4] @ np.concatenate([x, before, (after - before) / T])
+            z = advance(discrete, z, before)
+
+
+def test_the_interval_covers_runs_that_the_fit_never_saw(model, simulated):
+    covered = [evaluate_trace(model, simulated(seed)).coverage for seed in (2, 3)]
+    assert 0.87 <= np.mean([each[90] for each in covered]) <= 0.93
+    assert 0.45 <= np.mean([each[50] for each in covered]) <= 0.55
+
+
+def test_a_fallback_an_input(fit, model, simulated):
+    assert list(model.fallbacks) == ["a", "b", "c"]
+    for name, fallback in model.fallbacks.items():
+        assert [each.name for each in fallback.inputs] == [each for each in "abc" if each != name]
+        assert set(fallback.inputs) < set(model.main.inputs)
+        smaller = fit.fallbacks[name]
+        assert at_rest(smaller.system).sum() == pytest.approx(1.0, abs=1e-9)
+        assert fit.rmse_degC < smaller.rmse_degC < 2 * fit.rmse_degC
+
+
+def test_it_says_what_it_is(fit):
+    said = "\n".join(facts(fit))
+    assert "The circuit has 4 states: a node a sensor, and the ambient.\n" in said
+    for start in ("Noise gain: ", "Half of the 90 % interval: ", "Without a sensor, RMSE on the training samples: a "):
+        assert f"\n{start}" in said
+    told = json.loads(json.dumps(as_json(fit), allow_nan=False))
+    half = told["half_width_90_degC"]
+    assert 0 < half["10"] < half["50"] < half["90"] < half["99"]
+    assert told["noise_gain"] > 1.0
+    assert list(told["fallbacks"]) == ["a", "b", "c"]
+
+
+def test_more_sensors_than_states_are_balanced_down(simulated):
+    trace = simulated(3, samples=1500)
+    random = np.random.default_rng(0)
+    more = {f"{name}2_degC": trace.columns[f"{name}_degC"] + random.normal(0, 0.05, 1500) for name in "ab"}
+    found = fit_circuit_observer([Trace("five", trace.time_s, {**more, **trace.columns})], ONE)
+    assert len(found.inputs) == 5
+    assert len(found.states) == 4
+    assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
+    assert found.notes[0] == "The circuit has 6 states: a node a sensor, and the ambient; balanced down to 4."
+
+
+def test_too_many_sensors_are_refused(simulated):
+    trace = simulated(3, samples=100)
+    many = {f"s{index}_degC": trace.columns["a_degC"] + index for index in range(9)}
+    with pytest.raises(Refused) as refused:
+        fit_circuit_observer([Trace("many", trace.time_s, {**many, "ambient_degC": trace.reference})], ONE)
+    assert str(refused.value) == (
+        "circuit_observer: 9 temperatures make a circuit with more unknowns than any trace can tell; "
+        "name the best 8 or fewer with --sensors"
+    )
+
+
+def test_ctrl_c_keeps_the_best_so_far(simulated):
+    def interrupt(start, evaluation, square):
+        if evaluation == 8:
+            raise KeyboardInterrupt
+
+    found = fitting("circuit_observer")([simulated(4, samples=800)], ONE, interrupt, None)
+    assert found.stopped
+    assert not found.converged
+    assert found.fallbacks == {}
+    assert model_of(found, [], {}).provenance["fit"]["stopped"]
+
+
+def test_ctrl_c_in_a_fallback_keeps_the_main_one(simulated):
+    numbers = []
+
+    def interrupt(start, evaluation, square):
+        numbers.append(start)
+        if start == ONE.starts and evaluation == 2:
+            raise KeyboardInterrupt
+
+    found = fitting("circuit_observer")([simulated(4, samples=800)], ONE, interrupt, None)
+    assert found.stopped
+    assert found.fallbacks == {}
+    assert numbers[-1] == 1
+
+
+@pytest.mark.parametrize("dropped", [0, 1, 2])
+def test_a_node_struck_out_leaves_the_others_as_they_are(dropped):
+    """What the others exchange among themselves and with the ambient, and how much they walk, does not change."""
+    names = ("a_degC", "b_degC", "c_degC")
+    theta = np.random.default_rng(5).normal(0, 1, 14)
+    whole = WalkingAmbient(names, 0.3)
+    kept = [index for index in range(3) if index != dropped]
+    smaller = WalkingAmbient([names[index] for index in kept], 0.3)
+    found = smaller.process(struck_out(whole, smaller, theta, dropped))
+    rows = [*kept, 3]
+    off_diagonal = ~np.eye(3, dtype=bool)
+    for ours, theirs in zip(found[:2], whole.process(theta)[:2]):
+        np.testing.assert_allclose(ours[off_diagonal], theirs[np.ix_(rows, rows)][off_diagonal], rtol=1e-12)
+    np.testing.assert_allclose(np.diag(found[1]), np.diag(whole.process(theta)[1])[rows], rtol=1e-12)
+    np.testing.assert_allclose(found[2], whole.process(theta)[2][kept], rtol=1e-12)

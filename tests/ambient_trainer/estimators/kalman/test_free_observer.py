@@ -1,0 +1,97 @@
+"""``free_observer``: what physics demands of it holds, and what it chooses is chosen by data that it did not see."""
+
+import numpy as np
+import pytest
+
+from ambient_trainer.data.grid import segments
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimators.fit import Effort, fit_free_filter
+from ambient_trainer.estimators.kalman.choosing import Choice, chosen
+from ambient_trainer.estimators.kalman.free_observer import fit_free_observer
+from ambient_trainer.estimators.kalman.free_structure import ConstrainedFilter
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.named import fitting
+from ambient_trainer.evaluation.evaluate import evaluate_trace
+from ambient_trainer.lti.noise_gain import noise_gain
+
+TWO = Effort(starts=2)
+
+
+@pytest.fixture(scope="module")
+def fit(simulated):
+    return fit_free_observer([simulated(1)], TWO)
+
+
+def test_its_gains_at_rest_add_up_to_one(fit):
+    assert sum(fit.dc_gains) == pytest.approx(1.0, abs=1e-12)
+    for fallback in fit.fallbacks.values():
+        assert sum(fallback.dc_gains) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_degree_more_everywhere_is_a_degree_more(fit, simulated):
+    model, trace = model_of(fit, [], {}), simulated(2, samples=300)
+    warmer = {name: values + (name != "ambient_degC") for name, values in trace.columns.items()}
+    one, other = (evaluate_trace(model, Trace("t", trace.time_s, each)) for each in (trace.columns, warmer))
+    np.testing.assert_allclose(other.estimate_degC - one.estimate_degC, 1.0, atol=1e-9)
+
+
+def test_it_does_as_well_as_one_without_demands(fit, simulated):
+    held_out = simulated(2)
+    unconstrained = fit_free_filter(len(fit.states), [simulated(1)], TWO)
+    ours, theirs = (evaluate_trace(model_of(each, [], {}), held_out).metrics.rmse_degC for each in (fit, unconstrained))
+    assert ours < 1.02 * theirs
+
+
+def test_the_more_noise_is_presumed_the_less_goes_through(simulated):
+    trace = simulated(5, samples=1500)
+    grid = segments(trace, ["a_degC", "b_degC", "c_degC"], ("ambient_degC",))
+    gains = []
+    for noise_degC in (0.01, 0.3, 3.0):
+        best = search(structure := ConstrainedFilter(2, grid, noise_degC), 2, 0).best
+        gains.append(noise_gain(structure.system(best.theta, best.beta), 10.0))
+    assert gains[0] > gains[1] > gains[2]
+    assert gains[2] < 1.0
+
+
+def test_the_lowest_order_and_then_the_most_noise_within_a_hundredth():
+    tried = [Choice(1, 0.01, 0.9), Choice(2, 0.01, 0.503), Choice(3, 0.01, 0.5), Choice(4, 0.01, 0.499)]
+    assert chosen(tried) == tried[1]
+    more = [*tried, Choice(2, 0.03, 0.5035), Choice(2, 0.1, 0.6)]
+    assert chosen(more) == more[4]
+
+
+def test_the_interval_covers_runs_that_the_fit_never_saw(fit, simulated):
+    model = model_of(fit, [], {})
+    covered = [evaluate_trace(model, simulated(seed)).coverage[90] for seed in (2, 3)]
+    assert 0.87 <= np.mean(covered) <= 0.93
+
+
+def test_fallbacks_and_remarks(fit):
+    assert list(fit.fallbacks) == ["a", "b", "c"]
+    assert fit.notes[0].startswith("Chosen on the training data alone, by 5 blocks left out in turn: order ")
+    assert fit.figures["choice"]["order"] == len(fit.states)
+    assert {each["order"] for each in fit.figures["tried"]} == {1, 2, 3, 4}
+
+
+def test_the_sensors_asked_for_are_those_it_reads(simulated):
+    found = fitting("free_observer", ["c_degC", "a_degC"])([simulated(6, samples=600)], TWO, None, None)
+    assert found.inputs == ("c_degC", "a_degC")
+
+
+@pytest.mark.parametrize("evaluation", [3, 150])
+def test_ctrl_c_keeps_the_best_so_far(simulated, evaluation):
+    """While the first order is searched, and while blocks are left out."""
+    seen = []
+
+    def interrupt(start, number, square):
+        seen.append(number)
+        if len(seen) == evaluation:
+            raise KeyboardInterrupt
+
+    found = fitting("free_observer")([simulated(6, samples=600)], TWO, interrupt, None)
+    assert found.stopped
+    assert not found.converged
+    assert found.notes[0].startswith("Stopped before order and noise were chosen: this is order ")
+    assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
+    assert model_of(found, [], {}).provenance["fit"]["stopped"]

@@ -1,0 +1,78 @@
+"""The filter of the circuit is the Kalman filter, held against one that is stepped through time."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of
+from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.lti.reduce import at_rest
+
+SENSORS = ("a_degC", "b_degC", "c_degC")
+
+
+@pytest.fixture
+def circuit():
+    return WalkingAmbient(SENSORS, 0.3)
+
+
+@pytest.fixture
+def theta():
+    return np.log([60.0, 200.0, 120.0, 1.5, 0.5, 0.002, 0.004, 0.001, 0.02, 0.05, 0.03, 0.2, 0.4, 0.1])
+
+
+def segment_of(trace):
+    return Segment(10.0, np.vstack([trace.columns[name] for name in SENSORS]), trace.reference[None])
+
+
+def test_unknowns_are_named_with_units(circuit):
+    assert circuit.names[:5] == ("tau_a", "tau_b", "tau_c", "C_b", "C_c")
+    assert circuit.names[5:8] == ("g_a_b", "g_a_c", "g_b_c")
+    assert circuit.units["q_b"] == "K/sqrt(s)"
+
+
+def test_a_degree_more_everywhere_is_a_degree_more(circuit, theta):
+    found = circuit.filter(theta)
+    assert at_rest(found.system)[0].sum() == pytest.approx(1.0, abs=1e-12)
+    assert np.linalg.eigvals(found.A).real.max() < 0
+
+
+def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta, simulated):
+    """A discrete Kalman filter at a hundredth of the period, its covariance running from what is known at first."""
+    segment = segment_of(simulated(1, samples=60))
+    h = 0.1
+    A, Q, variance = circuit.process(theta)
+    step, H, R, P = expm(A * h), np.eye(3, 4), np.diag(variance / h), np.eye(4)
+    for _ in range(40_000):
+        P = step @ P @ step.T + Q * h
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+        P = P - K @ H @ P
+    stay = step - K @ H @ step
+    x = np.linalg.solve(np.eye(4) - stay, K @ segment.inputs[:, 0])
+    said = [x[3]]
+    for before, after in zip(segment.inputs.T, segment.inputs.T[1:]):
+        for part in range(1, 101):
+            x = stay @ x + K @ (before + (after - before) * part / 100)
+        said.append(x[3])
+    found = estimate_of(circuit.filter(theta), segment)
+    # h is 0.1 s, and the noise that Q adds within it is taken to come at once
+    np.testing.assert_allclose(found, said, atol=0.02 * np.std(segment.outputs))
+    assert np.abs(found - segment.inputs.mean(axis=0)).max() > 1.0  # it is no mean of its inputs
+
+
+def test_slopes_are_differences(circuit, theta, simulated):
+    segment = segment_of(simulated(2, samples=200))
+    structure = ObserverStructure(circuit, theta, [segment])
+    signals = structure.signals(theta, 0)
+    assert (signals[1] == 1).all()
+    for index in range(len(theta)):
+        h = 1e-5 * np.eye(len(theta))[index]
+        across = (structure.signals(theta + h, 0)[0] - structure.signals(theta - h, 0)[0]) / 2e-5
+        np.testing.assert_allclose(signals[2 + index], across, atol=1e-6 * max(1.0, np.abs(across).max()))
+
+
+def test_far_off_it_says_nothing_and_raises_nothing(circuit, theta, simulated):
+    structure = ObserverStructure(circuit, theta, [segment_of(simulated(2, samples=50))])
+    with np.errstate(all="ignore"):
+        assert np.isfinite(structure.signals(theta + 300.0, 0)).all()

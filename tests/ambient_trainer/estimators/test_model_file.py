@@ -1,0 +1,181 @@
+"""What was fitted is what the file says, at every period, and the file passes its own test."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from ambient_model.codec import decode, encode
+from ambient_model.conformance import TOLERANCE_DEGC, worst_difference_degC
+from ambient_model.faults import Refused
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.data.trace import Trace, load_trace, save_trace
+from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter
+from ambient_trainer.estimators.model_file import error_quantiles, model_of, training_of
+
+CIRCUIT = """
+format: ambient-circuit
+version: 1
+name: driven
+about: A board beside a chip, heated by a charger
+form: rise
+nodes:
+  board: {capacitance: 12, sensor: board}
+  chip: {sensor: chip}
+edges:
+  - {between: [chip, board], resistance: R_chip_board}
+  - {between: [board, ambient], resistance: R_board}
+sources: [{into: board, signal: cpu_power_W, share: 0.8}]
+outputs:
+  ambient: {states: {board: -1}, inputs: {board_degC: 1}, offset: bias}
+parameters:
+  R_chip_board: {unit: K/W, initial: 4}
+  R_board: {unit: K/W, initial: 15}
+  bias: {unit: degC, initial: 0}
+"""
+
+
+@pytest.fixture(scope="module")
+def trace():
+    random = np.random.default_rng(0)
+    board = 25 + np.cumsum(random.normal(size=900)) * 0.2
+    chip = board + 10 + np.repeat(random.uniform(0, 20, 30), 30)
+    power = np.repeat(random.uniform(0, 4, 30), 30)
+    ambient = board - 3 - power + random.normal(size=900) * 0.3
+    columns = {"board_degC": board, "chip_degC": chip, "cpu_power_W": power, "ambient_degC": ambient}
+    return Trace("made.csv", np.arange(900) * 2.0, columns)
+
+
+@pytest.fixture(scope="module")
+def fit(trace):
+    return fit_circuit(parse_circuit(CIRCUIT, "driven.yaml"), [trace], Effort(starts=2, seed=7))
+
+
+@pytest.fixture(scope="module")
+def model(fit):
+    return model_of(fit, [], {"chip": "soc-therm"})
+
+
+def test_it_comes_back_equal_from_its_file(model):
+    assert decode(encode(model).encode(), "model.json") == model
+
+
+def test_it_passes_its_own_conformance(model):
+    back = decode(encode(model).encode(), "model.json")
+    assert worst_difference_degC(back) <= TOLERANCE_DEGC
+    assert set(back.conformance.outputs) == {0.1, 0.2, 0.5, 1.0, 2.0}
+    assert len(back.conformance.inputs) >= 24
+    assert all(np.ptp(np.array(back.conformance.inputs), axis=0) > 0)
+
+
+def test_every_period_has_the_response_of_the_fitted_system(fit, model):
+    """Markov parameters against scipy's first-order hold, whose state has other coordinates."""
+    for each in model.main.discrete:
+        A, B, C, D, _ = cont2discrete((fit.system.A, fit.system.B, fit.system.C, fit.system.D), each.period_s, "foh")
+        np.testing.assert_allclose(each.D, D, atol=1e-12)
+        x, wanted = np.array(each.B), B
+        for _ in range(5):
+            np.testing.assert_allclose(each.C @ x, C @ wanted, atol=1e-12)
+            x, wanted = each.A @ x, A @ wanted
+
+
+def test_the_initial_state_is_at_rest_at_every_period(fit, model):
+    X0 = np.array(model.main.initial)
+    np.testing.assert_allclose(X0, -np.linalg.inv(fit.system.A) @ fit.system.B, rtol=1e-12)
+    for each in model.main.discrete:
+        np.testing.assert_allclose(each.A @ X0 + each.B, X0, rtol=1e-9, atol=1e-12)
+
+
+def test_inputs_carry_name_unit_zone_and_range(trace, model):
+    board, chip, power = model.main.inputs
+    assert [(each.name, each.unit, each.zone) for each in model.main.inputs] == [
+        ("board", "degC", "board"),
+        ("chip", "degC", "soc-therm"),
+        ("cpu_power", "W", "cpu_power"),
+    ]
+    assert [each.column for each in model.main.inputs] == ["board_degC", "chip_degC", "cpu_power_W"]
+    assert (board.min, board.max) == (chip.min, chip.max) == (-45.0, 130.0)
+    low, high = trace.columns["cpu_power_W"].min(), trace.columns["cpu_power_W"].max()
+    assert power.min == pytest.approx(low - (high - low), abs=1e-3)
+    assert power.max == pytest.approx(high + (high - low), abs=1e-3)
+
+
+def test_a_hotter_training_widens_the_range(fit):
+    hot = replace(fit, input_ranges=((20.0, 115.0), *fit.input_ranges[1:]))
+    board = model_of(hot, [], {}).main.inputs[0]
+    assert (board.min, board.max) == (-45.0, 145.0)
+
+
+def test_a_unit_of_two_parts_stays_whole(fit):
+    sunny = replace(fit, inputs=("board_degC", "chip_degC", "irradiance_W_m2"))
+    last = model_of(sunny, [], {}).main.inputs[-1]
+    assert (last.name, last.unit, last.column) == ("irradiance", "W_m2", "irradiance_W_m2")
+
+
+def test_the_interval_is_the_quantiles_of_the_training_errors(fit, model):
+    errors = np.sort(fit.errors_degC[0])
+    for level, (low, high) in model.main.interval.items():
+        assert np.mean((errors >= low) & (errors <= high)) == pytest.approx(level / 100, abs=2 / 900)
+    assert error_quantiles(np.linspace(-1, 1, 201)) == {
+        50: pytest.approx((-0.5, 0.5)),
+        90: pytest.approx((-0.9, 0.9)),
+        98: pytest.approx((-0.98, 0.98)),
+    }
+
+
+def test_the_provenance_says_how_it_was_made(fit, model):
+    found = model.provenance
+    assert (found["circuit"], found["periods_s"], found["hold"]) == ("driven", [2.0], "first-order")
+    assert found["fit"]["rmse_degC"] == fit.rmse_degC
+    assert (found["fit"]["samples"], found["fit"]["seed"], found["fit"]["starts"]) == (900, 7, 2)
+    assert set(found["parameters"]) == {"R_chip_board", "R_board", "bias"}
+    assert list(found["baseline"]["gains"]) == ["board", "chip", "cpu_power"]
+    assert set(found["versions"]) == {"ambientd", "numpy", "scipy", "python"}
+
+
+def test_the_training_files_are_named_with_their_digest(trace, tmp_path):
+    path = tmp_path / "run.csv"
+    save_trace(str(path), trace)
+    assert training_of(load_trace(str(path)), 10.0, None) == {
+        "trace": "run.csv",
+        "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+        "from_s": 10.0,
+        "to_s": None,
+    }
+
+
+def test_a_free_filter_is_exported_too(trace):
+    fit = fit_free_filter(2, [trace], Effort(starts=1))
+    model = decode(encode(model_of(fit, [], {})).encode(), "free.json")
+    assert model.main.states == ("mode1", "mode2")
+    assert worst_difference_degC(model) <= TOLERANCE_DEGC
+
+
+def test_a_circuit_without_states_is_exported_too(trace):
+    text = CIRCUIT.replace("capacitance: 12, ", "")
+    text = text[: text.index("edges:")] + (
+        "outputs:\n  ambient: {inputs: {board_degC: k}, offset: bias}\n"
+        'parameters:\n  k: {unit: "1", initial: 1}\n  bias: {unit: degC, initial: 0}\n'
+    )
+    fit = fit_circuit(parse_circuit(text, "line.yaml"), [trace], Effort(starts=1))
+    model = decode(encode(model_of(fit, [], {})).encode(), "line.json")
+    assert model.main.states == ()
+    assert worst_difference_degC(model) <= TOLERANCE_DEGC
+
+
+def test_an_unknown_zone_is_refused(fit):
+    with pytest.raises(Refused) as refused:
+        model_of(fit, [], {"chip": "soc", "gpu": "gpu0", "dsp": "dsp0"})
+    assert str(refused.value) == "--zone: dsp, gpu: no such input; inputs are board, chip, cpu_power"
+
+
+def test_a_circuit_that_predicts_something_else_is_refused(fit):
+    with pytest.raises(Refused) as refused:
+        model_of(replace(fit, outputs=("board", "chip")), [], {})
+    assert str(refused.value) == (
+        "driven: outputs: it predicts board, chip; a device runs a circuit whose output is 'ambient'"
+    )

@@ -1,0 +1,313 @@
+"""Resistance against capacitance comes out of the two-sided circuits, and known capacitances cure it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ambient_model.faults import Refused
+from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.commands.identifiability import command
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.estimation.profile import THRESHOLD, held, profile
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation.sensitivity import sensitivity
+from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.evaluation.identifiability import (
+    identifiability,
+    own_output,
+    recovered,
+    reestimates,
+    structure_of,
+    unknowns_at,
+)
+from ambient_trainer.evaluation.identifiability_summary import said
+
+TRUTH = {
+    "C_flash": 4.0, "C_battery": 60.0, "C_usb": 6.0,
+    "R_flash_ambient": 40.0, "R_battery_ambient": 20.0, "R_usb_ambient": 30.0,
+    "R_display_flash": 15.0, "R_display_battery": 6.0, "R_soc_flash": 60.0, "R_soc_battery": 25.0,
+    "R_battery_usb": 25.0, "w1": 0.3, "w2": 0.2, "w3": 0.5,
+}  # fmt: skip
+CAPACITANCES = ("C_flash", "C_battery", "C_usb")
+TWO_SIDED = ("model1_ss", "model2_ss")
+SINGLE_INPUT = ("model1_ss_single_input", "model2_ss_single_input")
+NOISE_DEGC = 0.05
+
+
+def quiet(what, done, total):
+    assert 0 <= done <= total
+
+
+def inputs_of(columns, samples=4000, period_s=5.0):
+    """Sensors that move by themselves: each a ramp between levels of its own, in a few minutes or in half an hour."""
+    random = np.random.default_rng(8)
+    rows = []
+    for index in range(len(columns)):
+        knots = np.arange(0, samples + 1, (60, 240, 25, 400, 90)[index])
+        rows.append(np.interp(np.arange(samples), knots, random.uniform(10, 60, len(knots))))
+    return Segment(period_s, np.array(rows), np.zeros((1, samples)))
+
+
+def subject(name, fixed=()):
+    """The circuit at the truth with its own output, and what can be told of it."""
+    circuit = load_circuit(name)
+    values = {each.name: TRUTH[each.name] if each.free else each.initial for each in circuit.parameters}
+    circuit = held(circuit, {each: values[each] for each in fixed})
+    found = own_output(circuit, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
+    structure = found.structure()
+    return found, sensitivity(structure, *unknowns_at(structure, values))
+
+
+@pytest.mark.parametrize("name", TWO_SIDED)
+def test_resistance_against_capacitance_comes_out_by_name(name):
+    _, told = subject(name)
+
+    hot = "soc" if name == "model1_ss" else "display"
+    resistances = ("flash_ambient", "battery_ambient", "usb_ambient", f"{hot}_flash", f"{hot}_battery", "battery_usb")
+    scaling = {**dict.fromkeys(CAPACITANCES, 1.0), **{f"R_{each}": -1.0 for each in resistances}}
+    assert told.symmetries == (scaling,)
+    assert told.blind == 3  # the shares of eq. 4.11 give two more, that bend
+    assert set(told.mixed) == set(scaling)
+    time_constants = [{f"C_{node}": 1.0, f"R_{node}_ambient": 1.0} for node in ("flash", "battery", "usb")]
+    assert [each for each in told.products if each in time_constants] == time_constants
+    assert len(told.products) == 5
+    assert np.count_nonzero(np.array(told.singular_degC) > 1e-6) == 9
+
+
+@pytest.mark.parametrize("name", TWO_SIDED)
+def test_products_stay_and_symmetries_move_nothing(name):
+    """By simulation at another truth: scaling along a symmetry gives the same output."""
+    found, told = subject(name)
+    (scaling,) = told.symmetries
+    scaled = {each: value * 1.7 ** scaling.get(each, 0.0) for each, value in found.values.items()}
+    again = own_output(found.circuit, scaled, [inputs_of(found.circuit.inputs)], NOISE_DEGC, 1.0)
+    np.testing.assert_allclose(again.own[0].outputs, found.own[0].outputs, atol=1e-8)
+    for product in told.products:
+        assert sum(exponent * scaling.get(each, 0.0) for each, exponent in product.items()) == pytest.approx(0)
+
+
+@pytest.mark.parametrize("name", TWO_SIDED)
+def test_fixed_capacitances_cure_it(name):
+    found, told = subject(name, CAPACITANCES)
+
+    assert told.blind == 0
+    assert told.symmetries == told.products == told.mixed == ()
+    ends = reestimates(found, told, Effort(8, 0), quiet)
+    assert not any(each.another for each in ends)
+    back = [each for each in ends if each.fit_percent > 99.99]
+    assert len(back) >= 4
+    assert all(max(each.moved.values()) < 1e-3 for each in back)
+
+
+@pytest.mark.parametrize("name", TWO_SIDED)
+def test_the_thesis_test_finds_other_sets_with_the_same_output(name):
+    found, told = subject(name)
+    ends = reestimates(found, told, Effort(8, 0), quiet)
+    others = [each for each in ends if each.another]
+    assert len(others) >= 2
+    for each in others:
+        values = {**found.values, **each.values}
+        again = own_output(found.circuit, values, [inputs_of(found.circuit.inputs)], NOISE_DEGC, 1.0)
+        error = again.own[0].outputs - found.own[0].outputs
+        fit = 100 * (1 - np.linalg.norm(error) / np.linalg.norm(found.own[0].outputs - found.own[0].outputs.mean()))
+        assert fit == pytest.approx(each.fit_percent, abs=1e-3)
+        for node in ("flash", "battery", "usb"):
+            told_product = values[f"C_{node}"] * values[f"R_{node}_ambient"]
+            assert told_product == pytest.approx(TRUTH[f"C_{node}"] * TRUTH[f"R_{node}_ambient"], rel=0.02)
+
+
+@pytest.mark.parametrize("name", SINGLE_INPUT)
+def test_single_input_circuits_keep_the_scale_of_their_losses(name):
+    """Erratum 10: only ratios of the resistances to the ambient enter, whatever is known of the capacitances."""
+    _, told = subject(name)
+    losses = {f"R_{node}_ambient": 1.0 for node in ("flash", "battery", "usb")}
+    hot = "soc" if name == "model1_ss_single_input" else "display"
+    exchange = {"C_battery": 1.0, "C_usb": 1.0, f"R_{hot}_battery": -1.0, "R_battery_usb": -1.0}
+    assert list(told.symmetries) == [exchange, losses]
+    assert told.blind == 3
+
+    _, cured = subject(name, ("C_battery", "C_usb"))
+    assert cured.symmetries == (losses,)
+    assert cured.blind == 1
+    _, all_told = subject(name, ("C_battery", "C_usb", "R_usb_ambient"))
+    assert all_told.blind == 0
+
+
+def test_free_c_and_d_need_more_than_the_capacitances():
+    """The thesis's remedy leaves each exchange resistance against the weights of what it drives."""
+    circuit = load_circuit("model2_ss_free_cd")
+    values = {**TRUTH, **{f"w{k}": 0.1 * k for k in range(1, 8)}}
+    for fixed, blind in (((), 5), (CAPACITANCES, 2), ((*CAPACITANCES, "w1", "w2"), 0)):
+        one = held(circuit, {each: values[each] for each in fixed})
+        found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
+        told = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
+        assert told.blind == blind
+        if blind == 2:
+            assert list(told.symmetries) == [
+                {"R_display_flash": 1.0, "w1": 1.0},
+                {"R_display_battery": 1.0, "R_battery_usb": 1.0, "w2": 1.0, "w3": 1.0},
+            ]
+
+
+def test_what_a_resistance_out_of_sight_leaves_open_is_told_apart():
+    """Without its exchange the flash's loss is a free gain: one more direction here, none in the structure."""
+    circuit = load_circuit("model2_ss")
+    values = {**TRUTH, "R_display_flash": 1e6}
+    one = held(circuit, {each: values[each] for each in CAPACITANCES})
+    found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
+    told = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
+    assert told.blind == 0
+    assert told.silent == ("R_display_flash",)
+    assert told.blind_here == 1
+    assert told.mixed_here == ("R_flash_ambient", "R_display_battery", "R_battery_usb")
+
+
+def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
+    """Oracle: sigma times the root of the diagonal of (J'J)^-1, by differences of plain simulations."""
+    found, _ = subject("model1_ss", CAPACITANCES)
+    structure = found.structure()
+    theta, beta = unknowns_at(structure, found.values)
+    unknowns, h = np.concatenate([theta, beta]), 1e-5
+
+    def outputs(at):
+        values = structure.values(at[: len(theta)], at[len(theta) :])
+        return own_output(found.circuit, values, found.own, NOISE_DEGC, 1.0).own[0].outputs[0]
+
+    J = np.array([(outputs(unknowns + h * e) - outputs(unknowns - h * e)) / (2 * h) for e in np.eye(len(unknowns))]).T
+    width = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * NOISE_DEGC**2 * THRESHOLD)
+    index = structure.search.names.index("R_soc_battery")
+    got = profile(found.structure, found.circuit, found.values, "R_soc_battery", NOISE_DEGC**2)
+    assert not got.flat
+    assert np.log(got.high / got.low) / 2 == pytest.approx(width[index], rel=0.1)
+    assert list(got.values) == sorted(got.values)
+    assert min(got.deviances) == 0.0
+
+
+def test_a_confounded_parameter_has_a_flat_profile():
+    found, _ = subject("model2_ss")
+    got = profile(found.structure, found.circuit, found.values, "C_flash", NOISE_DEGC**2)
+    assert got.flat
+    assert got.low is None
+    assert got.high is None
+    assert max(got.deviances) < THRESHOLD
+    assert got.values[0] == pytest.approx(0.04)
+    assert got.values[-1] == pytest.approx(400)
+
+
+@pytest.mark.parametrize("name", TWO_SIDED)
+def test_the_mean_of_noisy_replicates_is_within_two_standard_errors(name):
+    found, told = subject(name, CAPACITANCES)
+    back = recovered(found, told, 40, 5, quiet)
+
+    assert {each.name for each in back} == {each.name for each in found.circuit.parameters if each.free}
+    assert max(abs(each.deviation) for each in back) < 2
+    for each in back:
+        assert each.mean == pytest.approx(each.truth, rel=0.1)
+
+
+def test_what_is_confounded_is_not_said_to_be_recovered():
+    found, told = subject("model2_ss")
+    assert {each.name for each in recovered(found, told, 3, 5, quiet)} == {"w1", "w2", "w3"}
+
+
+def test_recovery_by_hand_agrees():
+    """The mean of three refits, each by the search itself."""
+    found, told = subject("model2_ss", CAPACITANCES)
+    random = np.random.default_rng(5)
+    logs = []
+    for _ in range(3):
+        noisy = found.own[0].outputs + random.normal(0.0, NOISE_DEGC, found.own[0].outputs.shape)
+        structure = structure_of(found.circuit, [replace(found.own[0], outputs=noisy)])
+        best = search(structure, 4, 0).best
+        logs.append(np.log(structure.values(best.theta, best.beta)["R_display_battery"]))
+    (one,) = [each for each in recovered(found, told, 3, 5, quiet) if each.name == "R_display_battery"]
+    assert np.log(one.mean) == pytest.approx(np.mean(logs), abs=1e-4)
+    error = np.std(logs, ddof=1) / np.sqrt(3)
+    assert one.deviation == pytest.approx((np.mean(logs) - np.log(6.0)) / error, rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def trace():
+    circuit = load_circuit("model2_ss")
+    values = {each.name: TRUTH[each.name] for each in circuit.parameters}
+    segment = inputs_of(circuit.inputs, samples=1500, period_s=10.0)
+    own = own_output(circuit, values, [segment], NOISE_DEGC, 1.0).own[0]
+    noise = np.random.default_rng(0).normal(0.0, NOISE_DEGC, own.outputs.shape[1])
+    columns = {**dict(zip(circuit.inputs, own.inputs)), "ambient_degC": own.outputs[0] + noise}
+    return Trace("made", np.arange(own.inputs.shape[1]) * 10.0, columns)
+
+
+def test_a_trace_tells_it_from_the_fit_on(trace):
+    circuit = load_circuit("model2_ss")
+    free = identifiability(circuit, trace, {}, Effort(6, 0), 3, quiet)
+    assert not free.identifiable
+    assert free.others
+    assert set(CAPACITANCES) <= set(free.flat)
+    assert any(each.startswith("Structure: not identifiable.") for each in said(free))
+
+    cured = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(6, 0), 3, quiet)
+    assert cured.identifiable
+    assert not cured.others
+    assert cured.held == CAPACITANCES
+    assert cured.values["R_display_battery"] == pytest.approx(6.0, rel=0.1)
+    assert "R_display_battery" not in cured.flat
+
+
+def test_what_only_this_fit_leaves_open_is_said_to_be_so(trace):
+    """Two exchanges out of sight: what moves is what the fit confounds, though the structure does not."""
+    circuit = load_circuit("model2_ss")
+    free = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(2, 0), 0, quiet)
+    end = replace(free.reestimates[0], fit_percent=100.0, moved={"R_flash_ambient": 4.0, "R_battery_usb": 0.2, "w1": 0})
+    lost = replace(free.sensitivity, blind_here=1, mixed_here=("R_flash_ambient", "R_battery_usb"))
+    found = replace(free, reestimates=(end,), sensitivity=lost)
+    (line,) = [each for each in said(found) if each.startswith("The thesis's test")]
+    assert line.endswith(
+        "not identifiable at this fit, where R_battery_usb, R_flash_ambient moved together and nothing else did."
+    )
+    end = replace(end, moved={"R_flash_ambient": 4.0, "w1": 4.0})
+    (line,) = [each for each in said(replace(found, reestimates=(end,))) if each.startswith("The thesis's test")]
+    assert line.endswith("with the same output: not identifiable.")
+
+
+def test_held_at_the_fit_where_no_value_is_given(trace):
+    circuit = load_circuit("model2_ss")
+    found = identifiability(circuit, trace, dict.fromkeys(CAPACITANCES), Effort(3, 0), 0, quiet)
+    assert found.identifiable
+    assert found.recovered == ()
+    assert not set(CAPACITANCES) & {each.name for each in found.profiles}
+
+
+def test_an_unknown_name_is_refused(trace):
+    with pytest.raises(Refused) as refused:
+        identifiability(load_circuit("linear_usb"), trace, {"C_usb": None}, Effort(1, 0))
+    assert str(refused.value) == "--fix: linear_usb has no free parameter 'C_usb'; it has k, m"
+
+
+def test_the_command(trace, tmp_path):
+    path, out = str(tmp_path / "trace.csv"), tmp_path / "found.json"
+    save_trace(path, trace)
+    fixes = [part for each in CAPACITANCES for part in ("--fix", each)]
+    done = CliRunner().invoke(
+        command,
+        [path, "--circuit", "model2_ss", *fixes, "--starts", "3", "--replicates", "2", "--json", str(out)],
+        catch_exceptions=False,
+    )
+    assert done.exit_code == 0
+    assert "perfect data tell them all" in done.output
+    data = json.loads(out.read_text())
+    assert data["identifiable"] is True
+    assert data["held"] == list(CAPACITANCES)
+    assert len(data["thesis_test"]["starts"]) == 3
+    assert {each["name"] for each in data["profiles"]} == set(data["values"])
+
+    wrong = CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_usb=much"])
+    assert wrong.exit_code == 2
+    assert "--fix 'C_usb=much': write NAME or NAME=VALUE, such as C_flash=12" in wrong.output
+    with pytest.raises(Refused, match="free-2 has no parameters that mean anything"):
+        CliRunner().invoke(command, [path, "--circuit", "free-2"], catch_exceptions=False)

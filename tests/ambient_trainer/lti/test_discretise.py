@@ -1,0 +1,149 @@
+"""Discretisation is exact: against an integrator, against scipy, against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete
+
+from ambient_trainer.lti.discretise import discretised, discretised_slopes, first_order_hold, zero_order_hold
+from ambient_trainer.lti.statespace import StateSpace
+
+MATRICES = ("A", "B", "C", "D", "offset")
+
+
+def _system(A, m=2, q=2, seed=0):
+    random = np.random.default_rng(seed)
+    n = len(A)
+    return StateSpace(
+        np.array(A, dtype=float),
+        random.normal(size=(n, m)),
+        random.normal(size=(q, n)),
+        random.normal(size=(q, m)),
+        random.normal(size=q),
+    )
+
+
+DISTINCT = [[-0.3, 0.1], [0.2, -0.9]]
+DOUBLE = [[-0.5, 0.0], [0.0, -0.5]]
+DEFECTIVE = [[-0.5, 1.0, 0.0], [0.0, -0.5, 1.0], [0.0, 0.0, -0.5]]
+DAMPED = [[0.0, 1.0], [-1.3, -0.4]]
+STIFF = [[-200.0, 1.0], [0.5, -0.001]]
+SYSTEMS = {"distinct": DISTINCT, "double": DOUBLE, "defective": DEFECTIVE, "damped": DAMPED, "stiff": STIFF}
+
+
+def _integrated(system, u, period_s, hold):
+    """The outputs by Runge-Kutta, restarted at each sample so that no step crosses a kink of the input."""
+    x = np.linalg.solve(system.A, -system.B @ u[:, 0])
+    outputs = []
+    for k in range(u.shape[1]):
+        outputs.append(system.C @ x + system.D @ u[:, k] + system.offset)
+        if k + 1 == u.shape[1]:
+            break
+        slope = (u[:, k + 1] - u[:, k]) / period_s if hold == "first-order" else np.zeros(len(u))
+        x = solve_ivp(
+            lambda t, x, k=k, slope=slope: system.A @ x + system.B @ (u[:, k] + slope * t),
+            (0, period_s),
+            x,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+        ).y[:, -1]
+    return np.array(outputs).T
+
+
+@pytest.mark.parametrize("hold", ["zero-order", "first-order"])
+@pytest.mark.parametrize("period_s", [0.1, 1.0, 7.0])
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_it_agrees_with_an_integrator(name, period_s, hold, simulated, at_rest):
+    system = _system(SYSTEMS[name])
+    u = np.random.default_rng(1).normal(size=(2, 12))
+    found = discretised(system, period_s, hold)
+    outputs = simulated(found, u, at_rest(found, u[:, 0]))
+    wanted = _integrated(system, u, period_s, hold)
+    np.testing.assert_allclose(outputs, wanted, rtol=0, atol=1e-8 * max(1, np.abs(wanted).max()))
+
+
+def test_without_states_it_is_the_static_map():
+    found = first_order_hold(_system(np.zeros((0, 0))), 1.0)
+    assert (found.A.shape, found.B.shape, found.C.shape) == ((0, 0), (0, 2), (2, 0))
+    np.testing.assert_array_equal(found.D, _system(np.zeros((0, 0))).D)
+
+
+@st.composite
+def stable_systems(draw):
+    """Random systems with real, repeated or complex poles, all in the left half plane and up to 1e4 apart."""
+    n = draw(st.integers(1, 4))
+    random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    rates = [draw(st.floats(1e-3, 10)) for _ in range(n)]
+    if n > 1 and draw(st.booleans()):
+        rates[1] = rates[0]
+    triangle = np.triu(random.normal(size=(n, n)), 1) * draw(st.sampled_from([0, 0.1, 1])) - np.diag(rates)
+    if n > 1 and draw(st.booleans()):  # a damped pair
+        triangle[:2, :2] = [[-rates[0], 1.0], [-1.0, -rates[0]]]
+    Q = np.linalg.qr(random.normal(size=(n, n)))[0]
+    return _system(Q @ triangle @ Q.T, m=draw(st.integers(1, 3)), q=draw(st.integers(1, 2)), seed=n)
+
+
+def _markov(discrete, count):
+    found, x = [discrete.D], discrete.B
+    for _ in range(count):
+        found.append(discrete.C @ x)
+        x = discrete.A @ x
+    return np.array(found)
+
+
+@given(stable_systems(), st.sampled_from([0.1, 0.5, 1.0, 10.0]))
+def test_its_response_is_that_of_scipy(system, period_s):
+    for hold, ours in (("zoh", zero_order_hold), ("foh", first_order_hold)):
+        A, B, C, D, _ = cont2discrete((system.A, system.B, system.C, system.D), period_s, method=hold)
+        wanted = _markov(StateSpace(A, B, C, D, system.offset), 8)
+        found = _markov(ours(system, period_s), 8)
+        np.testing.assert_allclose(found, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
+
+
+@given(stable_systems())
+def test_one_equilibrium_serves_every_period_and_hold(system):
+    X0 = -np.linalg.solve(system.A, system.B)
+    gain = system.D + system.C @ X0
+    for period_s in (0.1, 0.2, 0.5, 1.0, 10.0):
+        for hold in ("zero-order", "first-order"):
+            found = discretised(system, period_s, hold)
+            scale = np.abs(X0).max()
+            np.testing.assert_allclose(X0 - found.A @ X0, found.B, rtol=1e-9, atol=1e-11 * scale)
+            np.testing.assert_allclose(found.D + found.C @ X0, gain, rtol=1e-9, atol=1e-10 * scale)
+
+
+@given(stable_systems(), st.sampled_from([0.1, 1.0, 10.0]), st.sampled_from(["zero-order", "first-order"]))
+def test_slopes_are_those_of_differences(system, period_s, hold):
+    random = np.random.default_rng(7)
+    # along the last direction A stands still
+    still = np.array([1.0, 1.0, 0.0])
+    dA, dB, dC, dD, doffset = (
+        random.normal(size=(3, *np.shape(getattr(system, each)))) * (still.reshape(3, 1, 1) if each == "A" else 1.0)
+        for each in MATRICES
+    )
+    directions = StateSpace(dA, dB, dC, dD, doffset)
+    found = discretised_slopes(system, directions, period_s, hold)
+    h = 1e-4 / max(1.0, period_s)
+    for index in range(3):
+
+        def along(step, index=index):
+            moved = [
+                discretised(
+                    StateSpace(*(getattr(system, each) + s * getattr(directions, each)[index] for each in MATRICES)),
+                    period_s,
+                    hold,
+                )
+                for s in (step, -step)
+            ]
+            return {each: (getattr(moved[0], each) - getattr(moved[1], each)) / (2 * step) for each in MATRICES}
+
+        fine, coarse = along(h), along(2 * h)
+        for each in MATRICES:
+            wanted = (4 * fine[each] - coarse[each]) / 3
+            scale = np.abs(wanted).max(initial=1.0)
+            np.testing.assert_allclose(getattr(found, each)[index], wanted, rtol=1e-6, atol=1e-7 * scale, err_msg=each)

@@ -1,0 +1,70 @@
+"""What balanced truncation must keep."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from ambient_trainer.lti.noise_gain import noise_gain
+from ambient_trainer.lti.reduce import at_rest, reduced
+from ambient_trainer.lti.response import response_degC
+from ambient_trainer.lti.statespace import StateSpace
+
+
+def system(A, B, C):
+    return StateSpace(A, B, C, np.zeros((1, B.shape[1])), np.array([0.3]))
+
+
+def response(found, frequency):
+    return found.D + found.C @ np.linalg.solve(1j * frequency * np.eye(len(found.A)) - found.A, found.B)
+
+
+def test_few_enough_states_stay_as_they_are():
+    small = system(-np.eye(3), np.ones((3, 2)), np.ones((1, 3)))
+    assert reduced(small, 4) is small
+
+
+def test_states_that_say_the_same_twice_are_left_out_without_a_trace():
+    A = np.array([[-1.0, 0.3], [0.0, -0.2]])
+    B, C = np.array([[1.0, 0.5], [0.2, -1.0]]), np.array([[1.0, 2.0]])
+    once = system(A, B, C)
+    twice = system(np.kron(np.eye(2), A), np.vstack([B, B]), np.hstack([C, C]) / 2)
+    found = reduced(twice, 2)
+    assert found.offset == once.offset
+    for frequency in (0.0, 0.1, 1.0, 10.0):
+        np.testing.assert_allclose(response(found, frequency), response(once, frequency), atol=1e-7)
+
+
+def test_gains_at_rest_stay_and_the_error_is_bounded():
+    random = np.random.default_rng(4)
+    A = random.standard_normal((6, 6))
+    A -= (np.linalg.eigvals(A).real.max() + 0.3) * np.eye(6)
+    whole = system(A, random.standard_normal((6, 3)), random.standard_normal((1, 6)))
+    found = reduced(whole, 4)
+    assert found.A.shape == (4, 4)
+    assert np.linalg.eigvals(found.A).real.max() < 0
+    np.testing.assert_allclose(at_rest(found), at_rest(whole), rtol=1e-10)
+    frequencies = np.geomspace(1e-3, 1e3, 200)
+    off = max(np.abs(response(found, each) - response(whole, each)).max() for each in frequencies)
+    # Glover 1984: twice the sum of what is left out; once more for what acts at once instead
+    assert off <= 4 * hankel(whole)[4:].sum()
+
+
+def hankel(found):
+    """Hankel singular values, by gramians that are summed up from impulse responses."""
+    t = np.linspace(0, 60, 6001)
+    steps = expm(found.A * t[1])
+    drive, seen = np.zeros((6, 6)), np.zeros((6, 6))
+    B, C = found.B, found.C
+    for _ in t:
+        drive += B @ B.T * t[1]
+        seen += C.T @ C * t[1]
+        B, C = steps @ B, C @ steps
+    return np.sqrt(np.sort(np.linalg.eigvals(drive @ seen).real)[::-1].clip(0))
+
+
+def test_noise_gain_is_what_white_noise_shows():
+    A = np.array([[-0.05, 0.02], [0.0, -0.3]])
+    found = system(A, np.array([[0.05, 0.0], [0.3, -0.2]]), np.array([[1.0, 1.5]]))
+    noise = np.random.default_rng(0).standard_normal((2, 200_000))
+    said = response_degC(found, "first-order", noise, 1.0)
+    assert noise_gain(found, 1.0) == pytest.approx(said[500:].std(), rel=0.01)

@@ -1,0 +1,126 @@
+"""Brute force: every subset of a small set, refitted directly on raw regressors without each block."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+from scipy.signal import cont2discrete, dlsim
+
+from ambient_trainer.estimators.estimate import estimate_degC
+from ambient_trainer.selection.forward import best_sets
+from ambient_trainer.selection.grams import gathered
+
+from .conftest import PERIOD_S, Small, made_up
+
+POLES_S = (5.0, 50.0)
+TOLERANCE_DEGC = 0.05
+
+
+@pytest.fixture(scope="module")
+def grams(small):
+    return gathered(small.segments, small.blocks, small.sensors, POLES_S, TOLERANCE_DEGC)
+
+
+def regressors(readings):
+    """Per sensor the reading and its lags, by scipy's simulation; (N, 3 m)."""
+    columns = []
+    for u in readings:
+        columns.append(u)
+        for tau_s in POLES_S:
+            lag = (np.array([[each]]) for each in (-1 / tau_s, 1 / tau_s, 1.0, 0.0))
+            hold = cont2discrete(tuple(lag), PERIOD_S, method="foh")
+            columns.append(dlsim((*hold[:4], PERIOD_S), (u - u[0])[:, None])[1][:, 0] + u[0])
+    return np.column_stack(columns)
+
+
+def square_root(gram):
+    return np.linalg.cholesky(gram).T
+
+
+def direct(small, members):
+    """Per block the sum of squares of a fit to the other samples: penalties as rows, the unit gain by elimination."""
+    segment = small.segments[0]
+    X, y = regressors(segment.inputs[list(members)]), segment.outputs[0]
+    impulse = np.zeros((1, 4000))
+    impulse[0, 1] = 1.0
+    own = square_root(regressors(impulse).T @ regressors(impulse)) * TOLERANCE_DEGC
+    squares = []
+    for block in small.blocks:
+        teach = np.ones(len(y), dtype=bool)
+        teach[block.first : block.last] = False
+        n = teach.sum()
+        noisy = np.kron(np.eye(len(members)), own)
+        still = [np.sqrt(TOLERANCE_DEGC**2 + small.sensors[each].step_degC ** 2 / 12) for each in members]
+        at_rest = np.kron(np.diag(still), np.ones((1, 3)))
+        rows = np.vstack([X[teach], np.sqrt(n) * noisy, np.sqrt(n) * at_rest])
+        rows = np.column_stack([rows, np.concatenate([np.ones(n), np.zeros(len(rows) - n)])])
+        target = np.concatenate([y[teach], np.zeros(len(rows) - n)])
+        c = np.append(np.ones(X.shape[1]), 0.0)
+        one, free = c / (c @ c), null_space(c[None])
+        b = one + free @ np.linalg.lstsq(rows @ free, target - rows @ one, rcond=None)[0]
+        held = slice(block.start, block.stop)
+        squares.append(np.sum((y[held] - X[held] @ b[:-1] - b[-1]) ** 2))
+    return squares
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
+def test_every_subset_scores_as_its_direct_refit(small, grams, size):
+    subsets = list(itertools.combinations(range(5), size))
+    found = grams.squares(subsets)
+    assert found.shape == (len(subsets), len(small.blocks))
+    for members, squares in zip(subsets, found):
+        np.testing.assert_allclose(squares, direct(small, members), rtol=1e-6)
+
+
+def test_the_search_finds_the_best_of_all_subsets(small, grams):
+    def score(candidates):
+        return grams.squares(candidates).sum(axis=1).tolist() if candidates else []
+
+    found = best_sets(range(5), 5, score)
+    for size, members in enumerate(found, start=1):
+        every = list(itertools.combinations(range(5), size))
+        assert members == every[int(np.argmin(score(every)))]
+
+
+def test_gains_at_rest_sum_to_one(small, grams):
+    for members in [(0,), (1, 4), (0, 1, 2, 3, 4)]:
+        assert sum(grams.fitted(members).dc_gains) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_filter_says_on_the_trace_what_its_gains_say(small, grams):
+    members = small.places("left", "right")
+    fitted = grams.fitted(members)
+    columns = [small.sensors[each].column for each in members]
+    said = estimate_degC(fitted.system, "first-order", columns, small.trace)
+    X = regressors(small.segments[0].inputs[list(members)])
+    np.testing.assert_allclose(said, X @ fitted.gains.reshape(-1) + fitted.offset_degC, atol=1e-8)
+
+
+def test_the_noise_gain_is_what_white_noise_comes_out_with(small, grams):
+    fitted = grams.fitted(small.places("left", "right"))
+    noise = np.random.default_rng(3).normal(size=(2, 40_000))
+    noise[:, 0] = 0.0
+    out = regressors(noise) @ fitted.gains.reshape(-1)
+    assert fitted.noise_gain(PERIOD_S) == pytest.approx(out.std(), rel=0.03)
+    quieter = regressors(noise * [[0.5], [0.1]]) @ fitted.gains.reshape(-1)
+    assert fitted.noise_degC([0.5, 0.1], PERIOD_S) == pytest.approx(quieter.std(), rel=0.03)
+
+
+def test_a_missing_reference_counts_nowhere(small):
+    trace = made_up()
+    trace.columns["ambient_degC"][100:180] = np.nan
+    holed = Small(trace)
+    found = gathered(holed.segments, holed.blocks, holed.sensors, POLES_S, TOLERANCE_DEGC)
+    assert found.samples.sum() == len(trace.time_s) - 80
+    assert np.isfinite(found.squares([(0, 1)])).all()
+
+
+def test_a_larger_tolerance_asks_less_of_the_sensors(small):
+    gains = []
+    for tolerance_degC in (0.01, 0.1, 1.0):
+        grams = gathered(small.segments, small.blocks, small.sensors, POLES_S, tolerance_degC)
+        gains.append(grams.fitted(small.places("left", "right")).noise_gain(PERIOD_S))
+    assert gains[0] > gains[1] > gains[2]

@@ -1,0 +1,182 @@
+"""The integration against an adaptive solver, the heat balance to the last joule, the equilibrium against waiting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.constants import NODES, Activity
+from ambient_trainer.simulator.device import Phone, with_values
+from ambient_trainer.simulator.heat import SOC, Demand, HeatBalance, rk4_step
+from ambient_trainer.simulator.run import LONGEST_STEP_S, Run, integrate
+
+_ACTIVITIES = list(Activity)
+_BATTERY, _DISPLAY = NODES.index("battery"), NODES.index("display")
+
+
+@pytest.fixture(scope="module")
+def balance():
+    return HeatBalance([Phone.shipped()])
+
+
+def _demand(balance, activity, count=1):
+    return balance.demand(np.full(count, _ACTIVITIES.index(activity)), np.ones(count))
+
+
+def _run(activities, air_degC):
+    indices = np.array([_ACTIVITIES.index(each) for each in activities])
+    return Run(Phone.shipped(), air_degC[0], air_degC, indices, np.ones(len(indices)), 0)
+
+
+def _solved(balance, run, period_s):
+    """The same by an adaptive solver of order 8 that starts anew at every sample."""
+    states = [balance.equilibrium(run.air_degC[:1], balance.demand(run.activity[:1], np.ones(1)))[0]]
+    for k in range(run.samples - 1):
+        slope = (run.air_degC[k + 1] - run.air_degC[k]) / period_s
+        demand = balance.demand(run.activity[k : k + 1], np.ones(1))
+
+        def derivative(t, x, air=run.air_degC[k], slope=slope, demand=demand):
+            return balance.rates(x[None], np.array([air + slope * t]), demand)[0]
+
+        states.append(
+            solve_ivp(derivative, (0, period_s), states[-1], method="DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
+        )
+    return np.array(states)
+
+
+@pytest.mark.parametrize("period_s", [0.25, 1.0, 7.0])
+def test_integration_agrees_with_an_adaptive_solver(balance, period_s):
+    count = int(150 / period_s)
+    activities = [each for each in (Activity.IDLE, Activity.CPU_100, Activity.CHARGING) for _ in range(count)]
+    air_degC = 20 + np.cumsum(np.random.default_rng(1).normal(0, 0.1, len(activities)))
+    run = _run(activities, air_degC)
+    ours = integrate([run], period_s)[0].nodes_degC
+    theirs = _solved(balance, run, period_s)
+    assert theirs[:, SOC].max() > c.GOVERNOR_LOW_DEGC + 1  # the governor was at work
+    errors_K = np.abs(ours - theirs).max(axis=0)
+    assert errors_K.max() < 0.03  # the die for a moment, as the governor steps in: a third of what its sensor reads
+    assert np.delete(errors_K, SOC).max() < 5e-4
+
+
+def test_halving_the_step_divides_a_smooth_runs_error_by_sixteen(balance):
+    demand = _demand(balance, Activity.CPU_50)
+    demand.heat_W[0, SOC] = 2.0  # stays below the governor
+    air_degC = np.array([20.0])
+    start = balance.equilibrium(air_degC, _demand(balance, Activity.IDLE))
+
+    def derivative(_, x):
+        return balance.rates(x, air_degC, demand)
+
+    exact = solve_ivp(
+        lambda t, x: derivative(t, x[None])[0], (0, 16), start[0], method="DOP853", rtol=1e-12, atol=1e-12
+    ).y[:, -1]
+
+    def error(step_s):
+        state = start
+        for _ in range(round(16 / step_s)):
+            state = rk4_step(derivative, 0.0, state, step_s)
+        return np.abs(state - exact).max()
+
+    assert 12 < error(2.0) / error(1.0) < 21
+    assert error(LONGEST_STEP_S) < 1e-5
+
+
+@pytest.mark.parametrize("activity", _ACTIVITIES)
+@pytest.mark.parametrize("air_degC", [-10.0, 50.0])
+def test_heat_in_is_heat_stored_plus_heat_lost(balance, activity, air_degC):
+    demand = _demand(balance, activity)
+    size = len(NODES)
+
+    def derivative(t, x):
+        nodes, air = x[:, :size], np.array([air_degC + 0.05 * t])
+        sums = balance.heat_in(nodes, demand).sum(), balance.lost(nodes, air).sum()
+        return np.concatenate([balance.rates(nodes, air, demand), [sums]], axis=1)
+
+    start = balance.equilibrium(np.array([air_degC]), _demand(balance, Activity.IDLE))
+    state = np.concatenate([start, [[0.0, 0.0]]], axis=1)
+    for k in range(1200):
+        state = rk4_step(derivative, 0.5 * k, state, 0.5)
+    taken_J, lost_J = state[0, size:]
+    stored_J = float(balance.capacitance[0] @ (state[0, :size] - start[0]))
+    assert taken_J == pytest.approx(stored_J + lost_J, rel=1e-9)
+    assert taken_J > 30.0
+
+
+def test_what_is_conducted_sums_to_zero_in_every_phone_of_a_batch(balance):
+    nodes = np.random.default_rng(2).uniform(-20, 90, (7, len(NODES)))
+    flows = HeatBalance([Phone.shipped()] * 7).conducted(nodes)
+    assert np.abs(flows.sum(axis=1)).max() < 1e-9 * np.abs(flows).max()
+
+
+@pytest.mark.parametrize("air_degC", [-10.0, 20.0, 50.0])
+@pytest.mark.parametrize("activity", _ACTIVITIES)
+def test_equilibrium_is_what_waiting_leads_to(balance, activity, air_degC):
+    demand, air = _demand(balance, activity), np.array([air_degC])
+    found = solve_ivp(
+        lambda _, x: balance.rates(x[None], air, demand)[0],
+        (0, 40_000),
+        np.full(len(NODES), air_degC),
+        method="LSODA",
+        rtol=1e-10,
+        atol=1e-9,
+    ).y[:, -1]
+    assert balance.equilibrium(air, demand)[0] == pytest.approx(found, abs=1e-5)
+
+
+def test_a_body_without_power_takes_the_airs_temperature(balance):
+    off = Demand(np.zeros((1, len(NODES))), np.zeros(1))
+    assert balance.equilibrium(np.array([-3.0]), off)[0] == pytest.approx(np.full(len(NODES), -3.0), abs=1e-6)
+
+
+def test_convection_grows_with_the_power_of_five_quarters(balance):
+    nodes = np.full((1, len(NODES)), 20.0)
+    area = Phone.shipped().surface_m2["display"]
+    air_degC = np.array([4.0, 19.0])
+    radiated = c.EMISSIVITY * 5.670374419e-8 * area * ((20 + 273.15) ** 4 - (air_degC + 273.15) ** 4)
+    convected = [balance.lost(nodes, air_degC[k : k + 1])[0, _DISPLAY] - radiated[k] for k in (0, 1)]
+    assert convected[0] / convected[1] == pytest.approx(16**1.25)
+
+
+def test_the_governor_holds_the_die_near_90_degrees(balance):
+    phone = Phone.shipped()
+    middle = (phone.governor_low_degC + phone.governor_high_degC) / 2
+    powers_W = [
+        float(balance.soc_power_W(np.array([temp]), np.array([8.0]))[0])
+        for temp in (phone.governor_low_degC, middle, 120.0)
+    ]
+    assert powers_W == pytest.approx([8.0, 8.0 * (1 + phone.governor_floor_frac) / 2, 8.0 * phone.governor_floor_frac])
+
+
+def test_the_batterys_heat_is_its_current_squared_times_its_resistance(balance):
+    nodes = np.full((1, len(NODES)), 25.0)
+    charging, idle = _demand(balance, Activity.CHARGING), _demand(balance, Activity.IDLE)
+    assert balance.heat_in(nodes, charging)[0, _BATTERY] == pytest.approx(3.0**2 * 0.08)
+    other_W = idle.heat_W.sum(axis=1)
+    current_A = balance.battery_current_A(other_W, idle.charging_A)
+    assert current_A == pytest.approx(-other_W / 3.85)
+    assert balance.heat_in(nodes, idle)[0, _BATTERY] == pytest.approx(current_A[0] ** 2 * 0.08)
+
+
+def test_the_batterys_resistance_grows_in_the_cold(balance):
+    warm, cold = balance.battery_ohm(np.array([25.0])), balance.battery_ohm(np.array([-10.0]))
+    assert warm == pytest.approx([0.08])
+    assert cold / warm == pytest.approx(np.exp(2000 * (1 / 263.15 - 1 / 298.15)))
+
+
+def test_phones_of_a_batch_are_themselves_and_not_each_other():
+    shipped = Phone.shipped()
+    glossy = replace(shipped, emissivity=0.1)
+    heavy = with_values(shipped, {"capacitance_J_K.battery": 80.0, "conductance_W_K.soc-board1": 0.02})
+    phones = [shipped, glossy, heavy]
+    activities = np.full(300, _ACTIVITIES.index(Activity.CPU_100))
+    runs = [Run(phone, 20.0, np.full(300, 20.0), activities, np.ones(300), 0) for phone in phones]
+    together = integrate(runs, 1.0)
+    alone = [integrate([run], 1.0)[0] for run in runs]
+    for one, other in zip(together, alone):
+        assert one.nodes_degC == pytest.approx(other.nodes_degC, abs=1e-8)
+    assert abs(together[0].nodes_degC[-1] - together[2].nodes_degC[-1]).max() > 1
+    assert shipped.capacitance_J_K["battery"] != 80.0

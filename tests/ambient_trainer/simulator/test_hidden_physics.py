@@ -1,0 +1,374 @@
+"""Hidden heat: its budget, against an adaptive solver, and at rest; hidden instruments: what they make of a course."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ambient_trainer.simulator.additions import AIR, TERMS, Added, Additions, Body, Link, Term, together
+from ambient_trainer.simulator.constants import NODES, SURFACE_M2, Activity
+from ambient_trainer.simulator.device import Phone
+from ambient_trainer.simulator.effects.effect import Hidden
+from ambient_trainer.simulator.effects.physics import Setting, added
+from ambient_trainer.simulator.effects.sensors import Ailing
+from ambient_trainer.simulator.effects.signals import DECOYS, SIGNALS, signal, switched
+from ambient_trainer.simulator.effects.text import hidden_text
+from ambient_trainer.simulator.heat import SOC, HeatBalance
+from ambient_trainer.simulator.run import Run, integrate
+
+_ACTIVITIES = list(Activity)
+_COUNT = 1500
+_ONSET_S, _END_S = 300.0, 1200.0
+
+_HEAT = [
+    Hidden("heat_source", "board2", None, _ONSET_S, _END_S, 0.8),
+    Hidden("heat_source", "soc", "radio_on", 0.0, None, 0.6),
+    Hidden("heat_source", "usb", "charger_on", 0.0, None, 0.6),
+    Hidden("heat_source", "display", "irradiance_W_m2", 0.0, None, 1.5),
+    Hidden("heat_source", "usb", "accessory_current_A", 0.0, None, 0.3),
+]
+_LOSSES = [
+    Hidden("ambient_coupling", None, None, _ONSET_S, _END_S, 1.0),
+    Hidden("ambient_coupling", "display", "fan_on", 0.0, None, -0.6),
+    Hidden("ambient_coupling", "back", "wind_m_s", 0.0, None, -0.4),
+    Hidden("convection_law", None, None, _ONSET_S, None, 2.0),
+]
+_BODIES = [
+    Hidden("contact", "back", None, _ONSET_S, _END_S, 0.3, body="hand"),
+    Hidden("contact", None, None, _ONSET_S, None, 0.3, body="pocket"),
+    Hidden("contact", "display", None, 0.0, None, 0.3, body="table"),
+    Hidden("thermal_mass", "display", None, _ONSET_S, _END_S, 60.0),
+    Hidden("thermal_mass", "flash", None, 0.0, None, 15.0),
+    Hidden("path", "flash-usb", None, _ONSET_S, _END_S, 0.2),
+]
+_ALL = [*_HEAT, *_LOSSES, *_BODIES]
+
+
+def _setting(effect, count=_COUNT, period_s=1.0):
+    time_s = np.arange(count) * period_s
+    bare = Setting(time_s, period_s, {})
+    if effect.signal is None:
+        return bare
+    drawn = signal(effect.signal, time_s, bare.lasting(effect), np.random.default_rng(3))
+    return Setting(time_s, period_s, {effect.signal: drawn})
+
+
+def _added(effect, setting, number=0):
+    return added(effect, setting, number, np.random.default_rng(4))
+
+
+def _run(count=_COUNT):
+    activity = np.full(count, _ACTIVITIES.index(Activity.IDLE))
+    activity[200:700] = _ACTIVITIES.index(Activity.CPU_50)
+    return Run(Phone.shipped(), 10.0, 10.0 + 15.0 * np.arange(count) / count, activity, np.ones(count), 0)
+
+
+def _means(values):
+    return (values[:-1] + values[1:]) / 2
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """Every effect in one batch: the run, what was added, and what came of it."""
+    parts = [_added(effect, _setting(effect)) for effect in _ALL]
+    return dict(zip(_ALL, zip(parts, integrate([_run()] * len(_ALL), 1.0, added=parts))))
+
+
+@pytest.fixture(scope="module")
+def vanishing():
+    """As ``driven``, of next to no size."""
+    tiny = [replace(effect, size=1e-6) for effect in _ALL]
+    parts = [_added(effect, _setting(effect)) for effect in tiny]
+    return dict(zip(_ALL, integrate([_run()] * len(_ALL), 1.0, added=parts)))
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return integrate([_run()], 1.0)[0]
+
+
+@pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
+def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
+    """A budget of the whole run from temperatures alone: what flows between two things appears in none of its sums."""
+    part, done = driven[effect]
+    balance = HeatBalance([Phone.shipped()])
+    nodes, bodies, air = done.nodes_degC, done.bodies_degC, done.run.air_degC
+    taken_W = balance.heat_in(nodes, balance.demand(done.run.activity, np.ones(_COUNT))).sum(axis=1)
+    terms_W = np.zeros(_COUNT - 1)
+    for term in part.terms:  # coefficients hold until the next sample
+        terms_W += term.course[:-1] * _means(TERMS[term.kind](nodes, air, balance) @ term.pattern)
+    temperatures = {AIR: air, **dict(zip(NODES, nodes.T)), **{b.name: t for b, t in zip(part.bodies, bodies.T)}}
+    fixed = {AIR, *(body.name for body in part.bodies if np.isinf(body.capacity_J_K))}
+    outside_W = np.zeros(_COUNT - 1)
+    for link in part.links:
+        if fixed & {link.one, link.other}:
+            inner, outer = (link.one, link.other) if link.other in fixed else (link.other, link.one)
+            outside_W += link.conductance_W_K[:-1] * _means(temperatures[outer] - temperatures[inner])
+    lost_W = balance.lost(nodes, air).sum(axis=1)
+    finite = [k for k, body in enumerate(part.bodies) if np.isfinite(body.capacity_J_K)]
+    stored_J = balance.capacitance[0] @ (nodes[-1] - nodes[0]) + sum(
+        part.bodies[k].capacity_J_K * (bodies[-1, k] - bodies[0, k]) for k in finite
+    )
+    budget_J = (_means(taken_W - lost_W) + terms_W + outside_W).sum()
+    moved_J = np.abs(taken_W).sum() + np.abs(terms_W + outside_W).sum()
+    assert stored_J == pytest.approx(budget_J, abs=1e-4 * moved_J)
+    assert moved_J > 100
+
+
+@pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
+def test_links_give_what_they_take(effect):
+    part = _added(effect, _setting(effect))
+    additions = Additions(HeatBalance([Phone.shipped()]), [part])
+    state = np.random.default_rng(5).uniform(-10, 60, (1, additions.width))
+    for k in (0, 400, _COUNT - 1):
+        flows = additions.during(k).linked(state, np.array([7.0]))
+        assert abs(flows.sum()) < 1e-9 * max(np.abs(flows).max(), 1.0)
+
+
+def test_integration_agrees_with_an_adaptive_solver():
+    effects = [_BODIES[0], _BODIES[3], _BODIES[5], _LOSSES[0], _LOSSES[3], _HEAT[0]]
+    part = together([_added(effect, _setting(effect), number) for number, effect in enumerate(effects)])
+    run = _run(500)
+    ours = integrate([run], 1.0, added=[part])[0]
+    additions = Additions(HeatBalance([run.phone]), [part])
+    state = np.concatenate([ours.nodes_degC[0], ours.bodies_degC[0]])
+    for k in range(run.samples - 1):
+        demand = additions.balance.demand(run.activity[k : k + 1], np.ones(1))
+        physics, slope = additions.during(k), run.air_degC[k + 1] - run.air_degC[k]
+
+        def derivative(t, x, physics=physics, air=run.air_degC[k], slope=slope, demand=demand):
+            return physics.rates(x[None], np.array([air + slope * t]), demand)[0]
+
+        state = solve_ivp(derivative, (0, 1.0), state, method="DOP853", rtol=1e-9, atol=1e-9).y[:, -1]
+    assert np.concatenate([ours.nodes_degC[-1], ours.bodies_degC[-1]]) == pytest.approx(state, abs=1e-3)
+
+
+@pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
+def test_an_effect_is_felt_from_its_onset_on_and_not_before(driven, clean, effect):
+    change = np.abs(driven[effect][1].nodes_degC - clean.nodes_degC).max(axis=1)
+    assert change[: max(int(effect.onset_s), 1)].max() < (1e-8 if effect.onset_s else np.inf)
+    assert change.max() > 0.2
+
+
+@pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
+def test_a_vanishing_effect_vanishes(vanishing, clean, effect):
+    assert np.abs(vanishing[effect].nodes_degC - clean.nodes_degC).max() < 1e-3
+
+
+def test_effects_of_size_zero_leave_every_bit(clean):
+    parts = [_added(replace(effect, size=0.0), _setting(effect)) for effect in _ALL]
+    assert np.array_equal(integrate([_run()], 1.0, added=[together(parts)])[0].nodes_degC, clean.nodes_degC)
+
+
+def test_a_clean_phone_beside_others_keeps_every_bit():
+    effect = _BODIES[0]
+    parts = [Added(), _added(effect, _setting(effect))]
+    beside = integrate([_run()] * 2, 1.0, added=parts)[0]
+    assert np.array_equal(beside.nodes_degC, integrate([_run()] * 2, 1.0)[0].nodes_degC)
+
+
+def test_phones_of_a_batch_have_their_own_effects(driven):
+    effect = _BODIES[3]
+    alone = integrate([_run()], 1.0, added=[_added(effect, _setting(effect))])[0]
+    assert driven[effect][1].nodes_degC == pytest.approx(alone.nodes_degC, abs=1e-8)
+
+
+def test_what_is_attached_since_ever_is_at_rest_with_the_phone():
+    mass = Hidden("thermal_mass", "display", None, 0.0, None, 100.0)
+    run = Run(Phone.shipped(), 20.0, np.full(900, 20.0), np.zeros(900, dtype=int), np.ones(900), 0)
+    done = integrate([run], 1.0, added=[_added(mass, _setting(mass, 900))])[0]
+    assert np.ptp(done.nodes_degC, axis=0).max() < 1e-6
+    assert np.ptp(done.bodies_degC, axis=0).max() < 1e-6
+
+
+def test_a_mass_of_layers_holds_the_stated_heat():
+    mass = Hidden("thermal_mass", "display", None, 0.0, None, 60.0)
+    part = _added(mass, _setting(mass))
+    assert sum(body.capacity_J_K for body in part.bodies) == pytest.approx(60.0)
+    assert len(part.bodies) == 3
+
+
+def test_a_strap_conducts_the_stated_heat_at_rest():
+    strap = Hidden("path", "flash-usb", None, 0.0, None, 0.2)
+    part = _added(strap, _setting(strap))
+    additions = Additions(HeatBalance([Phone.shipped()]), [part])
+    flash, usb = NODES.index("flash"), NODES.index("usb")
+    state = np.zeros((1, additions.width))
+    state[0, flash], state[0, usb] = 40.0, 20.0
+    state[0, -1] = 30.0  # the strap's own, halfway
+    flows = additions.during(5).linked(state, np.zeros(1))[0]
+    assert (flows[flash], flows[usb]) == pytest.approx((-0.2 * 20, 0.2 * 20))
+
+
+def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
+    fan = Hidden("ambient_coupling", None, None, 0.0, None, -0.5)
+    part = _added(fan, _setting(fan))
+    balance = HeatBalance([Phone.shipped()])
+    nodes, air = np.full((1, len(NODES)), 30.0), np.array([20.0])
+    more_W = TERMS["blown"](nodes, air, balance)[0] * part.terms[0].pattern
+    own_W = balance.convected(nodes, air)[0]
+    assert -more_W == pytest.approx(own_W)
+    assert [term.kind for term in part.terms] == ["blown"]
+    assert part.terms[0].course.mean() == pytest.approx(1.0, abs=0.05)  # turbulence
+
+
+def test_a_case_takes_from_convection_and_from_radiation():
+    case = Hidden("ambient_coupling", "display", None, 0.0, None, 1.0)
+    terms = {term.kind: term for term in _added(case, _setting(case)).terms}
+    assert {kind: term.pattern[NODES.index("display")] for kind, term in terms.items()} == pytest.approx(
+        {"convected": -0.5, "radiated": -0.25}
+    )
+    assert all(np.count_nonzero(term.pattern) == 1 for term in terms.values())
+
+
+def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and_limited_above():
+    balance = HeatBalance([Phone.shipped()])
+    nodes = np.full((4, len(NODES)), 20.0)
+    air = np.array([5.0, 17.0, 35.0, -180.0])
+    drawn_W, own_W = TERMS["draught"](nodes, air, balance), -balance.convected(nodes, air)
+    display = NODES.index("display")
+    assert drawn_W[:, display] / own_W[:, display] == pytest.approx([1.0, 0.0769, 1.0, 1.9888], abs=1e-3)
+
+
+def test_a_case_on_the_back_covers_the_rim_too():
+    case = Hidden("ambient_coupling", "back", None, 0.0, None, 1.0)
+    for term in _added(case, _setting(case)).terms:
+        assert [NODES[place] for place in np.flatnonzero(term.pattern)] == ["back", "frame"]
+
+
+def test_whatever_covers_a_surface_it_still_loses_heat():
+    cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
+    part = together([_added(case, _setting(case)) for case in cases])
+    coefficients = Additions(HeatBalance([Phone.shipped()]), [part]).during(0).coefficients
+    assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
+
+
+def test_a_term_and_a_body_do_what_they_say():
+    """By hand: 2 W into the SoC; a body of 10 J/K beside it through 0.5 W/K and to the air through 0.1 W/K."""
+    ones = np.ones(3)
+    part = Added(
+        (Term("steady", ones, np.eye(len(NODES))[SOC] * 2.0),),
+        (Body("b", 10.0),),
+        (Link("soc", "b", 0.5 * ones), Link("b", AIR, 0.1 * ones)),
+    )
+    balance = HeatBalance([Phone.shipped()])
+    state = np.full((1, len(NODES) + 1), 20.0)
+    state[0, SOC], state[0, -1] = 50.0, 30.0
+    demand, air = balance.demand(np.zeros(1, dtype=int), np.ones(1)), np.array([20.0])
+    with_it = Additions(balance, [part]).during(0).rates(state, air, demand)[0]
+    without = balance.rates(state[:, :-1], air, demand)[0]
+    assert with_it[SOC] - without[SOC] == pytest.approx((2.0 - 0.5 * 20) / balance.capacitance[0, SOC])
+    assert with_it[-1] == pytest.approx((0.5 * 20 - 0.1 * 10) / 10.0)
+
+
+def test_a_contact_is_shared_by_area():
+    hand = Hidden("contact", None, None, 0.0, None, 0.3)
+    part = _added(hand, _setting(hand))
+    shares = {link.other: link.conductance_W_K[9] for link in part.links if link.other in NODES}
+    total = sum(SURFACE_M2.values())
+    grip = sum(shares.values())
+    assert shares == pytest.approx({node: grip * area / total for node, area in SURFACE_M2.items()})
+    assert 0.3 * 0.3 <= grip <= 1.7 * 0.3
+
+
+def test_a_charger_warms_up_holds_and_tapers():
+    charger = _HEAT[0]
+    course = _added(charger, _setting(charger)).terms[0].course
+    assert course[:300].max() == 0.0
+    assert course[1201:].max() == 0.0
+    assert course[310] < 0.4
+    assert course[500:800].mean() == pytest.approx(1.0, abs=0.1)
+    assert course[1100:1200].mean() < 0.95 * course[500:800].mean()
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_a_signal_is_zero_outside_its_window_and_alive_inside(name):
+    time_s = np.arange(-600.0, 9000.0, 5.0)
+    values = signal(name, time_s, (1000.0, 8000.0), np.random.default_rng(6))
+    outside = (time_s < 1000.0) | (time_s >= 8000.0)
+    assert not values[outside].any()
+    assert np.isfinite(values).all()
+    assert values.min() >= 0.0
+    inside = values[~outside]
+    assert inside.std() > 0.0
+    if name.endswith("_on"):
+        assert set(np.unique(inside)) == {0.0, 1.0}
+        assert 0.2 < inside.mean() < 0.8
+    assert set(DECOYS) < set(SIGNALS)
+
+
+def test_sessions_begin_soon_and_last_about_as_long_as_asked():
+    random = np.random.default_rng(7)
+    time_s = np.arange(0.0, 400_000.0)
+    session = switched(time_s, (0.0, 400_000.0), random, 10.0)
+    assert np.argmax(session) or session[0]
+    assert np.argmax(session > 0) < 120
+    lasting_s = np.bincount(session.astype(int))[1:-1]
+    assert lasting_s.mean() == pytest.approx(600, rel=0.1)
+    assert lasting_s.min() >= 299
+    assert lasting_s.max() <= 901
+
+
+def _ailing(*effects, count=3000):
+    return Ailing(effects, _setting(effects[0], count), lambda effect: np.random.default_rng(1))
+
+
+def test_a_bias_slews_in_at_its_sensor_only():
+    ailing = _ailing(Hidden("sensor_bias", "usb", None, 1000.0, 2000.0, 2.0))
+    flat = np.full(3000, 21.0)
+    shifted = ailing.felt("usb", flat) - flat
+    assert shifted[:1000].max() == 0.0
+    assert shifted[1100:2000] == pytest.approx(np.full(900, 2.0))
+    assert shifted[1045] == pytest.approx(1.0, abs=0.05)
+    assert shifted[2100:].max() == 0.0
+    assert np.array_equal(ailing.felt("flash", flat), flat)
+
+
+def test_a_gain_turns_about_its_reference():
+    course = np.linspace(-10.0, 60.0, 3000)
+    error = _ailing(Hidden("sensor_gain", "usb", None, 0.0, None, 0.1)).felt("usb", course) - course
+    assert error[np.argmin(np.abs(course - 25.0))] == pytest.approx(0.0, abs=2e-3)
+    assert np.polyfit(course, error, 1)[0] == pytest.approx(0.1, rel=0.03)
+    assert np.polyfit(course, error, 2)[0] != pytest.approx(0.0, abs=1e-5)  # bent
+
+
+def test_a_lag_delays_a_ramp_by_what_it_says_and_is_of_second_order():
+    ramp = 0.01 * np.arange(3000.0)
+    late = _ailing(Hidden("sensor_lag", "usb", None, 0.0, None, 100.0)).felt("usb", ramp)
+    assert (ramp - late)[-1] / 0.01 == pytest.approx(100.0, rel=1e-6)
+    step = np.where(np.arange(3000) < 1000, 0.0, 1.0)
+    answer = _ailing(Hidden("sensor_lag", "usb", None, 0.0, None, 100.0)).felt("usb", step)
+    assert np.diff(answer)[1000] < 0.2 * np.diff(answer).max()  # a single lag is steepest at once
+
+
+def test_a_stuck_sensor_flickers_by_its_last_digit():
+    ailing = _ailing(Hidden("sensor_stuck", "usb", None, 1000.0, None, 31.4))
+    reading = np.linspace(10.0, 20.0, 3000)
+    read = ailing.read("usb", reading, 0.1)
+    assert np.array_equal(read[:1000], reading[:1000])
+    assert set(np.unique(read[1000:]).tolist()) == {31.3, 31.4, 31.5}
+    assert (read[1000:] == 31.4).mean() > 0.95
+
+
+def test_a_stuck_sensor_without_a_value_keeps_what_it_read():
+    held = _ailing(Hidden("sensor_stuck", "usb", None, 1000.0, None, None))
+    reading = np.round(np.linspace(10.0, 20.0, 3000), 1)
+    assert np.median(held.read("usb", reading, 0.1)[1000:]) == reading[1000]
+
+
+def test_a_drift_reaches_what_it_says_but_not_in_a_straight_line():
+    ailing = _ailing(Hidden("sensor_drift", "usb", None, 0.0, None, 1.2), count=3600)
+    drift = ailing.felt("usb", np.zeros(3600))
+    assert drift[-1] == pytest.approx(1.2, rel=1e-2)
+    assert drift[1800] < 0.95 * 0.6
+
+
+def test_a_clock_ahead_makes_the_reference_late():
+    step = np.where(np.arange(3000) < 1000, 0.0, 1.0)
+    late = _ailing(Hidden("clock_offset", None, None, 0.0, None, 60.0)).air(step)
+    early = _ailing(Hidden("clock_offset", None, None, 0.0, None, -60.0)).air(step)
+    assert np.argmax(late > 0.5) == pytest.approx(1060, abs=1)
+    assert np.argmax(early > 0.5) == pytest.approx(940, abs=1)

@@ -1,0 +1,100 @@
+"""What counts as found: cause, location and signal by name; how far off size and onset are.
+
+Of one effect the first step has to name it, of two both have to stand among the steps, and where nothing is hidden
+there may be no step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ambient_studies.discovery.outcome import Outcome
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.diagnosis.result import Cause, Diagnosis, Step
+from ambient_trainer.simulator.effects.truth import FELT_BY, Truth
+
+ONSET_S = 120.0
+MAGNITUDE_FRAC = 0.25
+_SENSOR = "sensor_"
+_CALLED = {"battery": "cell", "back": "case", "frame": "case"}
+"""Simulated nodes that circuits call by another name."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """``onset_right`` (within two minutes) and ``magnitude_right`` (within a quarter, or in the stated interval) are of
+    the first effect: None where it was not found, or has none to compare.
+    """
+
+    outcome: Outcome
+    onset_right: bool | None
+    magnitude_right: bool | None
+
+
+def score(
+    truths: Sequence[Truth], size_in_noise: float, diagnosis: Diagnosis, circuit: Circuit, seconds: float
+) -> Scored:
+    """What a diagnosis by ``circuit`` found of what was hidden."""
+    true = tuple(_cause(truth, circuit) for truth in truths)
+    found = tuple(step.cause for step in diagnosis.steps)
+    named = [cause in found for cause in true]
+    correct = all(named) and (bool(true) or not found)
+    if len(true) == 1:
+        correct = found[:1] == true
+    onset_s = size = onset_right = magnitude_right = None
+    if truths and named[0]:
+        step = diagnosis.steps[found.index(true[0])]
+        onset_s = onset_error_s(truths[0], step, float(diagnosis.time_s[0]))
+        onset_right = None if onset_s is None else abs(onset_s) <= ONSET_S
+        size = magnitude_error_frac(truths[0], step)
+        magnitude_right = None if size is None else abs(size) <= MAGNITUDE_FRAC or _in_interval(truths[0], step)
+    outcome = Outcome(true, size_in_noise, found, correct, size, onset_s, _gain(diagnosis), seconds)
+    return Scored(outcome, onset_right, magnitude_right)
+
+
+def onset_error_s(truth: Truth, step: Step, first_s: float) -> float | None:
+    """Found less true, in s; None where a signal tells when, or neither has one. ``first_s`` is the trace's first."""
+    if step.onset_s is None and (truth.onset_s is None or step.cause.signal is not None):
+        return None
+    found_s = first_s if step.onset_s is None else step.onset_s
+    return found_s - (first_s if truth.onset_s is None else truth.onset_s)
+
+
+def magnitude_error_frac(truth: Truth, step: Step) -> float | None:
+    """Found less true, over the true one; None where they are not in the same unit, or it is no number."""
+    if step.magnitude is None or step.magnitude.unit != truth.unit or not truth.magnitude:
+        return None
+    error = (step.magnitude.value - truth.magnitude) / abs(truth.magnitude)
+    return error if math.isfinite(error) else None
+
+
+def place_in(circuit: Circuit, simulated: str) -> str:
+    """The node of ``circuit`` that stands for a simulated one; the simulated name where none does."""
+    read = {node.name: node.sensor for node in circuit.states}
+    for name in (_CALLED.get(simulated), simulated):
+        if name in read:
+            return str(name)
+    sensor = FELT_BY.get(simulated)
+    return next((name for name, own in read.items() if own is not None and own == sensor), simulated)
+
+
+def _cause(truth: Truth, circuit: Circuit) -> Cause:
+    """The truth by the circuit's names, the ends of a path in the circuit's order."""
+    if truth.location is None or truth.cause.startswith(_SENSOR):
+        return Cause(truth.cause, truth.location, truth.signal)
+    order = [node.name for node in circuit.states]
+    places = [place_in(circuit, part) for part in truth.location.split("-")]
+    places.sort(key=lambda place: order.index(place) if place in order else len(order))
+    return Cause(truth.cause, "-".join(places), truth.signal)
+
+
+def _gain(diagnosis: Diagnosis) -> tuple[float, float] | None:
+    """The first step's; None where a simulation that ran away has none."""
+    ends = diagnosis.steps[0].gain.ci95_degC if diagnosis.steps else (math.nan, math.nan)
+    return ends if all(math.isfinite(end) for end in ends) else None
+
+
+def _in_interval(truth: Truth, step: Step) -> bool:
+    return step.magnitude is not None and step.magnitude.ci95[0] <= truth.magnitude <= step.magnitude.ci95[1]

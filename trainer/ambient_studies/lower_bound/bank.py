@@ -1,0 +1,78 @@
+"""The richest linear filter that needs no search: least squares over every input and many low-passes of each.
+
+    y[k] = offset + sum_i (w_i0 u_i[k] + sum_j w_ij l_ij[k])
+    l_ij = (1 - a_j)/(z - a_j) u_i,    a_j = exp(-T / tau_j)
+
+With time constants spread evenly in logarithm it approaches any causal filter of decaying memory. The ridge that keeps
+it from learning the noise is chosen by leaving out one of the taught runs at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.lti.modes import one_pole
+
+Array = NDArray[np.float64]
+
+_FASTEST_S, _SLOWEST_S = 2.0, 8000.0
+_RIDGES = tuple(10.0**exponent for exponent in range(-10, -1))
+
+
+@dataclass(frozen=True)
+class Gram:
+    """Inner products of a run's regressors (p, p), with the reference (p,), of the reference, and the samples."""
+
+    regressors: Array
+    target: Array
+    square: float
+    samples: int
+
+    def mean_square(self, weights: Array) -> float:
+        """The mean square error of ``weights`` (p,) on the run, in degC^2."""
+        left = float(self.square - 2 * weights @ self.target + weights @ self.regressors @ weights)
+        return max(left, 0.0) / self.samples
+
+
+def gram(trace: Trace, columns: Sequence[str], lags: int) -> Gram:
+    """The Gram of a run without gaps over ``columns``, ``lags`` low-passes each, and the offset."""
+    u = np.vstack([trace.column(name) for name in columns])
+    period_s = sampling_period_s(trace.time_s)
+    poles = np.exp(-period_s / np.geomspace(_FASTEST_S, _SLOWEST_S, lags))
+    lows = [(1 - a) * one_pole(a, u, u[:, 0] / (1 - a)) for a in poles.tolist()]
+    S = np.concatenate([u, *lows, np.ones((1, u.shape[1]))])
+    y = trace.reference
+    return Gram(S @ S.T, S @ y, float(y @ y), len(y))
+
+
+def taught(runs: Sequence[Gram]) -> Array:
+    """The weights (p,) that ``runs`` teach, with the ridge under which each run is best foreseen by the others."""
+    if len(runs) == 1:
+        return _solved(runs, _RIDGES[len(_RIDGES) // 2])
+    left_out = {
+        ridge: sum(
+            run.mean_square(_solved([*runs[:index], *runs[index + 1 :]], ridge)) for index, run in enumerate(runs)
+        )
+        for ridge in _RIDGES
+    }
+    return _solved(runs, min(left_out, key=left_out.__getitem__))
+
+
+def rmse_degC(weights: Array, runs: Sequence[Gram]) -> float:
+    """The RMSE over all ``runs``, each weighing the same."""
+    return math.sqrt(sum(run.mean_square(weights) for run in runs) / len(runs))
+
+
+def _solved(runs: Sequence[Gram], ridge: float) -> Array:
+    G = np.sum([run.regressors / run.samples for run in runs], axis=0)
+    g = np.sum([run.target / run.samples for run in runs], axis=0)
+    scale = np.sqrt(np.diag(G))
+    scale[scale == 0] = 1.0
+    return np.asarray(np.linalg.solve(G / np.outer(scale, scale) + ridge * np.eye(len(G)), g / scale) / scale)

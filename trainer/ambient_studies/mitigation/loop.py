@@ -1,0 +1,156 @@
+"""The closed loop: phones in rooms, a model on their sensors as a device runs it, governors that are told an ambient.
+
+Nothing that a phone cannot know reaches its governor, but in the row that says so: the estimator sees readings, the
+governor its sensor, the estimate, and what the SoC drew.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.faults import refuse
+from ambient_model.model import Model
+from ambient_model.observer import Observer
+from ambient_model.tracking import COASTING, DEGRADED, TRACKING, Tracker, nearest_discrete
+from ambient_studies.mitigation.governor import Governor, Identified
+from ambient_studies.mitigation.plant import Plant, skin_degC
+from ambient_studies.mitigation.room import Room
+from ambient_studies.mitigation.setting import Case, Setting, Told
+from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator.heat import SOC, HeatBalance
+from ambient_trainer.simulator.run import Progress, Run, bursts, stream
+from ambient_trainer.simulator.zones import Zone, all_zones
+
+Array = NDArray[np.float64]
+
+TRUSTED = (TRACKING, DEGRADED, COASTING)
+"""With any other status the governor assumes the hottest room, as if it had no estimate."""
+
+_ACTIVITIES = tuple(Activity)
+_PROGRESS_EVERY = 50
+
+
+@dataclass(frozen=True)
+class Record:
+    """What happened to one phone, sample by sample, shape (n,); the work begins at 0 s."""
+
+    case: Case
+    time_s: Array
+    air_degC: Array
+    skin_degC: Array
+    soc_W: Array
+    told_degC: Array
+    """The ambient that its governor went by; NaN without a governor."""
+    estimate_degC: Array
+    """What the model said; NaN where it said nothing, or there is none."""
+    trusted: NDArray[np.bool_]
+    """Whether the governor went by the estimate."""
+
+
+def closed_loop(
+    model: Model,
+    identified: Identified,
+    setting: Setting,
+    rooms: Sequence[Room],
+    seeds: Sequence[int],
+    progress: Progress | None = None,
+) -> list[Record]:
+    """A record for every room, seed and :class:`Told`; raises :class:`Refused` where the phone lacks an input."""
+    cases = [Case(room, seed, told) for room, seed, told in itertools.product(rooms, seeds, Told)]
+    zones = phone_zones(model, identified.sensor)
+    names = [zone.name for zone in zones]
+    plant = Plant([_run(case, setting) for case in cases], [case.seed for case in cases], zones, setting.period_s)
+    assumed = np.array([setting.usual_degC if each.told is Told.USUAL else setting.hottest_degC for each in cases])
+    governor = Governor(identified, setting.limit_degC, _most_W(setting), setting.period_s, assumed)
+    free, knowing = (np.array([each.told is told for each in cases]) for told in (Told.NOTHING, Told.TRUTH))
+    estimators = _Estimators(model, cases, names, setting.period_s)
+    sensor = names.index(identified.sensor)
+    time_s: Array = (np.arange(setting.samples, dtype=np.float64) - setting.idle_samples) * setting.period_s
+    kept = np.full((6, len(time_s), len(cases)), np.nan)
+    drawn_W = np.zeros(len(cases))
+    for k, now_s in enumerate(time_s.tolist()):
+        readings = _heard(plant.readings_degC, names, setting, now_s)
+        estimate, trusted = estimators.update(now_s, readings)
+        told = np.where(trusted, estimate, np.where(knowing, plant.air_degC, np.nan))
+        cap_W = np.where(free, np.inf, governor.cap_W(readings[:, sensor], told, drawn_W))
+        drawn_W = plant.drawn_W(cap_W)
+        ambient = np.where(free, np.nan, governor.ambient_degC)
+        kept[:, k] = plant.air_degC, skin_degC(plant.nodes_degC), drawn_W, ambient, estimate, trusted
+        if k + 1 < len(time_s):
+            plant.step(cap_W)
+        if progress and k % _PROGRESS_EVERY == 0:
+            progress(k, len(time_s))
+    air, skin, soc_W, ambient, estimate, trusted = kept
+    return [
+        Record(case, time_s, air[:, k], skin[:, k], soc_W[:, k], ambient[:, k], estimate[:, k], trusted[:, k] > 0)
+        for k, case in enumerate(cases)
+    ]
+
+
+def phone_zones(model: Model, sensor: str) -> list[Zone]:
+    """The zones of the phone that ``model`` and a governor on ``sensor`` read; raises :class:`Refused`."""
+    known = {zone.name: zone for zone in all_zones()}
+    lacking = [each.column for each in model.main.inputs if each.unit != "degC" or each.name not in known]
+    if lacking:
+        problem = f"reads {', '.join(lacking)}, which the simulated phone has no zone for"
+        raise refuse(f"model '{model.name}'", "inputs", problem, "fit one to `ambient-trainer simulate 5`")
+    if sensor not in known:
+        raise refuse("--sensor", "", f"the simulated phone has no zone '{sensor}'", f"it has {', '.join(known)}")
+    return [known[name] for name in dict.fromkeys([*(each.name for each in model.main.inputs), sensor])]
+
+
+class _Estimators:
+    """The model, its guard included, on the readings of each phone whose governor is told what it says."""
+
+    def __init__(self, model: Model, cases: Sequence[Case], names: Sequence[str], period_s: float) -> None:
+        discrete = nearest_discrete(model.main, period_s)
+        self._picks = [names.index(each.name) for each in model.main.inputs]
+        self._observers = {
+            index: Observer(model, Tracker(model.main, discrete))
+            for index, case in enumerate(cases)
+            if case.told is Told.ESTIMATE
+        }
+        self._size = len(cases)
+
+    def update(self, now_s: float, readings: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """What is said now, NaN for nothing, and whether it is to be trusted, both of shape (batch,)."""
+        said, trusted = np.full(self._size, np.nan), np.zeros(self._size, dtype=np.bool_)
+        for index, observer in self._observers.items():
+            row = readings[index, self._picks].tolist()
+            estimate = observer.update(now_s, [None if value != value else value for value in row])
+            if estimate.ambient_degC is not None:
+                said[index] = estimate.ambient_degC
+                trusted[index] = estimate.status in TRUSTED
+        return said, trusted
+
+
+def _heard(readings: Array, names: Sequence[str], setting: Setting, now_s: float) -> Array:
+    """The readings that come through: NaN from a sensor that is out."""
+    outage = setting.outage
+    if outage is not None and 60 * outage.from_min <= now_s < 60 * outage.to_min:
+        readings[:, names.index(outage.sensor)] = np.nan
+    return readings
+
+
+def _run(case: Case, setting: Setting) -> Run:
+    idle, count, phone = setting.idle_samples, setting.samples, setting.phone
+    air_degC = case.room.air_degC(idle, count, setting.period_s, stream(case.seed, f"room {case.room.name}"))
+    activity = np.full(count, _ACTIVITIES.index(setting.workload))
+    activity[:idle] = _ACTIVITIES.index(Activity.IDLE)
+    burst = np.ones(count)
+    if setting.workload is Activity.STREAMING:
+        time_s: Array = np.arange(count, dtype=np.float64) * setting.period_s
+        burst[idle:] = bursts(time_s, phone, stream(case.seed, "bursts"))[idle:]
+    return Run(phone, float(air_degC[0]), air_degC, activity, burst, idle)
+
+
+def _most_W(setting: Setting) -> float:
+    """The most that any activity asks of the SoC."""
+    every = np.arange(len(_ACTIVITIES))
+    heat_W = HeatBalance([setting.phone] * len(every)).demand(every, np.ones(len(every))).heat_W
+    return float(heat_W[:, SOC].max())

@@ -1,0 +1,64 @@
+"""What the governor knows of a phone comes from a training run in the chamber, never from the rooms it is judged in.
+
+In the thesis's scenario 5 thermocouples lie on the skin and in the air, and the phone logs its sensor and the SoC's
+power. The trainer's own free filter of order 1 is fitted twice: to the skin from the sensor and the air, and to the
+skin from the SoC's power and the air; the second tells the rise per W and its time constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.trace import REFERENCE
+from ambient_studies.mitigation.governor import Identified
+from ambient_studies.mitigation.plant import skin_degC
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimators.fit import Effort, Fit, fit_free_filter
+from ambient_trainer.simulator.device import Chamber, Phone
+from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
+from ambient_trainer.simulator.run import Progress, integrate, prepare, stream
+from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.zones import Zone
+
+Array = NDArray[np.float64]
+
+SCENARIO = "5"
+SEED = 0
+_AIR, _POWER = "air_degC", "soc_power_W"
+_MARGIN_PERCENT = 95
+
+
+def training_trace(zone: Zone, period_s: float = 1.0, progress: Progress | None = None) -> Trace:
+    """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin in the reference's place."""
+    phone, chamber = Phone.shipped(), Chamber.shipped()
+    driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone, chamber)], period_s, progress)[0]
+    kept = slice(driven.run.unrecorded, None)
+    reading = zone_reading(zone, felt(zone, phone, driven.nodes_degC, period_s), stream(SEED, f"zone {zone.name}"))
+    columns = {
+        f"{zone.name}_degC": reading[kept],
+        _AIR: probe_reading(driven.run.air_degC, period_s, stream(SEED, "probes"))[kept],
+        _POWER: np.round(driven.soc_W[kept], 3),
+        REFERENCE: probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[kept],
+    }
+    time_s = np.round(np.arange(len(reading[kept])) * period_s, 6)
+    return Trace(f"scenario {SCENARIO}", time_s, columns, {"simulated": "yes"})
+
+
+def identify(trace: Trace) -> Identified:
+    """What a governor on the trace's first column knows."""
+    sensor = next(iter(trace.columns))
+    skin, power = _fit(trace, sensor), _fit(trace, _POWER)
+    return Identified(
+        sensor=sensor.removesuffix("_degC"),
+        skin=skin.system,
+        hold=skin.hold,
+        rmse_degC=skin.rmse_degC,
+        margin_K=max(0.0, float(np.percentile(skin.errors_degC[0], _MARGIN_PERCENT))),
+        resistance_K_W=power.dc_gains[0],
+        time_constant_s=float(-1.0 / power.system.A[0, 0]),
+    )
+
+
+def _fit(trace: Trace, driver: str) -> Fit:
+    return fit_free_filter(1, [trace], Effort(starts=4), inputs=(driver, _AIR))

@@ -1,0 +1,72 @@
+"""Units go through scenarios, bare or in their cases, all together in one loop over arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ambient_studies.unit_variation.unit import Case, Skewed, Unit
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.simulator.additions import Added, together
+from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator.device import Chamber
+from ambient_trainer.simulator.effects.effect import Hidden
+from ambient_trainer.simulator.effects.physics import Setting, added
+from ambient_trainer.simulator.phone import trace_of
+from ambient_trainer.simulator.run import Progress, Run, integrate, prepare, stream
+from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
+
+CALIBRATION = "calibration"
+CALIBRATION_DEGC = 25.0
+KNOWN_MIN, ON_BEFORE_MIN = 10.0, 30.0
+"""How long the ambient is known, and how long the phone has been on by then."""
+_SETTLED_MIN = 15.0
+
+
+class Asked(NamedTuple):
+    """A unit, whether in its case, what it is put through, and the seed of weather and noise."""
+
+    unit: Unit
+    cased: bool
+    scenario: str
+    """Of the shipped ones, or ``CALIBRATION``."""
+    seed: int
+
+
+def traces(runs: Sequence[Asked], period_s: float, progress: Progress | None = None) -> list[Trace]:
+    """What each run logs, in the time of the longest."""
+    chamber = Chamber.shipped()
+    prepared = [prepare(scenario_of(each.scenario), each.seed, period_s, each.unit.phone, chamber) for each in runs]
+    covered = [
+        _case(each.unit.case, run, period_s, each.seed) if each.cased else Added() for each, run in zip(runs, prepared)
+    ]
+    driven = integrate(prepared, period_s, progress, covered)
+    return [
+        trace_of(one, each.scenario, each.seed, period_s, each.unit.zones, Skewed(each.unit.gains))
+        for one, each in zip(driven, runs)
+    ]
+
+
+def scenario_of(name: str) -> Scenario:
+    """The shipped scenario of that name, or the rest during which a unit is calibrated."""
+    if name != CALIBRATION:
+        return load_scenario(name)
+
+    def resting(minutes: float) -> Step:
+        return Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC, activity=Activity.IDLE)
+
+    about = f"At rest at {CALIBRATION_DEGC:g} degC"
+    return Scenario(about=about, before=(resting(_SETTLED_MIN),), steps=(resting(ON_BEFORE_MIN + KNOWN_MIN),))
+
+
+def _case(case: Case, run: Run, period_s: float, seed: int) -> Added:
+    """A case covers the rear shell since ever."""
+    time_s = (np.arange(run.samples, dtype=np.float64) - run.unrecorded) * period_s
+    setting, random = Setting(time_s, period_s, {}), stream(seed, "case")
+    effects = (
+        Hidden("ambient_coupling", "back", size=case.resistance_frac),
+        Hidden("thermal_mass", "back", size=case.capacitance_J_K),
+    )
+    return together([added(effect, setting, index, random) for index, effect in enumerate(effects)])

@@ -1,0 +1,87 @@
+"""``ambient-trainer compare``: which circuit to take, on data that none of them was fitted to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from ambient_model.codec import save_model
+from ambient_model.faults import refuse
+from ambient_trainer.cli.commands.fit import STOPPED, sensor_columns
+from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.number import Finite
+from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.progress import fit_progress
+from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.evaluation.compare import (
+    Contender,
+    Contest,
+    as_json,
+    comparison_table,
+    contend,
+    held_out_contest,
+    split_contest,
+)
+from ambient_trainer.report.table import for_terminal
+
+
+@click.command("compare")
+@click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
+@click.option("--circuit", "circuits", required=True, multiple=True, metavar="NAME|FILE", help="As in fit; repeat it.")
+@click.option("--split", "split_s", type=Finite(), metavar="S", help="Train before this time_s, score after it.")
+@click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
+@click.option("--sensors", metavar="A,B,...", help="As in fit (default: every _degC column).")
+@click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
+@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
+@effort_options
+def command(
+    trace_paths: tuple[str, ...],
+    circuits: tuple[str, ...],
+    split_s: float | None,
+    held_out: str | None,
+    sensors: str | None,
+    models: str | None,
+    json_path: str | None,
+    effort: Effort,
+) -> int:
+    """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
+
+    Ctrl-C shows those that are done.
+    """
+    if models is not None and not Path(models).is_dir():
+        raise refuse(models, "", "is no folder", "make it first")
+    written = [str(Path(models) / f"{Path(name).stem}.json") for name in circuits] if models is not None else []
+    check_outputs([json_path, *written], [*trace_paths, *circuits, *([held_out] if held_out else [])])
+    contest = _contest(trace_paths, split_s, held_out)
+    contenders: list[Contender] = []
+    for name in circuits:
+        with fit_progress(name, effort.starts, contest.samples) as progress:
+            contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
+        if models is not None:
+            save_model(written[len(contenders) - 1], contenders[-1].model)
+        if contenders[-1].fit.stopped:
+            break
+    printer().print(for_terminal(comparison_table(contenders)))
+    if json_path is not None:
+        write_figures(json_path, as_json(contenders))
+    if contenders[-1].fit.stopped:
+        click.echo(
+            f"Stopped: of {contenders[-1].fit.circuit} this is the best so far; what comes after was not fitted."
+        )
+        return STOPPED
+    return 0
+
+
+def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str | None) -> Contest:
+    if (split_s is None) == (held_out is None):
+        raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
+    if held_out is not None:
+        if held_out in trace_paths:
+            raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
+        return held_out_contest(trace_paths, held_out)
+    if len(trace_paths) > 1:
+        raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
+    assert split_s is not None
+    return split_contest(trace_paths[0], split_s)

@@ -1,0 +1,45 @@
+"""``ambient-trainer correct``: a model file for one unit, from ten minutes at a known ambient."""
+
+from __future__ import annotations
+
+import click
+
+from ambient_model.codec import load_model, save_model
+from ambient_trainer.cli.number import Finite
+from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.estimators.model_file import training_of
+from ambient_trainer.evaluation.correction import MAIN, corrected, correction, known_between
+
+
+@click.command("correct")
+@click.argument("model_path", metavar="MODEL.json")
+@click.argument("trace_path", metavar="TRACE")
+@click.option("-o", "--output", required=True, metavar="MODEL2.json", help="Where the corrected model goes.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="The ambient counts from this time_s on.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="The ambient counts before this time_s.")
+def command(model_path: str, trace_path: str, output: str, from_s: float | None, to_s: float | None) -> None:
+    """Correct MODEL.json for the one device that logged TRACE while the ambient was known, and write it anew.
+
+    What the estimate misses there on average is added to its offset, and so for its guard and each fallback. The
+    estimate runs from TRACE's first sample on: log half an hour at rest before the minutes that count, and leave
+    ambient_degC empty there or name them with --from.
+    """
+    if from_s is not None and to_s is not None and not from_s < to_s:
+        raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
+    check_outputs([output], [model_path, trace_path])
+    model, trace = load_model(model_path), load_trace(trace_path)
+    found = correction(model, known_between(trace, from_s, to_s))
+    save_model(output, corrected(model, found, training_of(trace, from_s, to_s)))
+    added, error = found.offsets_degC[MAIN], found.standard_error_degC
+    click.echo(
+        f"Offset {added:+.3f} degC (standard error {error:.3f}), from {found.samples:,} samples with an ambient."
+    )
+    for name, degC in found.offsets_degC.items():
+        if name != MAIN:
+            click.echo(f"  {name} {degC:+.3f}")
+    if abs(added) < 2 * error:
+        click.echo(
+            "It is within twice its standard error of nothing: the device was hardly off, or logged too briefly."
+        )
+    click.echo(f"Model: {output}")

@@ -1,0 +1,94 @@
+"""``ambient-trainer import``: another logger's file becomes a trace, and the terminal shows what came in."""
+
+from __future__ import annotations
+
+import click
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.data.importers.benchlink import import_benchlink
+from ambient_trainer.data.importers.column_map import load_map
+from ambient_trainer.data.importers.csv_import import Imported, import_csv
+from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.report.table import Table, for_terminal
+
+_FILE = click.Path(exists=True, dir_okay=False)
+
+
+@click.command("import")
+@click.argument("src", type=_FILE)
+@click.option(
+    "--format",
+    "kind",
+    type=click.Choice(["benchlink", "csv"]),
+    required=True,
+    help="benchlink: the export of a 34970A multiplexer's logging software; csv: any other table, through a map.",
+)
+@click.option("--map", "map_path", type=_FILE, help="YAML: which columns to take, their names and units.")
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The trace; .gz compresses it.")
+def command(src: str, kind: str, map_path: str | None, output: str) -> None:
+    """Turn the file SRC of another logger into a trace.
+
+    \b
+    A map, in short:
+      time: {column: t, unit: s}       # or format: "%d.%m.%Y %H:%M:%S"
+      columns:
+        battery_degC: T_battery
+        cpu_degC: {from: T_cpu, unit: mdegC}
+        ambient_degC: {from: [T1, T2], combine: mean}
+      constants: {ambient_degC: 22}    # not logged: noted as assumed
+      delimiter: whitespace            # or one character; decimal: "," for 3,5
+      header: false                    # columns are called 1, 2, 3, ...
+      skip_rows: 15                    # above the names; skip_under_header: 1 below them
+      drop_rows: {Status: [STOP]}      # rows to leave out; bad_rows: drop for unreadable ones
+    """
+    check_outputs([output], [src, *([map_path] if map_path else [])])
+    if kind == "benchlink":
+        imported = import_benchlink(src, map_path)
+    elif map_path is None:
+        raise click.UsageError("--format csv needs --map MAP.yaml; see 'ambient-trainer import --help' for one.")
+    else:
+        imported = import_csv(src, load_map(map_path), map_path)
+    save_trace(output, imported.trace)
+    _show(imported, output)
+
+
+def _show(imported: Imported, output: str) -> None:
+    trace = imported.trace
+    console = Console(highlight=False)
+    console.print(_extent(trace.time_s), soft_wrap=True)
+    rows = tuple((name, *_figures(trace, name)) for name in trace.columns)
+    console.print(for_terminal(Table("", ("column", "min", "mean", "max", "missing"), rows)))
+    total = imported.dropped_rows + len(trace.time_s)
+    for why, count in imported.dropped.items():
+        console.print(f"dropped {count} of {total} rows: {why}")
+    if "assumed" in trace.notes:
+        console.print(f"assumed {escape(trace.notes['assumed'])}", soft_wrap=True)
+    console.print(f"wrote {escape(output)}", soft_wrap=True)
+
+
+def _extent(time_s: np.ndarray) -> str:
+    rows = f"{len(time_s)} rows"
+    if len(time_s) < 2:
+        return rows
+    steps_s = np.diff(time_s)
+    period, longest = f"{np.median(steps_s):.4g} s", _duration(steps_s.max())
+    return f"{rows}, {_duration(time_s[-1])}, median period {period}, longest step {longest}"
+
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.4g} s"
+
+
+def _figures(trace: Trace, name: str) -> list[str]:
+    values = trace.columns[name]
+    present = values[~np.isnan(values)]
+    missing = str(len(values) - len(present))
+    if not len(present):
+        return ["-", "-", "-", missing]
+    return [*(f"{figure:.6g}" for figure in (present.min(), present.mean(), present.max())), missing]

@@ -1,0 +1,168 @@
+"""``ambient-trainer search``: which sensors, how many, and which circuit, by the error on blocks that no fit saw."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ambient_model import __version__
+from ambient_model.faults import refuse
+from ambient_trainer.cli.effort import jobs_option
+from ambient_trainer.cli.number import Finite, FiniteRange
+from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.printing import printer, write_figures, write_page
+from ambient_trainer.cli.progress import counted_progress
+
+if TYPE_CHECKING:
+    from ambient_trainer.data.trace import Trace
+    from ambient_trainer.selection.found import Found, Options
+
+
+@click.command("search")
+@click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
+@click.option("--most", type=click.IntRange(1, 12), default=6, show_default=True, help="Up to so many sensors.")
+@click.option("--order", type=click.IntRange(1, 4), default=4, show_default=True, help="States of a filter or circuit.")
+@click.option("--blocks", type=click.IntRange(2, 1000), default=10, show_default=True, help="Held out in turn.")
+@click.option("--gap", "gap_s", type=FiniteRange(min=0), metavar="S", help="Beside a block [default: a tenth of it].")
+@click.option(
+    "--tolerance",
+    "tolerance_degC",
+    type=FiniteRange(min=1e-3, max=10),
+    default=0.1,
+    show_default=True,
+    help="What each sensor may be off, as noise and for long.",
+)
+@click.option("--against", metavar="A,B,...", help="Score this set beside the best, such as usb,battery.")
+@click.option("--check", "check_paths", metavar="TRACE", multiple=True, help="Score on this, too; it chooses nothing.")
+@click.option("--circuits", "circuit_folder", metavar="DIR", help="Write the best circuit of each size to this folder.")
+@click.option("--no-circuits", is_flag=True, help="Search for sensors only.")
+@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
+@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
+@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
+@click.option("--report", "report_folder", metavar="DIR", help="Write a page with the picture into this folder.")
+@click.option("--state", "state_path", metavar="FILE", help="Keep what is done here, and go on from it.")
+@jobs_option("Processes.")
+def command(
+    trace_paths: tuple[str, ...],
+    against: str | None,
+    check_paths: tuple[str, ...],
+    circuit_folder: str | None,
+    no_circuits: bool,
+    from_s: float | None,
+    to_s: float | None,
+    json_path: str | None,
+    report_folder: str | None,
+    state_path: str | None,
+    jobs: int,
+    **options: Any,
+) -> None:
+    """Search the temperatures of one or several TRACEs for those that tell ambient_degC best, one to --most of them.
+
+    A zone that is dead, constant, stuck or a double is said and left out. With --state, Ctrl-C loses nothing: the same
+    command goes on where it stopped.
+    """
+    from ambient_trainer.data.trace import load_trace
+    from ambient_trainer.selection.found import Options  # scipy: --help should not wait for it
+    from ambient_trainer.selection.screen import screened
+    from ambient_trainer.selection.search import prepared
+    from ambient_trainer.selection.summary import left_out_lines
+
+    if no_circuits and circuit_folder is not None:
+        raise click.UsageError("--circuits asks for what --no-circuits leaves out: give one of them")
+    chosen = Options(**options)
+    check_outputs([json_path, state_path], [*trace_paths, *check_paths], report_folder, circuit_folder)
+    traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
+    zones = screened(traces)
+    for line in left_out_lines(zones.left_out):
+        click.echo(line)
+    data = prepared(traces, zones, chosen)
+    checks = [load_trace(path) for path in check_paths]
+    identity = _identity(trace_paths, from_s, to_s, chosen)
+    named = [name.strip().removesuffix("_degC") for name in (against or "").split(",") if name.strip()]
+    found = _run(data, chosen, identity, state_path, jobs, named, checks, not no_circuits)
+    _show(found)
+    if circuit_folder is not None:
+        _write_circuits(circuit_folder, found)
+    _write(found, json_path, report_folder)
+
+
+def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, options: Options) -> dict[str, Any]:
+    """What results depend on: who computes them, the data's bytes and the options."""
+    from ambient_trainer.data.digest import sha256_of
+
+    digests = [sha256_of(path) for path in paths]
+    return {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(options)}
+
+
+def _run(
+    data: Any,
+    options: Options,
+    identity: dict[str, Any],
+    state_path: str | None,
+    jobs: int,
+    against: Sequence[str],
+    checks: Sequence[Trace],
+    with_circuits: bool,
+) -> Found:
+    from ambient_trainer.selection.search import searched
+    from ambient_trainer.selection.state import State
+    from ambient_trainer.selection.work import Work
+
+    with contextlib.closing(State(state_path, identity)) as state:
+        try:
+            with counted_progress() as progress, Work(jobs, state, progress) as work:
+                return searched(data, options, work, against, checks, with_circuits)
+        except KeyboardInterrupt:
+            kept = f"what is done is kept in {state_path}: the same command goes on from there"
+            lost = "nothing was kept: with --state FILE the next one could go on from there"
+            raise click.ClickException(f"stopped; {kept if state_path else lost}") from None
+
+
+def _show(found: Found) -> None:
+    from ambient_trainer.report.table import for_terminal
+    from ambient_trainer.selection.summary import checks_table, sizes_table, verdict
+
+    console = printer()
+    console.print(for_terminal(sizes_table(found)))
+    if found.checks:
+        console.print(for_terminal(checks_table(found)))
+    for line in verdict(found):
+        console.print(line, soft_wrap=True, markup=False)
+    named = found.sizes[found.named]
+    sensors = ",".join(named.sensors)
+    click.echo(
+        f"Next: ambient-trainer fit {' '.join(found.traces)} --circuit free-{found.options.order} --sensors {sensors} "
+        "-o MODEL.json"
+    )
+
+
+def _write_circuits(folder: str, found: Found) -> None:
+    from ambient_trainer.circuits.write import save_circuit
+
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        raise refuse(
+            folder, "", f"cannot be made a folder ({error.strerror})", "name another for the circuits"
+        ) from error
+    for each in found.circuits.values():
+        path = os.path.join(folder, f"{each.circuit.name}.yaml")
+        save_circuit(path, each.circuit)
+        click.echo(f"Circuit: {path}")
+
+
+def _write(found: Found, json_path: str | None, report_folder: str | None) -> None:
+    if json_path is not None:
+        from ambient_trainer.selection.summary import as_json
+
+        write_figures(json_path, as_json(found))
+    if report_folder is not None:
+        from ambient_trainer.selection.page import search_page
+
+        write_page(report_folder, search_page(found))

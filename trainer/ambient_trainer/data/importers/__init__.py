@@ -1,0 +1,1 @@
+"""Files of other loggers become traces: one module a format."""

@@ -1,0 +1,107 @@
+"""A multiplexer's export: ``Sweep #,Time,Chan 101 (C),...``; the header says the units, +-9.9E+37 an open thermocouple.
+
+A map may choose, rename and combine the channels; it names one by its number (``101``) or by its whole header.
+Without a map every channel comes in as ``ch101_degC``.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from typing import Any, NamedTuple
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_trainer.data.importers.column_map import ColumnMap, ColumnSource, parse_map
+from ambient_trainer.data.importers.csv_import import Imported, import_csv
+from ambient_trainer.data.importers.csv_table import decoded
+from ambient_trainer.data.strict_yaml import load_yaml
+from ambient_trainer.data.units import target_unit
+
+_TIME = {"column": "Time", "format": "%m/%d/%Y %H:%M:%S:%f"}
+_OPEN_THERMOCOUPLE = ("9.9E+37", "-9.9E+37")
+_HEADER = re.compile(r'"?Sweep #"?(?P<delimiter>[,;\t])')
+_CHANNEL = re.compile(r"Chan (?P<number>\d+)\b.*\((?P<unit>[^()]*)\)")
+_UNITS = {"C": "degC", "F": "degF", "K": "K"}
+
+
+class _Channel(NamedTuple):
+    number: str
+    header: str
+    unit: str
+
+
+class _Header(NamedTuple):
+    rows_above: int
+    delimiter: str
+    channels: tuple[_Channel, ...]
+
+
+def import_benchlink(path: str, map_path: str | None = None) -> Imported:
+    """The trace in the export at ``path``, through the map at ``map_path`` where there is one.
+
+    Raises :class:`~ambient_model.faults.Refused` with every fault of the map, or the first of each column.
+    """
+    data = load_yaml(map_path) if map_path is not None else {}
+    encoding = data.get("encoding") if isinstance(data, dict) else None
+    header = _find_header(path, encoding if isinstance(encoding, str) else None)
+    if map_path is None:
+        data = {"columns": {f"ch{channel.number}_degC": channel.header for channel in header.channels}}
+    source = map_path or path
+    presets = {"time": _TIME, "skip_rows": header.rows_above, "delimiter": header.delimiter}
+    return import_csv(path, _with_channels(parse_map(data, source, presets), header, source), source)
+
+
+def _find_header(path: str, encoding: str | None) -> _Header:
+    for index, line in enumerate(io.StringIO(decoded(path, encoding), newline="")):
+        if match := _HEADER.match(line):
+            names = next(csv.reader([line], delimiter=match["delimiter"]))
+            matches = [each for name in names if (each := _CHANNEL.fullmatch(name.strip()))]
+            channels = tuple(_Channel(each["number"], each[0], each["unit"]) for each in matches)
+            return _Header(index, match["delimiter"], channels)
+    raise refuse(
+        path,
+        "",
+        "no line starts with 'Sweep #,'",
+        "is it the logging software's export? Take --format csv and a map for other files",
+    )
+
+
+def _with_channels(column_map: ColumnMap, header: _Header, source: str) -> ColumnMap:
+    """The map with channel numbers spelt out as the file does, and each channel's unit from its header."""
+    faults: list[Fault] = []
+    columns = {}
+    for name, column in column_map.columns.items():
+        found = [_channel(each, header) for each in column.sources]
+        spelt = tuple(each.header if isinstance(each, _Channel) else each for each in found)
+        units = {each.unit for each in found if isinstance(each, _Channel)}
+        update: dict[str, Any] = {"sources": spelt}
+        fault = _unit_fault(name, column, units)
+        if fault:
+            faults.append(fault)
+        elif column.unit is None and units <= _UNITS.keys():
+            update["unit"] = next((_UNITS[unit] for unit in units), None)
+        columns[name] = column.model_copy(update=update)
+    if faults:
+        raise Refused(source, faults)
+    missing = (*column_map.missing, *_OPEN_THERMOCOUPLE)
+    return column_map.model_copy(update={"columns": columns, "missing": missing})
+
+
+def _channel(name: str, header: _Header) -> _Channel | str:
+    return next((channel for channel in header.channels if name in (channel.number, channel.header)), name)
+
+
+def _unit_fault(name: str, column: ColumnSource, units: set[str]) -> Fault | None:
+    if column.unit is not None or not units:
+        return None
+    place = f"columns.{name}"
+    if len(units) > 1:
+        return Fault(place, f"combines channels in {' and '.join(sorted(units))}", "combine channels of one unit")
+    (unit,) = units
+    if unit in _UNITS and target_unit(name) != "degC":
+        return Fault(place, f"the channel is in {unit}", "end the column's name in _degC")
+    if unit not in _UNITS and "scale" not in column.model_fields_set:
+        mend = "give its 'unit' or 'scale' in a map, or choose other channels in it"
+        return Fault(place, f"the channel is in {unit}, no temperature", mend)
+    return None

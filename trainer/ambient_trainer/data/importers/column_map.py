@@ -1,0 +1,245 @@
+"""A column map is a YAML file that says which columns of a foreign CSV file become which columns of a trace.
+
+```yaml
+time: {column: t, unit: ms}              # or format: "%d.%m.%Y %H:%M:%S", or format: iso
+columns:
+  battery_degC: T_battery                                    # shorthand for {from: T_battery}
+  cpu_degC: {from: T_cpu, unit: mdegC}
+  ambient_degC: {from: [T1, T2], combine: mean, offset: -0.1}
+```
+
+A value is converted from ``unit`` to the unit that the trace column's name ends with, then multiplied by ``scale``,
+then raised by ``offset``.
+
+A table need not be parted by commas, nor start with its names, nor be whole:
+
+```yaml
+delimiter: whitespace                    # runs of blanks; or one character
+skip_rows: 15                            # lines above the names
+skip_under_header: 1                     # lines with something in them between the names and the rows: their units
+drop_rows: {Status: [RANGE, STO]}        # rows to leave out, by what a column says
+bad_rows: drop                           # leave out what cannot be read, instead of refusing the file
+constants: {ambient_degC: 22}            # a column that nobody logged; the trace's notes call it assumed
+notes: {room: nobody logged it}          # more to say in the trace's notes
+```
+
+Without names, ``header: false``, its columns are called 1, 2, 3, ...
+"""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
+
+from ambient_model.faults import Fault
+from ambient_model.trace import LARGEST, split_column
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_trainer.data.units import UNITS, target_unit, units_of
+
+
+def _text(value: Any) -> Any:
+    if isinstance(value, bool) or value is None:
+        raise wrong(f"YAML reads {value!r} here, not text", "put it in quotes")
+    return str(value) if isinstance(value, int | float) else value
+
+
+def _as_list(value: Any) -> Any:
+    return value if isinstance(value, list) else [value]
+
+
+Text = Annotated[str, BeforeValidator(_text)]
+
+
+class TimeSource(Strict):
+    """Where the time stands and how it is written: a number in ``unit``, or text in ``format``."""
+
+    column: Text
+    unit: Literal["ns", "us", "ms", "s", "min", "h"] | None = None
+    format: str | None = None
+    not_increasing: Literal["refuse", "drop"] = "refuse"
+
+    @model_validator(mode="after")
+    def _one_way(self) -> TimeSource:
+        if (self.unit is None) == (self.format is None):
+            problem = "neither 'unit' nor 'format'" if self.unit is None else "both 'unit' and 'format'"
+            raise wrong(problem, "give 'unit: s' for a number, or 'format: \"%Y-%m-%d %H:%M:%S\"' for a date")
+        return self
+
+
+class ColumnSource(Strict):
+    """Where one trace column comes from."""
+
+    sources: Annotated[tuple[Text, ...], Field(alias="from", min_length=1), BeforeValidator(_as_list)]
+    combine: Literal["mean", "median"] | None = None
+    unit: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    missing: tuple[Text, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shorthand(cls, value: Any) -> Any:
+        return value if isinstance(value, dict) else {"from": value}
+
+    @field_validator("unit")
+    @classmethod
+    def _known(cls, unit: str | None) -> str | None:
+        if unit is not None and unit not in UNITS:
+            raise wrong(f"no unit is called {unit!r}", f"take one of {', '.join(UNITS)}, or give 'scale' and 'offset'")
+        return unit
+
+    @field_validator("scale")
+    @classmethod
+    def _not_zero(cls, scale: float) -> float:
+        if scale == 0:
+            raise wrong("a scale of 0 leaves nothing of the value", "give another, or leave the column out")
+        return scale
+
+    @model_validator(mode="after")
+    def _combined(self) -> ColumnSource:
+        if (len(self.sources) > 1) != (self.combine is not None):
+            one = len(self.sources) == 1
+            raise wrong(
+                "'combine' with a single column" if one else f"{len(self.sources)} columns and no 'combine'",
+                "remove it" if one else "add 'combine: mean' or 'combine: median'",
+            )
+        return self
+
+
+WHITESPACE = "whitespace"
+"""The delimiter of a table whose cells are parted by runs of blanks."""
+OWN_NOTES = ("source", "start", "dropped_rows", "assumed")
+"""What the import itself says in a trace's notes."""
+_NO_DELIMITERS = ('"', "\r", "\n", "\0")
+
+
+class ColumnMap(Strict):
+    """The whole file. ``missing`` counts for all columns, beside empty cells and NaN."""
+
+    time: TimeSource
+    columns: dict[Text, ColumnSource] = Field(min_length=1)
+    constants: dict[Text, float] = Field(default_factory=dict)
+    missing: tuple[Text, ...] = ()
+    delimiter: str = ","
+    decimal: Literal[".", ","] = "."
+    header: StrictBool = True
+    skip_rows: int = Field(0, ge=0)
+    skip_under_header: int = Field(0, ge=0)
+    drop_rows: dict[Text, Annotated[tuple[Text, ...], BeforeValidator(_as_list)]] = Field(default_factory=dict)
+    bad_rows: Literal["refuse", "drop"] = "refuse"
+    notes: dict[Text, Text] = Field(default_factory=dict)
+    comment: str | None = Field(None, min_length=1)
+    encoding: str | None = None
+
+    @field_validator("columns", mode="before")
+    @classmethod
+    def _not_empty(cls, columns: Any) -> Any:
+        if columns in (None, {}):
+            raise wrong("no columns", "map at least one, such as 'usb_degC: T_usb'")
+        return columns
+
+    @field_validator("encoding")
+    @classmethod
+    def _codec(cls, encoding: str | None) -> str | None:
+        try:
+            "".encode(encoding or "utf-8")
+            codecs.lookup(encoding or "utf-8")
+        except (LookupError, ValueError):
+            raise wrong(f"no encoding is called {encoding!r}", "take utf-8, utf-16, cp1252 or latin-1") from None
+        return encoding
+
+    @field_validator("delimiter")
+    @classmethod
+    def _delimits(cls, delimiter: str) -> str:
+        if delimiter != WHITESPACE and (len(delimiter) != 1 or delimiter in _NO_DELIMITERS):
+            mend = f"give one character, or '{WHITESPACE}' for runs of blanks"
+            raise wrong(f"{delimiter!r} is no delimiter", mend)
+        return delimiter
+
+    @field_validator("constants")
+    @classmethod
+    def _measurable(cls, constants: dict[str, float]) -> dict[str, float]:
+        for name, value in constants.items():
+            if abs(value) > LARGEST:
+                raise wrong(f"{name} is {value:g}", "give what an instrument could read")
+        return constants
+
+    @field_validator("notes")
+    @classmethod
+    def _one_line(cls, notes: dict[str, str]) -> dict[str, str]:
+        for key, text in notes.items():
+            if key in OWN_NOTES:
+                raise wrong(f"'{key}' is a note that the import writes", "call it otherwise")
+            if not key or ":" in key or key != key.strip("# ") or not (key + text).isprintable():
+                raise wrong(f"{key!r} is no note", "give a key without ':' or '#', and one line of text")
+        return notes
+
+    @model_validator(mode="after")
+    def _under_a_header(self) -> ColumnMap:
+        if self.skip_under_header and not self.header:
+            raise wrong("'skip_under_header' without a header", "count those lines in 'skip_rows'")
+        return self
+
+    @model_validator(mode="after")
+    def _distinct(self) -> ColumnMap:
+        if self.delimiter == self.decimal:
+            raise wrong(f"{self.decimal!r} is both delimiter and decimal", "give 'delimiter: \";\"'")
+        return self
+
+
+def load_map(path: str, presets: dict[str, Any] | None = None) -> ColumnMap:
+    """The map in the YAML file at ``path``; what the file leaves unsaid comes from ``presets``.
+
+    Raises :class:`~ambient_model.faults.Refused` with every fault and its place, such as ``columns.usb_degC.scale``.
+    """
+    return parse_map(load_yaml(path), path, presets)
+
+
+def parse_map(data: Any, source: str, presets: dict[str, Any] | None = None) -> ColumnMap:
+    """The map that ``data`` describes; ``source`` names it in messages. Raises as :func:`load_map` does."""
+    if isinstance(data, dict):
+        data = _over(presets or {}, data)
+    return validated(ColumnMap, data, source, list(_target_faults(data)))
+
+
+def _over(presets: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
+    merged = presets | data
+    for key, preset in presets.items():
+        if isinstance(preset, dict) and isinstance(data.get(key), dict):
+            merged[key] = preset | data[key]
+    return merged
+
+
+def _target_faults(data: Any) -> list[Fault]:
+    """What is wrong between a trace column's name and its source's unit, in a map that may be wrong otherwise."""
+    faults = []
+    for section, name, entry in _targets(data):
+        place = f"{section}.{name}"
+        if not _is_column_name(str(name)):
+            faults.append(Fault(place, "is no column's name", "name it <name>_<unit>, such as usb_degC"))
+            continue
+        if name == "time_s":
+            faults.append(Fault(place, "the time is not mapped here", "describe it under 'time'"))
+        if section == "constants" and name in [other for where, other, _ in _targets(data) if where == "columns"]:
+            faults.append(Fault(place, "stands under 'columns' too", "remove one"))
+        unit = entry.get("unit") if isinstance(entry, dict) else None
+        target = target_unit(name)
+        if isinstance(unit, str) and unit in UNITS and UNITS[unit].base != target:
+            mend = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{UNITS[unit].base}"
+            faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", mend))
+    return faults
+
+
+def _targets(data: Any) -> Iterator[tuple[str, Any, Any]]:
+    """Section, name and entry of every trace column that a map, which may be wrong otherwise, makes."""
+    for section in ("columns", "constants"):
+        entries = data.get(section) if isinstance(data, dict) else None
+        for name, entry in entries.items() if isinstance(entries, dict) else ():
+            yield section, name, entry
+
+
+def _is_column_name(name: str) -> bool:
+    return name.isascii() and name.isidentifier() and split_column(name) != ("", "")

@@ -1,0 +1,248 @@
+"""The black-box yardstick: the free linear filter, whose poles are searched and whose every gain is solved for.
+
+    y = d' u + offset + sum_i b_i(s)' u / p_i(s)
+
+over first-order sections p = s + r and second-order ones p = s^2 + 2 zeta omega s + omega^2, which hold two real
+poles (zeta > 1), a double one or a damped pair alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm_frechet
+from scipy.signal import lfilter
+
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.structure import Expansion, Unknowns
+from ambient_trainer.lti.discretise import first_order_hold
+from ambient_trainer.lti.modes import one_pole
+from ambient_trainer.lti.statespace import StateSpace
+
+Array = NDArray[np.float64]
+
+_FASTEST_PER_PERIOD = 2.0
+_TIMES_SHOWN = 10
+_LEAST_DAMPING, _MOST_DAMPING = 0.3, 30.0
+
+
+class FreeFilter:
+    """The free linear filter of order N from all inputs to one output, over segments of one period.
+
+    theta is log r for a first-order section, (log omega, log zeta) for a second-order one, in 1/s.
+    """
+
+    def __init__(self, order: int, segments: Sequence[Segment]) -> None:
+        self.order = order
+        self.segments = segments
+        self.period_s = segments[0].period_s
+        self.inputs = segments[0].inputs.shape[0]
+        self.pairs, self.singles = divmod(order, 2)
+        self.search = self._search()
+        self._last: tuple[bytes, list[tuple[Array, Array]]] = b"", []
+        p = self.inputs * (1 + order) + 1
+        free = np.full(p, np.inf)
+        self.linear = Unknowns(tuple(f"gain{index}" for index in range(p)), np.zeros(p), -free, free)
+
+    def _search(self) -> Unknowns:
+        longest = max(segment.inputs.shape[1] for segment in self.segments) * self.period_s
+        self._fastest = math.log(_FASTEST_PER_PERIOD / self.period_s)
+        self._slowest = min(math.log(_TIMES_SHOWN / longest), self._fastest - 1.0)
+        names = [f"{name}{k + 1}" for k in range(self.pairs) for name in ("omega", "zeta")] + ["rate"] * self.singles
+        rate = (self._slowest, self._fastest)
+        bounds = [rate, (math.log(_LEAST_DAMPING), math.log(_MOST_DAMPING))] * self.pairs + [rate] * self.singles
+        low, high = np.array(bounds).reshape(-1, 2).T
+        # rates spread over what the trace can show
+        spread = np.linspace(*rate, self.order + 2)[1:-1]
+        return Unknowns(tuple(names), np.clip(self._from_rates(np.exp(spread)), low, high), low, high)
+
+    def _from_rates(self, rates: Array) -> Array:
+        """The theta of real poles at -rates, taken two by two."""
+        paired = len(rates) // 2 * 2
+        theta: list[float] = []
+        for a, b in zip(rates[:paired:2], rates[1:paired:2]):
+            theta += [0.5 * math.log(a * b), math.log((a + b) / 2 / math.sqrt(a * b))]
+        return np.array(theta + [math.log(rate) for rate in rates[paired:]])
+
+    def excess(self, theta: Array) -> tuple[Array, Array]:
+        """Per section, the logarithm by which its slowest pole is slower than the slowest that is believed.
+
+        A pole that the data show less than ten times fits their drift, and its start is anybody's guess.
+        """
+        excess, slope = np.zeros(self.pairs), np.zeros((self.pairs, len(theta)))
+        for k in range(self.pairs):
+            omega, zeta = np.exp(theta[2 * k : 2 * k + 2])
+            root = math.sqrt(max(zeta**2 - 1, 0.0))
+            beyond = self._slowest - math.log(omega * (zeta - root))
+            if beyond > 0:
+                excess[k] = beyond
+                slope[k, 2 * k : 2 * k + 2] = -1.0, zeta / root if root > 0 else -1.0
+        return excess, slope
+
+    def regrouped(self, theta: Array) -> Array:
+        """The same filter with its real poles paired anew, the closest two together.
+
+        Two poles that meet in different sections make gains without limit; in one section they are a double pole.
+        """
+        poles = [np.linalg.eigvals(F) for F, _ in self._sections(theta)]
+        free = [k for k, each in enumerate(poles) if not np.iscomplex(each).any()]
+        rates = np.sort(np.concatenate([-poles[k].real for k in free])) if free else np.zeros(0)
+        if len(rates) < 3:
+            return theta
+        best = min(_pairings(len(rates)), key=lambda order: _spread(rates[list(order)]))
+        found = theta.copy()
+        positions = np.concatenate([np.arange(2 * k, min(2 * k + 2, self.order)) for k in free])
+        found[positions] = self._from_rates(rates[list(best)])
+        return np.clip(found, self.search.low, self.search.high)
+
+    def random_start(self, random: np.random.Generator) -> Array:
+        """Real poles with rates drawn log-uniformly over what the trace can show."""
+        rates = np.exp(np.sort(random.uniform(self._slowest, self._fastest, self.order)))
+        return np.clip(self._from_rates(rates), self.search.low, self.search.high)
+
+    def _sections(self, theta: Array) -> list[tuple[Array, Array]]:
+        """Per section the companion matrix F (k, k) and its slopes in its own theta (k, k, k)."""
+        found = []
+        for k in range(self.pairs):
+            omega, zeta = np.exp(theta[2 * k : 2 * k + 2])
+            F = np.array([[0.0, 1.0], [-(omega**2), -2 * zeta * omega]])
+            by_omega = np.array([[0.0, 0.0], [-2 * omega**2, -2 * zeta * omega]])
+            by_zeta = np.array([[0.0, 0.0], [0.0, -2 * zeta * omega]])
+            found.append((F, np.array([by_omega, by_zeta])))
+        if self.singles:
+            rate = math.exp(theta[-1])
+            found.append((np.array([[-rate]]), np.array([[[-rate]]])))
+        return found
+
+    def _denominators(self, theta: Array) -> list[tuple[Array, Array]]:
+        """Per section the discrete denominator's coefficients after 1 (k,), and their slopes (k in theta, k).
+
+        Every segment asks for them in turn: those of the last theta are kept.
+        """
+        if self._last[0] != theta.tobytes():
+            self._last = theta.tobytes(), self._found_denominators(theta)
+        return self._last[1]
+
+    def _found_denominators(self, theta: Array) -> list[tuple[Array, Array]]:
+        T = self.period_s
+        found = []
+        for F, slopes in self._sections(theta):
+            moved = [expm_frechet(F * T, slope * T) for slope in slopes]
+            E = moved[0][0]
+            if len(F) == 1:
+                found.append((np.array([-E[0, 0]]), np.array([[-each[1][0, 0]] for each in moved])))
+                continue
+            det = math.exp(T * np.trace(F))
+            found.append(
+                (
+                    np.array([-np.trace(E), det]),
+                    np.array([[-np.trace(dE), det * T * np.trace(slope)] for (_, dE), slope in zip(moved, slopes)]),
+                )
+            )
+        return found
+
+    def signals(self, theta: Array, index: int) -> Array:
+        """The inputs, one, and per section the delayed inputs over p and over p^2."""
+        u = self.segments[index].inputs
+        rows = [u, np.ones((1, u.shape[1]))]
+        slopes = []
+        for tail, _ in self._denominators(theta):
+            if len(tail) == 1:
+                first = one_pole(-tail[0], u, u[:, 0] / (1 + tail[0]))
+                rows.append(first)
+                slopes.append(one_pole(-tail[0], first, first[:, 0] / (1 + tail[0])))
+                continue
+            once = _over(tail, u)
+            twice = _over(tail, once)
+            rows += [_delayed(once, 1), _delayed(once, 2)]
+            slopes += [_delayed(twice, k) for k in (2, 3, 4)]
+        return np.concatenate([*rows, *slopes])
+
+    def expand(self, theta: Array, period_s: float) -> Expansion:
+        """Each gain's regressor is one signal; its slope is minus d(denominator) times the delayed ones over p^2."""
+        m, p = self.inputs, len(self.linear.names)
+        extra = (3 * self.pairs + self.singles) * m
+        size = p + extra
+        fixed = np.zeros((1, size))
+        free = np.eye(size)[None, :, :p]
+        free_slope = np.zeros((len(theta), 1, size, p))
+        column, row, first = m + 1, p, 0
+        for tail, slopes in self._denominators(theta):
+            k = len(tail)
+            for index, slope in enumerate(slopes):
+                for delay in range(k):  # the regressor is z^-(1 + delay) / p
+                    for power, d in enumerate(slope):  # d p / d theta = sum d z^-(1 + power)
+                        # with one pole the filter 1/(z - a) already carries its delay
+                        lag = delay + power
+                        for j in range(m):
+                            free_slope[first + index, 0, row + lag * m + j, column + delay * m + j] -= d
+            first += k
+            column += k * m
+            row += (3 if k == 2 else 1) * m
+        return Expansion(fixed, free, np.zeros((len(theta), 1, size)), free_slope)
+
+    def system(self, theta: Array, beta: Array) -> StateSpace:
+        """The continuous state space with the same discrete transfer function under a first-order hold.
+
+        Per section, observer form with C = [1, 0, ...]: B follows from the first k Markov parameters.
+        """
+        T, m = self.period_s, self.inputs
+        D = beta[:m].copy()[None]
+        sections = []
+        column = m + 1
+        for (F, _), (tail, _) in zip(self._sections(theta), self._denominators(theta)):
+            k = len(tail)
+            numerators = beta[column : column + k * m].reshape(k, m)
+            column += k * m
+            markov = numerators.copy()
+            if k == 2:
+                markov[1] -= tail[0] * markov[0]
+            C = np.eye(1, k)
+            probe = first_order_hold(StateSpace(F, np.eye(k), C, np.zeros((1, k)), np.zeros(1)), T)
+            B = np.linalg.solve(
+                np.vstack([probe.C @ np.linalg.matrix_power(probe.A, i) @ probe.B for i in range(k)]), markov
+            )
+            D -= probe.D @ B
+            sections.append((F, B, C))
+        n = self.order
+        A, B, C = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n))
+        at = 0
+        for F, b, c in sections:
+            k = len(F)
+            A[at : at + k, at : at + k], B[at : at + k], C[:, at : at + k] = F, b, c
+            at += k
+        return StateSpace(A, B, C, D, beta[m : m + 1].copy())
+
+    def time_constants_s(self, theta: Array) -> list[complex]:
+        """-1/pole for every pole, slowest first; a damped pair is complex."""
+        poles = np.concatenate([np.linalg.eigvals(F) for F, _ in self._sections(theta)]) if self.order else np.zeros(0)
+        return sorted((complex(-1 / pole) for pole in poles), key=lambda tau: -abs(tau))
+
+
+def _pairings(count: int) -> tuple[tuple[int, ...], ...]:
+    """The ways to take three or four things two by two, the last of three alone."""
+    if count == 3:
+        return ((0, 1, 2), (1, 2, 0), (0, 2, 1))
+    return ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))
+
+
+def _spread(rates: Array) -> float:
+    """How far apart the closest pair lies, as a logarithm; between ties, how far all of them do."""
+    ratios = sorted(abs(math.log(a / b)) for a, b in zip(rates[0:-1:2], rates[1::2]))
+    return ratios[0] + 1e-3 * sum(ratios)
+
+
+def _over(tail: Array, rows: Array) -> Array:
+    """rows / (1 + tail_1 z^-1 + tail_2 z^-2), started in equilibrium with the first sample."""
+    a = np.concatenate([[1.0], tail])
+    level = rows[:, :1] / a.sum()
+    filtered: Array = lfilter([1.0], a, rows - rows[:, :1], axis=-1)
+    return filtered + level
+
+
+def _delayed(rows: Array, steps: int) -> Array:
+    """The rows ``steps`` samples later, their first value standing for what came before."""
+    return np.concatenate([np.repeat(rows[:, :1], steps, axis=1), rows[:, :-steps]], axis=1)

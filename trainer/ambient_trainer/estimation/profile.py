@@ -1,0 +1,139 @@
+"""Profile likelihoods: how much worse the fit gets when one parameter is held away and all others follow.
+
+With errors of variance sigma^2 that remember m samples, deviance(p) = min over the others of |y - y(p)|^2 / (sigma^2
+m). Where it stays below the 95 % quantile of chi^2 with one degree of freedom (3.84) the data do not exclude p. A
+profile that never leaves that is flat: the data bound the parameter not at all on that side (Raue et al. 2009).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.search import search
+
+Array = NDArray[np.float64]
+Values = dict[str, float]
+
+THRESHOLD = float(stats.chi2.ppf(0.95, 1))
+
+_FIRST = 0.02
+_ADDED_FARTHEST = 10.0
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The deviance of a parameter held at ``values``, ascending, and its 95 % interval: None where a side is flat."""
+
+    name: str
+    value: float
+    values: tuple[float, ...]
+    deviances: tuple[float, ...]
+    low: float | None
+    high: float | None
+
+    @property
+    def flat(self) -> bool:
+        """Whether the data leave a side open."""
+        return self.low is None or self.high is None
+
+
+def held(circuit: Circuit, values: Values) -> Circuit:
+    """``circuit`` with the named parameters held at these values."""
+    return _with(circuit, values, free=False)
+
+
+def starting_at(circuit: Circuit, values: Values) -> Circuit:
+    """``circuit`` with these initial values, within its bounds."""
+    return _with(circuit, values, free=True)
+
+
+def profile(
+    structure_of: Callable[[Circuit], CircuitStructure],
+    circuit: Circuit,
+    values: Values,
+    name: str,
+    unit_deviance: float,
+) -> Profile:
+    """The profile of ``name`` around ``values``, where the fit to the structure's outputs is perfect.
+
+    ``unit_deviance`` is the sum of squares in degC^2 that counts as one. A positive parameter is moved by up to a
+    hundredfold, a weight by ten or ten times itself. KeyboardInterrupt ends it.
+    """
+    parameter = next(each for each in circuit.parameters if each.name == name)
+    value = values[name]
+    logarithmic = name in structure_of(circuit).logarithmic_names
+    if logarithmic:
+        limits = (max(parameter.low, value / 100), min(parameter.high, value * 100))
+        spans = (math.log(value / limits[0]), math.log(limits[1] / value))
+    else:
+        reach = _ADDED_FARTHEST * max(1.0, abs(value))
+        limits = (max(parameter.low, value - reach), min(parameter.high, value + reach))
+        spans = (value - limits[0], limits[1] - value)
+    step = 1.0 if logarithmic else max(abs(value), 0.1)
+
+    def at(offset: float) -> float:
+        return value * math.exp(offset) if logarithmic else value + offset
+
+    sides = []
+    for sign, span in zip((-1, 1), spans):
+        points, crossing = _walk(structure_of, circuit, values, name, unit_deviance, (at, sign, step, span))
+        sides.append((points, None if crossing is None else at(crossing)))
+    (below, low), (above, high) = sides
+    points = [*reversed(below), (value, 0.0), *above]
+    return Profile(name, value, tuple(x for x, _ in points), tuple(d for _, d in points), low, high)
+
+
+def _walk(
+    structure_of: Callable[[Circuit], CircuitStructure],
+    circuit: Circuit,
+    values: Values,
+    name: str,
+    unit_deviance: float,
+    way: tuple[Callable[[float], float], int, float, float],
+) -> tuple[list[tuple[float, float]], float | None]:
+    """Points (value, deviance) in doubling steps to one side up to the threshold, and the offset that crosses it."""
+    at, sign, step, span = way
+    points: list[tuple[float, float]] = []
+    here, before, offset = values, (0.0, 0.0), min(_FIRST * step, span)
+    while offset > 0:
+        x = at(sign * offset)
+        fixed = held(starting_at(circuit, here), {name: x})
+        structure = structure_of(fixed)
+        found = search(structure, 1, 0)
+        if found.stopped:
+            raise KeyboardInterrupt
+        deviance = found.best.sum_of_squares / unit_deviance
+        points.append((x, deviance))
+        here = structure.values(found.best.theta, found.best.beta)
+        root = math.sqrt(max(deviance, 0.0))
+        if deviance > THRESHOLD:
+            # near its least the root of the deviance is a straight line
+            share = (math.sqrt(THRESHOLD) - before[1]) / (root - before[1])
+            return points, sign * (before[0] + share * (offset - before[0]))
+        before = (offset, root)
+        if offset >= span:
+            return points, None
+        offset = min(2 * offset, span)
+    return points, None
+
+
+def _with(circuit: Circuit, values: Values, free: bool) -> Circuit:
+    parameters = tuple(
+        replace(
+            each,
+            initial=min(max(values[each.name], each.low), each.high),
+            free=each.free and free,
+        )
+        if each.name in values
+        else each
+        for each in circuit.parameters
+    )
+    return replace(circuit, parameters=parameters)

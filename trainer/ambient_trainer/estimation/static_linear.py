@@ -1,0 +1,36 @@
+"""The baseline: the best static linear map from the sensors to the ambient, on the same samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_trainer.data.grid import Segment
+
+Array = NDArray[np.float64]
+
+STATIC_LINEAR = "static linear"
+"""What a model file calls it."""
+
+
+@dataclass(frozen=True)
+class StaticLinear:
+    """ambient = gains' u + offset; ``rmse_degC`` on the samples it was fitted to."""
+
+    gains: Array
+    offset: float
+    rmse_degC: float
+
+
+def fit_static_linear(segments: Sequence[Segment]) -> StaticLinear:
+    """The least-squares static map over ``segments`` (first output)."""
+    u = np.concatenate([segment.inputs for segment in segments], axis=1)
+    y = np.concatenate([segment.outputs[0] for segment in segments])
+    known = ~np.isnan(y)
+    table = np.column_stack([u[:, known].T, np.ones(int(known.sum()))])
+    solution = np.linalg.lstsq(table, y[known], rcond=None)[0]
+    errors = y[known] - table @ solution
+    return StaticLinear(solution[:-1], float(solution[-1]), float(np.sqrt(np.mean(errors**2))))

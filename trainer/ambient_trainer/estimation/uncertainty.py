@@ -1,0 +1,130 @@
+"""Standard errors that survive residuals which are not white, and a plain word on what the data cannot tell.
+
+The covariance of the unknowns is the sandwich H^-1 (sum_b g_b g_b') H^-1 with H = J'J and g_b the sum of J_t r_t over
+a batch of samples longer than the residuals remember (batch means: Geyer 1992, Statistical Science 7(4); sandwich:
+White 1982, Econometrica 50(1)). With white residuals a batch is one sample. Directions in which J is zero to rounding
+are named: along them the data say nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ambient_trainer.estimation.search import Solution
+from ambient_trainer.estimation.structure import Structure, Unknowns
+
+Array = NDArray[np.float64]
+
+_NULL = 1e-8
+_INVOLVED = 0.05
+_MEMORIES_PER_BATCH = 8
+_WHITE = 1.3
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What is known of how well each unknown is known; theta first, then beta.
+
+    ``standard_error`` (count,) is in the coordinates of the search, NaN where the unknown is not identifiable, held by
+    a bound, or there are too few independent samples. ``quantile`` turns it into half a 95 % interval.
+    """
+
+    names: tuple[str, ...]
+    standard_error: Array
+    quantile: float
+    at_bound: NDArray[np.bool_]
+    identifiable: NDArray[np.bool_]
+    confounded: tuple[tuple[str, ...], ...]
+    """Per direction that the data say nothing about, the unknowns it mixes."""
+    residual_memory_samples: float
+    """Integrated autocorrelation time of the residuals; 1 is white."""
+
+
+def residuals(structure: Structure, solution: Solution) -> list[Array]:
+    """Per segment the residuals (q, N) in degC, NaN where there is nothing to compare with."""
+    found = []
+    for index, segment in enumerate(structure.segments):
+        expansion = structure.expand(solution.theta, segment.period_s)
+        weights = expansion.fixed + expansion.free @ solution.beta
+        found.append(segment.outputs - weights @ structure.signals(solution.theta, index))
+    return found
+
+
+def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
+    """The uncertainty of every unknown at ``solution``."""
+    rows, errors = _rows(structure, solution)
+    names = (*structure.search.names, *structure.linear.names)
+    at_bound = np.concatenate(
+        [_at_bound(solution.theta, structure.search), _at_bound(solution.beta, structure.linear)]
+    ).astype(bool)
+    loose = np.flatnonzero(~at_bound)
+    J = np.concatenate([each[:, loose] for each in rows])
+    scale = np.linalg.norm(J, axis=0)
+    silent = scale == 0
+    scale[silent] = 1.0
+    _, singular, Vt = np.linalg.svd(np.linalg.qr(J / scale, mode="r"))
+    kept = singular > _NULL * singular[0] if len(singular) else singular.astype(bool)
+    blind = Vt[~kept]
+    known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
+    inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
+    memory = max((residual_memory(each) for each in errors), default=1.0)
+    batch = 1 if memory < _WHITE else math.ceil(_MEMORIES_PER_BATCH * memory)
+    scores = np.concatenate([_batched(J_t[:, loose] * r[:, None], batch) for J_t, r in zip(rows, errors)])
+    spare = len(scores) - len(loose)
+    standard_error = np.full(len(names), np.nan)
+    if spare >= 5:
+        # what is remembered from one batch to the next is half a memory, and lacks in the batches' variance
+        short = batch / (batch - memory / 2) if batch > 1 else 1.0
+        covariance = inverse @ (scores.T @ scores) @ inverse * (short * len(scores) / spare)
+        standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)
+    identifiable = np.ones(len(names), dtype=bool)
+    identifiable[loose] = known
+    confounded = tuple(
+        tuple(names[loose[k]] for k in np.flatnonzero(np.abs(direction) > _INVOLVED)) for direction in blind
+    )
+    quantile = float(stats.t.ppf(0.975, max(spare, 1)))
+    return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, memory)
+
+
+def residual_memory(errors: Array) -> float:
+    """The integrated autocorrelation time of ``errors`` (N,) in samples, by Geyer's initial positive sequence."""
+    centred = errors - errors.mean()
+    count = len(centred)
+    size = 2 ** math.ceil(math.log2(2 * count))
+    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
+    correlation = np.fft.irfft(spectrum, size)[:count]
+    if correlation[0] <= 0:
+        return 1.0
+    pairs = (correlation[: count // 2 * 2] / correlation[0]).reshape(-1, 2).sum(axis=1)
+    ends = np.flatnonzero(pairs <= 0)
+    return float(max(1.0, 2 * pairs[: ends[0] if len(ends) else len(pairs)].sum() - 1))
+
+
+def _rows(structure: Structure, solution: Solution) -> tuple[list[Array], list[Array]]:
+    """Per segment and output the Jacobian (N, count) of the outputs in all unknowns, and the errors (N,)."""
+    rows, errors = [], []
+    for index, each in enumerate(residuals(structure, solution)):
+        expansion = structure.expand(solution.theta, structure.segments[index].period_s)
+        signals = structure.signals(solution.theta, index)
+        moved = expansion.fixed_slope + expansion.free_slope @ solution.beta
+        for output, r in enumerate(each):
+            known = ~np.isnan(r)
+            weights = np.column_stack([moved[:, output].T, expansion.free[output]])
+            rows.append(signals[:, known].T @ weights)
+            errors.append(r[known])
+    return rows, errors
+
+
+def _at_bound(values: Array, unknowns: Unknowns) -> NDArray[np.bool_]:
+    low, high = unknowns.low, unknowns.high
+    span = np.where(np.isfinite(high - low), high - low, 1.0)
+    return (values <= low + 1e-6 * span) | (values >= high - 1e-6 * span)
+
+
+def _batched(scores: Array, batch: int) -> Array:
+    return np.add.reduceat(scores, np.arange(0, len(scores), batch), axis=0) if len(scores) else scores

@@ -1,0 +1,113 @@
+"""The search over poles: two real slow ones that cannot learn the log's age, and a damped pair that undoes the lags.
+
+The unknowns are logarithms: the slower rate, the ratio of the two, and omega and zeta of the pair. Bounds on them are
+the recipe's rules; the weights at each point are solved for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from ambient_trainer.estimators.blended.objective import Objective, best_weights
+from ambient_trainer.estimators.blended.recipe import FilterRules
+
+Array = NDArray[np.float64]
+
+_MOST_ITERATIONS = 40
+_MOST_RATIO = 20.0
+_MOST_DAMPING = 20.0
+_STEP = 1e-3
+_FLAT = 1e-7
+"""Below this curvature of log J per e-fold squared, a pole makes no difference."""
+
+
+class Searched(NamedTuple):
+    """The poles found, (log omega, log zeta) of either section, and how the search ended."""
+
+    poles: Array
+    weights: Array
+    """With the offset last."""
+    objective: float
+    evaluations: int
+    converged: bool
+    at_bound: tuple[bool, ...]
+    """Per unknown of the search: slower rate, ratio, omega, zeta."""
+    told: bool
+    """Whether every unknown that no bound holds makes a difference."""
+
+
+def section_poles(unknowns: Array) -> Array:
+    """(log omega, log zeta) of either section at the search's unknowns."""
+    log_rate, log_ratio, log_omega, log_zeta = unknowns
+    # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
+    return np.array([log_rate + log_ratio / 2, math.log(math.cosh(log_ratio / 2)), log_omega, log_zeta])
+
+
+def first_unknowns(rules: FilterRules) -> Array:
+    """Where the recipe starts the search."""
+    slow, fast = max(rules.slow.time_constants_s), min(rules.slow.time_constants_s)
+    return np.log([1 / slow, slow / fast, 1 / rules.fast.time_s, rules.fast.damping])
+
+
+def search_poles(
+    objective: Objective, rules: FilterRules, start: Array, told: Callable[[int, float], None]
+) -> tuple[Searched, Array]:
+    """The best poles near ``start`` with their weights, and their unknowns; ``told`` hears evaluations and J."""
+    evaluations = 0
+
+    def log_objective(unknowns: Array) -> float:
+        nonlocal evaluations
+        evaluations += 1
+        gram = objective.at(section_poles(unknowns))
+        found = gram(best_weights(gram))
+        told(evaluations, found)
+        return math.log(found)
+
+    low, high = _bounds(rules, objective.period_s)
+    result = minimize(
+        log_objective,
+        np.clip(start, low, high),
+        method="L-BFGS-B",
+        bounds=list(zip(low, high)),
+        options={"maxiter": _MOST_ITERATIONS, "ftol": 1e-7, "eps": 1e-5},
+    )
+    at_bound = (result.x < low + 2 * _STEP) | (result.x > high - 2 * _STEP)
+    poles = section_poles(result.x)
+    gram = objective.at(poles)
+    weights = best_weights(gram)
+    found = Searched(
+        poles,
+        weights,
+        gram(weights),
+        evaluations,
+        bool(result.success),
+        tuple(at_bound.tolist()),
+        _curved(log_objective, result.x, np.flatnonzero(~at_bound)),
+    )
+    return found, result.x
+
+
+def _bounds(rules: FilterRules, period_s: float) -> tuple[Array, Array]:
+    fastest = 1 / (2 * period_s)
+    low = np.log([1 / rules.slow.slowest_s, rules.slow.least_ratio, 1 / rules.slow.slowest_s, rules.fast.least_damping])
+    high = np.log([fastest, _MOST_RATIO, fastest, _MOST_DAMPING])
+    return low, high
+
+
+def _curved(function: Callable[[Array], float], at: Array, free: NDArray[np.intp]) -> bool:
+    """Whether ``function`` rises in every direction of the ``free`` unknowns."""
+    centre = function(at)
+    hessian = np.empty((len(free), len(free)))
+    steps = np.eye(len(at))[free] * _STEP
+    alone = [function(at + step) for step in steps]
+    for i, a in enumerate(steps):
+        for j, b in enumerate(steps[: i + 1]):
+            there = function(at + a + b)
+            hessian[i, j] = hessian[j, i] = (there - alone[i] - alone[j] + centre) / _STEP**2
+    return bool(len(free) == 0 or np.linalg.eigvalsh(hessian)[0] > _FLAT)

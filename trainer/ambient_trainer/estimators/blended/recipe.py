@@ -1,0 +1,303 @@
+"""An observer is data: a YAML file names the forward circuit, what nobody logs, and what the filters are taught by.
+
+It is taken whole or refused with every fault and its place in one message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.trace import REFERENCE, split_column
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.schema import circuit_names, load_circuit
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
+
+FORMAT = "ambient-observer"
+LOGGED, IDLE, RESIDUAL = "logged", "idle", "residual"
+"""What every observer is taught by, beside its patterns."""
+
+
+def _increasing(span: tuple[float, float]) -> tuple[float, float]:
+    if not span[0] < span[1]:
+        raise wrong(f"{span[0]:g} is not below {span[1]:g}", "give the lower one first")
+    return span
+
+
+def _has_unit(column: str) -> str:
+    if not split_column(column)[1]:
+        raise wrong(f"{column!r:.60} has no unit", "name a trace column, such as soc_power_W")
+    return column
+
+
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
+_Column = Annotated[_Name, AfterValidator(_has_unit)]
+_Positive = Annotated[float, Field(gt=0, le=1e9)]
+_NotNegative = Annotated[float, Field(ge=0, le=1e9)]
+_Share = Annotated[float, Field(gt=0, lt=1)]
+_Span = Annotated[tuple[float, float], AfterValidator(_increasing)]
+_PositiveSpan = Annotated[tuple[_Positive, _Positive], AfterValidator(_increasing)]
+_Watts = Annotated[dict[_Name, _Positive], Field(min_length=1)]
+_Signals = Annotated[dict[_Column, float], Field(min_length=1)]
+_Runs = Annotated[int, Field(ge=1, le=20)]
+_Hours = Annotated[float, Field(ge=1, le=48)]
+
+
+class Sensor(Strict):
+    """How a sensor follows its node, and how closely the circuit is to follow the sensor."""
+
+    lag_s: _Positive
+    trust_degC: _Positive
+
+
+class Measured(Strict):
+    """Heat of ``watts`` (W per unit of each trace column) that goes into one node."""
+
+    into: _Name
+    watts: _Signals
+
+
+class Shared(Strict):
+    """Heat of ``watts`` (W per unit of each trace column) of which each node takes a share."""
+
+    watts: _Signals
+    among: Annotated[dict[_Name, float], Field(min_length=1)]
+
+
+class Heat(Strict):
+    """What the log tells of the heat."""
+
+    measured: Measured
+    shared: Shared
+
+
+class Loss(Strict):
+    """The law of a surface's loss; see ``bent_loss.py``."""
+
+    rho: _Share
+    exponent: Annotated[float, Field(ge=0, le=1)]
+    at_rise_K: _Positive
+    at_degC: Annotated[float, Field(gt=-273.15, le=1000)]
+
+
+class Believed(Strict):
+    """Standard deviations of what is fitted about its first guess, and how many samples a sensor's log is worth."""
+
+    capacitance: _Positive
+    resistance: _Positive
+    lag: _Positive
+    share: _Positive
+    rho: _Positive
+    samples: _Positive
+
+
+class Work(Strict):
+    """The signal, and what of it is more than idling."""
+
+    signal: _Column
+    busy_above: float
+
+
+class Idle(Strict):
+    """How many runs of how many hours."""
+
+    runs: _Runs
+    hours: _Hours
+
+
+class MadeUp(Strict):
+    """The weather and the work of runs that were never logged."""
+
+    ambient_degC: _Span
+    stay_min: _PositiveSpan
+    settling_s: _Positive
+    episode_min: _PositiveSpan
+    busy: _Share
+    idle: Idle
+
+
+class Pattern(Strict):
+    """Ways in which one use heats the nodes, in W; ``alone`` on a device that does nothing else."""
+
+    watts: Annotated[tuple[_Watts, ...], Field(min_length=1)]
+    alone: bool = False
+
+
+class Unlogged(Strict):
+    """Heat that no signal tells of: each way of each pattern is played in ``runs`` runs."""
+
+    runs: _Runs
+    hours: _Hours
+    episode_min: _PositiveSpan
+    pause_min: _PositiveSpan
+    log_spread: _NotNegative
+    patterns: dict[_Name, Pattern]
+
+
+_Weights = dict[_Name, _NotNegative]
+
+
+class Weights(Strict):
+    """What the mean squares of each part of the teaching count."""
+
+    main: _Weights
+    guard: _Weights
+    interval: _Weights
+
+
+class SlowPoles(Strict):
+    """Two real poles: where the search starts, and what it may not leave."""
+
+    time_constants_s: tuple[_Positive, _Positive]
+    slowest_s: _Positive
+    least_ratio: Annotated[float, Field(gt=1, le=10)]
+
+
+class FastPoles(Strict):
+    """A pair of poles: 1/omega and damping to start from."""
+
+    time_s: _Positive
+    damping: _Positive
+    least_damping: _Positive
+
+
+class FilterRules(Strict):
+    """What keeps a filter from what the teaching does not forbid."""
+
+    noise: _Positive
+    one_degree: _Positive
+    slow: SlowPoles
+    fast: FastPoles
+
+
+class Threshold(Strict):
+    """``times`` the ``percent`` quantile, on the log, of how far main and guard differ."""
+
+    percent: Annotated[float, Field(gt=50, le=100)]
+    times: _Positive
+
+
+class SpreadLags(Strict):
+    """How long the terms of the interval remember."""
+
+    movement_lag_s: _Positive
+    guard_lag_s: _Positive
+
+
+class Recipe(Strict):
+    """A validated observer file."""
+
+    format: Literal["ambient-observer"]
+    version: Literal[1]
+    name: _Name
+    about: str
+    circuit: str
+    sensors: Annotated[dict[_Name, Sensor], Field(min_length=2)]
+    heat: Heat
+    loss: Loss
+    believed: Believed
+    work: Work
+    made_up: MadeUp
+    unlogged: Unlogged
+    weights: Weights
+    filter: FilterRules
+    threshold: Threshold
+    spread: SpreadLags
+
+    @property
+    def sensor_columns(self) -> tuple[str, ...]:
+        """The trace columns that the estimate is made of, in order."""
+        return tuple(f"{name}_degC" for name in self.sensors)
+
+    @property
+    def drive_columns(self) -> tuple[str, ...]:
+        """The trace columns that training needs beside them, without the reference."""
+        return tuple(dict.fromkeys([*self.heat.measured.watts, *self.heat.shared.watts, self.work.signal]))
+
+
+def observer_names() -> tuple[str, ...]:
+    """The names of the shipped observers."""
+    return tuple(sorted(each.name.removesuffix(".yaml") for each in _library() if each.name.endswith(".yaml")))
+
+
+def find_observer(name_or_path: str) -> tuple[Recipe, Circuit] | None:
+    """The shipped observer of that name, or the one in a YAML file, with its circuit; None where it is none.
+
+    Raises :class:`Refused` with every fault of a file that calls itself one.
+    """
+    if name_or_path in observer_names():
+        text = (resources.files(__package__) / "library" / f"{name_or_path}.yaml").read_text(encoding="utf-8")
+        return read_observer(parse_yaml(text, name_or_path), name_or_path)
+    if not name_or_path.endswith((".yaml", ".yml")):
+        return None
+    data = load_yaml(name_or_path)
+    return read_observer(data, name_or_path) if isinstance(data, dict) and data.get("format") == FORMAT else None
+
+
+def read_observer(data: Any, source: str) -> tuple[Recipe, Circuit]:
+    """The observer that ``data`` describes, with its circuit; ``source`` names it in messages."""
+    recipe = validated(Recipe, data, source)
+    circuit = _circuit(recipe.circuit, source)
+    faults = [*_circuit_faults(recipe, circuit), *_weight_faults(recipe)]
+    if faults:
+        raise Refused(source, faults)
+    return recipe, circuit
+
+
+def _circuit(name: str, source: str) -> Circuit:
+    """The circuit that the observer file ``source`` names; a file as seen from there."""
+    if name.endswith((".yaml", ".yml")):
+        return load_circuit(str(Path(source).parent / name))
+    if name not in circuit_names():
+        mend = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
+        raise refuse(source, "circuit", f"no circuit is called {name!r}", mend)
+    return load_circuit(name)
+
+
+def _library() -> Iterator[Any]:
+    return (resources.files(__package__) / "library").iterdir()
+
+
+def _circuit_faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
+    states = [node.name for node in circuit.states]
+    read = [str(node.sensor) for node in circuit.states if node.sensor is not None]
+    if circuit.form != "temperature" or [f"{node.sensor}_degC" for node in circuit.measured] != [REFERENCE]:
+        mend = "take one of form temperature in which the ambient, with 'sensor: ambient', is all that is prescribed"
+        yield Fault("circuit", f"{circuit.name} cannot be simulated from the ambient alone", mend)
+    for name in recipe.sensors:
+        if name not in read:
+            yield Fault(f"sensors.{name}", f"reads no state of {circuit.name}", f"its sensors are {', '.join(read)}")
+    known = f"its nodes are {', '.join(states)}"
+    for place, node in _named_nodes(recipe):
+        if node not in states:
+            yield Fault(place, f"{circuit.name} has no node {node!r} with a capacitance", known)
+
+
+def _named_nodes(recipe: Recipe) -> Iterator[tuple[str, str]]:
+    yield "heat.measured.into", recipe.heat.measured.into
+    for node in recipe.heat.shared.among:
+        yield f"heat.shared.among.{node}", node
+    for name, pattern in recipe.unlogged.patterns.items():
+        for index, watts in enumerate(pattern.watts):
+            for node in watts:
+                yield f"unlogged.patterns.{name}.watts[{index}].{node}", node
+
+
+def _weight_faults(recipe: Recipe) -> Iterator[Fault]:
+    patterns = recipe.unlogged.patterns
+    for name in patterns:
+        if name in (LOGGED, IDLE, RESIDUAL):
+            yield Fault(f"unlogged.patterns.{name}", "is the name of what every observer is taught by", "rename it")
+    for who, weights in recipe.weights.model_dump().items():
+        # the residuals of the circuit are no estimate's errors
+        known = [LOGGED, IDLE, *([] if who == "interval" else [RESIDUAL]), *patterns]
+        for name in weights:
+            if name not in known:
+                yield Fault(f"weights.{who}.{name}", "no such teaching", f"known are {', '.join(known)}")
+        if not weights.get(LOGGED):
+            yield Fault(f"weights.{who}.{LOGGED}", "counts nothing", "the log is what was measured: weigh it above 0")

@@ -1,0 +1,50 @@
+"""Estimates of a system over a whole trace: by arrays where it has no gap, by the device's own tracker where it has."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.model import Discrete, Estimator, Input, Matrix
+from ambient_model.trace import split_column
+from ambient_model.tracking import Tracker
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.response import initial_matrix, response_degC
+from ambient_trainer.lti.statespace import Hold, StateSpace
+
+
+def estimate_degC(system: StateSpace, hold: Hold, inputs: Sequence[str], trace: Trace) -> Array:
+    """The first output of continuous ``system`` over ``trace``, shape (n,), from equilibrium with the first sample.
+
+    ``inputs`` are trace columns; every reading counts, however far off. NaN where the device has no estimate, and
+    where an unstable system has grown beyond 1e9 degC. Raises :class:`Refused` for a missing column.
+    """
+    u = np.vstack([trace.column(name) for name in inputs])
+    period_s = sampling_period_s(trace.time_s)
+    steps = np.floor((trace.time_s - trace.time_s[0]) / period_s + 0.5)
+    if np.isnan(u).any() or not np.array_equal(steps, np.arange(len(steps))):
+        return _tracked(system, hold, inputs, trace, period_s)
+    return response_degC(system, hold, u, period_s)
+
+
+def _tracked(system: StateSpace, hold: Hold, columns: Sequence[str], trace: Trace, period_s: float) -> Array:
+    found, initial = discretised(system, period_s, hold), initial_matrix(system)
+    discrete = Discrete(period_s, *(_matrix(each) for each in (found.A, found.B, found.C[:1], found.D[:1])))
+    inputs = tuple(Input(*split_column(name), split_column(name)[0], -math.inf, math.inf) for name in columns)
+    names = tuple(f"x{index}" for index in range(len(initial)))
+    estimator = Estimator(inputs, names, (discrete,), float(found.offset[0]), _matrix(initial), {90: (0.0, 0.0)})
+    tracker = Tracker(estimator, discrete)
+    rows = zip(*(trace.columns[name].tolist() for name in columns))
+    readings = ([None if value != value else value for value in row] for row in rows)
+    said = [tracker.update(now_s, row).ambient_degC for now_s, row in zip(trace.time_s.tolist(), readings)]
+    # None becomes NaN
+    return np.array(said, dtype=np.float64)
+
+
+def _matrix(values: NDArray[np.float64]) -> Matrix:
+    return tuple(tuple(row) for row in values.tolist())

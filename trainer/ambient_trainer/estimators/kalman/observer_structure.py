@@ -1,0 +1,118 @@
+"""The observer as the search sees it: theta is of its circuit and noise, an offset is solved for.
+
+The signals are the estimate, one, and the estimate's slope in each of theta. With xi and upsilon what state and inputs
+have moved since the start, in equilibrium,
+
+    dy = d(D + C (I - A)^-1 B) u[0] + dC xi + dD upsilon + C dxi,    dxi[k+1] = A dxi[k] + dA xi[k] + dB upsilon[k].
+
+C dxi needs no run per theta: it is a combination of what C x makes of each of xi and upsilon.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur
+
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.structure import Expansion, Unknowns
+from ambient_trainer.estimators.kalman.walking_ambient import Filter, WalkingAmbient
+from ambient_trainer.lti.discretise import discretised_slopes, first_order_hold
+from ambient_trainer.lti.response import responses_of_output, states_from_rest
+from ambient_trainer.lti.riccati import Unsettled
+from ambient_trainer.lti.statespace import StateSpace
+
+Array = NDArray[np.float64]
+
+_REACH = 8.0
+"""How far theta may leave its start: a factor of 3000."""
+_BELIEF = 3e-4
+"""What an e-fold from the start costs, as a share of the reference's own size."""
+_SCATTER = 0.15
+
+
+class ObserverStructure:
+    """The observer over segments; ``start`` (P,) is where its theta is believed to lie."""
+
+    def __init__(self, circuit: WalkingAmbient, start: Array, segments: Sequence[Segment]) -> None:
+        self.circuit = circuit
+        self.segments = segments
+        self.search = Unknowns(circuit.names, start, start - _REACH, start + _REACH)
+        self.linear = Unknowns(("offset",), np.zeros(1), np.full(1, -np.inf), np.full(1, np.inf))
+
+    def signals(self, theta: Array, index: int) -> Array:
+        """The estimate without its offset, one, and the estimate's slopes (2 + P, N)."""
+        segment = self.segments[index]
+        silent = np.zeros((2 + len(theta), segment.inputs.shape[1]))
+        silent[1] = 1.0
+        try:
+            value, slopes = self.circuit.filter_and_slopes(theta)
+        except Unsettled:  # far from what is believed; a filter that says nothing loses to any other
+            return silent
+        found = _signals(*_sampled(value, slopes, segment.period_s), segment.inputs)
+        return found if np.isfinite(found).all() else silent
+
+    def expand(self, theta: Array, period_s: float) -> Expansion:
+        """The signals are what is wanted."""
+        count = len(theta)
+        rows = np.eye(2 + count)
+        return Expansion(rows[:1], rows[None, :, 1:2], rows[2:, None], np.zeros((count, 1, 2 + count, 1)))
+
+    def excess(self, theta: Array) -> tuple[Array, Array]:
+        """How far theta has left its start, so that it stays there where the data say nothing."""
+        return _BELIEF * (theta - self.search.initial), _BELIEF * np.eye(len(theta))
+
+    def regrouped(self, theta: Array) -> Array:
+        """Theta itself."""
+        return theta
+
+    def random_start(self, random: np.random.Generator) -> Array:
+        """Near the start: far from it lie poor optima, and filters that trust no sensor."""
+        return self.search.initial + _SCATTER * random.standard_normal(len(self.search.initial))
+
+
+def estimate_of(found: Filter, segment: Segment) -> Array:
+    """The filter's estimate over a segment in degC, without an offset (N,)."""
+    system = first_order_hold(found.system, segment.period_s)
+    return _Moved(system, segment.inputs).estimate
+
+
+def _sampled(value: Filter, slopes: Filter, period_s: float) -> tuple[StateSpace, StateSpace]:
+    system, count = value.system, len(slopes.A)
+    still = [np.zeros((count, *each.shape)) for each in (system.C, system.D, system.offset)]
+    moving = StateSpace(slopes.A, slopes.B, *still)
+    return first_order_hold(system, period_s), discretised_slopes(system, moving, period_s, "first-order")
+
+
+class _Moved:
+    """A recursion in Schur coordinates, and what its state and inputs have moved since the start."""
+
+    def __init__(self, system: StateSpace, u: Array) -> None:
+        self.system = system
+        self.upper, self.basis = schur(system.A)
+        self.C = (system.C @ self.basis)[0]
+        self.inputs = u - u[:, :1]
+        self.states = states_from_rest(self.upper, (self.basis.T @ system.B) @ self.inputs)
+        self.left = np.linalg.solve((np.eye(len(system.A)) - system.A).T, system.C[0])
+        self.right = np.linalg.solve(np.eye(len(system.A)) - system.A, system.B)
+        self.estimate: Array = self.C @ self.states + system.D[0] @ self.inputs
+        self.estimate += (system.D[0] + self.left @ system.B) @ u[:, 0]
+
+    def slopes(self, by: StateSpace, u: Array) -> Array:
+        """The estimate's slopes (P, N) where the system's matrices have the slopes ``by``."""
+        at_rest = by.D[:, 0] + by.C[:, 0] @ self.right + self.left @ (by.A @ self.right + by.B)
+        driven = responses_of_output(self.upper, self.C, np.concatenate([self.states, self.inputs]))
+        turned = self.basis.T
+        weights = np.concatenate([turned @ by.A @ self.basis, turned @ by.B], axis=-1)
+        found: Array = weights.reshape(len(weights), -1) @ driven.reshape(-1, u.shape[1])
+        found += (by.C[:, 0] @ self.basis) @ self.states
+        found += by.D[:, 0] @ self.inputs
+        found += at_rest @ u[:, :1]
+        return found
+
+
+def _signals(system: StateSpace, slopes: StateSpace, u: Array) -> Array:
+    moved = _Moved(system, u)
+    return np.concatenate([moved.estimate[None], np.ones((1, u.shape[1])), moved.slopes(slopes, u)])

@@ -1,0 +1,158 @@
+"""A fitted system becomes a model file: discretised at every period, with its own test vector and its provenance."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from ambient_model import __version__
+from ambient_model.codec import decode, encode
+from ambient_model.conformance import conformance_of
+from ambient_model.faults import refuse
+from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Guard, Input, Matrix, Model, Quantiles
+from ambient_model.trace import split_column
+from ambient_trainer.data.digest import sha256_of
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.static_linear import STATIC_LINEAR
+from ambient_trainer.estimators.fit import Fit
+from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.statespace import StateSpace
+
+Array = NDArray[np.float64]
+
+DEFAULT_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
+_MARGIN_K = 30.0
+_BELIEVED_DEGC = (-45.0, 130.0)
+_CONFORMANCE_ROWS = 24
+
+
+def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str]) -> Model:
+    """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the periods it was trained at.
+
+    ``training`` is the provenance of each trace (see :func:`training_of`); ``zones`` maps input names to thermal zone
+    types where they differ. Raises :class:`Refused` where the fit estimates something else than the ambient.
+    """
+    if fit.outputs != ("ambient",):
+        what = ", ".join(fit.outputs)
+        raise refuse(fit.circuit, "outputs", f"it predicts {what}", "a device runs a circuit whose output is 'ambient'")
+    names = [split_column(column)[0] for column in fit.inputs]
+    unknown = sorted(set(zones) - set(names))
+    if unknown:
+        raise refuse("--zone", "", f"{', '.join(unknown)}: no such input", f"inputs are {', '.join(names)}")
+    inputs = {column: _input(column, span, zones) for column, span in zip(fit.inputs, fit.input_ranges)}
+    estimator = _estimator(fit, inputs)
+    model = Model(
+        name=fit.circuit,
+        created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
+        output="ambient",
+        main=estimator,
+        fallbacks={without: _estimator(each, inputs) for without, each in fit.fallbacks.items()},
+        provenance=_provenance(fit, training),
+        conformance=conformance_of(estimator, _conformance_inputs(fit)),
+        guard=None if fit.guard is None else Guard(_estimator(fit.guard.fit, inputs), fit.guard.threshold_degC),
+        spread=fit.spread,
+    )
+    # whatever a device would refuse is refused here, before anything is scored or written
+    return decode(encode(model).encode(), fit.circuit)
+
+
+def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[str, Any]:
+    """What a model file says of a trace it was trained on."""
+    return {"trace": Path(trace.path).name, "sha256": sha256_of(trace.path), "from_s": from_s, "to_s": to_s}
+
+
+def error_quantiles(errors_degC: Array) -> Quantiles:
+    """Per level the error (true minus estimate) between which that share of the training samples lies."""
+    bands = {}
+    for level in LEVELS_PERCENT:
+        tail = (100 - level) / 2
+        low, high = np.percentile(errors_degC, [tail, 100 - tail])
+        bands[level] = (float(low), float(high))
+    return bands
+
+
+def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
+    """``inputs`` are those of the whole model by column: a fallback believes the same readings."""
+    return Estimator(
+        inputs=tuple(inputs[column] for column in fit.inputs),
+        states=fit.states,
+        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
+        offset=float(fit.system.offset[0]),
+        initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
+        interval=error_quantiles(fit.errors_degC[0]),
+    )
+
+
+def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> Input:
+    """A reading is believed between -45 and 130 degC, or 30 K (of another unit, the span) beyond what training saw.
+
+    The range is there to drop what no sensor means, not what training did not see: a model trained in a mild room
+    must go on in a hot one.
+    """
+    name, unit = split_column(column)
+    margin = _MARGIN_K if unit == "degC" else span[1] - span[0]
+    low, high = round(span[0] - margin, 3), round(span[1] + margin, 3)
+    if unit == "degC":
+        low, high = min(low, _BELIEVED_DEGC[0]), max(high, _BELIEVED_DEGC[1])
+    return Input(name, unit, zones.get(name, name), low, high)
+
+
+def _discrete(fit: Fit, period_s: float) -> Discrete:
+    found: StateSpace = discretised(fit.system, period_s, fit.hold)
+    return Discrete(period_s, _matrix(found.A), _matrix(found.B), _matrix(found.C), _matrix(found.D))
+
+
+def _matrix(values: NDArray[Any]) -> Matrix:
+    return tuple(tuple(row) for row in values.tolist())
+
+
+def _conformance_inputs(fit: Fit) -> Matrix:
+    """Every input in turn steps to the top of its range, then all of them ramp and wander."""
+    low, high = np.array(fit.input_ranges).T
+    random = np.random.default_rng(1)
+    rows = [low + 0.4 * (high - low)] * 2
+    rows += [np.where(np.arange(len(low)) == index, high, low + 0.4 * (high - low)) for index in range(len(low))]
+    while len(rows) < max(_CONFORMANCE_ROWS, len(low) + 6):
+        rows.append(low + random.uniform(0, 1, len(low)) * (high - low))
+    return _matrix(np.round(rows, 3))
+
+
+def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    names = [split_column(column)[0] for column in fit.inputs]
+    return {
+        "circuit": fit.circuit,
+        "training": [dict(each) for each in training],
+        "periods_s": list(fit.periods_s),
+        "hold": fit.hold,
+        "fit": {
+            "rmse_degC": fit.rmse_degC,
+            "samples": fit.samples,
+            "converged": fit.converged,
+            "uncertainty_available": fit.uncertainty_available,
+            "identifiable": fit.identifiable,
+            "stopped": fit.stopped,
+            "seed": fit.effort.seed,
+            "starts": len(fit.start_rmses_degC),
+            "pieces": fit.effort.pieces,
+            **fit.figures,
+        },
+        "parameters": {each.name: each.value for each in fit.parameters},
+        "baseline": {
+            "kind": STATIC_LINEAR,
+            "gains": dict(zip(names, fit.baseline.gains.tolist())),
+            "offset": fit.baseline.offset,
+        },
+        "versions": {
+            "ambientd": __version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+        },
+    }

@@ -1,0 +1,90 @@
+"""A unit's correction: what a model misses on it, on average, while the ambient is known, is added to its offset.
+
+Each estimator of the file - the main one, the guard, every fallback - is corrected by its own mean error, run over the
+calibration from its first sample on as on the device. Gains stay as they are: ten minutes at one temperature tell no
+more than a constant.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.codec import decode, encode
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Estimator, Model
+from ambient_model.trace import REFERENCE
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.evaluation.evaluate import evaluate_trace
+
+Array = NDArray[np.float64]
+
+MAIN, GUARD = "main", "guard"
+
+
+@dataclass(frozen=True)
+class Correction:
+    """What is added to the offsets, in degC: of ``main``, of ``guard``, and of the fallback ``without <input>``."""
+
+    offsets_degC: Mapping[str, float]
+    standard_error_degC: float
+    """Of the main one's."""
+    samples: int
+
+
+def known_between(trace: Trace, from_s: float | None, to_s: float | None) -> Trace:
+    """``trace`` with the ambient hidden outside from_s <= time_s < to_s; the sensors stay."""
+    known = np.ones(len(trace.time_s), dtype=bool)
+    known &= trace.time_s >= (-math.inf if from_s is None else from_s)
+    known &= trace.time_s < (math.inf if to_s is None else to_s)
+    return replace(trace, columns={**trace.columns, REFERENCE: np.where(known, trace.reference, np.nan)})
+
+
+def correction(model: Model, trace: Trace) -> Correction:
+    """The correction that ``trace`` asks for; raises :class:`Refused` where a column or the ambient is missing."""
+    estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
+    if model.guard is not None:
+        estimators[GUARD] = model.guard.estimator
+    errors = {name: _errors_degC(model, each, trace) for name, each in estimators.items()}
+    own = errors[MAIN]
+    standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))
+    return Correction({name: float(np.mean(each)) for name, each in errors.items()}, standard_error, len(own))
+
+
+def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Model:
+    """``model`` with its offsets corrected; ``source`` says in its provenance what the correction rests on."""
+    added = found.offsets_degC
+    main = _moved(model.main, added[MAIN])
+    said = {
+        **source,
+        "samples": found.samples,
+        "offsets_degC": dict(added),
+        "standard_error_degC": found.standard_error_degC,
+    }
+    result = model._replace(
+        created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
+        main=main,
+        fallbacks={name: _moved(each, added[f"without {name}"]) for name, each in model.fallbacks.items()},
+        guard=model.guard and model.guard._replace(estimator=_moved(model.guard.estimator, added[GUARD])),
+        provenance={**model.provenance, "corrections": [*model.provenance.get("corrections", []), said]},
+        conformance=conformance_of(main, model.conformance.inputs),
+    )
+    # whatever a device would refuse is refused here, before anything is written
+    return decode(encode(result).encode(), model.name)
+
+
+def _errors_degC(model: Model, estimator: Estimator, trace: Trace) -> Array:
+    alone = model._replace(main=estimator, fallbacks={}, guard=None, spread=None, provenance={})
+    error = evaluate_trace(alone, trace).error_degC
+    return error[np.isfinite(error)]
+
+
+def _moved(estimator: Estimator, degC: float) -> Estimator:
+    return estimator._replace(offset=estimator.offset + degC)

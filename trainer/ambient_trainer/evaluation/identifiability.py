@@ -1,0 +1,312 @@
+"""Whether a circuit's parameters can be told from its inputs and output at all, by three tests.
+
+The thesis's (section 5.5): the fitted circuit's own output is fitted again from many starts; another parameter set
+with a fit close to 100 % shows that the parameters are not identifiable. It cannot show that they are. Beside it stand
+the symmetries of the structure (``sensitivity``), which need no luck, and the profile of each parameter (``profile``),
+which tells how far this trace's noise lets it stray.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ambient_model.faults import refuse
+from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.grid import Segment, segments
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.profile import Profile, Values, held, profile, starting_at
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation.sensitivity import Sensitivity, parameter_names, sensitivity
+from ambient_trainer.estimation.separable import project
+from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.estimators.fit import Effort, Fit, fit_circuit
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+
+CLOSE_PERCENT = 98.0
+"""The thesis counts a fit of 98 % as close to 100 %; its search stops there."""
+SAME_PERCENT = 99.99
+"""What this search can tell from a local optimum: an end above it gives the same output."""
+MOVED = 0.1
+"""A parameter that is 10 % off is another."""
+
+_LEAST_NOISE_DEGC = 1e-3
+_OFF = math.log(3.0)
+
+
+@dataclass(frozen=True)
+class Reestimate:
+    """A start's end: how well it explains the circuit's own output, and with what parameters."""
+
+    fit_percent: float
+    values: Values
+    moved: dict[str, float]
+    """By what share each parameter that matters at the truth is off: 0.1 is 10 %."""
+
+    @property
+    def another(self) -> bool:
+        """Whether this is another parameter set with the same output."""
+        return self.fit_percent >= SAME_PERCENT and self._elsewhere
+
+    @property
+    def close(self) -> bool:
+        """Whether this is another parameter set with a fit that the thesis calls close to 100 %."""
+        return self.fit_percent >= CLOSE_PERCENT and self._elsewhere
+
+    @property
+    def _elsewhere(self) -> bool:
+        return max(self.moved.values(), default=0.0) > MOVED
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Parameters found from the circuit's own output with noise, ``replicates`` times, in the units of the circuit.
+
+    ``mean`` and ``standard_error`` (of the mean) are of the logarithm where the parameter is positive: exp of the mean.
+    """
+
+    name: str
+    truth: float
+    mean: float
+    deviation: float
+    """The mean's distance from the truth in its standard errors."""
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """What the tests found of ``circuit`` at ``values``, with the noise its fit to the trace has."""
+
+    circuit: str
+    trace: str
+    values: Values
+    held: tuple[str, ...]
+    at_bound: tuple[str, ...]
+    rmse_degC: float
+    memory_samples: float
+    reestimates: tuple[Reestimate, ...]
+    sensitivity: Sensitivity
+    profiles: tuple[Profile, ...]
+    recovered: tuple[Recovery, ...]
+
+    @property
+    def others(self) -> tuple[Reestimate, ...]:
+        """The other parameter sets with the same output."""
+        return tuple(each for each in self.reestimates if each.another)
+
+    @property
+    def flat(self) -> tuple[str, ...]:
+        """The parameters that the data leave open on a side."""
+        return tuple(each.name for each in self.profiles if each.flat)
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether a perfect trace tells all parameters."""
+        return not self.sensitivity.blind
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A circuit at its true values over inputs, with its own output in place of the measured one."""
+
+    circuit: Circuit
+    values: Values
+    own: tuple[Segment, ...]
+    noise_degC: float
+    memory_samples: float
+
+    def structure(self, circuit: Circuit | None = None) -> CircuitStructure:
+        """``circuit`` (by default the subject's) to be fitted to its own output."""
+        return structure_of(circuit or self.circuit, self.own)
+
+
+def identifiability(
+    circuit: Circuit,
+    trace: Trace,
+    fixed: Mapping[str, float | None],
+    effort: Effort,
+    replicates: int = 20,
+    progress: Progress = lambda what, done, total: None,
+    period_s: float | None = None,
+) -> Identifiability:
+    """Fit ``circuit`` to ``trace`` and test what can be told of it; ``fixed`` holds parameters.
+
+    A fixed parameter's value is given, or None for the one of the fit. Raises :class:`Refused`; KeyboardInterrupt ends
+    it with nothing.
+    """
+    _check_names(circuit, fixed)
+    circuit = held(circuit, {name: value for name, value in fixed.items() if value is not None})
+    progress("fitting", 0, effort.starts)
+    fit = fit_circuit(
+        circuit, [trace], effort, lambda start, _, __: progress("fitting", start, effort.starts), period_s
+    )
+    if fit.stopped:
+        raise KeyboardInterrupt
+    with threadpool_limits(1):
+        subject = subject_of(circuit, fit, trace, fixed, period_s)
+        structure = subject.structure()
+        theta, beta = unknowns_at(structure, subject.values)
+        told = sensitivity(structure, theta, beta, effort.seed)
+        return Identifiability(
+            circuit=circuit.name,
+            trace=trace.path,
+            values=subject.values,
+            held=tuple(fixed),
+            at_bound=tuple(each.name for each in fit.parameters if each.at_bound and each.name not in fixed),
+            rmse_degC=fit.rmse_degC,
+            memory_samples=fit.residual_memory_samples,
+            reestimates=reestimates(subject, told, effort, progress),
+            sensitivity=told,
+            profiles=profiles(subject, progress),
+            recovered=recovered(subject, told, replicates, effort.seed, progress),
+        )
+
+
+def subject_of(
+    circuit: Circuit, fit: Fit, trace: Trace, fixed: Mapping[str, float | None], period_s: float | None
+) -> Subject:
+    """``circuit`` at the values of ``fit``, with what is fixed held there, over the inputs of ``trace``."""
+    values = {each.name: each.initial for each in circuit.parameters}
+    values.update({each.name: each.value for each in fit.parameters})
+    held_there = held(circuit, {name: values[name] for name in fixed})
+    noise = max(fit.rmse_degC, _LEAST_NOISE_DEGC)
+    return own_output(held_there, values, measured(circuit, trace, period_s), noise, fit.residual_memory_samples)
+
+
+def measured(circuit: Circuit, trace: Trace, period_s: float | None = None) -> list[Segment]:
+    """The stretches of ``trace`` that ``circuit`` is fitted to."""
+    return segments(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s)
+
+
+def own_output(
+    circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, memory_samples: float
+) -> Subject:
+    """``circuit`` at ``values`` with what it says itself over the inputs of ``stretches``."""
+    structure = structure_of(circuit, stretches)
+    theta, beta = unknowns_at(structure, values)
+    own = []
+    for index, segment in enumerate(stretches):
+        expansion = structure.expand(theta, segment.period_s)
+        outputs = (expansion.fixed + expansion.free @ beta) @ structure.signals(theta, index)
+        own.append(Segment(segment.period_s, segment.inputs, outputs))
+    return Subject(circuit, values, tuple(own), noise_degC, memory_samples)
+
+
+def structure_of(circuit: Circuit, stretches: Sequence[Segment]) -> CircuitStructure:
+    """What is fitted: from rest where the ambient is estimated, from anywhere where nodes are predicted."""
+    estimates_ambient = [output.column for output in circuit.outputs] == [REFERENCE]
+    return (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, stretches)
+
+
+def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Array]:
+    """theta and beta at ``values``; initial states as they fit best."""
+    theta = np.array(
+        [
+            math.log(values[name]) if name in structure.logarithmic_names else values[name]
+            for name in structure.search.names
+        ]
+    )
+    beta = np.array([values[each.name] for each in structure.linear_parameters])
+    if len(structure.linear.names) > len(beta):
+        starts = project(linearise(structure, theta), structure.linear).beta[len(beta) :]
+        beta = np.concatenate([beta, starts])
+    return theta, beta
+
+
+def reestimates(subject: Subject, told: Sensitivity, effort: Effort, progress: Progress) -> tuple[Reestimate, ...]:
+    """Fit the circuit's own output from its initial values, and from the truth with each parameter up to threefold off.
+
+    What lies farther off ends in a local optimum more often than not, and says nothing.
+    """
+    about_mean = sum(float(((row - row.mean()) ** 2).sum()) for each in subject.own for row in each.outputs)
+    ends = []
+    for number, start in enumerate(_starts(subject, effort)):
+        progress("fitting its own output", number, effort.starts)
+        structure = subject.structure(start)
+        found = search(structure, 1, 0)
+        if found.stopped:
+            raise KeyboardInterrupt
+        values = structure.values(found.best.theta, found.best.beta)
+        moved = {name: _moved(subject.values[name], values[name]) for name in told.heard}
+        fit_percent = 100.0 * (1.0 - math.sqrt(max(found.best.sum_of_squares, 0.0) / about_mean))
+        ends.append(Reestimate(fit_percent, {name: values[name] for name in told.effect_degC}, moved))
+    return tuple(ends)
+
+
+def _starts(subject: Subject, effort: Effort) -> Iterator[Circuit]:
+    yield subject.circuit
+    random = np.random.default_rng(effort.seed + 1)
+    names = subject.structure().logarithmic_names
+    for _ in range(effort.starts - 1):
+        factors = np.exp(random.uniform(-_OFF, _OFF, len(names))).tolist()
+        yield starting_at(subject.circuit, {name: subject.values[name] * by for name, by in zip(names, factors)})
+
+
+def profiles(subject: Subject, progress: Progress) -> tuple[Profile, ...]:
+    """The profile of every free parameter, the noise being that of the fit."""
+    names = parameter_names(subject.structure())
+    unit = subject.noise_degC**2 * subject.memory_samples
+    found = []
+    for index, name in enumerate(names):
+        progress("holding each parameter away", index, len(names))
+        found.append(profile(subject.structure, subject.circuit, subject.values, name, unit))
+    return tuple(found)
+
+
+def recovered(
+    subject: Subject, told: Sensitivity, replicates: int, seed: int, progress: Progress
+) -> tuple[Recovery, ...]:
+    """What comes back, on average, of the parameters that can be told, from the own output with white noise."""
+    random = np.random.default_rng(seed)
+    circuit = starting_at(subject.circuit, subject.values)
+    structure = subject.structure(circuit)
+    names = [name for name in parameter_names(structure) if name not in told.unclear]
+    positive = [name in structure.logarithmic_names for name in names]
+    draws = []
+    for index in range(replicates if names else 0):
+        progress("fitting its own output with noise", index, replicates)
+        noisy = [
+            Segment(
+                each.period_s, each.inputs, each.outputs + random.normal(0.0, subject.noise_degC, each.outputs.shape)
+            )
+            for each in subject.own
+        ]
+        structure = structure_of(circuit, noisy)
+        end = search(structure, 1, 0)
+        if end.stopped:
+            raise KeyboardInterrupt
+        values = structure.values(end.best.theta, end.best.beta)
+        draws.append([math.log(values[name]) if log else values[name] for name, log in zip(names, positive)])
+    if len(draws) < 2:
+        return ()
+    mean, error = np.mean(draws, axis=0), np.std(draws, axis=0, ddof=1) / math.sqrt(len(draws))
+    found = []
+    for name, log, middle, width in zip(names, positive, mean.tolist(), error.tolist()):
+        truth = subject.values[name]
+        distance = middle - (math.log(truth) if log else truth)
+        deviation = distance / width if width > 0 else 0.0
+        found.append(Recovery(name, truth, math.exp(middle) if log else middle, deviation))
+    return tuple(found)
+
+
+def _moved(truth: float, found: float) -> float:
+    if truth > 0 and found > 0:
+        return max(truth / found, found / truth) - 1.0
+    return abs(found - truth) / max(abs(truth), MOVED)
+
+
+def _check_names(circuit: Circuit, fixed: Mapping[str, float | None]) -> None:
+    known = [each.name for each in circuit.parameters if each.free]
+    for name in fixed:
+        if name not in known:
+            raise refuse("--fix", "", f"{circuit.name} has no free parameter {name!r}", f"it has {', '.join(known)}")

@@ -1,0 +1,195 @@
+"""What the tests of identifiability have to say, for the terminal and for a machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ambient_trainer.estimation.sensitivity import SILENT_DEGC
+from ambient_trainer.evaluation.identifiability import CLOSE_PERCENT, MOVED, SAME_PERCENT, Identifiability
+from ambient_trainer.report.table import Table
+
+
+def said(found: Identifiability) -> list[str]:
+    """The findings, the most certain first."""
+    told = found.sensitivity
+    lines = _structure(found)
+    others, close = len(found.others), sum(each.close for each in found.reestimates)
+    lines.append(
+        f"The thesis's test: of {len(found.reestimates)} starts {others} ended at another parameter set (one off by "
+        f"more than {100 * MOVED:g} %) with the same output: {_by_starts(found)}"
+        + (f" {close - others} more came to {CLOSE_PERCENT:g} % or more." if close > others else "")
+    )
+    if told.blind_here:
+        lines.append(
+            f"Where this fit lies the output stays the same along {told.blind_here} more, which mix "
+            f"{', '.join(told.mixed_here)}."
+        )
+    if found.sensitivity.silent:
+        lines.append(
+            f"Without effect where this fit lies (less than {SILENT_DEGC:g} degC per e-fold), and not counted there: "
+            f"{', '.join(found.sensitivity.silent)}."
+        )
+    if found.flat:
+        lines.append(
+            f"Flat profiles: with errors of {found.rmse_degC:.2f} degC that remember {found.memory_samples:.0f} "
+            f"samples, this trace leaves a side open for {', '.join(found.flat)}."
+        )
+    far = [each.name for each in found.recovered if abs(each.deviation) > 2]
+    if found.recovered:
+        lines.append(
+            f"Recovery: from its own noisy output the mean of {len(found.recovered) - len(far)} of "
+            f"{len(found.recovered)} parameters that can be told comes back within two standard errors"
+            + (f"; not so {', '.join(far)}." if far else ".")
+        )
+    return lines
+
+
+def _structure(found: Identifiability) -> list[str]:
+    told = found.sensitivity
+    if found.identifiable:
+        return ["Structure: every free parameter changes the output in a way of its own; perfect data tell them all."]
+    count = f"{told.blind} direction{'s' if told.blind > 1 else ''}"
+    lines = [f"Structure: not identifiable. The output stays exactly the same along {count}:"]
+    lines += [f"  {_scaling(each)}" for each in told.symmetries]
+    if told.blind > len(told.symmetries):
+        lines.append(f"  {told.blind - len(told.symmetries)} that bend with the values of {', '.join(told.mixed)}")
+    products = ", ".join(map(_product, told.products))
+    return [*lines, f"  Of the parameters that these mix, only products can be told: {products or 'none'}."]
+
+
+def _by_starts(found: Identifiability) -> str:
+    """The verdict of the thesis's test; a structure that can be told may still not be where the fit lies."""
+    moved = {name for each in found.others for name, share in each.moved.items() if share > MOVED}
+    if not moved:
+        return "not shown to be unidentifiable."
+    if found.identifiable and moved <= set(found.sensitivity.mixed_here):
+        return f"not identifiable at this fit, where {', '.join(sorted(moved))} moved together and nothing else did."
+    return "not identifiable."
+
+
+def start_table(found: Identifiability) -> Table:
+    """One row a start of the thesis's test."""
+    rows = []
+    for index, each in enumerate(found.reestimates):
+        farthest = max(each.moved, key=lambda name: each.moved[name], default="")
+        off = f"{farthest}, {_times(each.moved[farthest])}" if farthest else "-"
+        rows.append((f"{index + 1}", "yes" if each.another else "no", f"{each.fit_percent:.2f} %", off))
+    caption = f"{found.circuit} fitted to its own output over {found.trace}; what moved farthest from the truth."
+    return Table(caption, ("start", "another set", "fit", "farthest off"), tuple(rows), labels=2)
+
+
+def parameter_table(found: Identifiability) -> Table:
+    """One row a free parameter: its value, its effect, its interval by profile, and what came back of it."""
+    recovered = {each.name: each for each in found.recovered}
+    rows = []
+    for each in found.profiles:
+        back = recovered.get(each.name)
+        rows.append(
+            (
+                each.name,
+                _note(found, each.name),
+                f"{each.value:.4g}",
+                f"{found.sensitivity.effect_degC[each.name]:.2g}",
+                f"{_end(each.low)} to {_end(each.high)}",
+                "-" if back is None else f"{back.mean:.4g} ({back.deviation:+.1f})",
+            )
+        )
+    caption = (
+        "Effect: change of the output in degC (RMS) per e-fold. Interval: 95 % by profile likelihood, open where flat. "
+        "Comes back: mean from its own noisy output, and how many of its standard errors it is off."
+    )
+    return Table(caption, ("parameter", "", "value", "effect", "95 % interval", "comes back"), tuple(rows), labels=2)
+
+
+def as_json(found: Identifiability) -> dict[str, Any]:
+    """The content of ``identifiability --json``; what is open or not finite is null."""
+    told = found.sensitivity
+    return {
+        "circuit": found.circuit,
+        "trace": found.trace,
+        "held": list(found.held),
+        "at_bound": list(found.at_bound),
+        "without_effect": list(found.sensitivity.silent),
+        "values": {name: found.values[name] for name in told.effect_degC},
+        "rmse_degC": found.rmse_degC,
+        "residual_memory_samples": found.memory_samples,
+        "identifiable": found.identifiable,
+        "symmetries": list(told.symmetries),
+        "products": list(told.products),
+        "mixed": list(told.mixed),
+        "blind_directions": told.blind,
+        "blind_directions_here": told.blind_here,
+        "mixed_here": list(told.mixed_here),
+        "singular_values_degC": list(told.singular_degC),
+        "effect_degC": told.effect_degC,
+        "thesis_test": {
+            "same_percent": SAME_PERCENT,
+            "other_parameter_sets": len(found.others),
+            "close_percent": CLOSE_PERCENT,
+            "close_parameter_sets": sum(each.close for each in found.reestimates),
+            "starts": [
+                {"fit_percent": each.fit_percent, "another": each.another, "values": each.values}
+                for each in found.reestimates
+            ],
+        },
+        "profiles": [
+            {
+                "name": each.name,
+                "value": each.value,
+                "interval95": [each.low, each.high],
+                "flat": each.flat,
+                "values": list(each.values),
+                "deviances": [_finite(deviance) for deviance in each.deviances],
+            }
+            for each in found.profiles
+        ],
+        "recovered": [
+            {"name": each.name, "truth": each.truth, "mean": each.mean, "standard_errors_off": each.deviation}
+            for each in found.recovered
+        ],
+    }
+
+
+def _note(found: Identifiability, name: str) -> str:
+    notes = (
+        ("told in products", name in found.sensitivity.mixed),
+        ("at its bound", name in found.at_bound),
+        ("told in products here", name in found.sensitivity.mixed_here),
+        ("no effect here", name in found.sensitivity.silent),
+        ("flat", name in found.flat),
+    )
+    return ", ".join(text for text, holds in notes if holds)
+
+
+def _scaling(exponents: Mapping[str, float]) -> str:
+    up = [_power(name, value) for name, value in exponents.items() if value > 0]
+    down = [_power(name, -value) for name, value in exponents.items() if value < 0]
+    if not down:
+        return f"{', '.join(up)} times k"
+    return f"{', '.join(up)} times k, {', '.join(down)} divided by k"
+
+
+def _product(exponents: Mapping[str, float]) -> str:
+    if all(value < 0 for value in exponents.values()):
+        exponents = {name: -value for name, value in exponents.items()}
+    up = [_power(name, value) for name, value in exponents.items() if value > 0]
+    down = [_power(name, -value) for name, value in exponents.items() if value < 0]
+    return "·".join(up) + "".join(f"/{each}" for each in down)
+
+
+def _power(name: str, exponent: float) -> str:
+    return name if exponent == 1 else f"{name}^{exponent:.3g}"
+
+
+def _times(share: float) -> str:
+    return f"{share + 1:.3g}-fold" if share >= 1 else f"{100 * share:.2g} %"
+
+
+def _end(value: float | None) -> str:
+    return "open" if value is None else f"{value:.4g}"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

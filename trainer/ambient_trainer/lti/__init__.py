@@ -1,0 +1,1 @@
+"""Linear time-invariant systems: discretisation, responses, Riccati equation, balanced truncation."""

@@ -1,0 +1,27 @@
+"""A linear time-invariant system in state space, and how its inputs move between two samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+Hold = Literal["first-order", "zero-order"]
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """Continuous dx/dt = A x + B u, y = C x + D u + offset.
+
+    Shapes: A (n, n), B (n, m), C (q, n), D (q, m), offset (q,); x and y in degC, time in s.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    offset: Array

@@ -1,0 +1,171 @@
+"""The Gram matrices of all zones are computed once; then a candidate is scored from a few of their rows.
+
+Over a bank phi (1 + K signals a sensor) a candidate's estimate is y = sum_i b_i' phi_i + offset. Its gains minimise,
+over the samples that teach,
+
+    sum (T - y)^2 + n sum_i [ s^2 b_i' N b_i + (s^2 + q_i^2/12) (1' b_i)^2 ]    with    sum_i 1' b_i = 1.
+
+All sensors one degree up are the estimate one degree up. The first penalty bounds what the estimate makes of white
+noise of s degC, exactly (N is the bank's noise Gram); the second what it makes of a reading that stays off by s and by
+what the rounding to q_i leaves: at rest a rounded reading does not average out. Leaving a block out subtracts its Gram.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.blocks import Block
+from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.selection.bank import bank_system, low_passes, noise_gram
+from ambient_trainer.selection.screen import Sensor
+
+Array = NDArray[np.float64]
+Sensors = tuple[int, ...]
+"""A candidate: the numbers of its sensors, ascending."""
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Gains (m, 1 + K) of ``sensors`` over a bank, and an offset."""
+
+    sensors: Sensors
+    poles_s: tuple[float, ...]
+    gains: Array
+    offset_degC: float
+
+    @property
+    def system(self) -> StateSpace:
+        """The continuous system: gains that sum to one at rest say the same about any level."""
+        return bank_system(self.poles_s, self.gains, self.offset_degC)
+
+    @property
+    def dc_gains(self) -> tuple[float, ...]:
+        """Per sensor the gain at rest."""
+        return tuple(self.gains.sum(axis=1).tolist())
+
+    def noise_gain(self, period_s: float) -> float:
+        """Standard deviation of the estimate per unit of white noise in every sensor."""
+        return float(np.sqrt(np.einsum("ij,jk,ik->", self.gains, noise_gram(self.poles_s, period_s), self.gains)))
+
+    def noise_degC(self, noises_degC: Sequence[float], period_s: float) -> float:
+        """Standard deviation that the sensors' own noise makes in the estimate."""
+        weighed = self.gains * np.asarray(noises_degC)[:, None]
+        return float(np.sqrt(np.einsum("ij,jk,ik->", weighed, noise_gram(self.poles_s, period_s), weighed)))
+
+
+@dataclass(frozen=True)
+class Grams:
+    """Gram matrices over the bank of all sensors, a one and the reference, in this order: p = m (1 + K) + 2 rows.
+
+    ``whole`` (p, p) and ``taught`` (blocks, p, p) carry the penalty; ``held`` (blocks, p, p) does not.
+    """
+
+    poles_s: tuple[float, ...]
+    sensors: int
+    whole: Array
+    taught: Array
+    held: Array
+    samples: Array
+    """(blocks,): with a reference, held out."""
+
+    def squares(self, candidates: Sequence[Sensors]) -> Array:
+        """Per candidate and block the sum of squared errors in degC^2, (c, blocks), fitted to the other blocks.
+
+        All candidates must be of one size.
+        """
+        rows, last = self._rows(candidates), self.whole.shape[0] - 1
+        pick = rows[:, :, None], rows[:, None, :]
+        found = np.empty((len(candidates), len(self.held)))
+        for block, (taught, held) in enumerate(zip(self.taught, self.held)):
+            b = _unit_gain(taught[pick], taught[rows, last])
+            curved = np.einsum("ci,cij,cj->c", b, held[pick], b)
+            found[:, block] = curved - 2 * np.einsum("ci,ci->c", b, held[rows, last]) + held[last, last]
+        return np.maximum(found, 0.0)
+
+    def fitted(self, candidate: Sensors) -> Filter:
+        """The filter of all samples."""
+        rows, last = self._rows([candidate]), self.whole.shape[0] - 1
+        b = _unit_gain(self.whole[rows[:, :, None], rows[:, None, :]], self.whole[rows, last])[0]
+        gains = b[:-1].reshape(len(candidate), -1)
+        return Filter(tuple(candidate), self.poles_s, gains, float(b[-1]))
+
+    def _rows(self, candidates: Sequence[Sensors]) -> NDArray[np.intp]:
+        """The rows of each candidate's bank and of the one, (c, 1 + size (1 + K))."""
+        width = 1 + len(self.poles_s)
+        bank = np.asarray(candidates, dtype=np.intp)[:, :, None] * width + np.arange(width)
+        one = np.full((len(candidates), 1), self.sensors * width, dtype=np.intp)
+        return np.concatenate([bank.reshape(len(candidates), -1), one], axis=1)
+
+
+def gathered(
+    segments: Sequence[Segment],
+    blocks: Sequence[Block],
+    sensors: Sequence[Sensor],
+    poles_s: tuple[float, ...],
+    tolerance_degC: float,
+) -> Grams:
+    """The Gram matrices of ``segments``, whose inputs are ``sensors`` and whose first output is the reference."""
+    # gains that sum to one say the same about any level; near it the sums keep their digits
+    level = float(np.nanmean(np.concatenate([each.outputs[0] for each in segments])))
+    tables = [_table(each, poles_s, level) for each in segments]
+    counts = [~np.isnan(each.outputs[0]) for each in segments]
+    whole = sum((_gram(table, count) for table, count in zip(tables, counts)), np.zeros((1, 1)))
+    penalty = _penalty(sensors, poles_s, segments[0].period_s, tolerance_degC)
+    total = sum(int(each.sum()) for each in counts)
+    held, taught, samples = [], [], []
+    for block in blocks:
+        table, count = tables[block.segment], counts[block.segment]
+        out, near = slice(block.start, block.stop), slice(block.first, block.last)
+        held.append(_gram(table[:, out], count[out]))
+        taught.append(whole - _gram(table[:, near], count[near]) + (total - int(count[near].sum())) * penalty)
+        samples.append(int(count[out].sum()))
+    return Grams(
+        poles_s,
+        len(sensors),
+        whole + total * penalty,
+        np.array(taught),
+        np.array(held),
+        np.array(samples, dtype=np.float64),
+    )
+
+
+def _table(segment: Segment, poles_s: tuple[float, ...], level: float) -> Array:
+    """The signals (p, N) of one segment, about ``level``."""
+    bank = low_passes(segment.inputs - level, poles_s, segment.period_s)
+    count = segment.inputs.shape[1]
+    return np.concatenate([bank.reshape(-1, count), np.ones((1, count)), segment.outputs[:1] - level])
+
+
+def _gram(table: Array, counts: NDArray[np.bool_]) -> Array:
+    rows = table if counts.all() else table[:, counts]
+    gram: Array = rows @ rows.T
+    return gram
+
+
+def _penalty(sensors: Sequence[Sensor], poles_s: tuple[float, ...], period_s: float, tolerance_degC: float) -> Array:
+    """What one sample adds for the sensors' errors, (p, p)."""
+    width = 1 + len(poles_s)
+    still = tolerance_degC**2 + np.array([each.step_degC for each in sensors]) ** 2 / 12
+    noisy = np.kron(np.eye(len(sensors)), tolerance_degC**2 * noise_gram(poles_s, period_s))
+    found = np.zeros((len(sensors) * width + 2,) * 2)
+    found[:-2, :-2] = noisy + np.kron(np.diag(still), np.ones((width, width)))
+    return found
+
+
+def _unit_gain(gram: Array, moment: Array) -> Array:
+    """argmin b' G b - 2 g' b with c' b = 1, batched (c, p); c is one but for the offset's row.
+
+    b = G^-1 g - G^-1 c (c' G^-1 g - 1) / (c' G^-1 c).
+    """
+    c = np.ones(gram.shape[-1])
+    c[-1] = 0.0
+    solved = np.linalg.solve(gram, np.stack([moment, np.broadcast_to(c, moment.shape)], axis=-1))
+    free, unit = solved[..., 0], solved[..., 1]
+    excess = (free @ c - 1) / (unit @ c)
+    found: Array = free - unit * excess[..., None]
+    return found
