@@ -165,16 +165,18 @@ def test_a_static_line_has_no_state(logged):
     assert fit.rmse_degC == pytest.approx(fit.baseline.rmse_degC)
 
 
-def test_ctrl_c_is_said(rise, logged):
+def test_a_cancelled_fit_is_marked(rise, logged):
     start = replace(rise, parameters=tuple(
         replace(each, initial=each.initial * 2) if each.unit == "K/W" else each for each in rise.parameters
     ))  # fmt: skip
 
+    effort = Effort(starts=1)
+
     def stop(number, evaluation, square):
         if evaluation == 3:
-            raise KeyboardInterrupt
+            effort.budget.cancel.cancel()
 
-    fit = fit_circuit(start, [logged()], ONE, stop)
+    fit = fit_circuit(start, [logged()], effort, stop)
     assert fit.stopped
     assert not fit.converged
     assert np.isfinite(fit.rmse_degC)

@@ -9,6 +9,7 @@ import pytest
 
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.free_start import FreelyStartingCircuit
@@ -106,17 +107,18 @@ def test_a_free_filter_finds_the_poles_of_a_free_filter(rise_data):
     assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.1, rel=0.03)
 
 
-def test_ctrl_c_returns_the_best_so_far(forward, forward_data):
+def test_a_cancelled_search_returns_the_best_so_far(forward, forward_data):
     _, segment = forward_data
     structure = FreelyStartingCircuit(_off(forward, np.random.default_rng(0)), [segment])
     seen = []
+    budget = Budget()
 
     def interrupted(start, evaluation, square):
         seen.append(square)
         if len(seen) == 5:
-            raise KeyboardInterrupt
+            budget.cancel.cancel()
 
-    found = search(structure, 4, 0, interrupted)
+    found = search(structure, 4, 0, interrupted, budget)
     assert found.stopped
     assert not found.best.converged
     assert found.best.sum_of_squares == min(seen)
@@ -124,15 +126,16 @@ def test_ctrl_c_returns_the_best_so_far(forward, forward_data):
     assert np.isfinite(found.best.theta).all()
 
 
-def test_ctrl_c_in_a_later_start_keeps_the_best_of_all(forward, forward_data):
+def test_a_search_cancelled_in_a_later_start_keeps_the_best_of_all(forward, forward_data):
     _, segment = forward_data
     structure = FreelyStartingCircuit(_off(forward, np.random.default_rng(0)), [segment])
+    budget = Budget()
 
     def interrupted(start, evaluation, square):
         if start == 1 and evaluation == 2:
-            raise KeyboardInterrupt
+            budget.cancel.cancel()
 
-    found = search(structure, 4, 0, interrupted)
+    found = search(structure, 4, 0, interrupted, budget)
     alone = search(structure, 1, 0)
     assert found.stopped
     assert found.best.sum_of_squares == alone.best.sum_of_squares

@@ -7,7 +7,7 @@ import pytest
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.held_out import Budget, refitted
+from ambient_trainer.estimation.held_out import Spending, refitted
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
 from ambient_trainer.selection.tasks import WiringFits, rows_of
@@ -27,7 +27,7 @@ def pair(small):
 
 
 def test_squares_are_those_of_independent_fits(small, pair):
-    found = refitted(FreeFilter(1, pair), small.blocks, Budget(4, 400, 60))
+    found = refitted(FreeFilter(1, pair), small.blocks, Spending(4, 400, 60))
     assert found.solution.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
     for block, square in zip(small.blocks, found.squares):
         alone = search(FreeFilter(1, masked(pair, block)), 4, 1).best
@@ -39,24 +39,15 @@ def test_a_reference_that_is_gone_for_long_is_no_trouble(small, pair):
     """Blocks of whole cache lines without any reference leave nothing to factorise."""
     long = Segment(2.0, np.tile(pair[0].inputs, 4), np.tile(pair[0].outputs, 4))
     long.outputs[:, 2000:4200] = np.nan
-    found = refitted(FreeFilter(1, [long]), small.blocks, Budget(1, 60, 20))
+    found = refitted(FreeFilter(1, [long]), small.blocks, Spending(1, 60, 20))
     assert np.isfinite(found.squares).all()
 
 
 def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
-    few = refitted(FreeFilter(2, pair), small.blocks, Budget(1, 5, 2))
-    many = refitted(FreeFilter(2, pair), small.blocks, Budget(1, 100, 20))
+    few = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 5, 2))
+    many = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 100, 20))
     assert few.solution.evaluations <= 5
     assert many.solution.sum_of_squares <= few.solution.sum_of_squares
-
-
-def test_ctrl_c_is_not_taken_for_a_budget_that_is_spent(small, pair):
-    class Impatient(FreeFilter):
-        def excess(self, theta):
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        refitted(Impatient(1, pair), small.blocks, Budget(1, 50, 10))
 
 
 def test_a_circuit_reads_the_sensors_that_it_names(small):

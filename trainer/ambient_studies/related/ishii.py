@@ -38,7 +38,7 @@ from ambient_studies.related.ratios import FirstOrderRatios
 from ambient_studies.related.samples import estimated, training_samples
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.search import search_whole
+from ambient_trainer.estimation.search import search
 
 SENSORS = ("usb_degC", "soc_degC", "flash_degC", "battery_degC", "display_degC")
 """The reference sensor, then the sources', strongest first."""
@@ -79,7 +79,7 @@ def fit(training: Trace) -> TransferFunctions:
     found = segments(training, SENSORS, (REFERENCE,))
     structure = FirstOrderRatios([replace(each, inputs=separation @ each.inputs) for each in found], _SIGNS)
     with threadpool_limits(1):
-        best = search_whole(structure, _STARTS, _SEED).best
+        best = search(structure, _STARTS, _SEED).best
     direct, gain = best.beta[:-1].reshape(2, -1)
     return TransferFunctions(separation, direct, gain, np.exp(best.theta), float(best.beta[-1]))
 

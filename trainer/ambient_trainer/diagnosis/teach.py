@@ -90,9 +90,6 @@ def left_over(model: Model, own: Sequence[Record]) -> Noise:
 def _fitted(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Plant:
     shown = [means(straight(trace, _read(circuit), circuit.hold), period_s) for trace in traces]
     fit = fit_circuit(replace(circuit, hold="first-order"), shown, Effort(starts=_STARTS), progress, period_s)
-    if fit.stopped:
-        # a search keeps its best when it is interrupted; whoever waits for a diagnosis wanted it to end
-        raise KeyboardInterrupt
     values = {each.name: each.initial for each in circuit.parameters}
     values.update({each.name: each.value for each in fit.parameters})
     return Plant.of(circuit, values, period_s)

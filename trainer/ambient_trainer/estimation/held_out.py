@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.blocks import Block
+from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.structure import Expansion, Structure
 from ambient_trainer.estimation.uncertainty import residuals
@@ -21,7 +22,7 @@ _WORST_DEGC2 = 1e12
 """Stands for the square of what is beyond any number."""
 
 
-class Budget(NamedTuple):
+class Spending(NamedTuple):
     """How long to search: from how many places and evaluations for everything, and evaluations without a block."""
 
     starts: int
@@ -37,14 +38,14 @@ class Refitted:
     squares: tuple[float, ...]
 
 
-def refitted(structure: Structure, blocks: Sequence[Block], budget: Budget) -> Refitted:
+def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) -> Refitted:
     """Fit ``structure``, then the same without each block, which starts next to its end."""
-    best = _searched(_Part(structure, None), budget.starts, budget.whole)
+    best = search(_Part(structure, None), spending.starts, 0, budget=Budget(spending.whole)).best
     squares = []
     for block in blocks:
         part = _Part(structure, block)
         part.search = replace(part.search, initial=best.theta)
-        without = _searched(part, 1, budget.without)
+        without = search(part, 1, 0, budget=Budget(spending.without)).best
         errors = residuals(structure, without)[block.segment][0, block.start : block.stop]
         square = float(np.nansum(errors**2))
         squares.append(square if np.isfinite(square) else _WORST_DEGC2)
@@ -86,20 +87,3 @@ def _kept(segment: Segment, index: int, block: Block | None) -> NDArray[np.bool_
     if block is not None and block.segment == index:
         kept[block.first : block.last] = False
     return kept
-
-
-def _searched(structure: Structure, starts: int, most: int) -> Solution:
-    """The best of at most so many evaluations."""
-    spent = 0
-
-    def count(*_: object) -> None:
-        nonlocal spent
-        spent += 1
-        if spent >= most:
-            # a search that is interrupted gives the best so far
-            raise KeyboardInterrupt
-
-    found = search(structure, starts, 0, count)
-    if found.stopped and spent < most:
-        raise KeyboardInterrupt
-    return found.best

@@ -45,8 +45,11 @@ def descend(
     high: Array,
     most: int,
     patience: int | None = None,
+    over: Callable[[], bool] = lambda: False,
 ) -> End:
     """Minimise |residual|^2 over low <= point <= high from ``start`` with at most ``most`` evaluations.
+
+    It ends, unsettled, after the evaluation that makes ``over`` true.
 
     It gives up, unsettled, when ``patience`` evaluations have not brought the square down by 1e-4 of itself: it then
     creeps along a valley without a floor. None is never.
@@ -57,7 +60,7 @@ def descend(
     damping, growth = 1e-3, 2.0
     evaluations = 1
     milestone = (1, float(here.residual @ here.residual))
-    while evaluations < most:
+    while evaluations < most and not over():
         square = float(here.residual @ here.residual)
         if patience is not None and evaluations >= milestone[0] + patience:
             if square > (1 - _CRAWL) * milestone[1]:

@@ -65,7 +65,7 @@ def profile(
     """The profile of ``name`` around ``values``, where the fit to the structure's outputs is perfect.
 
     ``unit_deviance`` is the sum of squares in degC^2 that counts as one. A positive parameter is moved by up to a
-    hundredfold, a weight by ten or ten times itself. KeyboardInterrupt ends it.
+    hundredfold, a weight by ten or ten times itself.
     """
     parameter = next(each for each in circuit.parameters if each.name == name)
     value = values[name]
@@ -107,12 +107,10 @@ def _walk(
         x = at(sign * offset)
         fixed = held(starting_at(circuit, here), {name: x})
         structure = structure_of(fixed)
-        found = search(structure, 1, 0)
-        if found.stopped:
-            raise KeyboardInterrupt
-        deviance = found.best.sum_of_squares / unit_deviance
+        best = search(structure, 1, 0).best
+        deviance = best.sum_of_squares / unit_deviance
         points.append((x, deviance))
-        here = structure.values(found.best.theta, found.best.beta)
+        here = structure.values(best.theta, best.beta)
         root = math.sqrt(max(deviance, 0.0))
         if deviance > THRESHOLD:
             # near its least the root of the deviance is a straight line

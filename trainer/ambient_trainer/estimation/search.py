@@ -1,6 +1,6 @@
 """The search from several starts, on what variable projection leaves of the problem.
 
-It can be stopped at any time and then returns the best so far, marked so.
+A budget or a cancel token ends it between two evaluations; the result is then the best so far, marked as stopped.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.estimation.marquardt import Evaluation, descend
+from ambient_trainer.estimation.budget import Budget
+from ambient_trainer.estimation.marquardt import End, Evaluation, descend
 from ambient_trainer.estimation.separable import project
 from ambient_trainer.estimation.structure import Structure, linearise
 
@@ -40,7 +41,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best of all starts, every start's end, and whether the user stopped it."""
+    """The best of all starts, every start's end, and whether the budget or its cancel token stopped the search."""
 
     best: Solution
     starts: tuple[Solution, ...]
@@ -53,100 +54,118 @@ Progress = Callable[[int, int, float], None]
 """Called after each evaluation with the start's number, the evaluation's, and the best sum of squares so far."""
 
 
-def search_whole(structure: Structure, starts: int, seed: int, progress: Progress | None = None) -> SearchResult:
-    """As :func:`search`, for those who have no use for a part of it: Ctrl-C is a KeyboardInterrupt."""
-    result = search(structure, starts, seed, progress)
-    if result.stopped:
-        raise KeyboardInterrupt
-    return result
+def search(
+    structure: Structure, starts: int, seed: int, progress: Progress | None = None, budget: Budget | None = None
+) -> SearchResult:
+    """Best of several descents from the initial values and from random places.
 
+    Parameters
+    ----------
+    structure : Structure
+        What is fitted, with its data.
+    starts : int
+        Descents: the first from the initial values, the others from random places.
+    seed : int
+        Of the random places.
+    progress : callable, optional
+        Called after each evaluation.
+    budget : Budget, optional
+        Where it ends the search, the result is the best so far, marked as stopped; at least one evaluation is made.
 
-def search(structure: Structure, starts: int, seed: int, progress: Progress | None = None) -> SearchResult:
-    """Search from the initial values and ``starts`` - 1 random ones; Ctrl-C returns the best so far."""
+    Returns
+    -------
+    SearchResult
+        The best solution, the end of every start, and what was spent.
+    """
+    if starts < 1:
+        raise ValueError("a search needs at least one start")
     random = np.random.default_rng(seed)
-    ends: list[Solution] = []
-    best: Solution | None = None
+    run = _Run(structure, progress, budget or Budget())
+    ends = []
     for number in range(starts):
         theta = structure.search.initial if number == 0 else structure.random_start(random)
-        run = _Run(structure, number, best, progress)
-        try:
-            ends.append(run.descend(theta))
-            best = run.best
-        except KeyboardInterrupt:
-            if run.best is None:
-                raise
-            return SearchResult(run.best, (*ends, run.best), _spent(ends) + run.evaluations, stopped=True)
-    if best is None:
-        raise ValueError("a search needs at least one start")
-    if best.converged:
-        return SearchResult(best, tuple(ends), _spent(ends), stopped=False)
-    run = _Run(structure, starts - 1, best, progress)
-    try:
-        best, stopped = run.finish(best.theta), False
-    except KeyboardInterrupt:
-        best, stopped = run.best or best, True
-    return SearchResult(best, tuple(ends), _spent(ends) + run.evaluations, stopped)
-
-
-def _spent(ends: list[Solution]) -> int:
-    return sum(each.evaluations for each in ends)
+        ends.append(run.descend(number, theta))
+        if run.over():
+            return SearchResult(run.best, tuple(ends), run.spent, stopped=True)
+    if not run.best.converged:
+        run.finish(starts - 1)
+    return SearchResult(run.best, tuple(ends), run.spent, run.over())
 
 
 class _Run:
-    """One descent, which remembers the best point any descent has seen."""
+    """The descents of a search, and the best point that any of them has seen."""
 
-    def __init__(self, structure: Structure, number: int, best: Solution | None, progress: Progress | None) -> None:
+    best: Solution
+    _end: Solution
+
+    def __init__(self, structure: Structure, progress: Progress | None, budget: Budget) -> None:
         self.structure = structure
-        self.number = number
-        self.best = best
         self.progress = progress
-        self.evaluations = 0
+        self.budget = budget
+        self.spent = 0
+        """Evaluations of all descents."""
         self.weight = math.sqrt(sum(float(np.nansum(each.outputs**2)) for each in structure.segments))
         self.samples = sum(int(np.count_nonzero(~np.isnan(each.outputs))) for each in structure.segments)
-        self._at: tuple[bytes, Evaluation] | None = None
-        self._end: Solution
+        self._least = math.inf
 
-    def finish(self, theta: Array) -> Solution:
-        """Go on from the best end of all starts, patiently: what one descent may spend is spent once."""
-        bounds = self.structure.search
-        found = descend(self._evaluate, theta, bounds.low, bounds.high, _MOST_EVALUATIONS)
-        self._closed(found.point, converged=found.settled and self._stationary(found.point))
-        assert self.best is not None
-        return self.best
+    def over(self) -> bool:
+        """Whether the budget is spent."""
+        return self.budget.spent(self.spent)
 
-    def descend(self, theta: Array) -> Solution:
-        bounds = self.structure.search
+    def descend(self, number: int, theta: Array) -> Solution:
+        """The end of start ``number``, from ``theta``; the best so far where the budget ends it."""
+        self._begin(number)
         if not len(theta):
-            return self._closed(theta, converged=True)
-        found = descend(self._evaluate, theta, bounds.low, bounds.high, _BEFORE_REGROUPING, _PATIENCE)
-        better = self.structure.regrouped(found.point)
-        if not found.settled or not np.array_equal(better, found.point):
-            found = descend(self._evaluate, better, bounds.low, bounds.high, _MOST_EVALUATIONS, _PATIENCE)
-        return self._closed(found.point, converged=found.settled and self._stationary(found.point))
+            return self._closed(End(theta, settled=True))
+        end = self._descended(theta, _BEFORE_REGROUPING, _PATIENCE)
+        better = self.structure.regrouped(end.point)
+        if not self.over() and (not end.settled or not np.array_equal(better, end.point)):
+            end = self._descended(better, _MOST_EVALUATIONS, _PATIENCE)
+        return self._closed(end)
+
+    def finish(self, number: int) -> None:
+        """Go on from the best end of all starts, patiently: what one descent may spend is spent once."""
+        self._begin(number)
+        self._closed(self._descended(self.best.theta, _MOST_EVALUATIONS, None))
+
+    def _begin(self, number: int) -> None:
+        self._number, self._evaluations = number, 0
+        self._at: tuple[bytes, Evaluation] | None = None
+
+    def _descended(self, theta: Array, most: int, patience: int | None) -> End:
+        bounds = self.structure.search
+        return descend(self._evaluate, theta, bounds.low, bounds.high, most, patience, self.over)
 
     def _evaluate(self, theta: Array) -> Evaluation:
-        """The residual, and below it by how much theta leaves what is believable, as heavy as the data."""
+        """The residual, and below it by how much theta leaves its bounds of plausibility, weighed like the data."""
         key = theta.tobytes()
         if self._at is None or self._at[0] != key:
             found = project(linearise(self.structure, theta), self.structure.linear)
             excess, slope = self.structure.excess(theta)
             residual = np.concatenate([found.residual, self.weight * excess])
             self._at = (key, Evaluation(residual, np.concatenate([found.jacobian, self.weight * slope])))
-            self.evaluations += 1
+            self._evaluations += 1
+            self.spent += 1
             square = float(found.residual @ found.residual)
-            self._end = Solution(theta.copy(), found.beta, square, float(residual @ residual), False, self.evaluations)
-            if self.best is None or self._end.objective < self.best.objective:
-                self.best = self._end
+            self._end = Solution(theta.copy(), found.beta, square, float(residual @ residual), False, self._evaluations)
+            if self._end.objective < self._least:
+                self._keep(self._end)
             if self.progress is not None:
-                self.progress(self.number, self.evaluations, self.best.sum_of_squares)
+                self.progress(self._number, self._evaluations, self.best.sum_of_squares)
         return self._at[1]
 
-    def _closed(self, theta: Array, converged: bool) -> Solution:
-        self._evaluate(theta)
-        end = replace(self._end, converged=converged, evaluations=self.evaluations)
-        if self.best is None or end.objective <= self.best.objective:
-            self.best = end
-        return end
+    def _keep(self, solution: Solution) -> None:
+        self.best, self._least = solution, solution.objective
+
+    def _closed(self, end: End) -> Solution:
+        if self.over():
+            return self.best
+        self._evaluate(end.point)
+        converged = end.settled and self._stationary(end.point)
+        solution = replace(self._end, converged=converged, evaluations=self._evaluations)
+        if solution.objective <= self._least:
+            self._keep(solution)
+        return solution
 
     def _stationary(self, theta: Array) -> bool:
         """Whether what is left to move is a tenth of a standard error (relative offset: Bates and Watts 1981).

@@ -20,6 +20,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.free_start import FreelyStartingCircuit
@@ -48,6 +49,8 @@ class Effort:
     starts: int = 8
     seed: int = 0
     pieces: int = 1
+    budget: Budget = field(default_factory=Budget, compare=False, repr=False)
+    """What each search may spend, and the token that cancels all of them."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +215,7 @@ class Found(NamedTuple):
 
 def searched(structure: Structure, effort: Effort, progress: Progress | None) -> Found:
     """Search, and ask how well what was found is known."""
-    result = search(structure, effort.starts, effort.seed, progress)
+    result = search(structure, effort.starts, effort.seed, progress, effort.budget)
     return Found(structure, result, uncertainty(structure, result.best), effort)
 
 

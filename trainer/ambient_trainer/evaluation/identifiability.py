@@ -141,8 +141,7 @@ def identifiability(
 ) -> Identifiability:
     """Fit ``circuit`` to ``trace`` and test what can be told of it; ``fixed`` holds parameters.
 
-    A fixed parameter's value is given, or None for the one of the fit. Raises :class:`Refused`; KeyboardInterrupt ends
-    it with nothing.
+    A fixed parameter's value is given, or None for the one of the fit. Raises :class:`Refused`.
     """
     _check_names(circuit, fixed)
     circuit = held(circuit, {name: value for name, value in fixed.items() if value is not None})
@@ -150,8 +149,6 @@ def identifiability(
     fit = fit_circuit(
         circuit, [trace], effort, lambda start, _, __: progress("fitting", start, effort.starts), period_s
     )
-    if fit.stopped:
-        raise KeyboardInterrupt
     with threadpool_limits(1):
         subject = subject_of(circuit, fit, trace, fixed, period_s)
         structure = subject.structure()
@@ -234,8 +231,6 @@ def reestimates(subject: Subject, told: Sensitivity, effort: Effort, progress: P
         progress("fitting its own output", number, effort.starts)
         structure = subject.structure(start)
         found = search(structure, 1, 0)
-        if found.stopped:
-            raise KeyboardInterrupt
         values = structure.values(found.best.theta, found.best.beta)
         moved = {name: _moved(subject.values[name], values[name]) for name in told.heard}
         fit_percent = 100.0 * (1.0 - math.sqrt(max(found.best.sum_of_squares, 0.0) / about_mean))
@@ -283,8 +278,6 @@ def recovered(
         ]
         structure = structure_of(circuit, noisy)
         end = search(structure, 1, 0)
-        if end.stopped:
-            raise KeyboardInterrupt
         values = structure.values(end.best.theta, end.best.beta)
         draws.append([math.log(values[name]) if log else values[name] for name, log in zip(names, positive)])
     if len(draws) < 2:

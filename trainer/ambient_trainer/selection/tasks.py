@@ -12,14 +12,14 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.blocks import Block
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.held_out import Budget, Refitted, refitted
+from ambient_trainer.estimation.held_out import Refitted, Spending, refitted
 from ambient_trainer.selection.forward import best_sets
 from ambient_trainer.selection.grams import Grams, Sensors, gathered
 from ambient_trainer.selection.screen import Sensor
 from ambient_trainer.selection.wiring import Wiring, circuit_of
 
-_FILTER = Budget(starts=2, whole=200, without=12)
-_CIRCUIT = Budget(starts=1, whole=60, without=5)
+_FILTER = Spending(starts=2, whole=200, without=12)
+_CIRCUIT = Spending(starts=1, whole=60, without=5)
 """Of hundreds: where a wiring leaves a direction open a search would creep along it for long."""
 
 

@@ -131,11 +131,13 @@ def test_too_many_sensors_are_refused(simulated):
 
 
 def test_ctrl_c_keeps_the_best_so_far(simulated):
+    effort = Effort(starts=1)
+
     def interrupt(start, evaluation, square):
         if evaluation == 8:
-            raise KeyboardInterrupt
+            effort.budget.cancel.cancel()
 
-    found = fitting("circuit_observer")([simulated(4, samples=800)], ONE, interrupt, None)
+    found = fitting("circuit_observer")([simulated(4, samples=800)], effort, interrupt, None)
     assert found.stopped
     assert not found.converged
     assert found.fallbacks == {}
@@ -145,12 +147,14 @@ def test_ctrl_c_keeps_the_best_so_far(simulated):
 def test_ctrl_c_in_a_fallback_keeps_the_main_one(simulated):
     numbers = []
 
+    effort = Effort(starts=1)
+
     def interrupt(start, evaluation, square):
         numbers.append(start)
         if start == ONE.starts and evaluation == 2:
-            raise KeyboardInterrupt
+            effort.budget.cancel.cancel()
 
-    found = fitting("circuit_observer")([simulated(4, samples=800)], ONE, interrupt, None)
+    found = fitting("circuit_observer")([simulated(4, samples=800)], effort, interrupt, None)
     assert found.stopped
     assert found.fallbacks == {}
     assert numbers[-1] == 1

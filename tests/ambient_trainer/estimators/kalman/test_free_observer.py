@@ -84,12 +84,14 @@ def test_ctrl_c_keeps_the_best_so_far(simulated, evaluation):
     """While the first order is searched, and while blocks are left out."""
     seen = []
 
+    effort = Effort(starts=2)
+
     def interrupt(start, number, square):
         seen.append(number)
         if len(seen) == evaluation:
-            raise KeyboardInterrupt
+            effort.budget.cancel.cancel()
 
-    found = fitting("free_observer")([simulated(6, samples=600)], TWO, interrupt, None)
+    found = fitting("free_observer")([simulated(6, samples=600)], effort, interrupt, None)
     assert found.stopped
     assert not found.converged
     assert found.notes[0].startswith("Stopped before order and noise were chosen: this is order ")

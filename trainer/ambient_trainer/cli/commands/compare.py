@@ -10,6 +10,7 @@ from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer.cli.commands.fit import STOPPED, sensor_columns
 from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.interrupt import interruptible
 from ambient_trainer.cli.number import Finite
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
@@ -57,7 +58,7 @@ def command(
     contest = _contest(trace_paths, split_s, held_out)
     contenders: list[Contender] = []
     for name in circuits:
-        with fit_progress(name, effort.starts, contest.samples) as progress:
+        with interruptible(effort.budget.cancel), fit_progress(name, effort.starts, contest.samples) as progress:
             contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
         if models is not None:
             save_model(written[len(contenders) - 1], contenders[-1].model)

@@ -9,6 +9,7 @@ from rich.console import Console
 from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.interrupt import interruptible
 from ambient_trainer.cli.number import Finite, FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import write_figures
@@ -66,7 +67,8 @@ def command(
     fit_to = fitting(circuit, sensor_columns(sensors))
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
-    with fit_progress(circuit, fit_to.searches or effort.starts, samples) as progress:
+    searches = fit_to.searches or effort.starts
+    with interruptible(effort.budget.cancel), fit_progress(circuit, searches, samples) as progress:
         fit = fit_to(traces, effort, progress, period_s)
     model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types)
     save_model(output, model)

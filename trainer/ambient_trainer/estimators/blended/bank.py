@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.estimation.budget import Cancelled
 from ambient_trainer.estimators.blended.objective import Objective
 from ambient_trainer.estimators.blended.poles import first_unknowns, search_poles
 from ambient_trainer.estimators.blended.recipe import LOGGED, Recipe
@@ -41,7 +42,7 @@ class Bank:
 def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[int], Told]) -> Bank:
     """The bank that ``lessons`` teach; ``stage`` gives what hears the progress of the search of that number.
 
-    Ctrl-C leaves out the fallbacks that are not found yet; before the first it is a KeyboardInterrupt.
+    Cancelled, it leaves out the fallbacks that are not done; before the first it raises :class:`Cancelled`.
     """
     columns, weights, rules = recipe.sensor_columns, recipe.weights, recipe.filter
     start = first_unknowns(rules)
@@ -61,7 +62,7 @@ def taught(recipe: Recipe, lessons: Lessons, period_s: float, stage: Callable[[i
         for index, name in enumerate(recipe.sensors):
             fewer = {key: [each.without(index) for each in several] for key, several in lessons.items()}
             fallbacks[name] = search([*columns[:index], *columns[index + 1 :]], fewer, weights.main, 2 + index)
-    except KeyboardInterrupt:
+    except Cancelled:
         stopped = True
     return Bank(main, guard, _threshold(recipe, main, guard, lessons[LOGGED]), fallbacks, stopped)
 

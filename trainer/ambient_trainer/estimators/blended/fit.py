@@ -52,8 +52,8 @@ def fit_observer(
 ) -> Fit:
     """Fit the observer to one or several traces.
 
-    One search each, from where the recipe says: ``effort.starts`` is not used, its seed draws what is made up. Ctrl-C
-    leaves out the fallbacks that are not found yet; before the first it is a KeyboardInterrupt.
+    One search each, from where the recipe says: ``effort.starts`` is not used, its seed draws the synthetic runs.
+    Cancelled, it leaves out the fallbacks that are not done; before the first it raises :class:`Cancelled`.
     Raises :class:`Refused` where the traces lack a column, are too short or hold no work.
     """
     period = period_s or max(sampling_period_s(trace.time_s) for trace in traces)
@@ -66,6 +66,7 @@ def fit_observer(
         def told(evaluation: int, square: float) -> None:
             if progress is not None:
                 progress(number, evaluation, square * samples)
+            effort.budget.cancel.check()
 
         return told
 

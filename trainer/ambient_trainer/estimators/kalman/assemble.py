@@ -58,7 +58,7 @@ def without(columns: Sequence[str], segments: Sequence[Segment], dropped: int) -
 def finished(main: Member, refit: Refit | None, told: Told) -> Fit:
     """The fit with a fallback an input, if there is a ``refit``, a spread and what there is to tell of them.
 
-    Ctrl-C leaves out the fallbacks that are not done.
+    Cancelled, it leaves out the fallbacks that are not done.
     """
     fit, segments = main
     fallbacks, stopped = _fallbacks(fit, refit)
@@ -105,10 +105,7 @@ def _fallbacks(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
         return {}, False
     found: dict[str, Fit] = {}
     for index, column in enumerate(fit.inputs):
-        try:
-            each = refit(index)
-        except KeyboardInterrupt:
-            return found, True
+        each = refit(index)
         if each.stopped:
             return found, True
         found[split_column(column)[0]] = each

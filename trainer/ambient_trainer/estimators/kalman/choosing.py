@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.search import Progress, SearchResult, search, search_whole
+from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimators.fit import Effort
 from ambient_trainer.estimators.kalman.free_structure import ConstrainedFilter
 
@@ -52,53 +52,51 @@ class Choosing:
         self.tried: list[Choice] = []
         self._scouted: dict[int, SearchResult] = {}
 
-    def run(self) -> Choice:
-        """Try every order with one noise, then every noise with the order that is chosen of these."""
+    def run(self) -> Choice | None:
+        """Try every order with one noise, then every noise with the order chosen of these; None where cancelled."""
         for order in ORDERS:
-            self._try(order, _FIRST_NOISE_DEGC)
+            if not self._try(order, _FIRST_NOISE_DEGC):
+                return None
         order = chosen(self.tried).order
         for noise_degC in _NOISES_DEGC:
-            if noise_degC != _FIRST_NOISE_DEGC:
-                self._try(order, noise_degC)
+            if noise_degC != _FIRST_NOISE_DEGC and not self._try(order, noise_degC):
+                return None
         return chosen(self.tried)
 
     def best_so_far(self) -> tuple[int, SearchResult]:
-        """The order to take, and what was found of it, after a KeyboardInterrupt; raises that where there is none."""
-        if not self._scouted:
-            raise KeyboardInterrupt
+        """The order to take where :meth:`run` was cancelled, and its search."""
         order = chosen(self.tried).order if self.tried else min(self._scouted)
         return order, replace(self._scouted[order], stopped=True)
 
-    def _try(self, order: int, noise_degC: float) -> None:
+    def _try(self, order: int, noise_degC: float) -> bool:
+        """Whether order and noise were scored before the search was cancelled."""
         if order not in self._scouted:
             structure = ConstrainedFilter(order, self.segments, noise_degC)
             starts = min(_SCOUTS, self.effort.starts)
-            self._scouted[order] = search(structure, starts, self.effort.seed, self.progress)
-        found = self._scouted[order]
-        if found.stopped:
-            raise KeyboardInterrupt
-        errors = [
-            _held_out(order, noise_degC, self.segments, block, found.best.theta, self.progress)
-            for block in range(BLOCKS)
-        ]
+            self._scouted[order] = search(structure, starts, self.effort.seed, self.progress, self.effort.budget)
+        errors = []
+        for block in range(BLOCKS):
+            if self._scouted[order].stopped:
+                return False
+            errors.append(self._held_out(order, noise_degC, block))
+        if self.effort.budget.cancel.cancelled:
+            return False
         self.tried.append(Choice(order, noise_degC, float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))))
+        return True
 
-
-def _held_out(
-    order: int, noise_degC: float, segments: Sequence[Segment], block: int, theta: Array, progress: Progress | None
-) -> Array:
-    """The errors over one block of the reference, of a filter that ran through it and was not taught by it."""
-    hidden, kept = [], []
-    for each, mask in zip(segments, _block_masks(segments, block)):
-        hidden.append(np.where(mask, each.outputs, np.nan))
-        kept.append(Segment(each.period_s, each.inputs, np.where(mask, np.nan, each.outputs)))
-    structure = ConstrainedFilter(order, kept, noise_degC)
-    structure.search = replace(structure.search, initial=theta)
-    best = search_whole(structure, 1, 0, progress).best
-    weights = structure.expand(best.theta, segments[0].period_s).free[0] @ best.beta
-    return np.concatenate(
-        [rows[0] - weights @ structure.signals(best.theta, index) for index, rows in enumerate(hidden)]
-    )
+    def _held_out(self, order: int, noise_degC: float, block: int) -> Array:
+        """The errors over one block of the reference, of a filter that ran through it and was not trained on it."""
+        hidden, kept = [], []
+        for each, mask in zip(self.segments, _block_masks(self.segments, block)):
+            hidden.append(np.where(mask, each.outputs, np.nan))
+            kept.append(Segment(each.period_s, each.inputs, np.where(mask, np.nan, each.outputs)))
+        structure = ConstrainedFilter(order, kept, noise_degC)
+        structure.search = replace(structure.search, initial=self._scouted[order].best.theta)
+        best = search(structure, 1, 0, self.progress, self.effort.budget).best
+        weights = structure.expand(best.theta, structure.period_s).free[0] @ best.beta
+        return np.concatenate(
+            [rows[0] - weights @ structure.signals(best.theta, index) for index, rows in enumerate(hidden)]
+        )
 
 
 def _block_masks(segments: Sequence[Segment], block: int) -> list[NDArray[np.bool_]]:

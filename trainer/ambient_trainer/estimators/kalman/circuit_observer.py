@@ -68,7 +68,10 @@ def fit_circuit_observer(
             smaller = WalkingAmbient(left, walk)
             start = struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
             return _fitted(
-                left, ObserverStructure(smaller, start, parts), Effort(1, effort.seed), late(progress, effort)
+                left,
+                ObserverStructure(smaller, start, parts),
+                replace(effort, starts=1, pieces=1),
+                late(progress, effort),
             )
 
         states = len(columns) + 1

@@ -47,15 +47,14 @@ def fit_free_observer(
 ) -> Fit:
     """Fit the observer over ``inputs`` (trace columns; by default every temperature), and one without each of them.
 
-    Ctrl-C before all is chosen keeps the best of what was tried.
+    Cancelled before all is chosen, it keeps the best of what was tried.
     """
     columns, segments = estimator_data(traces, inputs, period_s, effort.pieces)
     require_enough(traces, FreeFilter(max(ORDERS), segments))
     with threadpool_limits(1):
         choosing = Choosing(segments, effort, progress)
-        try:
-            choice = choosing.run()
-        except KeyboardInterrupt:
+        choice = choosing.run()
+        if choice is None:
             order, result = choosing.best_so_far()
             fit = _fit_of(columns, segments, order, result, effort)
             remark = f"Stopped before order and noise were chosen: this is order {order}."
@@ -63,7 +62,7 @@ def fit_free_observer(
         main = _fitted(columns, segments, choice, effort, progress)
 
         def fallback(dropped: int) -> Fit:
-            fewer = Effort(min(_FALLBACK_STARTS, effort.starts), effort.seed)
+            fewer = replace(effort, starts=min(_FALLBACK_STARTS, effort.starts), pieces=1)
             return _fitted(*without(columns, segments, dropped), choice, fewer, late(progress, effort))
 
         return finished(Member(main, segments), fallback, _told(choice, choosing.tried))
@@ -73,7 +72,8 @@ def _fitted(
     columns: Sequence[str], segments: Sequence[Segment], choice: Choice, effort: Effort, progress: Progress | None
 ) -> Fit:
     structure = ConstrainedFilter(choice.order, segments, choice.noise_degC)
-    return _fit_of(columns, segments, choice.order, search(structure, effort.starts, effort.seed, progress), effort)
+    result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+    return _fit_of(columns, segments, choice.order, result, effort)
 
 
 def _fit_of(

@@ -15,6 +15,8 @@ import pytest
 from ambient_model.codec import decode, encode, load_model
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.estimation.budget import Cancelled
+from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.named import fitting
@@ -136,7 +138,7 @@ def test_a_log_without_a_drive_is_refused(brick_files, brick_log):
 def test_a_log_without_work_is_refused_before_anything_is_searched(brick_files, brick_log):
     idle = {**brick_log.columns, "cpu_load_frac": np.zeros(len(brick_log.time_s))}
     with pytest.raises(Refused, match=r"idle\.csv: column cpu_load_frac: is never above 0\.1; log a run with work"):
-        fitting(brick_files)([Trace("idle.csv", brick_log.time_s, idle)], EFFORT, interrupting(0), None)
+        fitting(brick_files)([Trace("idle.csv", brick_log.time_s, idle)], *cancelled(0), None)
 
 
 def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
@@ -149,16 +151,18 @@ def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
     assert fit.rmse_degC == pytest.approx(fitted[0].rmse_degC, rel=0.2)
 
 
-def interrupting(stage: int):
+def cancelled(stage: int) -> tuple[Effort, Progress]:
+    effort = Effort(seed=0)
+
     def told(number: int, evaluation: int, square: float) -> None:
         if (number, evaluation) == (stage, 5):
-            raise KeyboardInterrupt
+            effort.budget.cancel.cancel()
 
-    return told
+    return effort, told
 
 
 def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, brick_log, fitted):
-    fit = fitting(brick_files)([brick_log], EFFORT, interrupting(4), None)
+    fit = fitting(brick_files)([brick_log], *cancelled(4), None)
     assert fit.stopped
     assert not fit.converged
     assert list(fit.fallbacks) == ["chip"]
@@ -169,8 +173,8 @@ def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, bri
 
 @pytest.mark.parametrize("stage", [0, 1, 2])
 def test_before_main_and_guard_are_found_there_is_nothing_to_keep(stage, brick_files, brick_log):
-    with pytest.raises(KeyboardInterrupt):
-        fitting(brick_files)([brick_log], EFFORT, interrupting(stage), None)
+    with pytest.raises(Cancelled):
+        fitting(brick_files)([brick_log], *cancelled(stage), None)
 
 
 def command(*arguments: str) -> list[str]:
