@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 import yaml
 
-from ambient_trainer.laboratory.campaign import campaign_path, load_campaign
+from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.clock import RealClock
 from ambient_trainer.laboratory.collect import Job, Watching, collect
 from ambient_trainer.laboratory.conductor import Conductor
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Sample
 from ambient_trainer.laboratory.rehearsal.laboratory import Rehearsal, rehearsal
+from ambient_trainer.simulator.scenario import scenario_path
 
 RUN_MIN = 0.75
 PERIOD_S = 0.5
@@ -51,7 +52,7 @@ def _none(there: Rehearsal) -> None:
 
 
 def _campaign(tmp_path: Path) -> str:
-    laboratory = yaml.safe_load((Path(campaign_path("1")).parent / "laboratory.yaml").read_text())
+    laboratory = yaml.safe_load((Path(scenario_path("1")).parent / "laboratory.yaml").read_text())
     instruments = laboratory["instruments"]
     instruments["chamber"].update(period_s=PERIOD_S, timeout_s=10.0)
     instruments["multiplexer"].update(period_s=PERIOD_S, timeout_s=10.0)

@@ -16,8 +16,7 @@ import pytest
 import yaml
 
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.laboratory.campaign import campaign_path
-from ambient_trainer.simulator.scenario import scenario_names
+from ambient_trainer.simulator.scenario import scenario_names, scenario_path
 
 SPEED = 200
 
@@ -54,7 +53,7 @@ def test_a_dry_run_tells_the_length_and_the_estimated_times(call):
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["6", "--dry-run"], 2, "campaign: none is called '6'; take one of 1, 2.1"),
+        (["6", "--dry-run"], 2, "none is called '6'; take one of 1, 2.1"),
         (["1"], 2, "say where the trace goes: -o TRACE.csv"),
         (["1", "--speed", "5", "-o", "t.csv"], 2, "--speed and --seed are for --simulate"),
         (["1", "--simulate", "--resume", "-o", "t.csv"], 2, "t.csv.part: there is no run to resume"),
@@ -85,7 +84,7 @@ def test_a_campaign_is_not_overwritten_by_its_trace(call, short, tmp_path):
 @pytest.fixture
 def short(tmp_path):
     """A campaign of six minutes on the shipped laboratory."""
-    shipped = Path(campaign_path("1")).with_name("laboratory.yaml")
+    shipped = Path(scenario_path("1")).with_name("laboratory.yaml")
     text = shipped.read_text().replace("ambient_lost_s: 300", "ambient_lost_s: 1200")  # a loaded machine stalls
     (tmp_path / "lab.yaml").write_text(text)
     steps = [

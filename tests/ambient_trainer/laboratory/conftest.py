@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from ambient_trainer.laboratory.campaign import campaign_path
+from ambient_trainer.simulator.scenario import scenario_path
 
 SHELLS = [path for name in ("dash", "bash", "mksh", "busybox") if (path := shutil.which(name))]
 
@@ -89,7 +89,7 @@ def one_phone(tmp_path) -> FilePhone:
 @pytest.fixture
 def laboratory_data() -> dict:
     """The shipped laboratory, as it stands in its file."""
-    return yaml.safe_load((Path(campaign_path("1")).parent / "laboratory.yaml").read_text())
+    return yaml.safe_load((Path(scenario_path("1")).parent / "laboratory.yaml").read_text())
 
 
 @pytest.fixture

@@ -6,18 +6,19 @@ import threading
 
 import pytest
 
-from ambient_trainer.laboratory.campaign import Action, campaign_path, load_campaign
+from ambient_trainer.laboratory.campaign import Action, load_campaign
 from ambient_trainer.laboratory.clock import FastClock
 from ambient_trainer.laboratory.doer import Doer
 from ambient_trainer.laboratory.messages import Doing, Timebase, Trouble
 from ambient_trainer.laboratory.shell import way_to
+from ambient_trainer.simulator.scenario import scenario_path
 
 
 class Running:
     """A doer at work; what it tells, in order."""
 
     def __init__(self, phone, actions, setup=""):
-        laboratory = load_campaign(campaign_path("1"), ports=False).campaign.laboratory
+        laboratory = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
         device = laboratory.device.model_copy(update={"setup": setup})
         self.told: queue.Queue = queue.Queue()
         self.doer = Doer(
@@ -93,7 +94,7 @@ def test_a_command_that_fails_is_said_and_tried_again(one_phone, tmp_path):
 
 
 def test_the_shipped_load_runs_as_many_loops_as_asked_and_ends_them(phone, tmp_path):
-    laboratory = load_campaign(campaign_path("1"), ports=False).campaign.laboratory
+    laboratory = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
     ours = tmp_path / "ambient-load"
     setup = laboratory.device.setup.replace("/data/local/tmp/ambient-load", str(ours))
     assert str(ours) in setup
@@ -125,7 +126,7 @@ def test_the_shipped_load_runs_as_many_loops_as_asked_and_ends_them(phone, tmp_p
 
 def test_commands_of_the_shipped_laboratory_are_shell(phone):
     """Every one is parsed by the shell, none is run."""
-    laboratory = load_campaign(campaign_path("1"), ports=False).campaign.laboratory
+    laboratory = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
     texts = [laboratory.device.setup]
     texts += [text for action in laboratory.actions.values() for text in (action.start, action.stop)]
     running = Running(phone, {})

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.laboratory.campaign import Settle, Step
 from ambient_trainer.laboratory.program import Program, Reached
+from ambient_trainer.simulator.scenario import Settle, Step
 
 
 def timed(minutes, degC=20.0):

@@ -4,12 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.laboratory.campaign import campaign_path, load_campaign
+from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import Began, End, Head, Record
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Doing, Sample
 from ambient_trainer.laboratory.rows import Grid, grid_of, laboratory_rows, signals_while, trace_rows
+from ambient_trainer.simulator.scenario import scenario_path
 
-CAMPAIGN = load_campaign(campaign_path("1"), ports=False).campaign
+CAMPAIGN = load_campaign(scenario_path("1"), ports=False).campaign
 HEAD = Head("1", "", 0.0, 1.0, False)
 ZONES = CAMPAIGN.laboratory.device.columns
 

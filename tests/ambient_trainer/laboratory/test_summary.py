@@ -1,14 +1,15 @@
 """What is told at the end, from records made by hand."""
 
-from ambient_trainer.laboratory.campaign import campaign_path, load_campaign
+from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import Began, Head, Note, Record
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Sample, Trouble
 from ambient_trainer.laboratory.rows import Rows
 from ambient_trainer.laboratory.schedule import clock_text, expected
 from ambient_trainer.laboratory.summary import column_table, happenings, settling_table
+from ambient_trainer.simulator.scenario import scenario_path
 
 HEAD = Head("3", "", 0.0, 1.0, False)
-CAMPAIGN = load_campaign(campaign_path("3"), ports=False).campaign
+CAMPAIGN = load_campaign(scenario_path("3"), ports=False).campaign
 
 
 def scan(at_s, degC):

@@ -10,7 +10,6 @@ import numpy as np
 from ambient_studies.unit_variation.unit import Case, Skewed, Unit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, together
-from ambient_trainer.simulator.constants import Activity
 from ambient_trainer.simulator.device import Chamber
 from ambient_trainer.simulator.effects.effect import Hidden
 from ambient_trainer.simulator.effects.physics import Setting, added
@@ -55,7 +54,7 @@ def scenario_of(name: str) -> Scenario:
         return load_scenario(name)
 
     def resting(minutes: float) -> Step:
-        return Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC, activity=Activity.IDLE)
+        return Step(duration_min=minutes, chamber_degC=CALIBRATION_DEGC)
 
     about = f"At rest at {CALIBRATION_DEGC:g} degC"
     return Scenario(about=about, before=(resting(_SETTLED_MIN),), steps=(resting(ON_BEFORE_MIN + KNOWN_MIN),))

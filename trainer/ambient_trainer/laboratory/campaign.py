@@ -12,15 +12,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from ambient_model.faults import Refused, refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated
 from ambient_trainer.laboratory.campaign_checks import faults_between, offset_faults
 from ambient_trainer.laboratory.instruments.offsets import ProbeOffset, load_offsets
-
-_FOLDER = Path(__file__).with_name("campaigns")
+from ambient_trainer.simulator.scenario import Scenario
 
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 _Positive = Annotated[float, Field(gt=0)]
@@ -157,51 +156,12 @@ class Laboratory(Strict):
     safety: Safety
 
 
-class Settle(Strict):
-    """At rest: the ambient within ``within_K`` of the set point, no zone moving by ``drift_K``, for ``for_min``."""
-
-    within_K: _Positive
-    drift_K: _Positive | None = None
-    for_min: _Positive
-    at_most_min: _Positive = 240.0
-    """After this the program goes on all the same, and says so."""
-
-
-class Step(Strict):
-    """What the chamber is set to and the device does, for a while, until all is settled, or until both is true."""
-
-    chamber_degC: _Temperature
-    gradient_K_min: Annotated[float, Field(ge=0.1, le=99.9)] | None = None
-    """How fast the set point may move; else as fast as the chamber can."""
-    duration_min: _Positive | None = None
-    settle: Settle | None = None
-    load: tuple[_Name, ...] = ()
-    """Names of actions that last as long as the step."""
-
-    @model_validator(mode="after")
-    def _ends(self) -> Step:
-        if self.duration_min is None and self.settle is None:
-            raise wrong("the step never ends", "give it 'duration_min', 'settle', or both")
-        return self
-
-
-class Campaign(Strict):
+class Campaign(Scenario):
     """A laboratory and the program that it runs through."""
 
     format: Literal["ambient-campaign"]
     version: Literal[1]
-    about: str
-    period_s: _Positive = 1.0
-    """Of the trace's rows."""
     laboratory: Laboratory
-    before: tuple[Step, ...] = ()
-    """What comes before the recording: it is logged, but the trace begins after it."""
-    steps: Annotated[tuple[Step, ...], Field(min_length=1)]
-
-    @property
-    def program(self) -> tuple[Step, ...]:
-        """All steps."""
-        return (*self.before, *self.steps)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -220,22 +180,6 @@ class Loaded(NamedTuple):
     """Of the files that make it,"""
     files: tuple[str, ...]
     """its own first."""
-
-
-def campaign_names() -> tuple[str, ...]:
-    """The shipped ones: the thesis's scenarios, in its order."""
-    names = (entry.name for entry in _FOLDER.iterdir())
-    return tuple(sorted(name.removesuffix(".yaml") for name in names if name[0].isdigit()))
-
-
-def campaign_path(name_or_path: str) -> str:
-    """The file of the shipped campaign of that name, or the path itself; raises :class:`Refused` for neither."""
-    if name_or_path in campaign_names():
-        return str(_FOLDER / f"{name_or_path}.yaml")
-    if not name_or_path.endswith((".yaml", ".yml")):
-        known = ", ".join(campaign_names())
-        raise refuse("campaign", "", f"none is called {name_or_path!r}", f"take one of {known}, or a .yaml file")
-    return name_or_path
 
 
 def load_campaign(path: str, ports: bool = True) -> Loaded:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.campaign import Settle, Step
+from ambient_trainer.simulator.scenario import Settle, Step
 
 
 class Settling:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.campaign import Campaign, ChamberLink, Step
+from ambient_trainer.laboratory.campaign import Campaign, ChamberLink
 from ambient_trainer.report.table import Table
+from ambient_trainer.simulator.scenario import Step
 
 
 class Expected(NamedTuple):

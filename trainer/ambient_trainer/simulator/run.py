@@ -95,10 +95,10 @@ def bursts(time_s: Array, phone: Phone, random: np.random.Generator) -> Array:
 def schedule(scenario: Scenario, time_s: Array) -> tuple[Array, NDArray[np.intp]]:
     """The chamber's set point in degC and the activity's index, shape (n,), at each of ``time_s`` (0: recording)."""
     steps = (*scenario.before, *scenario.steps)
-    ends_s = np.cumsum([60.0 * step.duration_min for step in steps]) - scenario.before_s
+    ends_s = np.cumsum([60.0 * (step.duration_min or 0.0) for step in steps]) - scenario.before_s
     current = np.searchsorted(ends_s, time_s + 1e-9, side="right")
     set_points = np.array([step.chamber_degC for step in steps])
-    activities = np.array([_ACTIVITIES.index(step.activity) for step in steps])
+    activities = np.array([_ACTIVITIES.index(Activity(step.load[0]) if step.load else Activity.IDLE) for step in steps])
     return set_points[current], activities[current]
 
 

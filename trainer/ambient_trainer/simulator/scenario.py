@@ -1,55 +1,123 @@
-"""A scenario is data: steps of the thesis's section 3.2, each with a duration, a chamber set point and an activity."""
+"""A scenario is data: steps of chamber and device, which `simulate` computes and `collect` runs in the laboratory."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from ambient_model.faults import refuse
-from ambient_trainer.data.strict_yaml import Strict, parse_yaml, validated
-from ambient_trainer.simulator.constants import Activity
+from ambient_model.faults import Fault, refuse
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 
-_FOLDER = Path(__file__).with_name("scenarios")
+FOLDER = Path(__file__).with_name("scenarios")
+
+_Positive = Annotated[float, Field(gt=0)]
+_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
+
+
+class Settle(Strict):
+    """Settled: the ambient within ``within_K`` of the set point, no zone moving by ``drift_K``, for ``for_min``."""
+
+    within_K: _Positive
+    drift_K: _Positive | None = None
+    for_min: _Positive
+    at_most_min: _Positive = 240.0
+    """After this the program continues unsettled, and reports it."""
 
 
 class Step(Strict):
-    """What the chamber is set to and the phone does for a while."""
+    """What chamber and device do for a while, until all is settled, or until both is true."""
 
-    duration_min: Annotated[float, Field(gt=0)]
-    chamber_degC: Annotated[float, Field(ge=-40, le=130)]
-    activity: Activity
+    chamber_degC: Annotated[float, Field(ge=-60, le=200)]
+    """A change of the set point takes its time within the step that asks for it."""
+    gradient_K_min: Annotated[float, Field(ge=0.1, le=99.9)] | None = None
+    """How fast the set point may move; else as fast as the chamber can."""
+    duration_min: _Positive | None = None
+    settle: Settle | None = None
+    load: tuple[_Name, ...] = ()
+    """What the device does as long as the step lasts; nothing: it idles."""
+
+    @model_validator(mode="after")
+    def _ends(self) -> Step:
+        if self.duration_min is None and self.settle is None:
+            raise wrong("the step never ends", "give it 'duration_min', 'settle', or both")
+        return self
 
 
 class Scenario(Strict):
-    """The steps one after the other; a change of the set point takes its time within the step that asks for it."""
+    """The steps one after the other."""
 
+    format: Literal["ambient-campaign"] = "ambient-campaign"
+    version: Literal[1] = 1
     about: str
+    period_s: _Positive = 1.0
+    """Of the rows that the laboratory writes."""
+    laboratory: Any = None
+    """Where `collect` runs it; the simulation does not read it."""
     before: tuple[Step, ...] = ()
-    """What phone and chamber went through before the recording, which begins with ``steps``."""
+    """What comes before the recording, which begins with ``steps``."""
     steps: Annotated[tuple[Step, ...], Field(min_length=1)]
+
+    @property
+    def program(self) -> tuple[Step, ...]:
+        """All steps."""
+        return (*self.before, *self.steps)
 
     @property
     def duration_s(self) -> float:
         """The length of the recording."""
-        return 60.0 * sum(step.duration_min for step in self.steps)
+        return sum(60.0 * (step.duration_min or 0.0) for step in self.steps)
 
     @property
     def before_s(self) -> float:
-        """The length of what came before it."""
-        return 60.0 * sum(step.duration_min for step in self.before)
+        """The length of what comes before it."""
+        return sum(60.0 * (step.duration_min or 0.0) for step in self.before)
 
 
 def scenario_names() -> tuple[str, ...]:
     """The names of the shipped scenarios, in the thesis's order."""
-    files = (entry.name for entry in _FOLDER.iterdir())
-    return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
+    return tuple(sorted(path.stem for path in FOLDER.glob("[0-9]*.yaml")))
+
+
+def scenario_path(name: str) -> str:
+    """The file of the shipped scenario of that name, or ``name`` itself where it is a file's; else ``Refused``."""
+    if name in scenario_names():
+        return str(FOLDER / f"{name}.yaml")
+    if not name.endswith((".yaml", ".yml")):
+        known = ", ".join(scenario_names())
+        raise refuse("scenario", "", f"none is called {name!r}", f"take one of {known}, or a .yaml file")
+    return name
 
 
 def load_scenario(name: str) -> Scenario:
-    """The shipped scenario of that name; raises :class:`~ambient_model.faults.Refused` for an unknown one."""
-    if name not in scenario_names():
-        raise refuse("scenario", "", f"none is called {name!r}", f"take one of {', '.join(scenario_names())}")
-    text = (_FOLDER / f"{name}.yaml").read_text(encoding="utf-8")
-    return validated(Scenario, parse_yaml(text, name), name)
+    """A scenario to simulate.
+
+    Parameters
+    ----------
+    name : str
+        Name of a shipped scenario, or a YAML file: ``about``, ``steps`` and, where the recording begins later,
+        ``before``. A campaign of the laboratory is one, too.
+
+    Returns
+    -------
+    Scenario
+        Each of its steps has a duration and at most one load.
+
+    Raises
+    ------
+    Refused
+        With every fault in the file.
+    """
+    path = scenario_path(name)
+    data = load_yaml(path)
+    faults = []
+    for part in ("before", "steps"):
+        steps = data.get(part) if isinstance(data, dict) else None
+        for index, step in enumerate(steps if isinstance(steps, list) else ()):
+            if isinstance(step, dict) and step.get("settle") and "duration_min" not in step:
+                hint = "add how long it takes: the simulation does not wait until all is settled"
+                faults.append(Fault(f"{part}[{index}].duration_min", "missing", hint))
+            if isinstance(step, dict) and isinstance(load := step.get("load"), list) and len(load) > 1:
+                faults.append(Fault(f"{part}[{index}].load", "more than one", "the simulation does one at a time"))
+    return validated(Scenario, data, name, faults)

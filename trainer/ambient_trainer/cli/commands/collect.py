@@ -15,6 +15,7 @@ from ambient_trainer.cli.number import FiniteRange
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer
 from ambient_trainer.report.table import for_terminal
+from ambient_trainer.simulator.scenario import scenario_path
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -54,14 +55,14 @@ def command(
     However a run ends, the chamber goes to its safe set point first. Ctrl-C ends it; a second one gives up waiting for
     the chamber to confirm that.
     """
-    from ambient_trainer.laboratory.campaign import campaign_path, load_campaign
+    from ambient_trainer.laboratory.campaign import load_campaign
 
     if not simulate and (speed is not None or seed is not None):
         raise click.UsageError("--speed and --seed are for --simulate: a real laboratory has a time of its own")
     if not dry_run and output is None:
         raise click.UsageError("say where the trace goes: -o TRACE.csv")
     try:
-        path = campaign_path(campaign)
+        path = scenario_path(campaign)
     except Refused as refused:
         raise click.UsageError(str(refused)) from refused
     loaded = load_campaign(path, ports=not (simulate or dry_run))
