@@ -1,4 +1,4 @@
-"""A circuit of two nodes, taught by an hour and a half: enough for the machinery, and quick."""
+"""A circuit of two nodes, trained by an hour and a half: enough for the machinery, and quick."""
 
 import pytest
 
@@ -36,7 +36,7 @@ parameters:
 def bench():
     with pytest.MonkeyPatch.context() as patch:
         # what a circuit lacks besides is found by the search, which has tests of its own, and takes long
-        patch.setattr("ambient_studies.discovery.runner.lacking", lambda taught, normal: taught.model)
+        patch.setattr("ambient_studies.discovery.runner.known_good_model", lambda trained, normal: trained.model)
         return teach(parse_circuit(CIRCUIT, "tiny.yaml"), baselines(1, (SCENARIO, SCENARIO)))
 
 

@@ -63,7 +63,7 @@ def test_an_interruption_ends_the_workers(bench, cases):
 
 
 def test_a_bias_is_as_large_as_it_is(bench, done):
-    deviation = bench.taught.noise.deviation_degC[bench.taught.model.plant.sensors.index("display")]
+    deviation = bench.trained.noise.deviation_degC[bench.trained.model.plant.sensors.index("display")]
     # it comes within a minute and a half
     assert done[1].scored.outcome.size_in_noise == pytest.approx(4.0 / deviation, rel=0.03)
     assert done[0].scored.outcome.size_in_noise == 0.0

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from ambient_studies.discovery.outcome import Outcome
-from ambient_trainer.diagnosis.misfit_tests import misfit_tests
+from ambient_trainer.diagnosis.residual_tests import residual_tests
 from ambient_trainer.diagnosis.result import Cause, Diagnosis, Gain, Magnitude, Misfit, Ranked, Step
 
 CAMERA = Cause("heat_source", "flash", "camera_on")
@@ -52,7 +52,7 @@ def _diagnosis(**changes: object) -> Diagnosis:
         Ranked(Cause("sensor_drift", "flash"), None, None, None, Gain(0.91, 0.9, (-0.02, 0.04), 0.6),
                "no more than chance"),
     )  # fmt: skip
-    tests = misfit_tests(
+    tests = residual_tests(
         time_s, measured - simulated, heat, ("flash", "battery"), {"camera_on": camera, "cpu_load_frac": load},
         ambient, measured,
     )  # fmt: skip

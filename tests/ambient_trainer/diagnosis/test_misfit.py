@@ -8,11 +8,11 @@ from scipy.integrate import solve_ivp
 
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.extended import Model, view
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.misfit import heat_window_samples, misfit_of, residual_heat_W
+from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.teach import records_of
+from ambient_trainer.diagnosis.training import records_of
 
 PERIOD_S, SAMPLES = 5.0, 1440
 TIME_S = PERIOD_S * np.arange(SAMPLES)

@@ -82,7 +82,7 @@ def _collect(done: list[Done], circuit: Circuit, seed: int, count: int, jobs: in
     with Progress(
         *columns, TimeRemainingColumn(), console=console, auto_refresh=False, disable=not console.is_terminal
     ) as bar:
-        task = bar.add_task("teaching the circuit", total=count)
+        task = bar.add_task("training the circuit", total=count)
         bar.refresh()
         bench = teach(circuit, baselines(seed), lambda *_: bar.refresh())
         bar.reset(task, description="diagnosing")

@@ -1,6 +1,6 @@
-"""The benchmark runs: the circuit is taught once, then each case is diagnosed and scored, many at a time.
+"""The benchmark runs: the circuit is trained once, then each case is diagnosed and scored, many at a time.
 
-Workers are forked: what was taught is the model's own functions, which no pipe carries.
+Workers are forked: what was trained is the model's own functions, which no pipe carries.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from ambient_studies.discovery.cases import Case, simulated
 from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.choose import lacking
-from ambient_trainer.diagnosis.diagnose import diagnose_taught
+from ambient_trainer.diagnosis.diagnose import diagnose_trained
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.record import diagnosis_period_s
 from ambient_trainer.diagnosis.result import Diagnosis
-from ambient_trainer.diagnosis.teach import Taught, records_of, taught_by_baselines
+from ambient_trainer.diagnosis.selection import known_good_model
+from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.simulator.effects.runs import Simulated
 from ambient_trainer.simulator.effects.truth import Truth
@@ -37,10 +37,10 @@ _TICK_S = 0.5
 
 @dataclass(frozen=True)
 class Bench:
-    """A circuit, what known-good runs taught of it, and the period of its records."""
+    """A circuit, what known-good runs trained of it, and the period of its records."""
 
     circuit: Circuit
-    taught: Taught
+    trained: TrainedCircuit
     period_s: float
     baselines: tuple[str, ...]
 
@@ -61,8 +61,8 @@ def teach(circuit: Circuit, baselines: Sequence[Trace], progress: Progress | Non
     """The bench that known-good runs give."""
     period_s = diagnosis_period_s(baselines)
     with threadpool_limits(1):
-        taught = taught_by_baselines(forward(circuit), baselines, period_s, lacking, progress)
-    return Bench(circuit, taught, period_s, tuple(trace.path for trace in baselines))
+        trained = train_on_baselines(forward(circuit), baselines, period_s, known_good_model, progress)
+    return Bench(circuit, trained, period_s, tuple(trace.path for trace in baselines))
 
 
 def run(
@@ -91,13 +91,13 @@ def diagnosed(bench: Bench, case: Case, run: Simulated) -> Done:
     """One case: its trace alone is diagnosed; the truth is only what that is scored by."""
     started_s = time.perf_counter()
     with threadpool_limits(1):
-        said = diagnose_taught(bench.taught, bench.circuit, [run.trace], bench.baselines, bench.period_s)
+        said = diagnose_trained(bench.trained, bench.circuit, [run.trace], bench.baselines, bench.period_s)
     seconds = time.perf_counter() - started_s
     return _done(bench, case, run, said, seconds)
 
 
 def size_in_noise(bench: Bench, run: Simulated) -> float:
-    """The smallest effect's RMS in the sensor that feels it most, over what the taught circuit leaves there.
+    """The smallest effect's RMS in the sensor that feels it most, over what the trained circuit leaves there.
 
     A clock changes the reference alone: what counts is what the circuit, driven by it, then simulates otherwise.
     """
@@ -111,7 +111,7 @@ def _done(bench: Bench, case: Case, run: Simulated, said: Diagnosis, seconds: fl
 
 
 def _size(bench: Bench, run: Simulated, truth: Truth) -> float:
-    plant, deviation = bench.taught.model.plant, bench.taught.noise.deviation_degC
+    plant, deviation = bench.trained.model.plant, bench.trained.noise.deviation_degC
     if truth.worst != REFERENCE:
         return float(truth.size_degC or 0.0) / float(deviation[plant.sensors.index(str(truth.worst)[: -len("_degC")])])
     if run.clean is None:

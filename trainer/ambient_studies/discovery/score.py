@@ -55,7 +55,7 @@ def score(
 
 
 def onset_error_s(truth: Truth, step: Step, first_s: float) -> float | None:
-    """Found less true, in s; None where a signal tells when, or neither has one. ``first_s`` is the trace's first."""
+    """Estimated less true, in s; None where a signal sets it, or neither has one. ``first_s`` is the trace's first."""
     if step.onset_s is None and (truth.onset_s is None or step.cause.signal is not None):
         return None
     found_s = first_s if step.onset_s is None else step.onset_s
@@ -63,7 +63,7 @@ def onset_error_s(truth: Truth, step: Step, first_s: float) -> float | None:
 
 
 def magnitude_error_frac(truth: Truth, step: Step) -> float | None:
-    """Found less true, over the true one; None where they are not in the same unit, or it is no number."""
+    """Estimate less true, over the true one; None where they are not in the same unit, or it is no number."""
     if step.magnitude is None or step.magnitude.unit != truth.unit or not truth.magnitude:
         return None
     error = (step.magnitude.value - truth.magnitude) / abs(truth.magnitude)

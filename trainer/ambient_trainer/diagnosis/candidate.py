@@ -27,7 +27,7 @@ class Span(Enum):
 
 
 @dataclass(frozen=True)
-class Found:
+class Estimate:
     """Coefficients (k,) and their covariance, fitted to records of which ``view`` is the longest.
 
     ``covariance`` (k + 1, k + 1) holds that of the shape's logarithm behind, zero where there is none.
@@ -64,8 +64,8 @@ class Candidate:
     cause: Cause
     span: Span
     terms: Callable[[View], tuple[Term, ...]]
-    magnitude: Callable[[Found], Magnitude]
-    parameters: Callable[[Found], Parameters] = field(default=lambda found: {})
+    magnitude: Callable[[Estimate], Magnitude]
+    parameters: Callable[[Estimate], Parameters] = field(default=lambda found: {})
     fixed: tuple[float | None, ...] = (None,)
     plausible: Callable[[Array], NDArray[np.bool_]] = field(default=lambda values: np.isfinite(values).all(axis=-1))
     bounds: tuple[float, float] = (-np.inf, np.inf)
@@ -78,7 +78,7 @@ class Candidate:
     window: tuple[float | None, float | None] | None = None
     """When it acts, where that is known beforehand: None is a record's own end."""
     faulty: frozenset[int] = frozenset()
-    """The sensors that are not to be believed if this is the cause."""
+    """The sensors that are not to be trusted_sensors if this is the cause."""
 
     @property
     def free(self) -> int:

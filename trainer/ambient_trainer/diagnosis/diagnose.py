@@ -14,16 +14,16 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.causes import contact, heat_source
-from ambient_trainer.diagnosis.choose import Choice, Chosen, Trial, choose, lacking
 from ambient_trainer.diagnosis.experiment import next_experiment
-from ambient_trainer.diagnosis.extended import Effect
-from ambient_trainer.diagnosis.extension import Extension, extended_circuit
+from ambient_trainer.diagnosis.extended_circuit import Extension, extended_circuit
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.gain import Blocks, differ
 from ambient_trainer.diagnosis.misfit import misfit_of
+from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ranked, Step
-from ambient_trainer.diagnosis.teach import Taught, records_of, taught_by_baselines, taught_by_itself
+from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial, known_good_model, select_effects
+from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines, train_on_diagnosed
 from ambient_trainer.diagnosis.view import conductances_to_ambient
 from ambient_trainer.diagnosis.words import figures, growth, window
 
@@ -56,25 +56,25 @@ def diagnose(
     period_s = period_s or diagnosis_period_s([*traces, *baselines])
     with threadpool_limits(1):
         if baselines:
-            taught = taught_by_baselines(plain, baselines, period_s, lacking, _teaching(progress))
+            trained = train_on_baselines(plain, baselines, period_s, known_good_model, _training(progress))
         else:
-            taught = taught_by_itself(plain, traces, period_s, _teaching(progress))
-        return diagnose_taught(taught, circuit, traces, [trace.path for trace in baselines], period_s, progress)
+            trained = train_on_diagnosed(plain, traces, period_s, _training(progress))
+        return diagnose_trained(trained, circuit, traces, [trace.path for trace in baselines], period_s, progress)
 
 
-def diagnose_taught(
-    taught: Taught,
+def diagnose_trained(
+    trained: TrainedCircuit,
     circuit: Circuit,
     traces: Sequence[Trace],
     baselines: Sequence[str],
     period_s: float,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """:func:`diagnose` with a circuit that was taught before, as when many traces are put to the same question."""
-    own = [each for trace in traces for each in records_of(taught.model.plant.circuit, trace, period_s)]
-    chosen = choose(taught, own, progress)
+    """:func:`diagnose` with a circuit that was trained before, as when many traces are put to the same question."""
+    own = [each for trace in traces for each in records_of(trained.model.plant.circuit, trace, period_s)]
+    chosen = select_effects(trained, own, progress)
     steps = _steps(chosen, own)
-    if not _understood(chosen, taught, own):
+    if not _describes(chosen, trained, own):
         steps = (_unknown(chosen),)
     named = bool(steps) and steps[0].cause.name != UNKNOWN
     extension = extended_circuit(circuit, chosen.final.model) if named else Extension(None, ())
@@ -96,7 +96,7 @@ def diagnose_taught(
     )
 
 
-def _teaching(progress: Progress | None) -> Callable[[int, int, float], None] | None:
+def _training(progress: Progress | None) -> Callable[[int, int, float], None] | None:
     if progress is None:
         return None
     return lambda done, total, rmse: progress("teach", done, total)
@@ -139,7 +139,7 @@ def _alike(one: Array, other: Array) -> bool:
     return bool((apart[~np.isnan(apart)] <= _ROUNDING_DEGC).all()) and not np.isnan(apart).all()
 
 
-def _steps(chosen: Chosen, own: Sequence[Record]) -> tuple[Step, ...]:
+def _steps(chosen: Selection, own: Sequence[Record]) -> tuple[Step, ...]:
     taken = [(choice, choice.taken) for choice in chosen.choices if choice.taken is not None]
     final = [effect for effect in chosen.final.model.effects if not effect.known]
     return tuple(
@@ -148,7 +148,7 @@ def _steps(chosen: Chosen, own: Sequence[Record]) -> tuple[Step, ...]:
     )
 
 
-def _step(choice: Choice, trial: Trial, effect: Effect, chosen: Chosen, number: int) -> Step:
+def _step(choice: SelectionStep, trial: Trial, effect: Effect, chosen: Selection, number: int) -> Step:
     view = chosen.final.longest
     found = effect.found(view)
     magnitude = effect.candidate.magnitude(found)
@@ -176,14 +176,14 @@ def _step(choice: Choice, trial: Trial, effect: Effect, chosen: Chosen, number: 
     )
 
 
-def _confidence(choice: Choice, taken: Trial) -> float:
+def _confidence(choice: SelectionStep, taken: Trial) -> float:
     """That neither chance nor the closest other cause does as well, by the blocks' held-out errors."""
     others = [each for each in choice.trials if each.cause != taken.cause]
     ahead = min((differ(each.blocks, taken.blocks) for each in others), default=np.inf)
     return float(norm.cdf(ahead) * (1.0 - taken.gain.p_value))
 
 
-def _ranking(choice: Choice) -> tuple[Ranked, ...]:
+def _ranking(choice: SelectionStep) -> tuple[Ranked, ...]:
     rivals = {id(each) for each in choice.rivals}
     return tuple(
         Ranked(
@@ -198,7 +198,7 @@ def _ranking(choice: Choice) -> tuple[Ranked, ...]:
     )
 
 
-def _remark(choice: Choice, trial: Trial, rival: bool) -> str:
+def _remark(choice: SelectionStep, trial: Trial, rival: bool) -> str:
     if trial is choice.taken:
         return "taken"
     if trial.gain.ci95_degC[0] <= 0:
@@ -212,7 +212,7 @@ def _remark(choice: Choice, trial: Trial, rival: bool) -> str:
     return "gains less on held-out data"
 
 
-def _understood(chosen: Chosen, taught: Taught, own: Sequence[Record]) -> bool:
+def _describes(chosen: Selection, trained: TrainedCircuit, own: Sequence[Record]) -> bool:
     """Whether the model with all its steps describes the data, or most of the misfit: else no cause is to be named."""
     left = np.concatenate([each.residual_degC for each in chosen.final.views], axis=1)
     read = np.concatenate([record.sensors for record in own], axis=1)
@@ -222,15 +222,15 @@ def _understood(chosen: Chosen, taught: Taught, own: Sequence[Record]) -> bool:
     for unexplained, whole in ((square.mean(), spread.mean()), (square.max(), spread[square.argmax()])):
         if unexplained > _MOST_UNEXPLAINED**2 * max(whole, 1e-12):
             return False
-    if _the_ambient_as_well(chosen):
+    if _confounded_with_ambient(chosen):
         return False
-    if not taught.normal:
+    if not trained.normal:
         return True
-    before, after = (Blocks.of(each, taught.noise).relative(taught.noise) for each in (chosen.plain, chosen.final))
+    before, after = (Blocks.of(each, trained.noise).relative(trained.noise) for each in (chosen.plain, chosen.final))
     return after < max(_MOST_MISFIT, min(_MOST_UNEXPLAINED * before, _MOST_OF_A_LARGE_MISFIT))
 
 
-def _the_ambient_as_well(chosen: Chosen) -> bool:
+def _confounded_with_ambient(chosen: Selection) -> bool:
     """Whether the first step is heat that would be none if the ambient had moved, of which the reference tells nothing.
 
     Heat into a node and a warmer ambient of it are one and the same to its equation.
@@ -243,7 +243,7 @@ def _the_ambient_as_well(chosen: Chosen) -> bool:
     return cause.location in joined and all(np.ptp(view.ambient_degC) == 0 for view in chosen.plain.views)
 
 
-def _unknown(chosen: Chosen) -> Step:
+def _unknown(chosen: Selection) -> Step:
     before = Blocks.of(chosen.plain, chosen.noise).rmse_degC()
     sentence = f"The simulation is {before:.2f} degC off."
     gain = Gain(before, before, (0.0, 0.0), 1.0)

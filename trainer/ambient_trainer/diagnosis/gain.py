@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from ambient_trainer.diagnosis.joint import Fitted, blocks
+from ambient_trainer.diagnosis.fit import FitResult, blocks
 from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.result import Gain
 
@@ -27,7 +27,7 @@ class Blocks:
     count: Array
 
     @staticmethod
-    def of(fitted: Fitted, noise: Noise) -> Blocks:
+    def of(fitted: FitResult, noise: Noise) -> Blocks:
         """The held-out errors of ``fitted``; ``square_degC2`` and ``count`` have shape (blocks, s)."""
         white, square, count = [], [], []
         for view, error in zip(fitted.views, fitted.held_out_degC):

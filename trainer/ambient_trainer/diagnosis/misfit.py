@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from scipy.signal import lsim, savgol_filter
 
 from ambient_model.trace import REFERENCE
-from ambient_trainer.diagnosis.misfit_tests import misfit_tests
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import bridged
+from ambient_trainer.diagnosis.residual_tests import residual_tests
 from ambient_trainer.diagnosis.result import Misfit
-from ambient_trainer.diagnosis.setting import knows_watts
+from ambient_trainer.diagnosis.setting import heat_in_watts
 from ambient_trainer.diagnosis.view import View, conductances_to_ambient
 
 Array = NDArray[np.float64]
@@ -33,10 +33,10 @@ def misfit_of(view: View) -> Misfit:
     """What the model behind ``view`` gets wrong, on the record's own times."""
     plant, record = view.plant, view.record
     heat_W = residual_heat_W(view)
-    in_W = knows_watts(plant.circuit)
+    in_W = heat_in_watts(plant.circuit)
     heat = heat_W if in_W else heat_W / plant.capacitance[plant.reads, None]
     has_ambient = REFERENCE in plant.circuit.inputs
-    tests = misfit_tests(
+    tests = residual_tests(
         record.time_s,
         view.residual_degC,
         heat,

@@ -50,7 +50,7 @@ class Noise:
 
 
 def _autoregression(rows: Sequence[Array]) -> tuple[Array, float, float]:
-    """Memory, innovation's and whole deviation of one sensor's residuals in several records."""
+    """Autoregression, innovation's and whole deviation of one sensor's residuals in several records."""
     windows = np.concatenate([sliding_window_view(row, ORDER + 1) for row in rows if len(row) > ORDER])
     windows = windows[~np.isnan(windows).any(axis=1)]
     if len(windows) < 4 * ORDER:

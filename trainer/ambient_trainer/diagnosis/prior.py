@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from ambient_trainer.diagnosis.extended import Model
-from ambient_trainer.diagnosis.parameters import moved_by, moved_to
+from ambient_trainer.diagnosis.circuit_parameters import moved_by, moved_to
+from ambient_trainer.diagnosis.model import Model
 from ambient_trainer.diagnosis.plant import Plant
 
 Array = NDArray[np.float64]
@@ -51,8 +51,8 @@ class Prior:
         return Prior(Model(about, model.effects), searched, information)
 
     @staticmethod
-    def taught(model: Model, searched: tuple[str, ...], information: Array) -> Prior:
-        """What known-good records taught."""
+    def trained(model: Model, searched: tuple[str, ...], information: Array) -> Prior:
+        """What known-good records trained."""
         return Prior(model, searched, information, float(chi2.ppf(_COVERED, max(1, len(information)))))
 
     def normal(self, model: Model, factor: float) -> tuple[Array, Array]:

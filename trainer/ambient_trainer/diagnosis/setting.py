@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.diagnosis.candidate import Setting
 from ambient_trainer.diagnosis.causes import convection_law
-from ambient_trainer.diagnosis.extended import Model
+from ambient_trainer.diagnosis.model import Model
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.terms import HeatTerm, Law
 from ambient_trainer.diagnosis.view import View, conductances_to_ambient
@@ -29,7 +29,7 @@ def setting_of(model: Model, views: Sequence[View], circuit_is_free: bool = Fals
     names = [name for name in views[0].signals if all(name in view.signals for view in views)]
     varying = tuple(name for name in names if any(_varies(view.signals[name]) for view in views))
     still = tuple(_longest_still(views, sensor) for sensor in range(len(plant.reads)))
-    return Setting(plant, varying, knows_watts(plant.circuit), loss_of(model, views[0]), still, circuit_is_free)
+    return Setting(plant, varying, heat_in_watts(plant.circuit), loss_of(model, views[0]), still, circuit_is_free)
 
 
 def _varies(signal: Array) -> bool:
@@ -59,7 +59,7 @@ def loss_of(model: Model, view: View) -> Callable[[Plant], Law]:
     return of
 
 
-def knows_watts(circuit: Circuit) -> bool:
+def heat_in_watts(circuit: Circuit) -> bool:
     """Whether something fixed sets the scale of heat: temperatures alone only tell heat over capacitance."""
     fixed = {each.name for each in circuit.parameters if not each.free}
     # a share that was given in watts for a load does as well; the default of one does for a power only

@@ -11,10 +11,10 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ambient_trainer.diagnosis.misfit_tests.grid import Grid
-from ambient_trainer.diagnosis.misfit_tests.memory import memory_of
-from ambient_trainer.diagnosis.misfit_tests.whiteness import residual_memory
 from ambient_trainer.diagnosis.phrases import effect
+from ambient_trainer.diagnosis.residual_tests.autoregression import autoregression_of
+from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Gain, Magnitude, Step, Tested
 from ambient_trainer.diagnosis.words import chance, duration, figures, growth, window
 from ambient_trainer.report.table import Table, for_terminal
@@ -121,7 +121,9 @@ def residuals_table(diagnosis: Diagnosis) -> Table:
     for number, (sensor, before) in enumerate(_residuals(diagnosis)):
         cells = [_degrees(_rmse(each)) for each in (before, *(left[number] for left in last))]
         rows.append((sensor, *cells, _degrees(_std(before)), _remembered(_memory_s(diagnosis.time_s, before))))
-    caption = "In degC, over the whole trace. Memory: how long until the residual's correlation with itself is 1/e."
+    caption = (
+        "In degC, over the whole trace. Autocorrelation time: until the residual's correlation with itself is 1/e."
+    )
     columns = ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "memory")
     return Table(caption, columns, tuple(rows))
 
@@ -291,8 +293,8 @@ def _degrees(value: float) -> str:
     return f"{value:.3f}" if math.isfinite(value) else "-"
 
 
-def _remembered(memory_s: float) -> str:
-    return duration(memory_s) if math.isfinite(memory_s) else "-"
+def _remembered(lag_s: float) -> str:
+    return duration(lag_s) if math.isfinite(lag_s) else "-"
 
 
 def _residuals(diagnosis: Diagnosis) -> list[tuple[str, Array]]:
@@ -312,4 +314,4 @@ def _std(values: Array) -> float:
 def _memory_s(time_s: Array, values: Array) -> float:
     grid = Grid.over(time_s)
     series = grid.means(values)
-    return residual_memory(series, "", grid.step_s).statistic if memory_of(series) else math.nan
+    return autocorrelation_time(series, "", grid.step_s).statistic if autoregression_of(series) else math.nan

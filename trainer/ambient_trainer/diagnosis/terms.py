@@ -25,24 +25,24 @@ Law = Callable[[Array, Array], Array]
 class HeatTerm:
     """Heat into nodes: coefficient times ``weight`` (N,) times ``law``.
 
-    With ``memory_s`` it is the law's value less its own first-order lag: what flows into a hidden mass, which has long
+    With ``lag_s`` it is the law's value less its own first-order lag: what flows into a hidden mass, which has long
     been there at a record's start, but comes at the ambient's temperature where it is attached later.
     """
 
     weight: Array
     law: Law
-    memory_s: float | None = None
+    lag_s: float | None = None
 
     def value(self, nodes_degC: Array, ambient_degC: Array, period_s: float, onset: int | None = None) -> Array:
         """The law over a whole run, less its lag where there is one, (n, N), from the index ``onset`` on."""
         value = self.law(nodes_degC, ambient_degC)
-        if self.memory_s is None:
+        if self.lag_s is None:
             return value
         if onset is None:
-            return value - lag(value, self.memory_s, period_s)
+            return value - lag(value, self.lag_s, period_s)
         result = np.zeros_like(value)
         apart = self.apart(nodes_degC.shape[0], ambient_degC)[:, onset, None]
-        result[:, onset:] = value[:, onset:] - lag(value[:, onset:], self.memory_s, period_s, apart)
+        result[:, onset:] = value[:, onset:] - lag(value[:, onset:], self.lag_s, period_s, apart)
         return result
 
     def apart(self, count: int, ambient_degC: Array) -> Array:
@@ -111,7 +111,7 @@ def beginning(view: View, term: Term, onsets_s: Sequence[float | None]) -> Array
 
 def ending(view: View, term: Term, ends_s: Sequence[float | None]) -> Array:
     """What ``term`` no longer adds if it ends at each of ``ends_s``: as :func:`beginning`, but nothing begins anew."""
-    if isinstance(term, HeatTerm) and term.memory_s is not None:
+    if isinstance(term, HeatTerm) and term.lag_s is not None:
         return _between(view, ends_s, lambda whole: _heated(view, term, whole))
     return beginning(view, term, ends_s)
 
@@ -136,7 +136,7 @@ def responses(view: View, term: Term, onsets: Sequence[int]) -> Array:
     """What ``term`` adds to each sensor if it begins at each of ``onsets`` (indices), shape (onsets, s, N)."""
     if isinstance(term, HeatTerm):
         settled = _heated(view, term, onsets)
-        return settled if term.memory_s is None else settled + _warming_up(view, term, term.memory_s, onsets)
+        return settled if term.lag_s is None else settled + _warming_up(view, term, term.lag_s, onsets)
     count = view.record.samples
     result = np.zeros((len(onsets), len(view.plant.reads), count))
     steady = term.law(view.truth_degC[term.sensor]) if isinstance(term, SensorTerm) else None
@@ -166,13 +166,13 @@ def _heated(view: View, term: HeatTerm, onsets: Sequence[int]) -> Array:
     return result
 
 
-def _warming_up(view: View, term: HeatTerm, memory_s: float, onsets: Sequence[int]) -> Array:
+def _warming_up(view: View, term: HeatTerm, lag_s: float, onsets: Sequence[int]) -> Array:
     """What a mass takes up besides because it comes at the ambient's temperature, not at that it would have had."""
     plant, count, air = view.plant, view.record.samples, view.ambient_degC
     result = np.zeros((len(onsets), len(plant.reads), count))
     value = term.law(view.nodes_degC, air)
-    missing = lag(value, memory_s, plant.period_s) - term.apart(len(value), air)
-    decay = np.exp(-plant.period_s * np.arange(count) / memory_s)
+    missing = lag(value, lag_s, plant.period_s) - term.apart(len(value), air)
+    decay = np.exp(-plant.period_s * np.arange(count) / lag_s)
     powers = plant.modal_decay(count)
     unit = plant.modal(np.broadcast_to(decay, powers.shape)) + plant.modal_weights()[2][:, None] * powers
     seen = plant.V[plant.reads]

@@ -21,7 +21,7 @@ _PULL = 1.0
 
 @dataclass(frozen=True)
 class View:
-    """``nodes_degC`` (n, N) is measured where a sensor can be believed, else simulated.
+    """``nodes_degC`` (n, N) is measured where a sensor can be trusted_sensors, else simulated.
 
     ``truth_degC`` (s, N) is what each sensor should read, ``error_degC`` (s, N) what the model's sensor faults add;
     ``starts`` (n, s, N) is what each initial state leaves in the sensors: where a run began is never known.
@@ -109,12 +109,12 @@ def expected_start(plant: Plant, record: Record) -> Array:
     return result
 
 
-def with_measured(plant: Plant, record: Record, nodes_degC: Array, believed: frozenset[int]) -> Array:
-    """``nodes_degC`` with what the believed sensors read, and the nodes without one as those make them."""
+def with_measured(plant: Plant, record: Record, nodes_degC: Array, trusted_sensors: frozenset[int]) -> Array:
+    """``nodes_degC`` with what the trusted_sensors sensors read, and the nodes without one as those make them."""
     result = nodes_degC.copy()
     known = np.zeros(len(nodes_degC), dtype=bool)
     for sensor, node in enumerate(plant.reads):
-        if sensor in believed:
+        if sensor in trusted_sensors:
             read = record.sensors[sensor]
             result[node] = np.where(np.isnan(read), result[node], read)
             known[node] = True

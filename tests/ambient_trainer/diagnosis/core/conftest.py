@@ -15,8 +15,8 @@ from ambient_trainer.circuits.circuit import Circuit, Parameter
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.candidate import Candidate
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import Effect, Model, view
 from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.model import Effect, Model, view
 from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record

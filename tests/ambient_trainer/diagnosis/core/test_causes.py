@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Setting, Span
 from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.causes.heat_source import per
-from ambient_trainer.diagnosis.extended import view
+from ambient_trainer.diagnosis.model import view
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.view import View
 
@@ -37,8 +37,8 @@ def _named(setting: Setting, cause: str, *, coefficients: int = 1) -> Candidate:
     return next(found)
 
 
-def _found(seen: View, values: list[float], deviations: list[float], of_shape: float = 0.0) -> Found:
-    return Found(seen, np.array(values), np.diag(np.square([*deviations, of_shape])))
+def _found(seen: View, values: list[float], deviations: list[float], of_shape: float = 0.0) -> Estimate:
+    return Estimate(seen, np.array(values), np.diag(np.square([*deviations, of_shape])))
 
 
 TABLE = [
@@ -112,7 +112,7 @@ def test_a_mass_is_conductance_times_time_constant(setting, seen) -> None:
     told = mass.magnitude(_found(seen, [0.1], [0.0], 0.2))
     assert told.ci95 == pytest.approx((30 - 1.96 * 6, 30 + 1.96 * 6))
     both = np.array([[0.01**2, -0.01 * 0.1], [-0.01 * 0.1, 0.1**2]])
-    assert mass.magnitude(Found(seen, np.array([0.1]), both)).ci95 == pytest.approx((30.0, 30.0), abs=1e-5)
+    assert mass.magnitude(Estimate(seen, np.array([0.1]), both)).ci95 == pytest.approx((30.0, 30.0), abs=1e-5)
     assert mass.parameters(_found(seen, [0.1], [0.01])) == {
         "time_constant": (300.0, "s"), "conductance": (pytest.approx(0.1), "W/K"),
     }  # fmt: skip

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from ambient_trainer.diagnosis.extended import view
+from ambient_trainer.diagnosis.fit import FitResult, blocks
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
-from ambient_trainer.diagnosis.joint import Fitted, blocks
+from ambient_trainer.diagnosis.model import view
 
 N = 1000
 
 
-def _fitted(chain, errors: np.ndarray) -> Fitted:
+def _fitted(chain, errors: np.ndarray) -> FitResult:
     """As if these were the held-out errors of a record."""
     inputs = chain.inputs(errors.shape[1])
     seen = view(chain.model(), chain.record(inputs, np.full(errors.shape, 20.0)))
-    return Fitted(chain.model(), (seen,), (errors,), 0.0)
+    return FitResult(chain.model(), (seen,), (errors,), 0.0)
 
 
 def _made(white: np.ndarray, square: np.ndarray, count: float = 20.0) -> Blocks:

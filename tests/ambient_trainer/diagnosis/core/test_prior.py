@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from ambient_trainer.diagnosis.extended import Effect, Model
-from ambient_trainer.diagnosis.parameters import changed
+from ambient_trainer.diagnosis.circuit_parameters import changed
+from ambient_trainer.diagnosis.model import Effect, Model
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.prior import Prior
 
@@ -61,11 +61,11 @@ def test_what_the_file_says_nothing_of_is_free(shared, always) -> None:
 def _taught(shared, always) -> Prior:
     random = np.random.default_rng(5)
     root = random.standard_normal((5, 5))
-    return Prior.taught(_model(shared, (always,)), NAMES, root @ root.T * 40.0)
+    return Prior.trained(_model(shared, (always,)), NAMES, root @ root.T * 40.0)
 
 
 @pytest.mark.parametrize("share", [0.6, 1.3, 0.04])
-@pytest.mark.parametrize("kind", ["by design", "taught"])
+@pytest.mark.parametrize("kind", ["by design", "trained"])
 def test_the_normal_equations_are_the_squares_own(shared, always, kind: str, share: float) -> None:
     """Of any step from any model: square(there) = square(here) - 2 step side + step matrix step."""
     here = _model(shared, (replace(always, values=np.array([0.21, 1.97])),), C_shell=42.0, share=share)
@@ -109,7 +109,7 @@ FIRST = 2
 @pytest.mark.parametrize("strength", [1.0, 1e3, 1e6])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_step_stays_in_the_ball(shared, always, seed: int, strength: float) -> None:
-    """Rows that pull more strongly than what was taught holds: it is held harder, by no more than is needed."""
+    """Rows that pull more strongly than what was trained holds: it is held harder, by no more than is needed."""
     prior = _taught(shared, always)
     here = _moved(prior.about, 0.02 * np.random.default_rng(seed).standard_normal(5))
     random = np.random.default_rng(seed + 10)

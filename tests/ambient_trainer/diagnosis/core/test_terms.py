@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import Effect, heat_parts, view
-from ambient_trainer.diagnosis.feedback import closed_loop
+from ambient_trainer.diagnosis.closed_loop import closed_loop
+from ambient_trainer.diagnosis.model import Effect, heat_parts, view
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.terms import DriftTerm, HeatTerm, SensorTerm, beginning, ending, into, lag, responses
 
@@ -122,7 +122,7 @@ def test_lag_is_exact_where_the_signal_runs_straight(time_constant_s: float) -> 
 
 def test_a_memory_is_what_flows_into_a_hidden_body(chain, seen) -> None:
     """(T - body) / R, the body following with R C, integrated beside the measured shell."""
-    term = HeatTerm(seen.ones, into(2, 3, lambda nodes, air: -nodes[2]), memory_s=300.0)
+    term = HeatTerm(seen.ones, into(2, 3, lambda nodes, air: -nodes[2]), lag_s=300.0)
     shell = seen.nodes_degC[2]
     solved = solve_ivp(
         lambda t, body: (np.interp(t, TIME_S, shell) - body) / 300.0,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.schema import parse_circuit
-from ambient_trainer.diagnosis.extended import Model, view
 from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.view import conductances_to_ambient, joined, with_measured

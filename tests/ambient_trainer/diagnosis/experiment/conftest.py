@@ -9,18 +9,18 @@ import pytest
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Parameter, Source
 from ambient_trainer.diagnosis.candidate import Candidate
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.choose import Choice, Chosen, Trial
 from ambient_trainer.diagnosis.experiment.choice import LONGEST_S
-from ambient_trainer.diagnosis.experiment.difference import Circumstances, Difference, Suspicion, largest_difference
-from ambient_trainer.diagnosis.experiment.plan import Happening, bench_of, plans
-from ambient_trainer.diagnosis.extended import Effect, Model, view
+from ambient_trainer.diagnosis.experiment.difference import Difference, Hypothesis, Limits, largest_difference
+from ambient_trainer.diagnosis.experiment.plan import Intervention, bench_of, plans
+from ambient_trainer.diagnosis.fit import FitResult
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.gain import Blocks
-from ambient_trainer.diagnosis.joint import Fitted
+from ambient_trainer.diagnosis.model import Effect, Model, view
 from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import Cause, Gain
+from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial
 from ambient_trainer.diagnosis.setting import setting_of
 
 PERIOD_S, SAMPLES = 10.0, 720
@@ -122,25 +122,25 @@ def blocks(square: float, uneven: float = 0.0) -> Blocks:
     return Blocks(np.array([square + uneven, square - uneven]), np.ones((2, 1)), np.ones((2, 1)))
 
 
-Chooses = Callable[..., Chosen]
+Chooses = Callable[..., Selection]
 
 
 @pytest.fixture
 def chosen() -> Chooses:
     """What a search would have found: of the effects the first, with the others as its rivals."""
 
-    def make(of: Plant, deviation_degC: float, *effects: Effect, taken: bool = True, rivals: bool = True) -> Chosen:
+    def make(of: Plant, deviation_degC: float, *effects: Effect, taken: bool = True, rivals: bool = True) -> Selection:
         own = record(of)
-        plain = Fitted(Model(of), (view(Model(of), own),), (), 1.0)
+        plain = FitResult(Model(of), (view(Model(of), own),), (), 1.0)
         trials = tuple(
             Trial(each, replace(plain, model=Model(of, (each,))), blocks(10.0 * (1 + index**2), index), GAIN, 1.0, 1.0)
             for index, each in enumerate(effects)
         )
-        choice = Choice(
+        choice = SelectionStep(
             trials[0] if taken and trials else None, trials[1:] if rivals else (), trials, 100, blocks(1000.0)
         )
         final = trials[0].fitted if taken and trials else plain
-        return Chosen((choice,), plain, final, noise(of, deviation_degC), ())
+        return Selection((choice,), plain, final, noise(of, deviation_degC), ())
 
     return make
 
@@ -154,8 +154,8 @@ def differing(chosen: Chooses) -> Callable[..., Difference]:
     ) -> Difference:
         found = chosen(of, deviation_degC, one)
         bench = bench_of(found.plain.views, [])
-        facts = Circumstances(0.0, PERIOD_S * SAMPLES, LONGEST_S, (-40.0, hottest_degC), found.noise)
-        first, second = (Suspicion(Model(of, () if each is None else (each,)), each) for each in (one, other))
-        return largest_difference(first, [second], plans(bench, Happening.LEFT), bench, facts)
+        facts = Limits(0.0, PERIOD_S * SAMPLES, LONGEST_S, (-40.0, hottest_degC), found.noise)
+        first, second = (Hypothesis(Model(of, () if each is None else (each,)), each) for each in (one, other))
+        return largest_difference(first, [second], plans(bench, Intervention.LEFT), bench, facts)
 
     return make

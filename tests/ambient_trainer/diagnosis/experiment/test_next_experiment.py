@@ -11,15 +11,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from ambient_trainer.diagnosis.candidate import Candidate
-from ambient_trainer.diagnosis.choose import Chosen
 from ambient_trainer.diagnosis.experiment import next_experiment
 from ambient_trainer.diagnosis.experiment.choice import LONGEST_S
 from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import Switch
-from ambient_trainer.diagnosis.extended import Effect
+from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.phrases import claim
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Step
+from ambient_trainer.diagnosis.selection import Selection
 
 NODES = ("chip", "board", "case")
 
@@ -28,7 +28,7 @@ def step(name: str) -> Step:
     return Step(Cause(name), None, None, None, 0.9, Gain(1, 0.5, (0.4, 0.6), 0.0), (), "", {}, np.zeros((1, 1)))
 
 
-Chooses = Callable[..., Chosen]
+Chooses = Callable[..., Selection]
 Makes = Callable[..., Effect]
 STEP = (step("heat_source"),)
 

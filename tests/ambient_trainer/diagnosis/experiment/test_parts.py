@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ambient_trainer.diagnosis.choose import Chosen
 from ambient_trainer.diagnosis.experiment.difference import Difference
-from ambient_trainer.diagnosis.experiment.plan import Bench, Drive, Happening, Plan, Switch, bench_of, plans
+from ambient_trainer.diagnosis.experiment.plan import Bench, Drive, Intervention, Plan, Switch, bench_of, plans
 from ambient_trainer.diagnosis.experiment.sentence import Wording
 from ambient_trainer.diagnosis.experiment.simulate import Course, predicted
-from ambient_trainer.diagnosis.extended import Effect, Model
+from ambient_trainer.diagnosis.model import Effect, Model
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import Cause
+from ambient_trainer.diagnosis.selection import Selection
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ from ambient_trainer.diagnosis.result import Cause
     ],
 )
 def test_a_drive_rests_where_it_does_least(
-    single: Plant, chosen: Callable[..., Chosen], low: float, high: float, drive: Drive
+    single: Plant, chosen: Callable[..., Selection], low: float, high: float, drive: Drive
 ) -> None:
     seen = chosen(single, 0.1).plain.views[0]
     row = np.where(np.arange(seen.record.samples) % 2, low, high)
@@ -45,15 +45,15 @@ def test_a_drive_rests_where_it_does_least(
 BENCH = Bench({"ambient_degC": 20.0}, (Drive("power_W", 0.0, (2.0,)), Drive("radio_on", 0.0, (1.0,))), ("power_W", 2.0))
 
 
-@pytest.mark.parametrize("happening", list(Happening))
-def test_plans_are_all_different_and_the_simplest_comes_first(happening: Happening) -> None:
-    found = plans(BENCH, happening)
+@pytest.mark.parametrize("intervention", list(Intervention))
+def test_plans_are_all_different_and_the_simplest_comes_first(intervention: Intervention) -> None:
+    found = plans(BENCH, intervention)
 
     assert found[0] == Plan(())
     assert len(set(found)) == len(found)
     assert [each.acts for each in found] == sorted(each.acts for each in found)
-    assert any(each.again_s is not None for each in found) == (happening is not Happening.LEFT)
-    assert any(each.undone for each in found) == (happening is Happening.UNDONE)
+    assert any(each.again_s is not None for each in found) == (intervention is not Intervention.LEFT)
+    assert any(each.undone for each in found) == (intervention is Intervention.UNDONE)
 
 
 def test_a_plan_switches_in_time() -> None:
@@ -107,8 +107,8 @@ def test_what_comes_after_the_reading_is_not_asked_for() -> None:
     words = Wording(("one", "other"), BENCH, ("board",), None)
     found = Difference(plan, 0, False, 1150.0, 1200.0, (30.0, 28.0), 1.5)
 
-    short = words.told_apart(found)
-    long = words.told_apart(replace(found, reading_s=4800.0))
+    short = words.distinguished(found)
+    long = words.distinguished(replace(found, reading_s=4800.0))
 
     start = (
         "Hold `ambient_degC` at 20 degC, `power_W` at 0 W and `radio_on` at 0 until all readings stand still,"
@@ -117,4 +117,4 @@ def test_what_comes_after_the_reading_is_not_asked_for() -> None:
     end = "`board` reads 30.00 degC if one, and 28.00 degC if other (3 sigma is 1.5 degC)."
     assert short == f"{start}: after 20 min {end}"
     assert long == f"{start} and 20 min later take `power_W` back to 0 W: after 1 h 20 min {end}"
-    assert f": 20 min before the reference shows it {end}" in words.told_apart(replace(found, reading_s=-1200.0))
+    assert f": 20 min before the reference shows it {end}" in words.distinguished(replace(found, reading_s=-1200.0))

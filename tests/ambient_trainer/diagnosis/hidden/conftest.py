@@ -18,11 +18,11 @@ from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.choose import lacking
-from ambient_trainer.diagnosis.diagnose import diagnose_taught
+from ambient_trainer.diagnosis.diagnose import diagnose_trained
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.result import Diagnosis
-from ambient_trainer.diagnosis.teach import taught_by_baselines
+from ambient_trainer.diagnosis.selection import known_good_model
+from ambient_trainer.diagnosis.training import train_on_baselines
 from ambient_trainer.simulator.effects.draw import draw_hidden
 from ambient_trainer.simulator.effects.runs import Simulated
 from ambient_trainer.simulator.effects.signals import SIGNALS
@@ -38,12 +38,12 @@ BOX_SAMPLES, BOX_PERIOD_S = 1080, 10.0
 
 @pytest.fixture(scope="session")
 def bench() -> Bench:
-    """The phone's circuit, taught by three known-good runs."""
+    """The phone's circuit, trained by three known-good runs."""
     circuit = load_circuit("phone")
     known_good = baselines(TAUGHT_BY)
     with threadpool_limits(1):
-        taught = taught_by_baselines(forward(circuit), known_good, PERIOD_S, lacking, None)
-    return Bench(circuit, taught, PERIOD_S, tuple(trace.path for trace in known_good))
+        trained = train_on_baselines(forward(circuit), known_good, PERIOD_S, known_good_model, None)
+    return Bench(circuit, trained, PERIOD_S, tuple(trace.path for trace in known_good))
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def told_of(bench: Bench) -> Callable[..., Told]:
         case = Case(seed, int(random.integers(2**31)), hidden, tuple(decoys))
         run = simulated([case])[0]
         with threadpool_limits(1):
-            said = diagnose_taught(bench.taught, bench.circuit, [run.trace], bench.baselines, bench.period_s)
+            said = diagnose_trained(bench.trained, bench.circuit, [run.trace], bench.baselines, bench.period_s)
         return Told(run, said, score(run.truths, size_in_noise(bench, run), said, bench.circuit, 0.0))
 
     return tell

@@ -20,11 +20,11 @@ QUICK = ("heat_source", "convection_law", NONE)
 """What the quick run looks for, with the first seed: each case takes about 20 seconds."""
 
 
-def cases(*lacking: str) -> list[object]:
+def cases(*known_good_model: str) -> list[object]:
     """Each with all seeds, marked slow but for the quick ones."""
     return [
         pytest.param(lacks, seed, marks=[] if seed == 1 and lacks in QUICK else pytest.mark.slow)
-        for lacks in lacking
+        for lacks in known_good_model
         for seed in SEEDS
     ]
 

@@ -1,4 +1,4 @@
-"""Data that say nothing are refused or answered with ``unknown``: never with a cause."""
+"""Data that say nothing are refused or with_feedback with ``unknown``: never with a cause."""
 
 from dataclasses import replace
 

@@ -1,6 +1,6 @@
 """An effect is hidden in the simulated phone, and its cause, place, signal, size and onset are found.
 
-The circuit was taught by known-good runs of other seeds. An onset is due within two minutes of when it could be seen:
+The circuit was trained by known-good runs of other seeds. An onset is due within two minutes of when it could be seen:
 not before the effect shows above the noise, and no later than when its absence would have shown.
 """
 
@@ -61,8 +61,8 @@ def test_an_effect_is_named_with_its_place_size_and_onset(bench, told_of, cause,
 def within_sight(told, bench):
     """Whether the onset found is as near to the true one as the noise allows to see."""
     truth, found_s = told.run.truths[0], told.said.verdict.onset_s
-    sensor = bench.taught.model.plant.sensors.index(truth.worst.removesuffix("_degC"))
-    noise_degC = bench.taught.noise.deviation_degC[sensor]
+    sensor = bench.trained.model.plant.sensors.index(truth.worst.removesuffix("_degC"))
+    noise_degC = bench.trained.noise.deviation_degC[sensor]
     time_s, clean = told.run.trace.time_s, told.run.clean.columns[truth.worst]
     if found_s is None:
         found_s = time_s[0]

@@ -21,7 +21,7 @@ from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
 
 
-class Fitted(NamedTuple):
+class FitResult(NamedTuple):
     rmse_degC: float
     by_sensor: dict[str, float]
     errors_degC: np.ndarray
@@ -41,7 +41,7 @@ def fitted(circuit, traces, period_s, starts=1):
         best = search(structure, starts, 0).best
         errors = np.concatenate(residuals(structure, best), axis=1)
     by_sensor = {output.name: rms(row) for output, row in zip(circuit.outputs, errors)}
-    return Fitted(rms(errors), by_sensor, errors[0], structure.values(best.theta, best.beta))
+    return FitResult(rms(errors), by_sensor, errors[0], structure.values(best.theta, best.beta))
 
 
 def rms(errors):

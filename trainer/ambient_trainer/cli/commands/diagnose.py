@@ -52,7 +52,7 @@ def command(
 ) -> None:
     """Show where TRACE and the simulated circuit part, name the cause, and measure what adding it gains.
 
-    The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is taught by
+    The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is trained by
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.
     """
     from joblib import parallel_config

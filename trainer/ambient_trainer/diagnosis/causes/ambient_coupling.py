@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.addition import with_ambient_conductance
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.causes.heat_source import per
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
@@ -45,7 +45,7 @@ def _changed(setting: Setting, node: int | None, signal: str | None) -> Candidat
 
         return (HeatTerm(_weight(view, signal), law),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         scale = 1.0 if signal is None else _per_unit(setting, found.view, signal, node)
         change, (low, high) = scale * float(found.values[0]), found.interval(0, scale)
         where = "all nodes" if node is None else setting.plant.nodes[node]
@@ -54,7 +54,7 @@ def _changed(setting: Setting, node: int | None, signal: str | None) -> Candidat
         meaning = f"relative change of the resistance from {where} to the ambient"
         return Magnitude(_resistance(change), unit, meaning, (ends[0], ends[1]))
 
-    def parameters(found: Found) -> Parameters:
+    def parameters(found: Estimate) -> Parameters:
         return {"conductance_change": (float(found.values[0]), "1")}
 
     location = None if node is None else setting.plant.nodes[node]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Setting, Span
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View, conductances_to_ambient
@@ -38,7 +38,7 @@ def _shifted(setting: Setting, offset_s: float) -> Candidate:
         time_s, air = view.record.time_s, view.ambient_degC
         return (HeatTerm(np.interp(time_s + offset_s, time_s, air) - air, law),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         half = 1.96 * abs(offset_s) * found.deviation(1)
         return Magnitude(
             offset_s, "s", "how much later the reference is logged than it was", (offset_s - half, offset_s + half)

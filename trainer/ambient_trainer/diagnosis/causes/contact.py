@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
@@ -34,7 +34,7 @@ def _held(setting: Setting, node: int, name: str) -> Candidate:
             HeatTerm(view.ones, setting.into(node, lambda nodes, air: np.ones_like(air))),
         )
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         conductance, heat = found.values
         # the ratio's interval by the delta method
         slope = np.array([-heat / conductance**2, 1.0 / conductance])
@@ -42,7 +42,7 @@ def _held(setting: Setting, node: int, name: str) -> Candidate:
         body = _body_degC(found)
         return Magnitude(body, "degC", f"temperature of the body at {name}", (body - half, body + half))
 
-    def parameters(found: Found) -> Parameters:
+    def parameters(found: Estimate) -> Parameters:
         return {
             "body_temp": (_body_degC(found), "degC"),
             "conductance": (scale * float(found.values[0]), setting.conductance_unit),
@@ -53,7 +53,7 @@ def _held(setting: Setting, node: int, name: str) -> Candidate:
     )
 
 
-def _body_degC(found: Found) -> float:
+def _body_degC(found: Estimate) -> float:
     return _ABOUT_DEGC + float(found.values[1] / found.values[0])
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.causes.ambient_coupling import places
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import Cause, Magnitude
@@ -50,7 +50,7 @@ def _curved(setting: Setting, node: int | None) -> Candidate:
         own = _own(view.plant, node)
         return HeatTerm(view.ones, _bent(own)), HeatTerm(view.ones, _straight(own))
 
-    def exponent(found: Found, curve: float) -> float:
+    def exponent(found: Estimate, curve: float) -> float:
         """By how much the exponent of the loss grows with a curvature of ``curve``, the rest moving along with it."""
         plant = found.view.plant
         own, before = _own(plant, node), setting.loss(plant)
@@ -64,13 +64,13 @@ def _curved(setting: Setting, node: int | None) -> Candidate:
 
         return _exponent(after, before, found.view, own) - _exponent(before, before, found.view, own)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         ends = sorted(exponent(found, each) for each in found.interval(0))
         where = "all nodes" if node is None else setting.plant.nodes[node]
         meaning = f"change of n, where the loss of {where} goes with the difference to the power 1 + n:"
         return Magnitude(exponent(found, float(found.values[0])), "1", meaning, (ends[0], ends[1]))
 
-    def parameters(found: Found) -> Parameters:
+    def parameters(found: Estimate) -> Parameters:
         return {
             "curvature": (float(found.values[0]), "1/K"),
             "conductance_change": (float(found.values[1]), "1"),

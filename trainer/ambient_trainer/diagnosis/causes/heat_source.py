@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.addition import with_source
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
@@ -38,7 +38,7 @@ def _unlogged(setting: Setting, node: int, name: str) -> Candidate:
     def terms(view: View) -> tuple[HeatTerm, ...]:
         return (HeatTerm(view.ones, setting.into(node, _one)),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         return Magnitude(
             scale * float(found.values[0]), unit, f"heat into {name} while it lasts", found.interval(0, scale)
         )
@@ -52,7 +52,7 @@ def _driven(setting: Setting, node: int, name: str, signal: str) -> Candidate:
     def terms(view: View) -> tuple[HeatTerm, ...]:
         return (HeatTerm(view.signal(signal), setting.into(node, _one)),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         value = scale * float(found.values[0])
         return Magnitude(value, per(unit, signal), f"heat into {name} per {signal}", found.interval(0, scale))
 
@@ -68,7 +68,7 @@ def _squared(setting: Setting, node: int, name: str, signal: str) -> Candidate:
     def terms(view: View) -> tuple[HeatTerm, ...]:
         return (HeatTerm(view.signal(signal) ** 2, setting.into(node, _one)),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         value = scale * float(found.values[0])
         return Magnitude(value, f"{unit}/A^2", f"heat into {name} per {signal} squared", found.interval(0, scale))
 
@@ -87,12 +87,12 @@ def _squared_in_the_cold(setting: Setting, node: int, name: str, signal: str) ->
             HeatTerm(squared, setting.into(node, lambda nodes, air: _COLD_BELOW_DEGC - nodes[node])),
         )
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         value = scale * float(found.values[0])
         meaning = f"heat into {name} per {signal} squared at {_COLD_BELOW_DEGC:g} degC, growing in the cold"
         return Magnitude(value, f"{unit}/A^2", meaning, found.interval(0, scale))
 
-    def parameters(found: Found) -> Parameters:
+    def parameters(found: Estimate) -> Parameters:
         return {"growth_per_K": (float(found.values[1] / found.values[0]), "1/K")}
 
     return Candidate(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Setting, Span
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View, joined
@@ -41,7 +41,7 @@ def _joined(setting: Setting, one: int, other: int) -> Candidate:
     def terms(view: View) -> tuple[HeatTerm, ...]:
         return (HeatTerm(view.ones, law),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         meaning = f"conductance between {names[one]} and {names[other]}"
         value = scale * float(found.values[0])
         return Magnitude(value, setting.conductance_unit, meaning, found.interval(0, scale))

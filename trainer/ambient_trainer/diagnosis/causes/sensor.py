@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import DriftTerm, SensorTerm, lag
 from ambient_trainer.diagnosis.view import View
@@ -38,7 +38,7 @@ def _biased(sensor: int, name: str) -> Candidate:
     def terms(view: View) -> tuple[SensorTerm, ...]:
         return (SensorTerm(sensor, np.ones_like),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         return Magnitude(float(found.values[0]), "degC", f"what {name} reads too much", found.interval(0))
 
     return Candidate(Cause(BIAS, name), Span.WINDOW, terms, magnitude, faulty=frozenset((sensor,)))
@@ -48,11 +48,11 @@ def _scaled(sensor: int, name: str) -> Candidate:
     def terms(view: View) -> tuple[SensorTerm, ...]:
         return SensorTerm(sensor, lambda reading: reading - _ABOUT_DEGC), SensorTerm(sensor, np.ones_like)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         meaning = f"relative error of {name}'s slope"
         return Magnitude(float(found.values[0]), "1", meaning, found.interval(0))
 
-    def parameters(found: Found) -> Parameters:
+    def parameters(found: Estimate) -> Parameters:
         return {
             "gain": (1.0 + float(found.values[0]), "1"),
             "bias_at_25_degC": (float(found.values[1]), "degC"),
@@ -74,7 +74,7 @@ def _stuck(sensor: int, name: str) -> Candidate:
     def terms(view: View) -> tuple[SensorTerm, ...]:
         return SensorTerm(sensor, np.ones_like), SensorTerm(sensor, lambda reading: -reading)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         return Magnitude(float(found.values[0]), "degC", f"what {name} always reads", found.interval(0))
 
     return Candidate(Cause(STUCK, name), Span.WINDOW, terms, magnitude, fixed=(None, 1.0), faulty=frozenset((sensor,)))
@@ -84,7 +84,7 @@ def _drifting(sensor: int, name: str) -> Candidate:
     def terms(view: View) -> tuple[DriftTerm, ...]:
         return (DriftTerm(sensor),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         meaning = f"how {name}'s error grows"
         return Magnitude(3600.0 * float(found.values[0]), "K/h", meaning, found.interval(0, 3600.0))
 
@@ -95,7 +95,7 @@ def _late(setting: Setting, sensor: int, name: str, lag_s: float) -> Candidate:
     def terms(view: View) -> tuple[SensorTerm, ...]:
         return (SensorTerm(sensor, lambda reading: lag(reading, lag_s, view.plant.period_s) - reading),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         spread = found.deviation(1)
         return Magnitude(
             lag_s,

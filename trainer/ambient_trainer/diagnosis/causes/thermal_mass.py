@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.addition import with_body
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Candidate, Found, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
@@ -35,9 +35,9 @@ def _attached(setting: Setting, node: int, time_constant_s: float) -> Candidate:
     scale, unit = setting.heat_unit(node)
 
     def terms(view: View) -> tuple[HeatTerm, ...]:
-        return (HeatTerm(view.ones, setting.into(node, lambda nodes, air: -nodes[node]), memory_s=time_constant_s),)
+        return (HeatTerm(view.ones, setting.into(node, lambda nodes, air: -nodes[node]), lag_s=time_constant_s),)
 
-    def magnitude(found: Found) -> Magnitude:
+    def magnitude(found: Estimate) -> Magnitude:
         conductance = float(found.values[0])
         capacity = scale * time_constant_s * conductance
         # the capacity is the product of both: their logarithms' deviations go together
@@ -50,7 +50,7 @@ def _attached(setting: Setting, node: int, time_constant_s: float) -> Candidate:
             (capacity - half, capacity + half),
         )
 
-    def parameters(found: Found) -> Parameters:
+    def parameters(found: Estimate) -> Parameters:
         conductance = scale * float(found.values[0])
         return {
             "time_constant": (time_constant_s, "s"),

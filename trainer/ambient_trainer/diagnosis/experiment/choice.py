@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambient_trainer.diagnosis.choose import Chosen, Trial
-from ambient_trainer.diagnosis.experiment.difference import Circumstances, Suspicion, largest_difference
-from ambient_trainer.diagnosis.experiment.plan import Happening, bench_of, plans
+from ambient_trainer.diagnosis.experiment.difference import Hypothesis, Limits, largest_difference
+from ambient_trainer.diagnosis.experiment.plan import Intervention, bench_of, plans
 from ambient_trainer.diagnosis.experiment.sentence import Wording
 from ambient_trainer.diagnosis.experiment.survey import survey
-from ambient_trainer.diagnosis.extended import Effect
 from ambient_trainer.diagnosis.gain import differ
+from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.phrases import claim
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause, Step
+from ambient_trainer.diagnosis.selection import Selection, Trial
 
 LONGEST_S = 4 * 3600.0
 _MOST_RIVALS = 3
@@ -24,7 +24,7 @@ _HEADROOM_K = 25.0
 """How far beyond what its records show a device may be taken."""
 
 
-def next_experiment(chosen: Chosen, steps: tuple[Step, ...]) -> str:
+def next_experiment(chosen: Selection, steps: tuple[Step, ...]) -> str:
     """What to switch, for how long, which sensor to read, and what each of several explanations predicts for it.
 
     Of the last step that has rivals the taken cause is to be told from the closest of them; without any, the first
@@ -52,49 +52,49 @@ def _closest(taken: Trial, others: Sequence[Trial]) -> list[Trial]:
     return [each for cause, each in best.items() if cause != taken.cause]
 
 
-def _to_rule_out(chosen: Chosen) -> str:
+def _to_rule_out(chosen: Selection) -> str:
     trials = chosen.choices[0].trials if chosen.choices else ()
     if not trials:
         return "Nothing is missing, and no candidate is left to rule out."
     return f"To show or to rule out what comes closest, {trials[0].cause}: {_apart(chosen, trials[0], [])}"
 
 
-def _apart(chosen: Chosen, one: Trial, others: Sequence[Trial]) -> str:
+def _apart(chosen: Selection, one: Trial, others: Sequence[Trial]) -> str:
     """``one`` from other trials of the same step; without any, from the model without any effect."""
     effects = [each.fitted.model.effects[-1] for each in (one, *others)]
-    happening, repeated = _happening(effects)
+    intervention, repeated = _intervention(effects)
     compared: Sequence[Trial | None] = others or [None]
-    against = [_suspicion(chosen, each, repeated) for each in compared]
+    against = [_hypothesis(chosen, each, repeated) for each in compared]
     signals = [each.candidate.cause.signal for each in effects if each.candidate.cause.signal is not None]
     bench = bench_of(chosen.plain.views, signals)
-    facts = _circumstances(chosen)
-    found = largest_difference(_suspicion(chosen, one, repeated), against, plans(bench, happening), bench, facts)
+    facts = _limits(chosen)
+    found = largest_difference(_hypothesis(chosen, one, repeated), against, plans(bench, intervention), bench, facts)
     claims = (claim(one.cause), *(claim(Cause(NONE) if each is None else each.cause) for each in compared))
     words = Wording(claims, bench, one.fitted.model.plant.sensors, repeated[0] if repeated else None)
-    return words.not_told_apart(found, facts.longest_s) if found.crossing_s is None else words.told_apart(found)
+    return words.not_distinguished(found, facts.longest_s) if found.crossing_s is None else words.distinguished(found)
 
 
-def _suspicion(chosen: Chosen, trial: Trial | None, repeated: Sequence[Effect]) -> Suspicion:
+def _hypothesis(chosen: Selection, trial: Trial | None, repeated: Sequence[Effect]) -> Hypothesis:
     if trial is None:
-        return Suspicion(chosen.plain.model, None)
+        return Hypothesis(chosen.plain.model, None)
     model = trial.fitted.model
-    return Suspicion(model, model.effects[-1], any(each is model.effects[-1] for each in repeated))
+    return Hypothesis(model, model.effects[-1], any(each is model.effects[-1] for each in repeated))
 
 
-def _happening(effects: Sequence[Effect]) -> tuple[Happening, list[Effect]]:
+def _intervention(effects: Sequence[Effect]) -> tuple[Intervention, list[Effect]]:
     """What can be done about what happened, and the effects that it would bring back."""
     # what nothing logged drives somebody did at some moment; a sensor fails by itself
     done = [each for each in effects if not each.sensors and (each.onset_s is not None or each.end_s is not None)]
     if done:
-        return Happening.UNDONE if any(each.end_s is None for each in done) else Happening.REPEATED, done
+        return Intervention.UNDONE if any(each.end_s is None for each in done) else Intervention.REPEATED, done
     over = [each for each in effects if each.end_s is not None]
-    return (Happening.AWAITED, over) if over else (Happening.LEFT, [])
+    return (Intervention.AWAITED, over) if over else (Intervention.LEFT, [])
 
 
-def _circumstances(chosen: Chosen) -> Circumstances:
+def _limits(chosen: Selection) -> Limits:
     records = [view.record for view in chosen.plain.views]
     seen = np.concatenate([record.sensors.reshape(-1) for record in records])
-    return Circumstances(
+    return Limits(
         since_s=min(float(record.time_s[0]) for record in records),
         now_s=max(float(record.time_s[-1]) for record in records),
         longest_s=max(LONGEST_S, _LONGEST_PERIODS * records[0].period_s),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ambient_trainer.diagnosis.causes import clock_offset
 from ambient_trainer.diagnosis.experiment.plan import Bench, Plan
 from ambient_trainer.diagnosis.experiment.simulate import Course, Predicted, predicted
-from ambient_trainer.diagnosis.extended import Effect, Model
+from ambient_trainer.diagnosis.model import Effect, Model
 from ambient_trainer.diagnosis.noise import Noise
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ _ROUND_S = 60.0
 
 
 @dataclass(frozen=True)
-class Suspicion:
+class Hypothesis:
     """A model and the effect in it that is in question; None for the model without any.
 
     ``repeats`` where that effect comes and goes with what an experiment makes happen.
@@ -42,7 +42,7 @@ class Suspicion:
 
 
 @dataclass(frozen=True)
-class Circumstances:
+class Limits:
     """When the records began and ended, how long an experiment may last, the temperatures that it may reach."""
 
     since_s: float
@@ -74,7 +74,7 @@ class Difference:
 
 
 def largest_difference(
-    one: Suspicion, others: Sequence[Suspicion], plans: Sequence[Plan], bench: Bench, facts: Circumstances
+    one: Hypothesis, others: Sequence[Hypothesis], plans: Sequence[Plan], bench: Bench, facts: Limits
 ) -> Difference:
     """Of all plans the one whose reading tells ``one`` from most of ``others`` soonest, or, where none does, best.
 
@@ -91,12 +91,12 @@ def largest_difference(
         for each in every
     ]
     doubtful = sorted({sensor for each in every if each.effect for sensor in each.effect.sensors})
-    looks = _Looks.of(found, doubtful, facts)
+    looks = _Readings.of(found, doubtful, facts)
     preparation_s = np.array([plan.preparation_s(bench) for plan in plans])
     return _best(looks, plans, preparation_s, time_s)
 
 
-def _reach_s(every: Sequence[Suspicion]) -> float:
+def _reach_s(every: Sequence[Hypothesis]) -> float:
     """How far a wrong clock reaches back: what the reference logs later was there before."""
     effects = [effect for each in every for effect in each.model.effects]
     shapes = [each.candidate.shape for each in effects if each.candidate.cause.name == clock_offset.NAME]
@@ -104,7 +104,7 @@ def _reach_s(every: Sequence[Suspicion]) -> float:
 
 
 @dataclass(frozen=True)
-class _Looks:
+class _Readings:
     """What can be looked at, o things: every sensor, then the doubtful ones beside a second thermometer.
 
     ``values`` (1 + K, E, o, N) is what the one and K others predict, ``three_sigma`` (o,) what it must differ by, and
@@ -118,7 +118,7 @@ class _Looks:
     beside: list[bool]
 
     @staticmethod
-    def of(found: Sequence[Predicted], doubtful: list[int], facts: Circumstances) -> _Looks:
+    def of(found: Sequence[Predicted], doubtful: list[int], facts: Limits) -> _Readings:
         readings = np.array([each.readings_degC for each in found])
         errors = np.array([each.errors_degC for each in found])[:, :, doubtful]
         low, high = facts.bounds_degC
@@ -126,7 +126,7 @@ class _Looks:
             inside = ((readings > low) & (readings < high)).all(axis=(0, 2))
         sigma = facts.noise.deviation_degC
         count = len(sigma)
-        return _Looks(
+        return _Readings(
             np.concatenate([readings, errors], axis=2),
             # the second thermometer is no better than the first
             _SIGMAS * np.concatenate([sigma, math.sqrt(2.0) * sigma[doubtful]]),
@@ -135,7 +135,7 @@ class _Looks:
             [False] * count + [True] * len(doubtful),
         )
 
-    def told_apart(self) -> tuple[tuple[int, ...], Array]:
+    def distinguished(self) -> tuple[tuple[int, ...], Array]:
         """The others that one look tells from the one, and the least difference to them in units of three sigma.
 
         That is (E, o, N), zero where the device cannot bear the plan, and below one where no look tells any.
@@ -152,8 +152,8 @@ class _Looks:
         return (most,), ratios[most]
 
 
-def _best(looks: _Looks, plans: Sequence[Plan], preparation_s: Array, time_s: Array) -> Difference:
-    others, ratio = looks.told_apart()
+def _best(looks: _Readings, plans: Sequence[Plan], preparation_s: Array, time_s: Array) -> Difference:
+    others, ratio = looks.distinguished()
     over = ratio >= 1.0
     if not over.any():
         most = ratio >= _ABOUT_ALL * ratio.max()
@@ -197,7 +197,7 @@ def _rounded(over: NDArray[np.bool_], time_s: Array, first: int) -> int:
 
 
 def _difference(
-    looks: _Looks,
+    looks: _Readings,
     plans: Sequence[Plan],
     time_s: Array,
     place: tuple[int, int, int],

@@ -129,7 +129,7 @@ def _drive(column: str, row: Array) -> Drive:
     return Drive(column, rest, tuple(level for level in (high, low) if level != rest))
 
 
-class Happening(Enum):
+class Intervention(Enum):
     """What is to be done about what is suspected to have happened."""
 
     LEFT = 0
@@ -143,20 +143,20 @@ class Happening(Enum):
 
 
 _AGAIN_S = {
-    Happening.LEFT: (),
-    Happening.REPEATED: (0.0,),
-    Happening.UNDONE: (NEVER, 0.0),
-    Happening.AWAITED: (ALWAYS,),
+    Intervention.LEFT: (),
+    Intervention.REPEATED: (0.0,),
+    Intervention.UNDONE: (NEVER, 0.0),
+    Intervention.AWAITED: (ALWAYS,),
 }
 
 
-def plans(bench: Bench, happening: Happening) -> list[Plan]:
+def plans(bench: Bench, intervention: Intervention) -> list[Plan]:
     """All that can be done, the simplest first."""
     sets = [tuple(switches) for switches in _switches(bench)]
     result = [Plan(switches) for switches in sets]
-    undone = happening is Happening.UNDONE
-    result += [Plan(switches, moment, undone) for moment in _AGAIN_S[happening] for switches in sets]
-    if 0.0 in _AGAIN_S[happening] and bench.heater is not None:
+    undone = intervention is Intervention.UNDONE
+    result += [Plan(switches, moment, undone) for moment in _AGAIN_S[intervention] for switches in sets]
+    if 0.0 in _AGAIN_S[intervention] and bench.heater is not None:
         result.append(Plan((Switch(bench.heater[0], 0.0, bench.heater[1]),), _WARM_S, undone))
     return sorted(result, key=lambda each: each.acts)
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import ALWAYS, NEVER, Bench, Plan, Switch
-from ambient_trainer.diagnosis.extended import Effect
+from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.words import figures, unit_of, window
 
 
@@ -25,7 +25,7 @@ class Wording:
     sensors: Sequence[str]
     repeated: Effect | None
 
-    def told_apart(self, found: Difference) -> str:
+    def distinguished(self, found: Difference) -> str:
         """What to do, what to read, what each of those that it tells apart predicts, and which it does not tell."""
         first, *others = self.claims
         told = [first, *(others[each] for each in found.others)]
@@ -37,7 +37,7 @@ class Wording:
             f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC).{more}"
         )
 
-    def not_told_apart(self, found: Difference, longest_s: float) -> str:
+    def not_distinguished(self, found: Difference, longest_s: float) -> str:
         """That nothing tells the first from any other, and how far the best plan comes."""
         differ_degC = abs(found.predicted_degC[0] - found.predicted_degC[1])
         all_of_them, any_two = ("both", "the two") if len(self.claims) == 2 else ("all", "the first and another")

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ambient_trainer.diagnosis.extended import Effect, Model
+from ambient_trainer.diagnosis.model import Effect, Model
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.terms import DriftTerm, HeatTerm, Law, SensorTerm, Term
@@ -122,12 +122,12 @@ class _Heat:
 
     weight: Array
     law: Law
-    memory_s: float | None
+    lag_s: float | None
 
     @staticmethod
     def of(part: _Part) -> _Heat:
         assert isinstance(part.term, HeatTerm)
-        return _Heat(part.value * part.course, part.term.law, part.term.memory_s)
+        return _Heat(part.value * part.course, part.term.law, part.term.lag_s)
 
 
 @dataclass(frozen=True)
@@ -170,9 +170,9 @@ class _Device:
         lags = []
         for each in self.heats:
             value = each.law(nodes, self.air[:, k])
-            if each.memory_s is not None:
+            if each.lag_s is not None:
                 behind = value - y[place : place + n]
-                lags.append(behind / each.memory_s)
+                lags.append(behind / each.lag_s)
                 value, place = behind, place + n
             heat += each.weight[:, k] * value
         slope = self.plant.A @ nodes + self.drive[:, :, k] + heat / self.plant.capacitance[:, None]
@@ -191,7 +191,7 @@ class _Device:
 
     def _rest(self) -> Array:
         """Where nothing moves any more, by Newton's method, (d, E); NaN where there is no such state."""
-        remembered = sum(each.memory_s is not None for each in self.heats)
+        remembered = sum(each.lag_s is not None for each in self.heats)
         y = np.tile(self.air[:, 0], (len(self.drive) * (1 + remembered), 1))
         for _ in range(_MOST_ROUNDS):
             # a part that nothing joins to the rest stays where it is

@@ -7,16 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.choose import Chosen
 from ambient_trainer.diagnosis.experiment.plan import bench_of
 from ambient_trainer.diagnosis.experiment.sentence import listed, rest, span, switching
+from ambient_trainer.diagnosis.selection import Selection
 from ambient_trainer.diagnosis.words import figures
 
 _CONSTANTS = 3.0
 _SHORTEST_S, _LONGEST_S = 600.0, 4 * 3600.0
 
 
-def survey(chosen: Chosen) -> str:
+def survey(chosen: Selection) -> str:
     """Rest, then every drive alone for three of the slowest time constants; the sensor to watch is the one most off."""
     views = chosen.final.views
     plant = views[0].plant

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambient_trainer.diagnosis.extended import Effect, Model
+from ambient_trainer.diagnosis.model import Effect, Model
 
 _LONGEST_SHAPE, _LONGEST_EDGE_PERIODS = 0.5, 1.5
 _SLOWEST_S, _FASTEST_PERIODS = 6 * 3600.0, 0.05
@@ -25,7 +25,7 @@ class Kind(Enum):
     END = 3
 
 
-class Unknown(NamedTuple):
+class EffectParameter(NamedTuple):
     """One number of one of a model's effects."""
 
     effect: int
@@ -33,7 +33,7 @@ class Unknown(NamedTuple):
     term: int = 0
 
 
-def unknowns(model: Model, known: bool) -> tuple[Unknown, ...]:
+def unknowns(model: Model, known: bool) -> tuple[EffectParameter, ...]:
     """All that is free of a model's effects; of those that are ``known`` the coefficients, or nothing."""
     return tuple(
         each
@@ -44,26 +44,26 @@ def unknowns(model: Model, known: bool) -> tuple[Unknown, ...]:
     )
 
 
-def _of(index: int, effect: Effect) -> Iterator[Unknown]:
+def _of(index: int, effect: Effect) -> Iterator[EffectParameter]:
     candidate = effect.candidate
     for term, fixed in enumerate(candidate.fixed):
         if fixed is None:
-            yield Unknown(index, Kind.COEFFICIENT, term)
+            yield EffectParameter(index, Kind.COEFFICIENT, term)
     if candidate.reshaped is not None:
-        yield Unknown(index, Kind.SHAPE)
+        yield EffectParameter(index, Kind.SHAPE)
     if candidate.window is None:
         if effect.onset_s is not None:
-            yield Unknown(index, Kind.ONSET)
+            yield EffectParameter(index, Kind.ONSET)
         if effect.end_s is not None:
-            yield Unknown(index, Kind.END)
+            yield EffectParameter(index, Kind.END)
 
 
-def small_step(unknown: Unknown, period_s: float) -> float:
+def small_step(unknown: EffectParameter, period_s: float) -> float:
     """A step by which differences show a slope: coefficients are linear, an edge is as sharp as a sample is long."""
     return {Kind.COEFFICIENT: 1.0, Kind.SHAPE: 0.01, Kind.ONSET: period_s, Kind.END: period_s}[unknown.kind]
 
 
-def within(effect: Effect, unknown: Unknown, step: float, period_s: float) -> float:
+def within(effect: Effect, unknown: EffectParameter, step: float, period_s: float) -> float:
     """As much of ``step`` as makes sense: within a candidate's bounds, half a shape at most, or a sample of an edge."""
     if unknown.kind is Kind.COEFFICIENT:
         low, high = effect.candidate.bounds
@@ -85,7 +85,7 @@ def within(effect: Effect, unknown: Unknown, step: float, period_s: float) -> fl
     return float(np.clip(step, -room, room))
 
 
-def moved(effect: Effect, unknown: Unknown, step: float) -> Effect:
+def moved(effect: Effect, unknown: EffectParameter, step: float) -> Effect:
     """``effect`` with one of its numbers moved by ``step``."""
     if unknown.kind is Kind.COEFFICIENT:
         values = effect.values.copy()

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.columns import columns
-from ambient_trainer.diagnosis.extended import Model, view
+from ambient_trainer.diagnosis.circuit_parameters import Change, bounded, changed, moved_to, traded
+from ambient_trainer.diagnosis.effect_parameters import EffectParameter, Kind, moved, unknowns, within
+from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.noise import ORDER, Noise
-from ambient_trainer.diagnosis.parameters import Change, bounded, changed, moved_to, traded
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record
-from ambient_trainer.diagnosis.unknowns import Kind, Unknown, moved, unknowns, within
+from ambient_trainer.diagnosis.sensitivities import columns
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ _MOST_DAMPING = 300.0
 
 
 @dataclass(frozen=True)
-class Teaching:
+class TrainingSet:
     """What a model is fitted to: records, the noise they are whitened by, and the circuit's parameters to search.
 
     ``prior`` says what is known of them, and of the coefficients of the effects that are ``known``.
@@ -46,13 +46,13 @@ class Teaching:
     searched: tuple[str, ...] = ()
     prior: Prior | None = None
 
-    def free(self, model: Model) -> tuple[Unknown, ...]:
+    def free(self, model: Model) -> tuple[EffectParameter, ...]:
         """What is fitted of a model's effects."""
         return unknowns(model, self.prior is not None)
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FitResult:
     """A model, its views, and per record the errors (s, N) on blocks that its coefficients have not seen."""
 
     model: Model
@@ -73,14 +73,14 @@ def blocks(record: Record) -> NDArray[np.intp]:
     return np.arange(record.samples, dtype=np.intp) // length
 
 
-def fitted(model: Model, teaching: Teaching, rounds: int) -> Fitted:
+def fit_model(model: Model, training: TrainingSet, rounds: int) -> FitResult:
     """``model`` with all that is free in it fitted in so many steps, each taken only as far as it helps."""
-    views = _views(model, teaching)
-    square = _square(model, views, teaching)
+    views = _views(model, training)
+    square = _square(model, views, training)
     damping = _RIDGE
     system = None
     for _ in range(rounds if np.isfinite(square) else 0):
-        system = system or _System.of(model, views, teaching)
+        system = system or _System.of(model, views, training)
         before = square
         while damping <= _MOST_DAMPING:
             after, tried, there = system.best(model, system.solution(model, damping), square)
@@ -92,46 +92,46 @@ def fitted(model: Model, teaching: Teaching, rounds: int) -> Fitted:
             break
         damping = max(_RIDGE, damping / 30.0)
     if not np.isfinite(square):
-        return Fitted(model, tuple(views), tuple(each.residual_degC for each in views), np.inf)
-    system = system or _System.of(model, views, teaching)
+        return FitResult(model, tuple(views), tuple(each.residual_degC for each in views), np.inf)
+    system = system or _System.of(model, views, training)
     held_out = system.held_out()
     model = system.with_covariance(model)
-    errors = tuple(_whitened_square(each, teaching.noise) for each in held_out)
-    return Fitted(model, tuple(views), held_out, float(sum(errors)))
+    errors = tuple(_whitened_square(each, training.noise) for each in held_out)
+    return FitResult(model, tuple(views), held_out, float(sum(errors)))
 
 
-def cost(model: Model, teaching: Teaching) -> float:
+def cost(model: Model, training: TrainingSet) -> float:
     """What a fit makes as small as it can: the whitened square, and how far what is known of the circuit has moved."""
-    return _square(model, _views(model, teaching), teaching)
+    return _square(model, _views(model, training), training)
 
 
-def nuisances(current: Fitted, teaching: Teaching) -> tuple[list[Array], tuple[Array, Array] | None]:
+def nuisance_columns(current: FitResult, training: TrainingSet) -> tuple[list[Array], tuple[Array, Array] | None]:
     """Per view what all that is free does to the sensors, (c, s, N); and the prior's rows, (c, u), and what is off."""
-    system = _System.of(current.model, current.views, teaching)
+    system = _System.of(current.model, current.views, training)
     found = [each[system.first :] for each in system.columns]
-    if teaching.prior is None:
+    if training.prior is None:
         return found, None
-    rows, off = teaching.prior.rows(current.model, system.factor)
+    rows, off = training.prior.rows(current.model, system.factor)
     known = np.zeros((len(found[0]), len(off)))
     known[: rows.shape[1]] = rows.T
     return found, (known, off)
 
 
-def information(model: Model, teaching: Teaching) -> Array:
+def information(model: Model, training: TrainingSet) -> Array:
     """Of all free unknowns but the starts, (u, u): the inverse of their covariance."""
-    system = _System.of(model, _views(model, teaching), teaching)
+    system = _System.of(model, _views(model, training), training)
     return _inverse(system.covariance()[system.first :, system.first :])
 
 
-def _views(model: Model, teaching: Teaching) -> list[View]:
-    return [view(model, record) for record in teaching.records]
+def _views(model: Model, training: TrainingSet) -> list[View]:
+    return [view(model, record) for record in training.records]
 
 
-def _square(model: Model, views: Sequence[View], teaching: Teaching) -> float:
+def _square(model: Model, views: Sequence[View], training: TrainingSet) -> float:
     if not all(np.isfinite(each.simulated_degC).all() for each in views):
         return np.inf
-    own = sum(_whitened_square(each.residual_degC, teaching.noise) for each in views)
-    return own if teaching.prior is None else own + teaching.prior.square(model)
+    own = sum(_whitened_square(each.residual_degC, training.noise) for each in views)
+    return own if training.prior is None else own + training.prior.square(model)
 
 
 def _whitened_square(residual: Array, noise: Noise) -> float:
@@ -145,9 +145,9 @@ class _System:
     """Columns per view (c, s, N): all views' starts, the searched parameters, the effects' free coefficients."""
 
     views: Sequence[View]
-    teaching: Teaching
+    training: TrainingSet
     columns: list[Array]
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[EffectParameter, ...]
     parts: tuple[Array, Array]
     """Per fold the normal matrix (f, c, c) and its right-hand side (f, c)."""
     held: tuple[Array, Array]
@@ -156,9 +156,9 @@ class _System:
     """By how much harder the prior holds than it knows."""
 
     @staticmethod
-    def of(model: Model, views: Sequence[View], teaching: Teaching) -> _System:
-        free = teaching.free(model)
-        found = [columns(model, teaching.searched, free, each) for each in views]
+    def of(model: Model, views: Sequence[View], training: TrainingSet) -> _System:
+        free = training.free(model)
+        found = [columns(model, training.searched, free, each) for each in views]
         own = []
         for index, (each, inner) in enumerate(zip(views, found)):
             starts = [
@@ -166,20 +166,20 @@ class _System:
                 for there, other in enumerate(views)
             ]
             own.append(np.concatenate([*starts, inner]))
-        parts = _normal(views, teaching.noise, own)
+        parts = _normal(views, training.noise, own)
         first = sum(len(each.starts) for each in views)
         held, factor = (np.zeros_like(parts[0][0]), np.zeros_like(parts[1][0])), 1.0
-        if teaching.prior is not None:
-            factor = teaching.prior.factor(model, parts[0].sum(axis=0), parts[1].sum(axis=0), first)
-            known, pull = teaching.prior.normal(model, factor)
+        if training.prior is not None:
+            factor = training.prior.factor(model, parts[0].sum(axis=0), parts[1].sum(axis=0), first)
+            known, pull = training.prior.normal(model, factor)
             held[0][first : first + len(pull), first : first + len(pull)] = known
             held[1][first : first + len(pull)] = pull
-        return _System(views, teaching, own, free, parts, held, factor)
+        return _System(views, training, own, free, parts, held, factor)
 
     @property
     def first(self) -> int:
         """Where the starts end."""
-        return len(self.columns[0]) - len(self.unknowns) - len(self.teaching.searched)
+        return len(self.columns[0]) - len(self.unknowns) - len(self.training.searched)
 
     def _all(self) -> tuple[Array, Array]:
         return self.parts[0].sum(axis=0) + self.held[0], self.parts[1].sum(axis=0) + self.held[1]
@@ -204,7 +204,7 @@ class _System:
 
     def _allowed(self, model: Model, step: Array) -> Array:
         """As much of ``step`` as the bounds of each unknown allow."""
-        result, searched, first = step.copy(), self.teaching.searched, self.first
+        result, searched, first = step.copy(), self.training.searched, self.first
         for index, name in enumerate(searched, start=first):
             result[index] = moved_to(model.plant, name, bounded(model.plant, name, float(step[index])))
         for index, each in enumerate(self.unknowns, start=first + len(searched)):
@@ -246,19 +246,19 @@ class _System:
         matrix, side = self._all()
         promised = float(2.0 * side @ step - step @ matrix @ step)
         end = self._end(model, step, changed)
-        if square - end[0] >= _AS_PROMISED * promised or not self.teaching.searched:
+        if square - end[0] >= _AS_PROMISED * promised or not self.training.searched:
             return end
         return min(end, self._end(model, step, traded), key=lambda each: each[0])
 
     def _end(self, model: Model, step: Array, way: Change) -> tuple[float, Model, list[View]]:
         tried = self.moved(model, step, way)
         there = [view(tried, each.record, each) for each in self.views]
-        return _square(tried, there, self.teaching), tried, there
+        return _square(tried, there, self.training), tried, there
 
     def moved(self, model: Model, step: Array, way: Change = changed) -> Model:
         """``model`` with its parameters and coefficients moved; starts are found by every simulation anew."""
         first = self.first
-        searched = self.teaching.searched
+        searched = self.training.searched
         plant = model.plant
         if searched:
             change = step[first : first + len(searched)]
@@ -278,7 +278,7 @@ class _System:
         H^-1 + H^-1 (sum_b g_b g_b') H^-1, g_b being what block b pulls by (Huber 1967, by clusters): a circuit is
         never quite right, and not everywhere in the same way.
         """
-        noise = self.teaching.noise
+        noise = self.training.noise
         rows = sum(float((~np.isnan(noise.white(each.residual_degC))).sum()) for each in self.views)
         left = sum(_whitened_square(each.residual_degC, noise) for each in self.views)
         variance = left / max(1.0, rows - len(self.columns[0]))
@@ -289,7 +289,7 @@ class _System:
     def with_covariance(self, model: Model) -> Model:
         """``model`` with the covariance of each effect's coefficients beside all that is fitted with them."""
         covariance = self.covariance()
-        first = self.first + len(self.teaching.searched)
+        first = self.first + len(self.training.searched)
         effects = []
         for index, effect in enumerate(model.effects):
             count = len(effect.values)

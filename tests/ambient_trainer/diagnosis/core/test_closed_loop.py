@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.extended import heat_parts
-from ambient_trainer.diagnosis.feedback import Loop, Part, closed_loop
+from ambient_trainer.diagnosis.closed_loop import Loop, Part, closed_loop
+from ambient_trainer.diagnosis.model import heat_parts
 from ambient_trainer.diagnosis.terms import HeatTerm, into
 
 MOST_STEPS = 12

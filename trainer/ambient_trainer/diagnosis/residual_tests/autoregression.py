@@ -38,7 +38,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Memory:
+class Autoregression:
     """x[k] = c + sum_j weights[j] mean(x[k - PAST[j]]) + innovation; ``rows`` (m,) are the k with all that known.
 
     ``fits`` are those of every order, ``shares`` (p + 1,) how likely each makes the series.
@@ -85,7 +85,7 @@ def _unbiased(drawn: Array, rows: NDArray[np.intp], samples: int) -> Array:
     return np.asarray(weights * shrink ** np.arange(1, count + 1))
 
 
-def memory_of(series: Array) -> Memory | None:
+def autoregression_of(series: Array) -> Autoregression | None:
     """The memory of ``series`` (n,), of the order that Akaike's criterion takes; None where too little is known.
 
     NaN is a missing value.
@@ -99,7 +99,7 @@ def memory_of(series: Array) -> Memory | None:
     order = int(np.argmin(len(common) * np.log(left) + 2 * np.arange(len(left))))
     likelihood = np.exp(-0.5 * len(common) * np.log(left / left.min()))
     fits = tuple(_fit(series, each) for each in range(len(left)))
-    return Memory(fits[order].weights[:order], _rows(series, order), fits, likelihood / likelihood.sum())
+    return Autoregression(fits[order].weights[:order], _rows(series, order), fits, likelihood / likelihood.sum())
 
 
 def _fit(series: Array, order: int) -> Fit:

@@ -5,15 +5,15 @@ import pytest
 from scipy import stats
 from scipy.signal import lfilter
 
-from ambient_trainer.diagnosis.misfit_tests import misfit_tests
-from ambient_trainer.diagnosis.misfit_tests.dependence import Found, thresholds
-from ambient_trainer.diagnosis.misfit_tests.grid import Grid
-from ambient_trainer.diagnosis.misfit_tests.memory import PAST, filters_of, memory_of, past, whitened
-from ambient_trainer.diagnosis.misfit_tests.whiteness import (
+from ambient_trainer.diagnosis.residual_tests import residual_tests
+from ambient_trainer.diagnosis.residual_tests.autoregression import PAST, autoregression_of, filters_of, past, whitened
+from ambient_trainer.diagnosis.residual_tests.dependence import Dependence, thresholds
+from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.whiteness import (
     autocorrelation,
+    autocorrelation_time,
     cumulated_periodogram,
     ljung_box,
-    residual_memory,
 )
 
 WHITENESS = {"whiteness", "periodogram", "memory"}
@@ -51,7 +51,7 @@ class World:
     def tests(self):
         heat = np.gradient(self.residual, 10.0, axis=1) + self.residual / 500
         measured = self.simulated + self.residual
-        return misfit_tests(self.time_s, self.residual, heat, SENSORS, self.signals, self.ambient, measured)
+        return residual_tests(self.time_s, self.residual, heat, SENSORS, self.signals, self.ambient, measured)
 
     def significant(self):
         return {(each.name, each.subject): each for each in self.tests() if each.significant}
@@ -202,13 +202,13 @@ def test_the_periodogram_is_kolmogorovs(samples):
 
 def test_memory_is_the_time_to_one_over_e():
     series = remembering(np.exp(-1 / 20), (200_000,), np.random.default_rng(4))
-    assert residual_memory(series, "soc", 5.0).statistic == pytest.approx(100.0, rel=0.05)
+    assert autocorrelation_time(series, "soc", 5.0).statistic == pytest.approx(100.0, rel=0.05)
 
 
 def test_the_memory_found_whitens_and_simulates_alike():
     random = np.random.default_rng(5)
     series = remembering(0.97, (1200,), random) + 0.5 * random.standard_normal(1200)
-    memory = memory_of(series)
+    memory = autoregression_of(series)
     innovations = whitened(series[None], filters_of(series[None], memory.order, memory.rows), memory.rows)[0]
     assert not ljung_box(innovations, "", 0.01).significant
     again = memory.simulated(200, 1200, random)
@@ -243,7 +243,7 @@ def test_the_grid_takes_means_and_bridges_gaps():
 
 def test_the_thresholds_hold_for_all_subjects_together():
     random = np.random.default_rng(6)
-    found = [Found("drift", "soc", str(k), 0.0, scale * np.abs(random.standard_normal(4000)), 0.0, 0.0)
+    found = [Dependence("drift", "soc", str(k), 0.0, scale * np.abs(random.standard_normal(4000)), 0.0, 0.0)
              for k, scale in enumerate((1.0, 3.0, 0.2, 1.0))]  # fmt: skip
     limits = np.array(thresholds(found, 0.05))
     # of four independent normal ones: the two-sided quantile of the Sidak level

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ambient_trainer.diagnosis import joint
-from ambient_trainer.diagnosis.columns import columns
-from ambient_trainer.diagnosis.extended import Model, view
-from ambient_trainer.diagnosis.joint import FOLDS, Teaching, blocks, fitted, information, nuisances
+from ambient_trainer.diagnosis import fit
+from ambient_trainer.diagnosis.effect_parameters import Kind, unknowns
+from ambient_trainer.diagnosis.fit import FOLDS, TrainingSet, blocks, fit_model, information, nuisance_columns
+from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.prior import Prior
-from ambient_trainer.diagnosis.teach import searched
+from ambient_trainer.diagnosis.sensitivities import columns
 from ambient_trainer.diagnosis.terms import beginning, ending
-from ambient_trainer.diagnosis.unknowns import Kind, unknowns
+from ambient_trainer.diagnosis.training import searched
 
 N = 360
 START = np.array([30.0, 26.0, 22.0])
@@ -46,7 +46,7 @@ def test_the_columns_are_starts_parameters_and_effects(chain, heated) -> None:
     seen = view(model, heated)
     names, free = ("C_shell", "R_chip_board"), unknowns(model, known=False)
     assert [each.kind for each in free] == [Kind.COEFFICIENT, Kind.ONSET, Kind.END]
-    system = joint._System.of(model, [seen], Teaching((heated,), chain.noise(), names))
+    system = fit._System.of(model, [seen], TrainingSet((heated,), chain.noise(), names))
     wanted = np.concatenate([seen.starts, columns(model, names, free, seen)])
     np.testing.assert_array_equal(system.columns[0], wanted)
     assert system.first == 3
@@ -60,7 +60,7 @@ def test_the_end_is_that_of_another_optimiser(chain) -> None:
     record = _record(chain, seed=2)
     names = searched(chain.circuit)
     off = {name: chain.plant().values[name] * (1.5 if index % 2 else 0.7) for index, name in enumerate(names)}
-    found = fitted(chain.model(**off), Teaching((record,), chain.noise(), names), 30)
+    found = fit_model(chain.model(**off), TrainingSet((record,), chain.noise(), names), 30)
 
     def left(unknown: np.ndarray) -> np.ndarray:
         plant = chain.plant(**{name: float(np.exp(each)) for name, each in zip(names, unknown)})
@@ -100,18 +100,18 @@ def test_a_few_steps_lead_along_a_valley(chain, cause: str, heat, values, start,
     nodes = chain.integrated(inputs, START, heat)
     record = chain.record(inputs, nodes + 0.03 * np.random.default_rng(8).standard_normal(nodes.shape))
     names = searched(chain.circuit)
-    teaching = Teaching((record,), chain.noise(0.03), names, Prior.by_design(chain.model(), names))
-    without = fitted(chain.model(), teaching, 40).model
+    training = TrainingSet((record,), chain.noise(0.03), names, Prior.by_design(chain.model(), names))
+    without = fit_model(chain.model(), training, 40).model
     name, true = values
     assert abs(np.log(without.plant.values[name] / true)) > 0.3
-    found = fitted(without.with_effect(chain.effect(record, cause, start)), teaching, 6)
+    found = fit_model(without.with_effect(chain.effect(record, cause, start)), training, 6)
     assert found.model.effects[0].values[0] == pytest.approx(truth, rel=0.08)
     assert found.model.plant.values[name] == pytest.approx(true, rel=0.08)
     assert np.sqrt(np.mean(found.longest.residual_degC**2)) < 0.033
 
 
 def test_a_coefficient_is_found_with_its_deviation(chain, heated) -> None:
-    found = fitted(_with_source(chain, heated, 0.0), Teaching((heated,), chain.noise()), 5)
+    found = fit_model(_with_source(chain, heated, 0.0), TrainingSet((heated,), chain.noise()), 5)
     (effect,) = found.model.effects
     assert effect.covariance.shape == (2, 2)
     deviation = np.sqrt(effect.covariance[0, 0])
@@ -123,7 +123,7 @@ def test_a_coefficient_is_found_with_its_deviation(chain, heated) -> None:
 def test_edges_are_found_between_the_samples(chain) -> None:
     record = _record(chain, seed=8, heat=lambda t, x, air: np.array([0, 0, 1.5 / 40 * (1013 <= t < 2021)]), noise=0.02)
     model = chain.model().with_effect(chain.effect(record, "heat_source at shell", (1.0,), 955.0, 2095.0))
-    (effect,) = fitted(model, Teaching((record,), chain.noise(0.02)), 20).model.effects
+    (effect,) = fit_model(model, TrainingSet((record,), chain.noise(0.02)), 20).model.effects
     assert effect.onset_s == pytest.approx(1013.0, abs=5.0)
     assert effect.end_s == pytest.approx(2021.0, abs=5.0)
     assert effect.values[0] == pytest.approx(1.5, rel=0.01)
@@ -138,7 +138,7 @@ def test_a_shape_is_found_with_its_deviation(chain) -> None:
     nodes = chain.integrated(inputs, np.append(START, START[1]), mass)[:3]
     record = chain.record(inputs, nodes + 0.05 * np.random.default_rng(7).standard_normal(nodes.shape))
     model = chain.model().with_effect(chain.effect(record, "thermal_mass at board", (0.1,), shape=700.0))
-    found = fitted(model, Teaching((record,), chain.noise()), 20)
+    found = fit_model(model, TrainingSet((record,), chain.noise()), 20)
     (effect,) = found.model.effects
     coefficient, log_shape = np.sqrt(np.diag(effect.covariance))
     assert effect.values[0] == pytest.approx(0.2, abs=4 * coefficient)
@@ -149,14 +149,14 @@ def test_a_shape_is_found_with_its_deviation(chain) -> None:
     assert told.value == pytest.approx(60.0, rel=0.05)
 
 
-def _by_hand(teaching: Teaching, seen, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _by_hand(training: TrainingSet, seen, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """All columns, whitened, (R, c), the residual, (R,), which rows lie in one block, and their twelfth of time."""
-    own = np.concatenate([seen.starts, columns(model, teaching.searched, teaching.free(model), seen)])
+    own = np.concatenate([seen.starts, columns(model, training.searched, training.free(model), seen)])
     block, count = blocks(seen.record), len(seen.residual_degC)
     inside = np.tile(block[ORDER:] == block[:-ORDER], count)
     twelfth = np.tile(block[ORDER:] * 12 // (block[-1] + 1), count)
-    X = teaching.noise.white(own).reshape(len(own), -1).T
-    return X, teaching.noise.white(seen.residual_degC).reshape(-1), inside, twelfth
+    X = training.noise.white(own).reshape(len(own), -1).T
+    return X, training.noise.white(seen.residual_degC).reshape(-1), inside, twelfth
 
 
 @pytest.mark.parametrize("known", [False, True])
@@ -165,16 +165,16 @@ def test_the_covariance_is_the_sandwich_by_clusters(chain, heated, known: bool) 
     names = ("C_shell", "R_shell_ambient")
     model = _with_source(chain, heated, 0.5)
     prior = Prior.by_design(model, names) if known else None
-    teaching = Teaching((heated,), chain.noise(), names, prior)
+    training = TrainingSet((heated,), chain.noise(), names, prior)
     seen = view(model, heated)
-    X, y, inside, twelfth = _by_hand(teaching, seen, model)
+    X, y, inside, twelfth = _by_hand(training, seen, model)
     variance = y @ y / (len(y) - X.shape[1])
     H = X[inside].T @ X[inside] / variance
     if known:
         H[3:5, 3:5] += np.diag([(4 / np.log(200 / 8)) ** 2, (4 / np.log(100 / 3)) ** 2])
     pulls = np.array([X[twelfth == each].T @ y[twelfth == each] for each in range(12)]) / variance
     wanted = np.linalg.inv(H) @ (H + pulls.T @ pulls) @ np.linalg.inv(H)
-    system = joint._System.of(model, [seen], teaching)
+    system = fit._System.of(model, [seen], training)
     size = np.sqrt(np.diag(wanted))
     np.testing.assert_allclose(system.covariance() / np.outer(size, size), wanted / np.outer(size, size), atol=1e-5)
     (effect,) = system.with_covariance(model).effects
@@ -200,7 +200,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(chain) -> None:
     off = []
     for _ in range(60):
         record = chain.record(inputs, nodes + noise())
-        (effect,) = fitted(model, Teaching((record,), known, names, prior), 6).model.effects
+        (effect,) = fit_model(model, TrainingSet((record,), known, names, prior), 6).model.effects
         off.append((effect.values[0] - 0.5) / np.sqrt(effect.covariance[0, 0]))
     assert 51 <= np.sum(np.abs(off) < 1.96) <= 60
     # nor are they so wide that they say nothing
@@ -210,18 +210,18 @@ def test_intervals_hold_the_truth_as_often_as_they_say(chain) -> None:
 def test_one_step_is_least_squares(chain, heated) -> None:
     names = ("C_shell", "R_shell_ambient")
     model = _with_source(chain, heated, 0.3)
-    teaching = Teaching((heated,), chain.noise(), names, Prior.by_design(model, names))
+    training = TrainingSet((heated,), chain.noise(), names, Prior.by_design(model, names))
     seen = view(model, heated)
-    X, y, inside, _ = _by_hand(teaching, seen, model)
-    rows, off = teaching.prior.rows(model, 1.0)
+    X, y, inside, _ = _by_hand(training, seen, model)
+    rows, off = training.prior.rows(model, 1.0)
     # the file speaks of the parameters and, with no weight, of known effects; these there are none
     more = np.zeros((2, X.shape[1]))
     more[:, 3:5] = rows[:2, :2]
     wanted = np.linalg.lstsq(np.concatenate([X[inside], more]), np.concatenate([y[inside], off[:2]]), rcond=None)[0]
-    found = joint._System.of(model, [seen], teaching).solution(model, 1e-9)
+    found = fit._System.of(model, [seen], training).solution(model, 1e-9)
     np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-5)
     # damping (Marquardt) shortens every step
-    damped = joint._System.of(model, [seen], teaching).solution(model, 30.0)
+    damped = fit._System.of(model, [seen], training).solution(model, 30.0)
     assert (np.abs(damped[5]) < 0.1 * np.abs(wanted[5])).all()
 
 
@@ -230,13 +230,13 @@ def test_what_a_bound_stops_is_not_counted_on(chain) -> None:
     record = _record(chain, heat=lambda t, x, air: np.array([0.0, 0.0, -14.0 * (x[2] - air) / 15 / 40]))
     names = ("C_shell", "R_board_shell")
     model = chain.model().with_effect(chain.effect(record, "ambient_coupling at shell", (8.9,)))
-    teaching = Teaching((record,), chain.noise(), names)
+    training = TrainingSet((record,), chain.noise(), names)
     seen = view(model, record)
-    X, y, inside, _ = _by_hand(teaching, seen, model)
+    X, y, inside, _ = _by_hand(training, seen, model)
     X, y = X[inside], y[inside]
     free = np.linalg.lstsq(X, y, rcond=None)[0]
     assert free[5] > 0.5
-    step = joint._System.of(model, [seen], teaching).solution(model, 1e-9)
+    step = fit._System.of(model, [seen], training).solution(model, 1e-9)
     assert step[5] == pytest.approx(0.1)
     wanted = np.linalg.lstsq(X[:, :5], y - 0.1 * X[:, 5], rcond=None)[0]
     np.testing.assert_allclose(step[:5], wanted, rtol=1e-3, atol=1e-5)
@@ -246,9 +246,9 @@ def test_what_a_bound_stops_is_not_counted_on(chain) -> None:
 def test_held_out_is_a_fit_without_the_fold(chain, heated) -> None:
     """A linear coefficient, refitted by hand to the rows of the other four fifths."""
     model = _with_source(chain, heated, 0.3)
-    teaching = Teaching((heated,), chain.noise())
+    training = TrainingSet((heated,), chain.noise())
     seen = view(model, heated)
-    (held_out,) = joint._System.of(model, [seen], teaching).held_out()
+    (held_out,) = fit._System.of(model, [seen], training).held_out()
     candidate = model.effects[0].candidate
     (term,) = candidate.terms(seen)
     column = beginning(seen, term, [1005.0])[0] - ending(seen, term, [2005.0])[0]
@@ -271,7 +271,7 @@ def test_held_out_is_a_fit_without_the_fold(chain, heated) -> None:
 def test_held_out_errors_are_no_smaller_than_fitted_ones(chain) -> None:
     record = _record(chain, seed=3)
     names = searched(chain.circuit)
-    found = fitted(chain.model(), Teaching((record,), chain.noise(), names), 6)
+    found = fit_model(chain.model(), TrainingSet((record,), chain.noise(), names), 6)
     inner = np.nansum(found.views[0].residual_degC ** 2)
     outer = np.nansum(found.held_out_degC[0] ** 2)
     assert inner < outer < 1.1 * inner
@@ -281,21 +281,21 @@ def test_parameters_stay_within_their_bounds(chain) -> None:
     """Data of a circuit beyond the bounds: the fit ends at them, and the others still fit as well as they can."""
     record = _record(chain, seed=4, R_shell_ambient=150.0, C_chip=1.0)
     names = searched(chain.circuit)
-    found = fitted(chain.model(), Teaching((record,), chain.noise(), names), 12)
+    found = fit_model(chain.model(), TrainingSet((record,), chain.noise(), names), 12)
     values = found.model.plant.values
     for each in chain.circuit.parameters:
         assert each.low <= values[each.name] <= each.high
     assert values["R_shell_ambient"] == 100.0
     assert values["C_chip"] == 2.0
-    before = fitted(chain.model(), Teaching((record,), chain.noise()), 1)
+    before = fit_model(chain.model(), TrainingSet((record,), chain.noise()), 1)
     assert found.square < 0.2 * before.square
 
 
 def test_a_fit_never_makes_it_worse(chain, heated) -> None:
     names = searched(chain.circuit)
-    teaching, last = Teaching((heated,), chain.noise(), names), np.inf
+    training, last = TrainingSet((heated,), chain.noise(), names), np.inf
     for rounds in range(5):
-        found = fitted(chain.model(C_shell=80.0), teaching, rounds)
+        found = fit_model(chain.model(C_shell=80.0), training, rounds)
         square = np.nansum(chain.noise().white(found.views[0].residual_degC) ** 2)
         assert square <= last
         last = square
@@ -305,7 +305,7 @@ def test_several_records_share_the_circuit_but_not_the_start(chain) -> None:
     one, two = _record(chain, seed=5), _record(chain, seed=6)
     two = replace(two, sensors=chain.integrated(two.inputs, START + 5.0))
     names = searched(chain.circuit)
-    found = fitted(chain.model(R_chip_board=12.0), Teaching((one, two), chain.noise(), names), 15)
+    found = fit_model(chain.model(R_chip_board=12.0), TrainingSet((one, two), chain.noise(), names), 15)
     np.testing.assert_allclose(found.views[0].start, START, atol=0.2)
     np.testing.assert_allclose(found.views[1].start, START + 5.0, atol=0.2)
     assert found.model.plant.values["R_chip_board"] == pytest.approx(8.0, rel=0.02)
@@ -315,7 +315,7 @@ def test_several_records_share_the_circuit_but_not_the_start(chain) -> None:
 def test_what_runs_away_is_told_by_an_endless_square(chain, heated) -> None:
     model = chain.model()
     wild = model.with_effect(chain.effect(heated, "ambient_coupling at shell", (-60.0,)))
-    assert fitted(wild, Teaching((heated,), chain.noise()), 2).square == np.inf
+    assert fit_model(wild, TrainingSet((heated,), chain.noise()), 2).square == np.inf
 
 
 def test_blocks_are_long_enough_to_be_whitened_and_about_fifty(chain) -> None:
@@ -330,9 +330,9 @@ def test_blocks_are_long_enough_to_be_whitened_and_about_fifty(chain) -> None:
 def test_information_is_the_inverse_of_the_covariance(chain, heated) -> None:
     names = searched(chain.circuit)
     model = chain.model()
-    teaching = Teaching((heated,), chain.noise(), names, Prior.by_design(model, names))
-    found = information(model, teaching)
-    system = joint._System.of(model, [view(model, heated)], teaching)
+    training = TrainingSet((heated,), chain.noise(), names, Prior.by_design(model, names))
+    found = information(model, training)
+    system = fit._System.of(model, [view(model, heated)], training)
     own = system.covariance()[3:, 3:]
     assert found.shape == (7, 7)
     np.testing.assert_allclose(found @ own, np.eye(7), atol=1e-5)
@@ -341,13 +341,13 @@ def test_information_is_the_inverse_of_the_covariance(chain, heated) -> None:
 def test_nuisances_are_all_that_is_free_and_what_is_known_of_it(chain, heated) -> None:
     names = ("C_shell", "R_shell_ambient")
     model = _with_source(chain, heated, 0.3)
-    plain = Teaching((heated,), chain.noise(), names)
-    current = fitted(model, plain, 0)
-    (found,), told = nuisances(current, plain)
+    plain = TrainingSet((heated,), chain.noise(), names)
+    current = fit_model(model, plain, 0)
+    (found,), told = nuisance_columns(current, plain)
     np.testing.assert_allclose(found, columns(model, names, plain.free(model), current.longest))
     assert told is None
     prior = Prior.by_design(chain.model(C_shell=55.0), names)
-    (found,), (rows, off) = nuisances(current, replace(plain, prior=prior))
+    (found,), (rows, off) = nuisance_columns(current, replace(plain, prior=prior))
     # per row what each nuisance does: a parameter's own, an effect's nothing
     C, R = 4 / np.log(200 / 8), 4 / np.log(100 / 3)
     assert rows.shape == (5, 2)

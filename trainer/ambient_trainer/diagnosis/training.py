@@ -1,6 +1,6 @@
 """What is known before the question is put: the circuit's parameters, and what noise a good simulation leaves.
 
-With known-good records of the same device the circuit is taught by them and then held: the question is what changed.
+With known-good records of the same device the circuit is trained by them and then held: the question is what changed.
 Without, it is fitted to the diagnosed records themselves and stays free: the question is what it lacks.
 """
 
@@ -11,20 +11,20 @@ from dataclasses import dataclass, replace
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.extended import Model, view
-from ambient_trainer.diagnosis.joint import Teaching, fitted, information
+from ambient_trainer.diagnosis.fit import TrainingSet, fit_model, information
+from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record, means, records, straight
-from ambient_trainer.diagnosis.setting import knows_watts
+from ambient_trainer.diagnosis.setting import heat_in_watts
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.fit import Effort, fit_circuit
 
 
 @dataclass(frozen=True)
-class Taught:
-    """A forward circuit with values and what else good records need, those that taught it, and the noise they leave.
+class TrainedCircuit:
+    """A forward circuit with values and what else good records need, those that trained it, and the noise they leave.
 
     ``searched`` names the circuit's free parameters, ``prior`` says what is known of them; ``normal`` is empty where
     there are no known-good records.
@@ -36,41 +36,43 @@ class Taught:
     searched: tuple[str, ...]
     prior: Prior
 
-    def teaching(self, own: Sequence[Record], noise: Noise) -> Teaching:
+    def training(self, own: Sequence[Record], noise: Noise) -> TrainingSet:
         """What a model of the diagnosed records is fitted to."""
-        return Teaching(tuple(own), noise, self.searched, self.prior)
+        return TrainingSet(tuple(own), noise, self.searched, self.prior)
 
 
-def taught_by_baselines(
+def train_on_baselines(
     circuit: Circuit,
     baselines: Sequence[Trace],
     period_s: float,
-    lacking: Callable[[Taught, Sequence[Record]], Model],
+    known_good_model: Callable[[TrainedCircuit, Sequence[Record]], Model],
     progress: Progress | None,
-) -> Taught:
-    """``circuit`` (forward) as known-good traces show it, with what ``lacking`` finds that it needs besides."""
+) -> TrainedCircuit:
+    """``circuit`` (forward) fitted to known-good traces, with the effects that ``known_good_model`` adds."""
     plant = _fitted(circuit, baselines, period_s, progress)
     normal = tuple(each for trace in baselines for each in records_of(plant.circuit, trace, period_s))
-    model = lacking(_by_design(Model(plant), normal, searched(circuit)), normal)
-    noise = left_over(model, normal)
+    model = known_good_model(_by_design(Model(plant), normal, searched(circuit)), normal)
+    noise = residual_noise(model, normal)
     names = searched(circuit)
-    told = information(model, Teaching(normal, noise, names, Prior.by_design(model, names)))
-    return Taught(model, noise, normal, names, Prior.taught(model, names, told))
+    told = information(model, TrainingSet(normal, noise, names, Prior.by_design(model, names)))
+    return TrainedCircuit(model, noise, normal, names, Prior.trained(model, names, told))
 
 
-def taught_by_itself(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Taught:
+def train_on_diagnosed(
+    circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None
+) -> TrainedCircuit:
     """``circuit`` (forward) as well as it can be made to fit the diagnosed traces."""
     plant = _fitted(circuit, traces, period_s, progress)
     own = [each for trace in traces for each in records_of(plant.circuit, trace, period_s)]
     return _by_design(Model(plant), own, searched(circuit))
 
 
-def _by_design(model: Model, own: Sequence[Record], names: tuple[str, ...]) -> Taught:
+def _by_design(model: Model, own: Sequence[Record], names: tuple[str, ...]) -> TrainedCircuit:
     """What the records do not tell goes back towards what the circuit's file says of it."""
-    noise = left_over(model, own)
+    noise = residual_noise(model, own)
     prior = Prior.by_design(model, names)
-    model = fitted(model, Teaching(tuple(own), noise, names, prior), _ROUNDS).model
-    return Taught(model, left_over(model, own), (), names, prior)
+    model = fit_model(model, TrainingSet(tuple(own), noise, names, prior), _ROUNDS).model
+    return TrainedCircuit(model, residual_noise(model, own), (), names, prior)
 
 
 def records_of(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
@@ -82,7 +84,7 @@ def _read(circuit: Circuit) -> list[str]:
     return [output.column for output in circuit.outputs]
 
 
-def left_over(model: Model, own: Sequence[Record]) -> Noise:
+def residual_noise(model: Model, own: Sequence[Record]) -> Noise:
     """The noise of a model on these records."""
     return Noise.of([view(model, record).residual_degC for record in own])
 
@@ -106,6 +108,6 @@ def searched(circuit: Circuit) -> tuple[str, ...]:
     used = {each.capacitance for each in circuit.nodes} | {each.resistance for each in circuit.edges}
     used |= {source.share for source in circuit.sources}
     names = [each.name for each in circuit.parameters if each.free and each.name in used]
-    if not knows_watts(circuit):
+    if not heat_in_watts(circuit):
         names.remove(next(str(node.capacitance) for node in circuit.states if node.capacitance in names))
     return tuple(names)

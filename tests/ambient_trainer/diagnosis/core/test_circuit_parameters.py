@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.diagnosis.parameters import bounded, changed, moved_by, moved_to, traded
+from ambient_trainer.diagnosis.circuit_parameters import bounded, changed, moved_by, moved_to, traded
 from ambient_trainer.diagnosis.plant import Plant
 
 STEPS = st.floats(-0.69, 0.69)

@@ -76,7 +76,7 @@ class Loop:
         if not any(slope.any() for slope in slopes):
             return None
         rows = tuple(
-            np.flatnonzero(slope.any(axis=(0, 2))) if each.term.memory_s is not None else np.empty(0, dtype=np.intp)
+            np.flatnonzero(slope.any(axis=(0, 2))) if each.term.lag_s is not None else np.empty(0, dtype=np.intp)
             for each, slope in zip(parts, slopes)
         )
         n, d = len(nodes), len(nodes) + sum(map(len, rows))
@@ -97,7 +97,7 @@ class Loop:
         for each, slope, own in zip(parts, slopes, rows):
             if len(own):
                 mine = np.arange(first, first + len(own))
-                kept, early, late = lag_weights(each.term.memory_s or np.inf, plant.period_s)
+                kept, early, late = lag_weights(each.term.lag_s or np.inf, plant.period_s)
                 before[:, mine, mine] = kept
                 before[:, mine, :n] = early * slope[:-1, own]
                 now[:, mine, :n] = -late * slope[1:, own]
@@ -143,7 +143,7 @@ class Loop:
             if len(own):
                 mine = slice(first, first + len(own))
                 course = law[:, own].transpose(2, 1, 0)
-                _, early, late = lag_weights(each.term.memory_s or np.inf, self.plant.period_s)
+                _, early, late = lag_weights(each.term.lag_s or np.inf, self.plant.period_s)
                 forced[:, mine] = late * course[1:] + early * course[:-1]
                 if each.onset:
                     forced[each.onset - 1, mine] = start[:, own].T

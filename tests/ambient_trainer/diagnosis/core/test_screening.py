@@ -9,9 +9,9 @@ import pytest
 
 from ambient_trainer.diagnosis.candidate import Candidate, Span
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import view
+from ambient_trainer.diagnosis.model import view
 from ambient_trainer.diagnosis.noise import ORDER, Noise
-from ambient_trainer.diagnosis.scan import Frame, refined, scored
+from ambient_trainer.diagnosis.screening import Regression, refined, scored
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.terms import beginning, ending
 from ambient_trainer.diagnosis.view import View
@@ -60,11 +60,11 @@ def _best_by_hand(
     views: list[View],
     candidate: Candidate,
     extra: list[list[np.ndarray]],
-    told: tuple[np.ndarray, np.ndarray] | None = None,
+    prior_rows: tuple[np.ndarray, np.ndarray] | None = None,
 ):
     """Over all windows: (explained, onset, end, values), from least squares with everything side by side.
 
-    What was ``told`` of what is ``extra`` stands beneath, as rows that the candidate has no part in.
+    What was ``prior_rows`` of what is ``extra`` stands beneath, as rows that the candidate has no part in.
     """
     target = np.concatenate(
         [noise.white(each.residual_degC)[~np.isnan(noise.white(each.residual_degC))] for each in views]
@@ -79,8 +79,8 @@ def _best_by_hand(
     for number in range(len(extra[0]) if extra else 0):
         fixed.append(np.concatenate([_rows(noise, each, own[number]) for each, own in zip(views, extra)]))
     base, rows = np.array(fixed).T, len(target)
-    if told is not None:
-        known, off = told
+    if prior_rows is not None:
+        known, off = prior_rows
         held = np.zeros((len(off), base.shape[1]))
         held[:, base.shape[1] - len(known) :] = known.T
         base, target = np.concatenate([base, held]), np.concatenate([target, off])
@@ -117,19 +117,19 @@ def _best_by_hand(
 @pytest.mark.parametrize(
     "cause", ["heat_source at shell", "contact at shell", "sensor_bias at board", "path at chip-shell"]
 )
-@pytest.mark.parametrize("nuisance", ["none", "free", "told", "told for sure"])
+@pytest.mark.parametrize("nuisance", ["none", "free", "prior", "sure prior"])
 def test_every_window_by_hand(chain, seen, noise, candidates, cause: str, nuisance: str) -> None:
-    """Nuisances that were told before are held by as many rows as that takes: a ridge about where they were."""
+    """Nuisance parameters with a prior are held by as many rows as that takes: a ridge about where they were."""
     extra = [[np.cumsum(np.ones((3, N)), axis=1) / N, np.sin(TIME_S / 300) * np.ones((3, 1))]]
     extra = [] if nuisance == "none" else extra
-    told = None
-    if nuisance.startswith("told"):
-        sure = 1e3 if nuisance == "told for sure" else 8.0
+    prior_rows = None
+    if nuisance.endswith("prior"):
+        sure = 1e3 if nuisance == "sure prior" else 8.0
         known = sure * np.array([[1.0, 0.3, 0.0], [0.0, 2.0, 0.5]])
-        told = known, known.T @ np.array([0.2, -0.1])
-    frame = Frame.of([seen], noise, extra, told)
+        prior_rows = known, known.T @ np.array([0.2, -0.1])
+    frame = Regression.of([seen], noise, extra, prior_rows)
     found = scored(frame, candidates[cause], ONSETS)
-    wanted = _best_by_hand(noise, [seen], candidates[cause], extra, told)
+    wanted = _best_by_hand(noise, [seen], candidates[cause], extra, prior_rows)
     assert (found is None) == (wanted is None)
     if found is None:
         return
@@ -146,7 +146,7 @@ def test_every_window_by_hand(chain, seen, noise, candidates, cause: str, nuisan
 
 def test_several_records_are_one_regression(chain, seen, noise, candidates) -> None:
     both = [seen, _seen(chain, 2)]
-    found = scored(Frame.of(both, noise, []), candidates["heat_source at shell"], ONSETS)
+    found = scored(Regression.of(both, noise, []), candidates["heat_source at shell"], ONSETS)
     _, explained, onset_s, end_s, values = _best_by_hand(noise, both, candidates["heat_source at shell"], [])
     assert found is not None
     assert (found.onset_s, found.end_s) == (onset_s, end_s) == (705.0, 1705.0)
@@ -154,28 +154,28 @@ def test_several_records_are_one_regression(chain, seen, noise, candidates) -> N
     np.testing.assert_allclose(found.values, values, rtol=1e-5)
 
 
-def test_what_was_told_for_sure_is_not_fitted_again(seen, noise, candidates) -> None:
-    """A nuisance that looks like the effect: free, it takes all of it; told to be zero, nothing; in doubt, a part."""
+def test_what_the_prior_is_sure_of_is_not_fitted_again(seen, noise, candidates) -> None:
+    """A nuisance that looks like the effect: free, it takes all of it; held to zero, nothing; in doubt, a part."""
     candidate = replace(candidates["heat_source at shell"], window=(705.0, 1705.0))
     (term,) = candidate.terms(seen)
     like = beginning(seen, term, [705.0])[0] - ending(seen, term, [1705.0])[0]
     wobble = 1e-3 * np.sin(TIME_S / 97)
     found = {}
     for name, sure in (("free", 0.0), ("in doubt", 30.0), ("for sure", 1e6)):
-        frame = Frame.of([seen], noise, [np.array([like + wobble])], (np.array([[sure]]), np.zeros(1)))
+        frame = Regression.of([seen], noise, [np.array([like + wobble])], (np.array([[sure]]), np.zeros(1)))
         found[name] = frame
-    alone = Frame.of([seen], noise)
+    alone = Regression.of([seen], noise)
     assert found["free"].square < found["in doubt"].square < found["for sure"].square
     assert found["for sure"].square == pytest.approx(alone.square, rel=1e-6)
     sure, plain = (scored(each, candidate, []) for each in (found["for sure"], alone))
     assert sure is not None
     assert sure.values[0] == pytest.approx(plain.values[0], rel=1e-4)
-    # told rows are none that were measured
+    # prior_rows rows are none that were measured
     assert found["for sure"].rows == alone.rows
 
 
 def test_whole_and_onset_only(seen, noise, candidates) -> None:
-    frame = Frame.of([seen], noise, [])
+    frame = Regression.of([seen], noise, [])
     whole = scored(frame, replace(candidates["heat_source at shell"], span=Span.WHOLE), ONSETS)
     assert whole is not None
     assert whole.onset_s is None
@@ -187,7 +187,7 @@ def test_whole_and_onset_only(seen, noise, candidates) -> None:
 
 def test_a_fixed_coefficient_is_not_fitted(seen, noise, candidates) -> None:
     candidate = replace(candidates["heat_source at shell"], fixed=(0.5,), window=(705.0, 1705.0))
-    frame = Frame.of([seen], noise, [])
+    frame = Regression.of([seen], noise, [])
     found = scored(frame, candidate, ONSETS)
     assert found is not None
     np.testing.assert_array_equal(found.values, [0.5])
@@ -203,10 +203,10 @@ def test_what_was_normal_is_no_change(chain, noise, candidates) -> None:
         return lambda t, x, air: np.array([0.0, 0.0, watts / 40])
 
     candidate = replace(candidates["heat_source at shell"], span=Span.WHOLE)
-    normal = Frame.of([_seen(chain, 3, always(0.6))], noise, [])
-    same = Frame.of([_seen(chain, 4, always(0.6))], noise, [], normal=normal)
-    more = Frame.of([_seen(chain, 5, always(1.0))], noise, [], normal=normal)
-    alone = Frame.of([_seen(chain, 5, always(1.0))], noise, [])
+    normal = Regression.of([_seen(chain, 3, always(0.6))], noise, [])
+    same = Regression.of([_seen(chain, 4, always(0.6))], noise, [], normal=normal)
+    more = Regression.of([_seen(chain, 5, always(1.0))], noise, [], normal=normal)
+    alone = Regression.of([_seen(chain, 5, always(1.0))], noise, [])
     found = {name: scored(each, candidate, []) for name, each in (("same", same), ("more", more), ("alone", alone))}
     assert all(each is not None for each in found.values())
     assert abs(found["same"].values[0]) < 0.1
@@ -216,14 +216,14 @@ def test_what_was_normal_is_no_change(chain, noise, candidates) -> None:
 
 
 def test_rows_that_were_not_measured_tell_nothing(seen, noise) -> None:
-    frame = Frame.of([seen], noise)
+    frame = Regression.of([seen], noise)
     known = ~np.isnan(noise.white(seen.residual_degC))
     assert frame.rows == known.sum() == 3 * (N - ORDER) - (10 + ORDER)
     assert not frame.left[~known.reshape(-1)].any()
 
 
 def test_refinement_finds_the_edges_between_the_grid(chain, seen, noise, candidates) -> None:
-    frame = Frame.of([seen], noise, [])
+    frame = Regression.of([seen], noise, [])
     coarse = scored(frame, candidates["heat_source at shell"], [float(each) for each in range(250, 2600, 170)])
     assert coarse is not None
     found = refined(frame, coarse, 170.0)
@@ -247,7 +247,7 @@ def test_a_fault_that_slews_is_found_to_the_sample(chain, first: float, memory: 
     nodes = slow.integrated(inputs, START)
     read = nodes + 0.03 * np.random.default_rng(8).standard_normal(nodes.shape) + np.outer([0, 1.0, 0], bias)
     own = view(slow.model(), slow.record(inputs, read))
-    frame = Frame.of([own], replace(slow.noise(0.03), memory=np.array([[memory, 0.0, 0.0, 0.0]] * 3)))
+    frame = Regression.of([own], replace(slow.noise(0.03), memory=np.array([[memory, 0.0, 0.0, 0.0]] * 3)))
     candidate = slow.candidate(own.record, "sensor_bias at board")
     coarse = scored(frame, candidate, [float(each) for each in np.arange(first, 7800.0, 540.0)])
     assert coarse is not None
@@ -269,7 +269,7 @@ def test_refinement_finds_the_shape(chain, noise) -> None:
     nodes = chain.integrated(inputs, np.append(START, START[1]), mass)[:3]
     read = nodes + 0.01 * np.random.default_rng(3).standard_normal(nodes.shape)
     own = view(chain.model(), chain.record(inputs, read))
-    frame = Frame.of([own], chain.noise(0.01), [])
+    frame = Regression.of([own], chain.noise(0.01), [])
     bodies = [
         each for each in all_candidates(setting_of(chain.model(), [own])) if str(each.cause) == "thermal_mass at board"
     ]

@@ -14,8 +14,8 @@ from ambient_trainer.circuits.addition import with_heat_of, with_values
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
-from ambient_trainer.diagnosis.extended import Effect, Model
 from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.model import Effect, Model
 from ambient_trainer.diagnosis.result import Cause
 
 

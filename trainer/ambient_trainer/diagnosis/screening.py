@@ -27,10 +27,10 @@ _SHORTEST_SAMPLES, _SHORTEST_S = 3, 300.0
 
 
 @dataclass(frozen=True)
-class Frame:
+class Regression:
     """What all candidates are scored against: R whitened rows of every view, less what the nuisances explain.
 
-    ``keep`` (R,) is 1 where a row was measured; rows of what was told before stand behind. ``basis`` (p, R) spans the
+    ``keep`` (R,) is 1 where a row was measured; the rows of the prior stand behind. ``basis`` (p, R) spans the
     nuisances, orthonormal; ``left`` (R,) is the residual without them.
     """
 
@@ -39,35 +39,35 @@ class Frame:
     keep: Array
     basis: Array
     left: Array
-    normal: Frame | None = None
+    normal: Regression | None = None
     """The same of known-good records: what is there too is no change."""
 
     @staticmethod
     def of(
         views: Sequence[View],
         noise: Noise,
-        nuisances: Sequence[Array] = (),
-        told: tuple[Array, Array] | None = None,
-        normal: Frame | None = None,
-    ) -> Frame:
-        """``nuisances`` holds per view what each does to the sensors, (p, s, N).
+        nuisance_columns: Sequence[Array] = (),
+        prior_rows: tuple[Array, Array] | None = None,
+        normal: Regression | None = None,
+    ) -> Regression:
+        """``nuisance_columns`` holds per view what each does to the sensors, (p, s, N).
 
-        ``told`` are rows besides, (p, q), which hold the nuisances where they were known to be, and what is off, (q,).
+        ``prior_rows`` are the prior's, (p, q), and what each is off by, (q,).
         """
         residuals = [view.residual_degC for view in views]
         keep = np.concatenate([~np.isnan(noise.white(each)).reshape(-1) for each in residuals]).astype(float)
         left = np.concatenate([np.nan_to_num(noise.white(each)).reshape(-1) for each in residuals]) * keep
         columns = [_starts(views, noise) * keep]
-        if len(nuisances) and len(nuisances[0]):
-            columns.append(_side_by_side(noise, nuisances) * keep)
-        if told is not None:
-            known, off = told
+        if len(nuisance_columns) and len(nuisance_columns[0]):
+            columns.append(_side_by_side(noise, nuisance_columns) * keep)
+        if prior_rows is not None:
+            known, off = prior_rows
             more = [np.zeros((len(columns[0]), len(off))), known]
             columns = [np.concatenate([own, rest], axis=1) for own, rest in zip(columns, more)]
             left = np.concatenate([left, off])
             keep = np.concatenate([keep, np.zeros(len(off))])
         basis = _orthonormal(np.concatenate(columns))
-        return Frame(tuple(views), noise, keep, basis, left - basis.T @ (basis @ left), normal)
+        return Regression(tuple(views), noise, keep, basis, left - basis.T @ (basis @ left), normal)
 
     @property
     def rows(self) -> float:
@@ -80,7 +80,7 @@ class Frame:
         return float(self.left @ self.left)
 
     def columns(self, candidate: Candidate, onsets_s: Sequence[float | None]) -> Array:
-        """The candidate's terms from each onset on, whitened, less the nuisances, (k, onsets, R)."""
+        """The candidate's terms from each onset on, whitened, less the nuisance_columns, (k, onsets, R)."""
         return self._white(candidate, onsets_s, beginning)
 
     def ends(self, candidate: Candidate, ends_s: Sequence[float | None]) -> Array:
@@ -107,7 +107,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Scored:
+class Screened:
     """A candidate at its best: when, with which coefficients, and how much of the square that explains.
 
     ``onset_s`` and ``end_s`` are None where it acts from the start or to the end. ``score`` is twice the gain in log
@@ -122,7 +122,7 @@ class Scored:
     score: float
 
 
-def scored(frame: Frame, candidate: Candidate, onsets_s: Sequence[float]) -> Scored | None:
+def scored(frame: Regression, candidate: Candidate, onsets_s: Sequence[float]) -> Screened | None:
     """The candidate at its best over the windows that its span allows; None where none is plausible."""
     starts: list[float | None] = [None]
     if candidate.window is not None:
@@ -149,7 +149,7 @@ def scored(frame: Frame, candidate: Candidate, onsets_s: Sequence[float]) -> Sco
     if not len(score) or not np.isfinite(score.max()):
         return None
     best = int(score.argmax())
-    return Scored(
+    return Screened(
         candidate,
         starts[begin[best]],
         None if end[best] == G else starts[end[best]],
@@ -160,7 +160,7 @@ def scored(frame: Frame, candidate: Candidate, onsets_s: Sequence[float]) -> Sco
 
 
 def _normal_equations(
-    frame: Frame, candidate: Candidate, starts_s: Sequence[float | None]
+    frame: Regression, candidate: Candidate, starts_s: Sequence[float | None]
 ) -> tuple[Array, Array, float]:
     """Gram matrix (k, G, k, G) of the columns, their products with what is left, (k, G), and the square of that.
 
@@ -186,16 +186,16 @@ def _normal_equations(
     return gram.reshape(k, G, k, G), towards.reshape(k, G), square
 
 
-def _remembers(frame: Frame, candidate: Candidate) -> bool:
+def _remembers(frame: Regression, candidate: Candidate) -> bool:
     terms = candidate.terms(frame.views[0])
-    return any(isinstance(term, HeatTerm) and term.memory_s is not None for term in terms)
+    return any(isinstance(term, HeatTerm) and term.lag_s is not None for term in terms)
 
 
-def _shortest_s(frame: Frame) -> float:
+def _shortest_s(frame: Regression) -> float:
     return max(_SHORTEST_S, _SHORTEST_SAMPLES * frame.views[0].plant.period_s)
 
 
-def refined(frame: Frame, coarse: Scored, step_s: float) -> Scored:
+def refined(frame: Regression, coarse: Screened, step_s: float) -> Screened:
     """``coarse`` with onset and end to the sample, its shape to a percent; ``step_s`` is the coarse grid's."""
     best = coarse if coarse.candidate.window is not None else _plainest(frame, _in_time(frame, coarse, step_s))
     shape, reshaped = best.candidate.shape, best.candidate.reshaped
@@ -203,7 +203,7 @@ def refined(frame: Frame, coarse: Scored, step_s: float) -> Scored:
         return best
     fixed_window = [each for each in (best.onset_s, best.end_s) if each is not None]
 
-    def at(log_factor: float) -> Scored | None:
+    def at(log_factor: float) -> Screened | None:
         return scored(frame, reshaped(shape * float(np.exp(log_factor))), fixed_window)
 
     def cost(log_factor: float) -> float:
@@ -215,7 +215,7 @@ def refined(frame: Frame, coarse: Scored, step_s: float) -> Scored:
     return better if better is not None and better.score > best.score else best
 
 
-def _plainest(frame: Frame, best: Scored) -> Scored:
+def _plainest(frame: Regression, best: Screened) -> Screened:
     """``best`` without an edge that hardly matters."""
     for onset_s, end_s in ((None, None), (best.onset_s, None), (None, best.end_s)):
         if (onset_s, end_s) != (best.onset_s, best.end_s):
@@ -229,7 +229,7 @@ _AS_GOOD = 0.95
 _FINER = 12
 
 
-def _in_time(frame: Frame, coarse: Scored, step_s: float) -> Scored:
+def _in_time(frame: Regression, coarse: Screened, step_s: float) -> Screened:
     best = coarse
     period = frame.views[0].plant.period_s
     while step_s > period / 4 and (best.onset_s is not None or best.end_s is not None):
@@ -290,9 +290,9 @@ def _solved(D: Array, M: Array, fixed: tuple[float | None, ...]) -> tuple[Array,
     return values, explained
 
 
-def _side_by_side(noise: Noise, nuisances: Sequence[Array]) -> Array:
+def _side_by_side(noise: Noise, nuisance_columns: Sequence[Array]) -> Array:
     """(p, R): each nuisance acts in every view."""
-    return np.concatenate([noise.white(np.array(each)).reshape(len(each), -1) for each in nuisances], axis=1)
+    return np.concatenate([noise.white(np.array(each)).reshape(len(each), -1) for each in nuisance_columns], axis=1)
 
 
 def _starts(views: Sequence[View], noise: Noise) -> Array:

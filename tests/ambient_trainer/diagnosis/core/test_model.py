@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis import extended
+from ambient_trainer.diagnosis import model as model_module
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import WIDER, Effect, Model, view
+from ambient_trainer.diagnosis.model import WIDER, Effect, Model, view
 from ambient_trainer.diagnosis.setting import setting_of
 
 N = 240
@@ -83,7 +83,7 @@ def test_sensor_errors_are_of_the_truth(chain) -> None:
     np.testing.assert_allclose(seen.truth_degC[:, 20:], nodes[:, 20:], atol=0.03)
     # what a doubtful sensor reads is not taken for the node
     np.testing.assert_allclose(seen.nodes_degC[:, 20:], nodes[:, 20:], atol=0.03)
-    assert model.believed() == {0}
+    assert model.trusted_sensors() == {0}
 
 
 def test_an_effect_that_was_always_there_makes_no_sensor_doubtful(chain) -> None:
@@ -91,16 +91,16 @@ def test_an_effect_that_was_always_there_makes_no_sensor_doubtful(chain) -> None
     model = chain.model()
     setting = setting_of(model, [view(model, chain.record(inputs, chain.integrated(inputs, START)))])
     late = next(each for each in all_candidates(setting) if str(each.cause) == "sensor_lag at board")
-    assert model.with_effect(Effect(late, None, None, np.ones(1), np.eye(2), known=True)).believed() == {0, 1, 2}
+    assert model.with_effect(Effect(late, None, None, np.ones(1), np.eye(2), known=True)).trusted_sensors() == {0, 1, 2}
 
 
 @pytest.mark.parametrize(("onset_s", "first"), [(None, 1.0), (0.0, 0.5), (-5.0, 1.0), (5.0, 0.0)])
 def test_a_window_is_the_share_of_each_sample(chain, onset_s: float | None, first: float) -> None:
     record = chain.record(np.zeros((2, 5)), np.zeros((3, 5)))
-    window = extended.windowed(record, onset_s)
+    window = model_module.windowed(record, onset_s)
     assert window[0] == first
     np.testing.assert_array_equal(window[1:], np.ones(4))
-    np.testing.assert_allclose(extended.windowed(record, 22.5), [0, 0, 0.25, 1, 1])
+    np.testing.assert_allclose(model_module.windowed(record, 22.5), [0, 0, 0.25, 1, 1])
 
 
 @pytest.mark.parametrize("world", ["coupling"], indirect=True)

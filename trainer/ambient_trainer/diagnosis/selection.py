@@ -22,16 +22,16 @@ from ambient_trainer.diagnosis.causes import (
     path,
     thermal_mass,
 )
-from ambient_trainer.diagnosis.extended import Effect, Model, view
+from ambient_trainer.diagnosis.fit import FitResult, TrainingSet, cost, fit_model, nuisance_columns
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
-from ambient_trainer.diagnosis.joint import Fitted, Teaching, cost, fitted, nuisances
+from ambient_trainer.diagnosis.model import Effect, Model, view
 from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import Cause, Gain
-from ambient_trainer.diagnosis.scan import Frame, Scored, refined, scored
+from ambient_trainer.diagnosis.screening import Regression, Screened, refined, scored
 from ambient_trainer.diagnosis.setting import setting_of
-from ambient_trainer.diagnosis.teach import Taught
 from ambient_trainer.diagnosis.terms import HeatTerm
+from ambient_trainer.diagnosis.training import TrainedCircuit
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ Progress = Callable[[str, int, int], None]
 
 MOST_STEPS = 4
 SIGNIFICANT = 0.01
-LEAST_GAIN_OF_A_CHANGE, LEAST_GAIN_OF_A_LACK, LEAST_GAIN_OF_A_LESSON = 0.3, 0.08, 0.03
+LEAST_GAIN_CHANGE, LEAST_GAIN_MISSING, LEAST_GAIN_BUILT_IN = 0.3, 0.08, 0.03
 """By how much an effect must lower the held-out error, each sensor's in units of what the simulation without it leaves.
 
 A change is looked for beside known-good records, in units of what those leave, a lack in units of its own misfit.
@@ -68,7 +68,7 @@ class Trial:
     """A candidate that was simulated: the model with it, its errors by block, and its gain."""
 
     effect: Effect
-    fitted: Fitted
+    fitted: FitResult
     blocks: Blocks
     gain: Gain
     relative: float
@@ -118,8 +118,8 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """One step: the trial that was taken, those it cannot be told from, and all trials, best first."""
+class SelectionStep:
+    """One step: the trial that was taken, those it cannot be prior_rows from, and all trials, best first."""
 
     taken: Trial | None
     rivals: tuple[Trial, ...]
@@ -129,12 +129,12 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class Selection:
     """All steps, and the model with their effects."""
 
-    choices: tuple[Choice, ...]
-    plain: Fitted
-    final: Fitted
+    choices: tuple[SelectionStep, ...]
+    plain: FitResult
+    final: FitResult
     noise: Noise
     views: tuple[tuple[View, ...], ...]
     """After each step."""
@@ -145,9 +145,9 @@ def _count(candidate: Candidate, onset_s: float | None, end_s: float | None) -> 
     return candidate.free + (candidate.shape is not None) + (onset_s is not None) + (end_s is not None)
 
 
-def lacking(taught: Taught, normal: Sequence[Record]) -> Model:
+def known_good_model(trained: TrainedCircuit, normal: Sequence[Record]) -> Model:
     """What the circuit needs besides to describe known-good records; it then belongs to the model."""
-    found = choose(taught, normal, wanted=BUILT_IN)
+    found = select_effects(trained, normal, wanted=BUILT_IN)
     effects = tuple(replace(effect, known=True) for effect in found.final.model.effects)
     return replace(found.final.model, effects=effects)
 
@@ -158,12 +158,12 @@ def _built_in(candidate: Candidate) -> Candidate | None:
     return replace(candidate, span=Span.WHOLE)
 
 
-def _any(candidate: Candidate) -> Candidate | None:
+def _every_cause(candidate: Candidate) -> Candidate | None:
     return candidate
 
 
 @dataclass(frozen=True)
-class Search:
+class Criterion:
     """What is looked for: the candidates that are ``allowed``, and the ``least`` gain, in units of the noise.
 
     At places where an effect was found already, ``found``, a further one must gain more: ``least_there``.
@@ -179,23 +179,23 @@ class Search:
         return max(self.least, self.least_there) if trial.places & self.found else self.least
 
 
-CHANGES = Search(_any, LEAST_GAIN_OF_A_CHANGE)
-LACKS = Search(_any, LEAST_GAIN_OF_A_LACK)
-BUILT_IN = Search(_built_in, LEAST_GAIN_OF_A_LESSON)
+CHANGE = Criterion(_every_cause, LEAST_GAIN_CHANGE)
+MISSING = Criterion(_every_cause, LEAST_GAIN_MISSING)
+BUILT_IN = Criterion(_built_in, LEAST_GAIN_BUILT_IN)
 
 
-def choose(
-    taught: Taught,
+def select_effects(
+    trained: TrainedCircuit,
     own: Sequence[Record],
     progress: Progress | None = None,
-    wanted: Search | None = None,
-) -> Chosen:
+    wanted: Criterion | None = None,
+) -> Selection:
     """Forward selection of effects in the diagnosed records; by default of every cause."""
-    wanted = wanted or (CHANGES if taught.normal else LACKS)
-    noise = taught.noise
-    current = fitted(taught.model, taught.teaching(own, noise), _ROUNDS)
+    wanted = wanted or (CHANGE if trained.normal else MISSING)
+    noise = trained.noise
+    current = fit_model(trained.model, trained.training(own, noise), _ROUNDS)
     plain = current
-    choices: list[Choice] = []
+    choices: list[SelectionStep] = []
     views: list[tuple[View, ...]] = []
     for step in range(MOST_STEPS):
         if choices and choices[0].taken is not None and wanted is not BUILT_IN:
@@ -207,7 +207,7 @@ def choose(
             wanted = replace(wanted, least=least, found=found, least_there=of_first)
         choice = _one_more(
             current,
-            taught,
+            trained,
             own,
             noise,
             wanted,
@@ -217,11 +217,11 @@ def choose(
         if choice.taken is None:
             break
         current = choice.taken.fitted
-        if not taught.normal:
+        if not trained.normal:
             noise = Noise.of([each.residual_degC for each in current.views])
-            current = fitted(current.model, taught.teaching(own, noise), _ROUNDS)
+            current = fit_model(current.model, trained.training(own, noise), _ROUNDS)
         views.append(current.views)
-    return Chosen(tuple(choices), plain, current, noise, tuple(views))
+    return Selection(tuple(choices), plain, current, noise, tuple(views))
 
 
 def _stage(progress: Progress | None, step: int) -> Callable[[int, int], None]:
@@ -233,17 +233,17 @@ def _stage(progress: Progress | None, step: int) -> Callable[[int, int], None]:
 
 
 def _one_more(
-    current: Fitted,
-    taught: Taught,
+    current: FitResult,
+    trained: TrainedCircuit,
     own: Sequence[Record],
     noise: Noise,
-    wanted: Search,
+    wanted: Criterion,
     progress: Callable[[int, int], None],
-) -> Choice:
-    teaching = taught.teaching(own, noise)
-    from_here = _unmoved(current, taught, teaching)
-    frame = _frame(from_here, taught, teaching)
-    setting = setting_of(current.model, current.views, not taught.normal)
+) -> SelectionStep:
+    training = trained.training(own, noise)
+    from_here = _at_trained(current, trained, training)
+    frame = _frame(from_here, trained, training)
+    setting = setting_of(current.model, current.views, not trained.normal)
     there = {
         (effect.candidate.cause.name, effect.candidate.cause.location)
         for effect in current.model.effects
@@ -255,15 +255,15 @@ def _one_more(
         if each is not None and (each.cause.name, each.cause.location) not in there
     ]
     first, last = _extent(own)
-    step_s = max((last - first) / _COARSE, 2 * taught.model.plant.period_s)
-    period_s = taught.model.plant.period_s
+    step_s = max((last - first) / _COARSE, 2 * trained.model.plant.period_s)
+    period_s = trained.model.plant.period_s
     # with the samples: an edge between two is shared by both, and scores otherwise
     onsets = [
         first + period_s * round(each / period_s) for each in np.arange(step_s, last - first - step_s / 2, step_s)
     ]
     # of the forms of a cause, the best with each number of coefficients: which is the better, held-out data tell
-    found: dict[tuple[Cause, int], Scored] = {}
-    most = _SIMULATED if taught.normal else _SIMULATED_WITH_CIRCUIT
+    found: dict[tuple[Cause, int], Screened] = {}
+    most = _SIMULATED if trained.normal else _SIMULATED_WITH_CIRCUIT
     for index, candidate in enumerate(candidates):
         progress(index, len(candidates) + most)
         best = scored(frame, candidate, onsets)
@@ -277,7 +277,7 @@ def _one_more(
     models = (from_here.model, current.model)
     # by as many processes as whoever called has configured
     done = Parallel(return_as="generator", max_nbytes=None)(
-        delayed(_trial)(models, each, teaching, before, tries, not taught.normal) for each in ranked
+        delayed(_trial)(models, each, training, before, tries, not trained.normal) for each in ranked
     )
     trials = []
     for index, trial in enumerate(done, start=1):
@@ -286,18 +286,20 @@ def _one_more(
             trials.append(trial)
     trials.sort(key=lambda each: float(each.blocks.white.sum()))
     taken, rivals = _simplest(trials, before, wanted)
-    return Choice(taken, rivals, tuple(trials), tries, before)
+    return SelectionStep(taken, rivals, tuple(trials), tries, before)
 
 
-def _unmoved(current: Fitted, taught: Taught, teaching: Teaching) -> Fitted:
-    """``current`` where it was taught: what it has moved since may be what the next effect is to explain."""
-    if not taught.normal:
+def _at_trained(current: FitResult, trained: TrainedCircuit, training: TrainingSet) -> FitResult:
+    """``current`` where it was trained: what it has moved since may be what the next effect is to explain."""
+    if not trained.normal:
         return current
     own = tuple(effect for effect in current.model.effects if not effect.known)
-    return fitted(replace(taught.model, effects=(*taught.model.effects, *own)), teaching, 0)
+    return fit_model(replace(trained.model, effects=(*trained.model.effects, *own)), training, 0)
 
 
-def _trial(models: Sequence[Model], found: Scored, teaching: Teaching, before: Blocks, tries: int, free: bool) -> Trial:
+def _trial(
+    models: Sequence[Model], found: Screened, training: TrainingSet, before: Blocks, tries: int, free: bool
+) -> Trial:
     """What was ``found`` added to the one of ``models`` that is then nearer, and fitted along with it."""
     values = found.candidate.start(found.values)
     if free:
@@ -305,17 +307,17 @@ def _trial(models: Sequence[Model], found: Scored, teaching: Teaching, before: B
         values = np.array([0.0 if fixed is None else fixed for fixed in found.candidate.fixed])
     unsure = np.zeros((len(values) + 1,) * 2)
     effect = Effect(found.candidate, found.onset_s, found.end_s, values, unsure)
-    nearest = min((model.with_effect(effect) for model in models), key=lambda each: cost(each, teaching))
-    result = fitted(nearest, teaching, _ROUNDS)
-    after = Blocks.of(result, teaching.noise)
+    nearest = min((model.with_effect(effect) for model in models), key=lambda each: cost(each, training))
+    result = fit_model(nearest, training, _ROUNDS)
+    after = Blocks.of(result, training.noise)
     effect = result.model.effects[-1]
     count = _count(found.candidate, found.onset_s, found.end_s)
-    left = after.relative(teaching.noise)
-    return Trial(effect, result, after, gain(before, after, count, tries), before.relative(teaching.noise) - left, left)
+    left = after.relative(training.noise)
+    return Trial(effect, result, after, gain(before, after, count, tries), before.relative(training.noise) - left, left)
 
 
-def _simplest(trials: Sequence[Trial], before: Blocks, wanted: Search) -> tuple[Trial | None, tuple[Trial, ...]]:
-    """The simplest acceptable trial that is about as good as the best, and those that cannot be told from it."""
+def _simplest(trials: Sequence[Trial], before: Blocks, wanted: Criterion) -> tuple[Trial | None, tuple[Trial, ...]]:
+    """The simplest acceptable trial that is about as good as the best, and those that cannot be prior_rows from it."""
     accepted = [each for each in trials if each.accepted(wanted.least_of(each))]
     if not accepted:
         return None, ()
@@ -353,15 +355,15 @@ def _tied(simpler: Trial, best: Trial, before: Blocks, least: float) -> bool:
     )
 
 
-def _frame(current: Fitted, taught: Taught, teaching: Teaching) -> Frame:
-    noise = teaching.noise
+def _frame(current: FitResult, trained: TrainedCircuit, training: TrainingSet) -> Regression:
+    noise = training.noise
     normal = None
-    if taught.normal:
-        model = taught.model
-        before = [view(model, record) for record in taught.normal]
-        normal = Frame.of(before, noise)
-    free, told = nuisances(current, teaching)
-    return Frame.of(current.views, noise, free, told, normal)
+    if trained.normal:
+        model = trained.model
+        before = [view(model, record) for record in trained.normal]
+        normal = Regression.of(before, noise)
+    free, prior_rows = nuisance_columns(current, training)
+    return Regression.of(current.views, noise, free, prior_rows, normal)
 
 
 def _extent(own: Sequence[Record]) -> tuple[float, float]:

@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.extended import Model, answered, heat_parts, read_by_sensors, sensor_errors
-from ambient_trainer.diagnosis.parameters import changed
+from ambient_trainer.diagnosis.circuit_parameters import changed
+from ambient_trainer.diagnosis.effect_parameters import EffectParameter, moved, small_step
+from ambient_trainer.diagnosis.model import Model, heat_parts, read_by_sensors, sensor_errors, with_feedback
 from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.unknowns import Unknown, moved, small_step
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 _STEP = 1e-3
 
 
-def columns(model: Model, searched: Sequence[str], free: Sequence[Unknown], here: View) -> Array:
+def columns(model: Model, searched: Sequence[str], free: Sequence[EffectParameter], here: View) -> Array:
     """Of the searched parameters, by :func:`parameters.changed`, and of what is free of the effects, (c, s, N)."""
     moves = [_moved(model, each, here) for each in free]
     plain = [*_slopes(model, searched, here), *(nodes for nodes, _ in moves)]
     if not plain:
         return np.empty((0, *here.truth_degC.shape))
-    nodes = answered(model, here.record, here.model_degC, np.array(plain))
+    nodes = with_feedback(model, here.record, here.model_degC, np.array(plain))
     read = read_by_sensors(model, here.record, here.truth_degC, nodes[:, here.plant.reads])
     for index, (_, errors) in enumerate(moves, start=len(searched)):
         read[index] += errors
@@ -66,7 +66,7 @@ def _heat_W(model: Model, here: View, plant: Plant) -> Array:
     return heat
 
 
-def _moved(model: Model, unknown: Unknown, here: View) -> tuple[Array, Array]:
+def _moved(model: Model, unknown: EffectParameter, here: View) -> tuple[Array, Array]:
     """What a step of ``unknown`` does to every node, (n, N), and to the sensors besides, (s, N), no heat answering."""
     plant, effect = here.plant, model.effects[unknown.effect]
     step = small_step(unknown, plant.period_s)

@@ -13,8 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.misfit_tests.drivers import Driver
-from ambient_trainer.diagnosis.misfit_tests.memory import centred_past, filters_of, memory_of, whitened
+from ambient_trainer.diagnosis.residual_tests.autoregression import (
+    autoregression_of,
+    centred_past,
+    filters_of,
+    whitened,
+)
+from ambient_trainer.diagnosis.residual_tests.drivers import Driver
 
 Array = NDArray[np.float64]
 
@@ -24,7 +29,7 @@ _TURN_FRAC = 1 / 3
 
 
 @dataclass(frozen=True)
-class Found:
+class Dependence:
     """One subject's test before its threshold: the statistic, what chance made of it (B,), and what it says."""
 
     test: str
@@ -56,14 +61,14 @@ class Calibrated:
     @staticmethod
     def of(series: Array, sensor: str, random: np.random.Generator) -> Calibrated | None:
         """``series`` (n,) calibrated; None where too little of it is known."""
-        memory = memory_of(series)
+        memory = autoregression_of(series)
         if memory is None:
             return None
         every = np.concatenate([series[None], memory.simulated(REPLICATES, len(series), random)])
         filters = filters_of(every, memory.order, memory.rows)
         return Calibrated(sensor, every, filters, memory.rows, _directions(whitened(every, filters, memory.rows)))
 
-    def along_with(self, driver: Driver) -> Found | None:
+    def along_with(self, driver: Driver) -> Dependence | None:
         """The test of ``driver``, at its best delay; None where it never changes while the series is known."""
         windows = self._past(driver.responses)
         spread = self._product(windows, windows)
@@ -79,18 +84,18 @@ class Calibrated:
         best = int(t[0].argmax())
         chosen = driver.responses[best]
         statistics, size = t.max(axis=1), self._slope(chosen) * float(np.ptp(chosen))
-        return Found(
+        return Dependence(
             driver.test, self.sensor, driver.name, float(statistics[0]), statistics[1:], driver.delays_steps[best], size
         )
 
-    def drift(self, driver: Driver) -> Found | None:
+    def drift(self, driver: Driver) -> Dependence | None:
         """As :meth:`along_with` for time itself. Its line would pass for memory: that is of what is left without it."""
         known = np.isfinite(self.every[0])
         course = np.where(known, driver.responses[0] - driver.responses[0, known].mean(), 0.0)
         slopes = np.nan_to_num(self.every) @ course / (course @ course)
         return self._remembering(self.every - slopes[:, None] * course).along_with(driver)
 
-    def change(self, test: str) -> Found:
+    def change(self, test: str) -> Dependence:
         """``test`` for a change of level: how far apart the extremes of the cumulated innovations lie.
 
         The innovations' sum over the root of their number is the series' own over its long-run deviation. The level's
@@ -106,7 +111,7 @@ class Calibrated:
             if depth > _TURN_FRAC * statistics[0]
         )
         height = _height(self.every[0], turns)
-        return Found(test, self.sensor, "", float(statistics[0]), statistics[1:], 0.0, height, tuple(turns))
+        return Dependence(test, self.sensor, "", float(statistics[0]), statistics[1:], 0.0, height, tuple(turns))
 
     def _remembering(self, cleared: Array) -> Calibrated:
         """The same series, whitened by the memory of ``cleared`` (B + 1, n)."""
@@ -143,7 +148,7 @@ class Calibrated:
         return float(windows @ series / (windows @ windows))
 
 
-def thresholds(found: Sequence[Found], alpha: float) -> list[float]:
+def thresholds(found: Sequence[Dependence], alpha: float) -> list[float]:
     """For each of ``found``, so that by chance any of them is above its own in ``alpha`` of the reports."""
     if not found:
         return []

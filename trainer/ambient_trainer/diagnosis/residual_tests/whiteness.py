@@ -41,7 +41,7 @@ def ljung_box(series: Array, sensor: str, alpha: float) -> Tested:
     return Tested("whiteness", sensor, statistic, threshold, significant, said)
 
 
-def residual_memory(series: Array, sensor: str, step_s: float) -> Tested:
+def autocorrelation_time(series: Array, sensor: str, step_s: float) -> Tested:
     """How long until the correlation of ``series`` (n,) with itself has fallen to 1/e, in s; white noise: one step."""
     rho, pairs = autocorrelation(series, len(series) - 1)
     below = np.flatnonzero((rho < _FORGOTTEN) & (pairs > 0))

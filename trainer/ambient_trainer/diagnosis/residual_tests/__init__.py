@@ -7,6 +7,6 @@ many beside as much white noise 9 in 100 had one, of 240 such samples 5; of 100 
 memory of 10, at most 2. What a short record leaves open counts as memory, and small effects in it as chance.
 """
 
-from ambient_trainer.diagnosis.misfit_tests.every import misfit_tests
+from ambient_trainer.diagnosis.residual_tests.all_tests import residual_tests
 
-__all__ = ["misfit_tests"]
+__all__ = ["residual_tests"]

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.columns import columns
-from ambient_trainer.diagnosis.extended import view
-from ambient_trainer.diagnosis.unknowns import Kind, Unknown, unknowns
+from ambient_trainer.diagnosis.effect_parameters import EffectParameter, Kind, unknowns
+from ambient_trainer.diagnosis.model import view
+from ambient_trainer.diagnosis.sensitivities import columns
 
 PERIOD_S = 10.0
 
 
-def _column(world, unknown: Unknown) -> np.ndarray:
+def _column(world, unknown: EffectParameter) -> np.ndarray:
     seen = view(world.model, world.record)
     (found,) = columns(world.model, (), (unknown,), seen)
     return found
@@ -46,13 +46,13 @@ def test_a_coefficient(world) -> None:
             world.integrated([*world.case.values[:term], value + sign * step, *world.case.values[term + 1 :]])
             for sign in (1, -1)
         ]
-        _alike(_column(world, Unknown(0, Kind.COEFFICIENT, term)), (ends[0] - ends[1]) / (2 * step))
+        _alike(_column(world, EffectParameter(0, Kind.COEFFICIENT, term)), (ends[0] - ends[1]) / (2 * step))
 
 
 @pytest.mark.parametrize("world", ["mass", "mass that is attached"], indirect=True)
 def test_a_shape(world) -> None:
     up, down = (world.integrated(case=replace(world.case, shape=300.0 * np.exp(step))) for step in (0.02, -0.02))
-    _alike(_column(world, Unknown(0, Kind.SHAPE)), (up - down) / 0.04)
+    _alike(_column(world, EffectParameter(0, Kind.SHAPE)), (up - down) / 0.04)
 
 
 @pytest.mark.parametrize("kind", [Kind.ONSET, Kind.END])
@@ -62,10 +62,10 @@ def test_an_edge(world, kind: Kind) -> None:
     name = "onset_s" if kind is Kind.ONSET else "end_s"
     edge = getattr(world.case, name)
     moved = world.integrated(case=replace(world.case, **{name: edge + PERIOD_S}))
-    _alike(_column(world, Unknown(0, kind)), (moved - world.nodes_degC) / PERIOD_S, 0.06)
+    _alike(_column(world, EffectParameter(0, kind)), (moved - world.nodes_degC) / PERIOD_S, 0.06)
     up, down = (world.integrated(case=replace(world.case, **{name: edge + step})) for step in (1.0, -1.0))
     later = slice(int(edge / PERIOD_S) + 10, None)
-    _alike(_column(world, Unknown(0, kind))[:, later], ((up - down) / 2.0)[:, later], 0.06)
+    _alike(_column(world, EffectParameter(0, kind))[:, later], ((up - down) / 2.0)[:, later], 0.06)
 
 
 @pytest.mark.parametrize("world", ["coupling for a while"], indirect=True)
@@ -122,5 +122,5 @@ def test_a_sensor_that_is_stuck_shows_nothing(world) -> None:
     assert np.abs(found[:-1, 2, on]).max() < 1e-9
     assert (np.abs(found[:4, 2, 141:]).max(axis=-1) > 0.1).all()
     # what it always reads is its own, and no edge is free: when it stood still was seen
-    assert free[3:] == (Unknown(1, Kind.COEFFICIENT, 0),)
+    assert free[3:] == (EffectParameter(1, Kind.COEFFICIENT, 0),)
     np.testing.assert_allclose(found[-1, 2], [1.0 if 81 <= k < 141 else 0.0 for k in range(240)])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ambient_trainer.diagnosis.misfit_tests.dependence import Found
-from ambient_trainer.diagnosis.misfit_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.dependence import Dependence
+from ambient_trainer.diagnosis.residual_tests.grid import Grid
 from ambient_trainer.diagnosis.words import clock, duration, figures
 
 _ALONG = {
@@ -21,12 +21,12 @@ _HINT = {
 }
 
 
-def subject(found: Found) -> str:
+def subject(found: Dependence) -> str:
     """The sensor, or the sensor and the signal."""
     return f"{found.sensor}, {found.driver}" if found.driver else found.sensor
 
 
-def sentence(found: Found, significant: bool, grid: Grid) -> str:
+def sentence(found: Dependence, significant: bool, grid: Grid) -> str:
     """What ``found`` says."""
     if found.test == "drift":
         return _drift(found, significant, grid)
@@ -43,14 +43,14 @@ def sentence(found: Found, significant: bool, grid: Grid) -> str:
     )
 
 
-def _drift(found: Found, significant: bool, grid: Grid) -> str:
+def _drift(found: Dependence, significant: bool, grid: Grid) -> str:
     if not significant:
         return f"{found.sensor}: the residual does not drift more than its memory explains."
     span = duration(grid.samples * grid.step_s)
     return f"{found.sensor}: the residual drifts by {figures(found.size, 2)} degC over {span}."
 
 
-def _change(found: Found, significant: bool, grid: Grid) -> str:
+def _change(found: Dependence, significant: bool, grid: Grid) -> str:
     what = "the residual" if found.test == "change" else "the heat that explains the residual"
     if not significant or not found.turns:
         return f"{found.sensor}: {what} keeps its level."

@@ -7,21 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.choose import (
+from ambient_trainer.diagnosis.fit import FitResult, TrainingSet, fit_model, information
+from ambient_trainer.diagnosis.gain import Blocks
+from ambient_trainer.diagnosis.model import view
+from ambient_trainer.diagnosis.prior import Prior
+from ambient_trainer.diagnosis.result import Cause, Gain
+from ambient_trainer.diagnosis.selection import (
     TIE_OF_A_FAULT,
     TIE_OF_WHAT_IS_GAINED,
     TIE_OF_WHAT_IS_LEFT,
-    Search,
+    Criterion,
     Trial,
     _simplest,
-    choose,
+    select_effects,
 )
-from ambient_trainer.diagnosis.extended import view
-from ambient_trainer.diagnosis.gain import Blocks
-from ambient_trainer.diagnosis.joint import Fitted, Teaching, fitted, information
-from ambient_trainer.diagnosis.prior import Prior
-from ambient_trainer.diagnosis.result import Cause, Gain
-from ambient_trainer.diagnosis.teach import Taught, left_over, searched
+from ambient_trainer.diagnosis.training import TrainedCircuit, residual_noise, searched
 
 N = 720
 TIME_S = 10.0 * np.arange(N)
@@ -67,26 +67,28 @@ def _record(chain, seed: int, heat=None, error=None, hidden: int = 0):
     return chain.record(inputs, read if error is None else error(read), camera_on=CAMERA)
 
 
-def _alone(chain, record) -> Taught:
+def _alone(chain, record) -> TrainedCircuit:
     """The circuit as well as it can be made to fit the record itself."""
     names = searched(chain.circuit)
     prior = Prior.by_design(chain.model(), names)
-    own = fitted(chain.model(), Teaching((record,), chain.noise(), names, prior), 8).model
-    return Taught(own, left_over(own, [record]), (), names, prior)
+    own = fit_model(chain.model(), TrainingSet((record,), chain.noise(), names, prior), 8).model
+    return TrainedCircuit(own, residual_noise(own, [record]), (), names, prior)
 
 
-def _known_good(chain) -> Taught:
-    """What one known-good record taught of a circuit that began at other values."""
+def _known_good(chain) -> TrainedCircuit:
+    """What one known-good record trained of a circuit that began at other values."""
     normal, names = (_record(chain, 11),), searched(chain.circuit)
     prior = Prior.by_design(chain.model(), names)
-    found = fitted(chain.model(C_shell=50.0, R_chip_board=7.0), Teaching(normal, chain.noise(0.03), names, prior), 12)
-    noise = left_over(found.model, normal)
-    told = information(found.model, Teaching(normal, noise, names, prior))
-    return Taught(found.model, noise, normal, names, Prior.taught(found.model, names, told))
+    found = fit_model(
+        chain.model(C_shell=50.0, R_chip_board=7.0), TrainingSet(normal, chain.noise(0.03), names, prior), 12
+    )
+    noise = residual_noise(found.model, normal)
+    known = information(found.model, TrainingSet(normal, noise, names, prior))
+    return TrainedCircuit(found.model, noise, normal, names, Prior.trained(found.model, names, known))
 
 
-def _first(taught: Taught, record):
-    chosen = choose(taught, [record])
+def _first(trained: TrainedCircuit, record):
+    chosen = select_effects(trained, [record])
     taken = chosen.choices[0].taken
     return chosen, None if taken is None else taken.effect.candidate.cause
 
@@ -143,7 +145,7 @@ def _drifting(read):
     return read + 0.8 * np.array([0, 1.0, 0])[:, None] * np.maximum(0, TIME_S - 2000) / 3600
 
 
-CHANGES = [
+CHANGE = [
     (_camera, None, 0, Cause("heat_source", "shell", "camera_on"), 0.5),
     (_sun, None, 0, Cause("heat_source", "shell"), 0.6),
     (_case, None, 0, Cause("ambient_coupling", "shell"), -0.375),
@@ -156,7 +158,7 @@ CHANGES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("heat", "error", "hidden", "wanted", "value"), CHANGES, ids=_id)
+@pytest.mark.parametrize(("heat", "error", "hidden", "wanted", "value"), CHANGE, ids=_id)
 def test_what_has_changed(chain, heat, error, hidden, wanted, value) -> None:
     chosen, cause = _first(_known_good(chain), _record(chain, 1, heat, error, hidden))
     assert cause == wanted
@@ -176,18 +178,20 @@ def test_a_bent_loss_is_the_best_of_all_that_was_tried(chain) -> None:
 
 
 def test_progress_is_told(chain) -> None:
-    told = []
-    choose(_known_good(chain), [_record(chain, 1)], lambda stage, done, total: told.append((stage, done, total)))
-    assert {stage for stage, _, _ in told} == {"step 1"}
-    assert all(0 <= done < total for _, done, total in told)
-    assert [done for _, done, _ in told] == sorted(done for _, done, _ in told)
+    shown = []
+    select_effects(
+        _known_good(chain), [_record(chain, 1)], lambda stage, done, total: shown.append((stage, done, total))
+    )
+    assert {stage for stage, _, _ in shown} == {"step 1"}
+    assert all(0 <= done < total for _, done, total in shown)
+    assert [done for _, done, _ in shown] == sorted(done for _, done, _ in shown)
 
 
 BLOCKS = 50
 
 
-def _least(gain: float) -> Search:
-    return Search(lambda candidate: candidate, gain)
+def _least(gain: float) -> Criterion:
+    return Criterion(lambda candidate: candidate, gain)
 
 
 class _Trials:
@@ -199,7 +203,7 @@ class _Trials:
         model = chain.model()
         seen = view(model, self.record)
         plant = replace(model.plant, reads=model.plant.reads[:sensors])
-        self.fitted = Fitted(replace(model, plant=plant), (seen,), (seen.residual_degC,), 0.0)
+        self.fitted = FitResult(replace(model, plant=plant), (seen,), (seen.residual_degC,), 0.0)
         self.before = self._blocks(100.0)
 
     def _blocks(self, each: float, seed: int | None = None) -> Blocks:
@@ -210,7 +214,7 @@ class _Trials:
     def __call__(self, cause: str, gained: float, left: float, seed: int, values=(0.5,), **window: float) -> Trial:
         own = self.chain.effect(self.record, cause, values, **window)
         gain = Gain(1.0, 0.5 + seed * 1e-3, (0.1, 0.2), 1e-9)
-        return Trial(own, self.fitted, self._blocks(100.0 - gained, seed), gain, 2.0 - left, left)
+        return Trial(own, self.fit_model, self._blocks(100.0 - gained, seed), gain, 2.0 - left, left)
 
 
 @pytest.mark.parametrize(("share", "simple"), [(0.9, True), (1.1, False)])
@@ -240,7 +244,7 @@ def test_a_simpler_cause_wins_that_gains_hardly_less(chain, share: float, simple
     ("sensors", "share", "blamed"), [(3, TIE_OF_A_FAULT + 0.001, True), (3, 0.9, False), (1, 0.999, False)]
 )
 def test_heat_that_no_neighbour_feels_is_the_sensors(chain, sensors: int, share: float, blamed: bool) -> None:
-    """Where there are neighbours, and the two cannot be told apart by their blocks."""
+    """Where there are neighbours, and the two are not distinguishable by their blocks."""
     trial = _Trials(chain, sensors)
     heat = trial("heat_source at shell", 10.0, 0.5, 1)
     fault = trial("sensor_bias at shell", 10.0 * share, 0.5, 2)

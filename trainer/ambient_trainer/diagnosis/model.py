@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.candidate import Candidate, Found
-from ambient_trainer.diagnosis.feedback import Loop, Part, closed_loop
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate
+from ambient_trainer.diagnosis.closed_loop import Loop, Part, closed_loop
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import Magnitude
@@ -49,9 +49,9 @@ class Effect:
         """How large it is."""
         return self.candidate.magnitude(self.found(view))
 
-    def found(self, view: View) -> Found:
+    def found(self, view: View) -> Estimate:
         """Its numbers, and how sure they are."""
-        return Found(view, self.values, WIDER**2 * self.covariance)
+        return Estimate(view, self.values, WIDER**2 * self.covariance)
 
     @property
     def sensors(self) -> frozenset[int]:
@@ -66,7 +66,7 @@ class Model:
     plant: Plant
     effects: tuple[Effect, ...] = ()
 
-    def believed(self) -> frozenset[int]:
+    def trusted_sensors(self) -> frozenset[int]:
         """The sensors that no effect makes doubtful."""
         doubtful = frozenset[int]().union(*(effect.sensors for effect in self.effects if not effect.known))
         return frozenset(range(len(self.plant.reads))) - doubtful
@@ -93,7 +93,7 @@ def view(model: Model, record: Record, like: View | None = None) -> View:
     if like is None:
         start = fitted_start(decays[:, plant.reads], record.sensors - plain[plant.reads], expected)
         nodes = plain + np.einsum("i,ink->nk", start, decays)
-        nodes = with_measured(plant, record, nodes, model.believed()) if parts else nodes
+        nodes = with_measured(plant, record, nodes, model.trusted_sensors()) if parts else nodes
     else:
         start, nodes = like.start, like.model_degC
     air = View.bare(plant, record).ambient_degC
@@ -117,7 +117,7 @@ def view(model: Model, record: Record, like: View | None = None) -> View:
                 break
     truth = nodes[plant.reads]
     error = sensor_errors(model, record, truth)
-    measured = with_measured(plant, record, nodes, model.believed())
+    measured = with_measured(plant, record, nodes, model.trusted_sensors())
     return View(plant, record, measured, truth, error, starts, start, nodes)
 
 
@@ -125,7 +125,7 @@ _ROUNDS, _CLOSE_DEGC, _ABSURD_K = 12, 1e-2, 500.0
 """Samples of a simulation that runs away are not finite."""
 
 
-def answered(model: Model, record: Record, nodes_degC: Array, along: Array) -> Array:
+def with_feedback(model: Model, record: Record, nodes_degC: Array, along: Array) -> Array:
     """A change ``along`` (c, n, N) of the nodes with what the effects' heat answers to it, about ``nodes_degC``."""
     parts = heat_parts(model, model.plant, record)
     loop = Loop.about(model.plant, parts, nodes_degC, View.bare(model.plant, record).ambient_degC) if parts else None

@@ -8,11 +8,17 @@ import numpy as np
 import pytest
 
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.choose import _unmoved, lacking
-from ambient_trainer.diagnosis.extended import Model
-from ambient_trainer.diagnosis.joint import Teaching, fitted, information
+from ambient_trainer.diagnosis.fit import TrainingSet, fit_model, information
+from ambient_trainer.diagnosis.model import Model
 from ambient_trainer.diagnosis.prior import Prior
-from ambient_trainer.diagnosis.teach import Taught, left_over, searched, taught_by_baselines, taught_by_itself
+from ambient_trainer.diagnosis.selection import _at_trained, known_good_model
+from ambient_trainer.diagnosis.training import (
+    TrainedCircuit,
+    residual_noise,
+    searched,
+    train_on_baselines,
+    train_on_diagnosed,
+)
 
 N = 540
 TIME_S = 10.0 * np.arange(N)
@@ -37,31 +43,31 @@ def _trace(record) -> Trace:
     return Trace("run.csv", record.time_s, {"ambient_degC": record.inputs[0], "heater_W": record.inputs[1], **read})
 
 
-def _known_good(chain, normal, **begun: float) -> Taught:
+def _known_good(chain, normal, **begun: float) -> TrainedCircuit:
     """What these records teach, from a circuit that begins elsewhere."""
     names = searched(chain.circuit)
     by_design = Prior.by_design(chain.model(), names)
-    model = fitted(chain.model(**begun), Teaching(normal, chain.noise(0.03), names, by_design), 15).model
-    noise = left_over(model, normal)
-    told = information(model, Teaching(normal, noise, names, by_design))
-    return Taught(model, noise, normal, names, Prior.taught(model, names, told))
+    model = fit_model(chain.model(**begun), TrainingSet(normal, chain.noise(0.03), names, by_design), 15).model
+    noise = residual_noise(model, normal)
+    told = information(model, TrainingSet(normal, noise, names, by_design))
+    return TrainedCircuit(model, noise, normal, names, Prior.trained(model, names, told))
 
 
 @pytest.fixture(scope="module")
-def idle(chain) -> Taught:
-    """Taught by a device that never did anything: its chip was as warm as its board, whatever joins them."""
+def idle(chain) -> TrainedCircuit:
+    """TrainedCircuit by a device that never did anything: its chip was as warm as its board, whatever joins them."""
     return _known_good(chain, (_record(chain, 3, heater=False),), R_chip_board=20.0)
 
 
 @pytest.fixture(scope="module")
-def busy(chain) -> Taught:
+def busy(chain) -> TrainedCircuit:
     return _known_good(chain, (_record(chain, 3), _record(chain, 4)), R_chip_board=11.0)
 
 
-def _sure(taught: Taught, name: str) -> float:
-    """The standard error of a parameter's logarithm, as it was taught."""
-    place = taught.searched.index(name)
-    return float(np.sqrt(np.linalg.pinv(taught.prior.information)[place, place]))
+def _sure(trained: TrainedCircuit, name: str) -> float:
+    """The standard error of a parameter's logarithm, as it was trained."""
+    place = trained.searched.index(name)
+    return float(np.sqrt(np.linalg.pinv(trained.prior.information)[place, place]))
 
 
 def test_what_was_never_heated_was_hardly_taught(idle, busy) -> None:
@@ -71,20 +77,20 @@ def test_what_was_never_heated_was_hardly_taught(idle, busy) -> None:
 
 def test_what_the_good_records_hardly_told_the_diagnosed_one_tells(chain, idle) -> None:
     """It was never heated before; now it is, and nothing has changed."""
-    taught = idle.model.plant.values["R_chip_board"]
-    assert abs(np.log(taught / 8.0)) > 0.1
+    trained = idle.model.plant.values["R_chip_board"]
+    assert abs(np.log(trained / 8.0)) > 0.1
     record = _record(chain, 5)
-    found = fitted(idle.model, idle.teaching([record], idle.noise), 12)
+    found = fit_model(idle.model, idle.training([record], idle.noise), 12)
     assert found.model.plant.values["R_chip_board"] == pytest.approx(8.0, rel=0.03)
     assert idle.prior.square(found.model) <= idle.prior.limit * 1.5
     assert np.sqrt(np.nanmean(found.longest.residual_degC**2)) < 0.04
 
 
 def test_what_they_told_for_sure_does_not_move_to_explain_a_change(chain, busy) -> None:
-    """The device is in a case now: without what was taught, its resistance would be taken to have been so always."""
+    """The device is in a case now: without what was trained, its resistance would be taken to have been so always."""
     record = _record(chain, 5, R_shell_ambient=25.0)
-    held = fitted(busy.model, busy.teaching([record], busy.noise), 12).model
-    loose = fitted(busy.model, Teaching((record,), busy.noise, busy.searched), 12).model
+    held = fit_model(busy.model, busy.training([record], busy.noise), 12).model
+    loose = fit_model(busy.model, TrainingSet((record,), busy.noise, busy.searched), 12).model
     assert loose.plant.values["R_shell_ambient"] == pytest.approx(25.0, rel=0.03)
     assert busy.prior.square(held) <= busy.prior.limit * 1.5
     away = abs(np.log(held.plant.values["R_shell_ambient"] / busy.model.plant.values["R_shell_ambient"]))
@@ -93,7 +99,7 @@ def test_what_they_told_for_sure_does_not_move_to_explain_a_change(chain, busy) 
 
 
 def test_a_device_that_is_as_it_was_stays_as_it_was_taught(chain, busy) -> None:
-    found = fitted(busy.model, busy.teaching([_record(chain, 6)], busy.noise), 12).model
+    found = fit_model(busy.model, busy.training([_record(chain, 6)], busy.noise), 12).model
     for name in busy.searched:
         assert found.plant.values[name] == pytest.approx(
             busy.model.plant.values[name], abs=0.0, rel=5 * _sure(busy, name)
@@ -103,34 +109,34 @@ def test_a_device_that_is_as_it_was_stays_as_it_was_taught(chain, busy) -> None:
 def test_the_next_effect_is_looked_for_from_where_the_circuit_was_taught(chain, busy) -> None:
     """What a circuit has moved since may be what the next effect is to explain; the effects that were found stay."""
     record = _record(chain, 5, R_shell_ambient=18.0)
-    teaching = busy.teaching([record], busy.noise)
+    training = busy.training([record], busy.noise)
     heat = chain.effect(record, "heat_source at board", (0.3,), 1005.0, 2005.0)
     model = replace(busy.model, effects=(*busy.model.effects, heat))
-    current = fitted(model, teaching, 8)
+    current = fit_model(model, training, 8)
     assert current.model.plant.values != busy.model.plant.values
-    there = _unmoved(current, busy, teaching)
+    there = _at_trained(current, busy, training)
     assert there.model.plant.values == busy.model.plant.values
     (effect,) = there.model.effects
     np.testing.assert_array_equal(effect.values, current.model.effects[0].values)
     # without known-good records there is nothing to go back to
     alone = replace(busy, normal=())
-    assert _unmoved(current, alone, teaching) is current
+    assert _at_trained(current, alone, training) is current
 
 
 def test_taught_by_itself_and_by_baselines(chain) -> None:
     """From traces: the circuit is found, and what is known of it stands beside, by the file or by the records."""
     trace = _trace(_record(chain, 7))
-    alone = taught_by_itself(chain.circuit, [trace], 10.0, None)
+    alone = train_on_diagnosed(chain.circuit, [trace], 10.0, None)
     assert alone.normal == ()
     assert np.isinf(alone.prior.limit)
     assert alone.prior.about.plant.values == chain.plant().values
     asked = []
 
-    def finds_nothing(taught: Taught, normal) -> Model:
-        asked.append(taught)
-        return taught.model
+    def finds_nothing(trained: TrainedCircuit, normal) -> Model:
+        asked.append(trained)
+        return trained.model
 
-    good = taught_by_baselines(chain.circuit, [trace], 10.0, finds_nothing, None)
+    good = train_on_baselines(chain.circuit, [trace], 10.0, finds_nothing, None)
     (before,) = asked
     # what they lack is looked for as in any other records, by what the file says
     assert before.normal == ()
@@ -141,30 +147,30 @@ def test_taught_by_itself_and_by_baselines(chain) -> None:
     names = searched(chain.circuit)
     assert good.searched == alone.searched == good.prior.searched == names
     assert good.prior.information.shape == (len(names), len(names))
-    for taught in (alone, good):
-        teaching = taught.teaching([], taught.noise)
-        assert teaching.prior is taught.prior
+    for trained in (alone, good):
+        training = trained.training([], trained.noise)
+        assert training.prior is trained.prior
         for name in names:
-            assert taught.model.plant.values[name] == pytest.approx(chain.plant().values[name], rel=0.05)
-        np.testing.assert_allclose(taught.noise.deviation_degC, 0.03, rtol=0.2)
+            assert trained.model.plant.values[name] == pytest.approx(chain.plant().values[name], rel=0.05)
+        np.testing.assert_allclose(trained.noise.deviation_degC, 0.03, rtol=0.2)
 
 
 def test_what_good_records_need_besides_belongs_to_the_model(chain) -> None:
-    """A bridge that the circuit lacks and the device always had: held, known, and taught with all the rest."""
+    """A bridge that the circuit lacks and the device always had: held, known, and trained with all the rest."""
 
     def bridge(t: float, x: np.ndarray, air: float) -> np.ndarray:
         return (x[2] - x[0]) / 15.0 * np.array([1 / 10, 0.0, -1 / 40])
 
-    taught = taught_by_baselines(chain.circuit, [_trace(_record(chain, 8, heat=bridge))], 10.0, lacking, None)
-    (effect,) = taught.model.effects
+    trained = train_on_baselines(chain.circuit, [_trace(_record(chain, 8, heat=bridge))], 10.0, known_good_model, None)
+    (effect,) = trained.model.effects
     assert effect.known
     assert str(effect.candidate.cause) == "path at chip-shell"
-    assert taught.prior.information.shape == (len(taught.searched) + 1,) * 2
+    assert trained.prior.information.shape == (len(trained.searched) + 1,) * 2
     # the diagnosed record may still move its coefficient, as far as they had not told it
     record = _record(chain, 9, heat=bridge)
-    found = fitted(taught.model, taught.teaching([record], taught.noise), 8)
+    found = fit_model(trained.model, trained.training([record], trained.noise), 8)
     assert found.model.effects[0].values[0] == pytest.approx(1 / 15, rel=0.1)
-    assert taught.prior.square(found.model) <= taught.prior.limit
+    assert trained.prior.square(found.model) <= trained.prior.limit
 
 
 def test_where_no_power_is_known_one_capacitance_stays(chain) -> None:

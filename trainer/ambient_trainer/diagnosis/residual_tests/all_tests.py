@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.misfit_tests.dependence import Calibrated, Found, thresholds
-from ambient_trainer.diagnosis.misfit_tests.drivers import Driver, ambient_drivers, drift_driver, signal_drivers
-from ambient_trainer.diagnosis.misfit_tests.grid import Grid
-from ambient_trainer.diagnosis.misfit_tests.memory import memory_of
-from ambient_trainer.diagnosis.misfit_tests.whiteness import cumulated_periodogram, ljung_box, residual_memory
-from ambient_trainer.diagnosis.misfit_tests.words import sentence, subject
+from ambient_trainer.diagnosis.residual_tests.autoregression import autoregression_of
+from ambient_trainer.diagnosis.residual_tests.dependence import Calibrated, Dependence, thresholds
+from ambient_trainer.diagnosis.residual_tests.drivers import Driver, ambient_drivers, drift_driver, signal_drivers
+from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.sentences import sentence, subject
+from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time, cumulated_periodogram, ljung_box
 from ambient_trainer.diagnosis.result import Tested
 
 Array = NDArray[np.float64]
@@ -23,7 +23,7 @@ _FEWEST_SAMPLES = 60
 _SEED = 5
 
 
-def misfit_tests(
+def residual_tests(
     time_s: Array,
     residual_degC: Array,
     heat: Array,
@@ -41,12 +41,12 @@ def misfit_tests(
         return ()
     grid = Grid.over(time_s)
     residuals = {name: grid.means(row) for name, row in zip(sensors, residual_degC)}
-    usable = [name for name, row in residuals.items() if memory_of(row) is not None]
+    usable = [name for name, row in residuals.items() if autoregression_of(row) is not None]
     white = [each for name in usable for each in _white(residuals[name], name, grid.step_s, len(usable))]
     shared = signal_drivers({name: values for name, raw in signals.items() if (values := grid.filled(raw)) is not None})
     ambient = grid.filled(ambient_degC)
     random = np.random.default_rng(_SEED)
-    found: list[Found] = []
+    found: list[Dependence] = []
     for name, residual, flow, measured in zip(sensors, residual_degC, heat, measured_degC):
         simulated = grid.filled(measured - residual)
         felt = ambient_drivers(ambient, simulated) if ambient is not None and simulated is not None else []
@@ -59,7 +59,7 @@ def _white(series: Array, sensor: str, step_s: float, sensors: int) -> Iterator[
     alpha = LEVEL / (2 * sensors)
     yield ljung_box(series, sensor, alpha)
     yield cumulated_periodogram(series, sensor, step_s, alpha)
-    yield residual_memory(series, sensor, step_s)
+    yield autocorrelation_time(series, sensor, step_s)
 
 
 _ORDER = (
@@ -76,7 +76,7 @@ _ORDER = (
 
 def _of_sensor(
     grid: Grid, sensor: str, residual: Array, heat: Array, drivers: Sequence[Driver], random: np.random.Generator
-) -> list[Found]:
+) -> list[Dependence]:
     series = Calibrated.of(grid.means(residual), sensor, random)
     if series is None:
         return []
@@ -88,7 +88,7 @@ def _of_sensor(
     return found
 
 
-def _tested(grid: Grid, found: Found, threshold: float) -> Tested:
+def _tested(grid: Grid, found: Dependence, threshold: float) -> Tested:
     significant = found.statistic > threshold
     said = sentence(found, significant, grid)
     return Tested(found.test, subject(found), found.statistic, threshold, significant, said)

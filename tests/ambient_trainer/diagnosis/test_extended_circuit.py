@@ -18,14 +18,14 @@ from ambient_trainer.cli.commands.evaluate import command as evaluate
 from ambient_trainer.cli.commands.fit import command as fit
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.extended import Effect, Model, view
-from ambient_trainer.diagnosis.extension import extended_circuit
+from ambient_trainer.diagnosis.extended_circuit import extended_circuit
+from ambient_trainer.diagnosis.fit import TrainingSet, fit_model
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.joint import Teaching, fitted
+from ambient_trainer.diagnosis.model import Effect, Model, view
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.diagnosis.setting import setting_of
-from ambient_trainer.diagnosis.teach import left_over, records_of
+from ambient_trainer.diagnosis.training import records_of, residual_noise
 from ambient_trainer.estimators.fit import Effort, fit_circuit
 from ambient_trainer.simulator.effects.effect import Hidden
 from ambient_trainer.simulator.effects.runs import simulate_hidden
@@ -280,9 +280,9 @@ def test_the_extended_circuit_fits_evaluates_and_runs_in_the_daemon(tmp_path, mo
 def found_in(circuit, trace):
     """The model of ``circuit`` fitted to ``trace``, then with the heat of the charger in the port."""
     read = forward(circuit)
-    taught = fit_circuit(read, [trace], Effort(starts=2), period_s=10.0)
+    trained = fit_circuit(read, [trace], Effort(starts=2), period_s=10.0)
     values = {each.name: each.initial for each in read.parameters} | {
-        each.name: each.value for each in taught.parameters
+        each.name: each.value for each in trained.parameters
     }
     plant = Plant.of(read, values, 10.0)
     own = tuple(records_of(read, trace, 10.0))
@@ -291,7 +291,7 @@ def found_in(circuit, trace):
     wanted = Cause("heat_source", "usb", "charger_on")
     candidate = next(each for each in all_candidates(setting) if each.cause == wanted)
     start = model.with_effect(Effect(candidate, None, None, np.zeros(1), np.zeros((1, 1))))
-    return fitted(start, Teaching(own, left_over(model, own)), 2).model
+    return fit_model(start, TrainingSet(own, residual_noise(model, own)), 2).model
 
 
 def run(command, *arguments):
