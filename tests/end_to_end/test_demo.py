@@ -7,9 +7,9 @@ from ambient_model.codec import load_model
 from ambient_trainer.data.trace import load_trace
 
 
-def test_the_whole_path(process, tmp_path, as_in_readme):
+def test_the_whole_path(process, tmp_path, as_documented):
     printed = process("ambient_trainer", "demo", "-o", tmp_path / "out")
-    as_in_readme("It ends with this", printed)
+    as_documented("README.md", "It prints this table", printed)
     replayed = float(re.search(r"([\d.]+) degC off \(RMSE, simulated\)", printed)[1])
     (row,) = re.findall(r"^ free-2 .*", printed, flags=re.MULTILINE)
     _, _, _, _, held_out, static, *_ = row.split()

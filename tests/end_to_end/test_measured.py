@@ -72,7 +72,7 @@ def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(process, chamber, t
     assert not held_out["overlaps_training"]
 
 
-def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path, as_in_readme):
+def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path, as_documented):
     names = {102: "flash", 112: "battery", 105: "usb", 110: "display"}
     trace = import_chamber(process, chamber_log, tmp_path, names)
     names = (
@@ -81,7 +81,7 @@ def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path, as_in_rea
     )  # fmt: skip
     circuits = [argument for name in names for argument in ("--circuit", name)]
     printed, found = compare(process, trace, split_of(trace), *circuits)
-    as_in_readme("these names:", printed)
+    as_documented("trainer/docs/results.md", "## The estimate on the chamber log", printed)
     assert 2.0 < found["model2_ss_free_cd"]["held_out_rmse_degC"] < 4.0  # what the thesis's best structure leaves
     assert found["free-3"]["held_out_rmse_degC"] < 0.75 < found["model2_ss"]["held_out_rmse_degC"]
     assert found["free_observer"]["held_out_rmse_degC"] <= 0.58
