@@ -1,38 +1,61 @@
-"""A report is a folder: ``index.html`` and plotly's script beside it. It opens from a disk, with no network."""
+"""A report as a page: a folder with ``index.html`` and plotly's script beside it. It needs no network.
+
+All text is escaped here and nowhere else; what stands between backquotes becomes code, and ``degC`` becomes °C.
+"""
 
 from __future__ import annotations
 
+import itertools
 import os
+import re
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
-from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
+from markupsafe import Markup, escape
 
 from ambient_model import __version__
 from ambient_model.atomic import replacing
 from ambient_model.faults import refuse
+from ambient_trainer.report.palette import on_dark
+from ambient_trainer.report.plots import POINTS_PER_LINE, to_markup
+from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report.units import with_degrees
 
 PAGE = "index.html"
 SCRIPT = "plotly.min.js"
+_CONTENTS_FROM = 6
+"""Sections of a page that links to each of them from its top; fewer are seen by scrolling."""
+_KINDS = {Facts: "facts", Table: "table", Figure: "figure", Section: "section", str: "note"}
+
+
+def page_of(report: Report) -> str:
+    """``report`` as HTML."""
+    numbers = itertools.count(1)
+    sections = [(each, parts) for each in report.sections if (parts := list(_parts(each.blocks, numbers)))]
+    return _environment().get_template("report.html").render(
+        report=report,
+        lead=list(_parts(report.lead, numbers)),
+        sections=sections,
+        contents=[each.title for each, _ in sections] if len(sections) >= _CONTENTS_FROM else [],
+        figures=next(numbers) > 1,
+        points=f"{POINTS_PER_LINE:,}",
+    )  # fmt: skip
 
 
 def render(template: str, **content: Any) -> str:
     """The page that ``template`` (a file in ``report/templates``) makes of ``content``; all text is escaped."""
-    environment = Environment(
-        loader=PackageLoader("ambient_trainer.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template(template).render(script=SCRIPT, version=__version__, **content)
+    return _environment().get_template(template).render(**content)
 
 
-def write_report(folder: str, page: str) -> str:
-    """Write ``page`` and what it needs into ``folder``, made where missing, and return the page's path.
+def write_report(folder: str, report: Report | str) -> str:
+    """Write the page of ``report`` and what it needs into ``folder``, made where missing, and return the page's path.
 
     Each file is replaced whole or left as it was. Raises :class:`Refused` where the folder cannot be written to.
     """
+    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
+
+    page = page_of(report) if isinstance(report, Report) else report
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:
@@ -45,3 +68,48 @@ def write_report(folder: str, page: str) -> str:
     with replacing(path) as stream:
         stream.write(page)
     return path
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("ambient_trainer.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["text"] = _text
+    environment.globals.update(colours=on_dark(), script=SCRIPT, version=__version__)
+    return environment
+
+
+def _parts(blocks: Sequence[Block | None], numbers: Iterator[int]) -> Iterator[tuple[str, Any]]:
+    """What the template draws one after the other: its kind and its content; findings of one kind are grouped."""
+    for kind, run in itertools.groupby((each for each in blocks if each), _kind):
+        if kind in ("tiles", "points"):
+            yield kind, list(run)
+            continue
+        for each in run:
+            if isinstance(each, Figure):
+                yield kind, (to_markup(each.draw(), f"figure-{next(numbers)}"), each.caption)
+            elif isinstance(each, Section):
+                if parts := list(_parts(each.blocks, numbers)):
+                    yield kind, (each, parts)
+            else:
+                yield kind, each
+
+
+def _kind(block: Block) -> str:
+    if isinstance(block, Finding):
+        if block.value:
+            return "tiles"
+        return "points" if block.status == "plain" and not block.label else "finding"
+    return _KINDS[type(block)]
+
+
+def _text(text: str) -> Markup:
+    parts = re.split("`([^`]*)`", text)
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if index % 2 else escape(with_degrees(part))
+        for index, part in enumerate(parts)
+    )

@@ -1,4 +1,7 @@
-"""Plots over time: panels one below the other on one time axis, that zooms them all."""
+"""Plots: panels one below the other on one time axis that zooms them all, and single panels.
+
+plotly takes half a second to import: the functions that draw import it, and only a page calls them.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +9,40 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-import plotly.graph_objects as go  # type: ignore[import-untyped]
 from markupsafe import Markup
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots  # type: ignore[import-untyped]
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.report.decimate import broken_at_gaps, envelope, extremes
+from ambient_trainer.report.palette import (
+    AXIS,
+    BLUE,
+    DIVERGING,
+    GRID,
+    INK,
+    ORANGE,
+    SAND,
+    SENSOR_COLOURS,
+    SKY,
+    TEXT,
+)
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+__all__ = ["BLUE", "INK", "ORANGE", "SAND", "SENSOR_COLOURS", "SKY"]  # those who draw take them from the palette
 
 POINTS_PER_LINE = 6000
 """Lines of more samples than this are drawn from the extremes of stretches."""
-
-BLUE, INK, ORANGE, SKY, SAND = "#1d5fbf", "#111827", "#c2410c", "#7cb8f2", "#c4ad78"
-SENSOR_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#6b7280", "#7a5195")
 
 _HOURS_ABOVE_S = 3 * 3600
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, "Liberation Sans", sans-serif'
 _MARGIN_PX = {"l": 68, "r": 12, "t": 40, "b": 52}
 _BETWEEN_PX = 22
+_CLEAR = "rgba(0,0,0,0)"
 
 
 @dataclass(frozen=True)
@@ -87,6 +104,8 @@ def spans_where(time_s: Array, flags: NDArray[np.bool_]) -> list[tuple[float, fl
 
 def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shade] = ()) -> go.Figure:
     """``panels`` over ``time_s`` (n,), with one legend above: what has the same name in several is named once."""
+    from plotly.subplots import make_subplots  # type: ignore[import-untyped]
+
     seconds, unit = time_axis(time_s)
     x = time_s / seconds
     inner = sum(panel.height_px for panel in panels) + _BETWEEN_PX * (len(panels) - 1)
@@ -112,11 +131,74 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
 
 def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
     """An empty plot of one panel that is not over time, in the same style."""
+    import plotly.graph_objects as go
+
     figure = go.Figure()
     _style(figure, height_px)
     figure.update_layout(hovermode="closest", margin={**_MARGIN_PX, "t": 30})
     figure.update_xaxes(title_text=_plain(x_title))
     figure.update_yaxes(title_text=_plain(y_title))
+    return with_legend_above(figure)
+
+
+def add_curve(
+    figure: go.Figure,
+    x: Sequence[float],
+    y: Sequence[float],
+    name: str,
+    colour: str,
+    *,
+    dash: str = "solid",
+    width: float = 1.8,
+    ends: Sequence[tuple[float, float]] | None = None,
+    hover: Sequence[str] | None = None,
+) -> None:
+    """Points joined by a line, with an interval (low, high) at each point and a line of text to point at."""
+    bars = None
+    if ends is not None:
+        up, down = zip(*((high - value, value - low) for value, (low, high) in zip(y, ends)))
+        bars = {"type": "data", "symmetric": False, "array": up, "arrayminus": down, "color": colour, "thickness": 1.3}
+    figure.add_scatter(
+        x=list(x),
+        y=list(y),
+        mode="lines+markers",
+        name=_plain(name),
+        line={"color": colour, "width": width, "dash": dash},
+        marker={"size": 6 if ends is None else 9},
+        error_y=bars,
+        text=None if hover is None else [_plain(each).replace("\n", "<br>") for each in hover],
+        hovertemplate="%{y:.3f}" + ("" if hover is None else "<br>%{text}") + "<extra></extra>",
+    )
+
+
+def matrix_figure(
+    columns: Sequence[str],
+    rows: Sequence[str],
+    values: Sequence[Sequence[float | None]],
+    texts: Sequence[Sequence[str]],
+    x_title: str = "",
+    cell_px: int = 30,
+) -> go.Figure:
+    """Cells of text, blue where ``values`` (rows, columns) are above 0 and orange below; None is an empty cell."""
+    largest = max((abs(value) for row in values for value in row if value is not None), default=1.0) or 1.0
+    figure = panel_figure(x_title, "", height_px=110 + cell_px * len(rows))
+    figure.add_heatmap(
+        x=[_plain(each) for each in columns],
+        y=[_plain(each) for each in rows],
+        z=values,
+        text=texts,
+        texttemplate="%{text}",
+        textfont={"color": TEXT},
+        hovertemplate="%{y}, %{x}: %{text}<extra></extra>",
+        colorscale=DIVERGING,
+        zmin=-largest,
+        zmax=largest,
+        xgap=2,
+        ygap=2,
+        showscale=False,
+    )
+    figure.update_xaxes(type="category", showgrid=False)
+    figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
     return figure
 
 
@@ -209,18 +291,18 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
 
 
 def _style(figure: go.Figure, height_px: int) -> None:
-    axis = {"gridcolor": "#e5e7eb", "linecolor": "#9ca3af", "zerolinecolor": "#9ca3af", "showline": True}
-    figure.update_xaxes(**axis, ticks="outside", tickcolor="#9ca3af", hoverformat=".3f", zeroline=False)
+    axis = {"gridcolor": GRID, "linecolor": AXIS, "zerolinecolor": AXIS, "showline": True}
+    figure.update_xaxes(**axis, ticks="outside", tickcolor=AXIS, hoverformat=".3f", zeroline=False)
     figure.update_yaxes(**axis, hoverformat=".2f", title_standoff=8)
     figure.update_layout(
         template="none",
         height=height_px,
         margin=_MARGIN_PX,
-        font={"family": _FONT, "size": 13, "color": "#1f2937"},
+        font={"family": _FONT, "size": 13, "color": TEXT},
         hovermode="x unified",
-        hoverlabel={"bgcolor": "white", "bordercolor": "#d1d5db"},
-        plot_bgcolor="white",
-        paper_bgcolor="white",
+        hoverlabel={"bgcolor": "white", "bordercolor": AXIS},
+        plot_bgcolor=_CLEAR,
+        paper_bgcolor=_CLEAR,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -79,6 +80,11 @@ class Check:
     circuits: Mapping[int, float]
     against: tuple[float, float] | None
     """Of its filter and its free filter."""
+
+    @property
+    def name(self) -> str:
+        """The file's name without its folder and endings."""
+        return os.path.basename(self.path).removesuffix(".gz").removesuffix(".csv")
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from ambient_model import __version__
 from ambient_model.faults import refuse
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.number import Finite, FiniteRange
+from ambient_trainer.cli.output import show
 from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import counted_progress
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ def command(
     """
     from ambient_trainer.data.trace import load_trace
     from ambient_trainer.selection.found import Options  # scipy: --help should not wait for it
+    from ambient_trainer.selection.report import left_out_lines, report_of
     from ambient_trainer.selection.screen import screened
     from ambient_trainer.selection.search import prepared
-    from ambient_trainer.selection.summary import left_out_lines
 
     if no_circuits and circuit_folder is not None:
         raise click.UsageError("--circuits asks for what --no-circuits leaves out: give one of them")
@@ -86,10 +86,9 @@ def command(
     identity = _identity(trace_paths, from_s, to_s, chosen)
     named = [name.strip().removesuffix("_degC") for name in (against or "").split(",") if name.strip()]
     found = _run(data, chosen, identity, state_path, jobs, named, checks, not no_circuits)
-    _show(found)
+    show(report_of(found), json_path, report_folder)
     if circuit_folder is not None:
         _write_circuits(circuit_folder, found)
-    _write(found, json_path, report_folder)
 
 
 def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, options: Options) -> dict[str, Any]:
@@ -124,24 +123,6 @@ def _run(
             raise click.ClickException(f"stopped; {kept if state_path else lost}") from None
 
 
-def _show(found: Found) -> None:
-    from ambient_trainer.report.table import for_terminal
-    from ambient_trainer.selection.summary import checks_table, sizes_table, verdict
-
-    console = printer()
-    console.print(for_terminal(sizes_table(found)))
-    if found.checks:
-        console.print(for_terminal(checks_table(found)))
-    for line in verdict(found):
-        console.print(line, soft_wrap=True, markup=False)
-    named = found.sizes[found.named]
-    sensors = ",".join(named.sensors)
-    click.echo(
-        f"Next: ambient-trainer fit {' '.join(found.traces)} --circuit free-{found.options.order} --sensors {sensors} "
-        "-o MODEL.json"
-    )
-
-
 def _write_circuits(folder: str, found: Found) -> None:
     from ambient_trainer.circuits.write import save_circuit
 
@@ -155,14 +136,3 @@ def _write_circuits(folder: str, found: Found) -> None:
         path = os.path.join(folder, f"{each.circuit.name}.yaml")
         save_circuit(path, each.circuit)
         click.echo(f"Circuit: {path}")
-
-
-def _write(found: Found, json_path: str | None, report_folder: str | None) -> None:
-    if json_path is not None:
-        from ambient_trainer.selection.summary import as_json
-
-        write_figures(json_path, as_json(found))
-    if report_folder is not None:
-        from ambient_trainer.selection.page import search_page
-
-        write_page(report_folder, search_page(found))

@@ -1,19 +1,67 @@
-"""What a search found, for the terminal and for a machine."""
+"""The report of a search: which sensors, how many of them, which circuit."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
-from ambient_trainer.report.table import Table
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.selection.figures import circuit_figure, errors_figure, gains_figure
 from ambient_trainer.selection.found import Check, Chosen, Found, FoundCircuit
 from ambient_trainer.selection.front import HeldOut, flat_from, pareto_front
 
 GAIN_DEGC = 0.02
 """A further sensor that gains less gains nothing that matters."""
 _NAMED_ALTERNATIVES = 3
+_CIRCUITS = (
+    "A line is the wider the more heat it conducts; over its middle its resistance is shown. Temperatures alone tell "
+    "ratios of resistances, not their scale."
+)
+
+
+def report_of(found: Found) -> Report:
+    """What the search says, for the terminal, a machine and a page."""
+    main, *others = findings(found)
+    return Report(
+        subject="Search for sensors and circuits",
+        title=main,
+        lead=[_facts(found)],
+        sections=[
+            Section(
+                "Number of sensors",
+                [
+                    sizes_table(found),
+                    *map(Finding, others),
+                    Figure(
+                        partial(errors_figure, found),
+                        "Held out: blocks of time that the estimate was not fitted to. Dotted: whole traces that chose "
+                        "nothing, by the same filters.",
+                    ),
+                    checks_table(found) if found.checks else None,
+                ],
+            ),
+            Section(
+                "DC gains of the sensors",
+                [
+                    "By how much the estimate rises in the steady state when one sensor reads one degree more. Each "
+                    "column sums to one.",
+                    Figure(partial(gains_figure, found)),
+                ],
+            ),
+            Section("The best circuit of each size", [_CIRCUITS, *map(_circuit_section, found.circuits.values())])
+            if found.circuits
+            else Section("", []),
+            Section("Zones left out", [*map(Finding, left_out_lines(found.left_out))], detail=True),
+            Section("", [Finding(_next(found))]),
+        ],
+        data=as_json(found),
+        footnotes=[
+            "Each filter has the same fixed poles and gains that sum to one in the steady state; sensors were chosen "
+            "by its error on blocks that were left out in turn, each with a gap on either side."
+        ],
+    )
 
 
 def sizes_table(found: Found) -> Table:
@@ -37,7 +85,7 @@ def sizes_table(found: Found) -> Table:
 def checks_table(found: Found) -> Table:
     """What the same score on traces that chose nothing."""
     kinds = ["filter", f"free-{found.options.order}", *(["circuit"] if found.circuits else [])]
-    columns = ("sensors", *(f"{trace_name(each.path)} {kind}" for each in found.checks for kind in kinds))
+    columns = ("sensors", *(f"{each.name} {kind}" for each in found.checks for kind in kinds))
     rows = []
     for index, size in enumerate(found.sizes):
         cells = [figure for each in found.checks for figure in _figures(each, index, bool(found.circuits))]
@@ -55,12 +103,12 @@ def left_out_lines(left_out: Sequence[Any]) -> list[str]:
     return [f"Left out: {each.column.removesuffix('_degC')}: {each.why}." for each in left_out]
 
 
-def verdict(found: Found) -> list[str]:
-    """The findings in sentences, the most important first."""
+def findings(found: Found) -> list[str]:
+    """What the search found in sentences, the most important first."""
     errors = [each.held_out.rmse_degC for each in found.sizes]
     named, least = found.sizes[found.named], min(found.sizes, key=lambda each: each.held_out.rmse_degC)
     on = "held-out blocks (simulated)" if found.simulated else "held-out blocks"
-    lines = [f"{_count(named)}, {_all_of(named.sensors)}: {named.held_out.rmse_degC:.2f} degC off on {on}."]
+    lines = [f"{_count(named)}, {_all_of(named.sensors)}: RMSE {named.held_out.rmse_degC:.2f} degC on {on}"]
     if least is not named:
         lines.append(
             f"The least is {least.held_out.rmse_degC:.2f} degC, with {len(least.sensors)}; one standard error up it is "
@@ -106,9 +154,29 @@ def as_json(found: Found) -> dict[str, Any]:
     }
 
 
-def trace_name(path: str) -> str:
-    """The file's name without its folder and endings."""
-    return os.path.basename(path).removesuffix(".gz").removesuffix(".csv")
+def _facts(found: Found) -> Facts:
+    tried = sum(each.tried for each in found.circuits.values())
+    fitted = f"{tried:,} fitted, one sample every {found.circuit_period_s:g} s"
+    return Facts(
+        [
+            ("traces", found.traces),
+            ("zones", f"{len(found.sensors)} searched, {len(found.left_out)} left out"),
+            ("sets of sensors", f"{found.sets_tried:,} scored, one sample every {found.period_s:g} s"),
+            ("circuits", fitted if found.circuits else "not searched"),
+            ("sensors' errors", f"as if each had {found.options.tolerance_degC:g} degC more, of noise and constant"),
+        ]
+    )
+
+
+def _circuit_section(each: FoundCircuit) -> Section:
+    title = f"{', '.join(each.wiring.sensors)}: {each.held_out.rmse_degC:.2f} degC held out"
+    return Section(title, [Figure(partial(circuit_figure, each))])
+
+
+def _next(found: Found) -> str:
+    sensors = ",".join(found.sizes[found.named].sensors)
+    circuit = f"--circuit free-{found.options.order} --sensors {sensors}"
+    return f"Next: ambient-trainer fit {' '.join(found.traces)} {circuit} -o MODEL.json"
 
 
 def _row(label: str, each: Chosen, circuit: FoundCircuit | None) -> tuple[str, ...]:
@@ -151,7 +219,7 @@ def _against(found: Found) -> list[str]:
     parts = [f"{best.held_out.rmse_degC:.2f} degC against {against.held_out.rmse_degC:.2f} held out"]
     for each in found.checks:
         if each.against is not None:
-            parts.append(f"{each.filters[index]:.2f} against {each.against[0]:.2f} on {trace_name(each.path)}")
+            parts.append(f"{each.filters[index]:.2f} against {each.against[0]:.2f} on {each.name}")
     return [f"The best {len(best.sensors)} beside {_all_of(against.sensors)}: {', '.join(parts)}."]
 
 

@@ -1,0 +1,158 @@
+"""Every kind of page in a real browser, from a disk: on a screen and on a phone, light and dark.
+
+A kind is found by its place: ``samples()`` of a file ``sample_report.py`` among the tests of the package that makes it.
+"""
+
+from __future__ import annotations
+
+import html
+import importlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ambient_trainer.report import Figure, Report, Section
+from ambient_trainer.report.page import page_of, write_report
+from ambient_trainer.report.palette import on_dark
+
+TESTS = Path(__file__).parents[2]
+PLACES = sorted(str(each.parent.relative_to(TESTS)) for each in TESTS.rglob("sample_report.py"))
+WIDTHS = (1280, 390)
+QUIET = (
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync", "--no-first-run", "--host-resolver-rules=MAP * ~NOTFOUND",
+)  # fmt: skip
+SCHEMES = {"light": "--blink-settings=preferredColorScheme=1", "dark": "--blink-settings=preferredColorScheme=0"}
+LISTEN = """<script>
+window.faults = [];
+addEventListener("error", (event) => faults.push(String(event.message || event.target.src)), true);
+addEventListener("unhandledrejection", (event) => faults.push(String(event.reason)));
+for (const level of ["error", "warn"]) console[level] = (...words) => faults.push(words.join(" "));
+const parts = (colour) => (colour.match(/[\\d.]+/g) || []).map(Number);
+const clear = (colour) => { const [r, g, b, a] = parts(colour); return r === undefined || a === 0; };
+const luminance = (colour) => {
+  const [r, g, b] = parts(colour).map((c) => (c /= 255) <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const behind = (element) => {
+  for (let each = element; each; each = each.parentElement) {
+    const colour = getComputedStyle(each).backgroundColor;
+    if (!clear(colour)) return colour;
+  }
+  return "rgb(255, 255, 255)";
+};
+const contrast = (colour, element) => {
+  const [a, b] = [luminance(colour), luminance(behind(element))].sort();
+  return (b + 0.05) / (a + 0.05);
+};
+const all = (selector) => [...document.querySelectorAll(selector)].filter((each) => each.textContent.trim());
+addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringify({
+  name: location.hash.slice(1),
+  faults,
+  fetched: performance.getEntriesByType("resource").map((each) => each.name),
+  wide: document.documentElement.scrollWidth, room: innerWidth,
+  plots: [...document.querySelectorAll(".js-plotly-plot")].map(
+    (each) => each.querySelector(".nsewdrag").getBoundingClientRect().width),
+  contrast: Math.min(
+    ...all("h1, h2, h3, p, td, th, dt, dd, li, summary").map((each) => contrast(getComputedStyle(each).color, each)),
+    ...all(".js-plotly-plot text:not(.bartext)").map((each) => contrast(getComputedStyle(each).fill, each))),
+}), "*"), 3000));
+</script>"""
+FRAME = """<html><body><pre id="told"></pre>{frames}<script>const told = {{}};
+addEventListener("message", (event) => {{
+  const each = JSON.parse(event.data); told[each.name] = each;
+  document.getElementById("told").textContent = JSON.stringify(told);
+}});</script></body></html>"""
+
+
+def samples(place: str) -> dict[str, Report]:
+    sys.path.insert(0, str(TESTS.parent))
+    try:
+        module = importlib.import_module(".".join(("tests", *Path(place).parts, "sample_report")))
+    finally:
+        sys.path.remove(str(TESTS.parent))
+    made: dict[str, Report] = module.samples()
+    return made
+
+
+@pytest.fixture(scope="session")
+def opened(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], dict[str, Any]]:
+    """What each page measures of itself, by place and colour scheme: name and width to figures."""
+    if shutil.which("chromium") is None:
+        pytest.skip("no chromium to open the pages with")
+    folder = tmp_path_factory.mktemp("pages")
+    measured: dict[tuple[str, str], dict[str, Any]] = {}
+    for place in PLACES:
+        frames = []
+        for number, report in enumerate(samples(place).values()):
+            path = Path(write_report(str(folder / place / str(number)), report))
+            path.write_text(path.read_text().replace("<head>", "<head>" + LISTEN, 1))
+            for width in WIDTHS:
+                where = f"{path.as_uri()}#{number}-{width}"
+                frames.append(f'<iframe src="{where}" style="width:{width}px;height:900px;border:0"></iframe>')
+        frame = folder / place / "frame.html"
+        frame.write_text(FRAME.format(frames="".join(frames)))
+        for scheme, flag in SCHEMES.items():
+            measured[place, scheme] = _measure(frame, flag, folder / "profile")
+    return measured
+
+
+def _measure(frame: Path, scheme: str, profile: Path) -> dict[str, Any]:
+    shown = subprocess.run(
+        ["chromium", *QUIET, scheme, f"--user-data-dir={profile}", "--window-size=1400,1000",
+         "--virtual-time-budget=20000", "--dump-dom", frame.as_uri()],
+        capture_output=True, text=True, timeout=180, check=True,
+    ).stdout  # fmt: skip
+    found = re.search(r'<pre id="told">(.*?)</pre>', shown, re.DOTALL)
+    assert found
+    told: dict[str, Any] = json.loads(html.unescape(found[1]))
+    return told
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("place", PLACES)
+def test_a_page_is_whole_readable_and_asks_nobody(opened: Any, place: str, scheme: str) -> None:
+    reports = samples(place)
+    measured = opened[place, scheme]
+    assert set(measured) == {f"{number}-{width}" for number in range(len(reports)) for width in WIDTHS}
+    for key, each in measured.items():
+        number, width = map(int, key.split("-"))
+        assert each["faults"] == []
+        assert each["fetched"] == []  # files are not counted
+        assert each["room"] == width
+        assert each["wide"] <= width
+        assert len(each["plots"]) == len(figures(list(reports.values())[number]))
+        assert min(each["plots"], default=width) > 0.45 * width
+        assert each["contrast"] > 3.9
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_page_has_its_title_one_colour_for_dark_each_and_links_to_nothing(place: str) -> None:
+    known = {colour for colour, _ in on_dark()} | {"rgb(255, 255, 255)"}
+    for report in samples(place).values():
+        json.dumps(dict(report.data), allow_nan=False)
+        page = page_of(report)
+        assert html.unescape(page.split("<h1>")[1].split("</h1>")[0]) == report.title.replace("degC", "°C")
+        assert set(re.findall(r'\b(?:src|href|action)="([^"#]*)"', page)) <= {"plotly.min.js", "data:,", ""}
+        assert not re.search(r"(?<!\w)degC\b", re.sub(r"<script.*?</script>|<code>.*?</code>", "", page, flags=re.S))
+        for figure in figures(report):
+            for colour in re.findall(r'"#([0-9a-f]{6})"', figure.draw().to_json(), re.I):
+                assert "rgb({}, {}, {})".format(*bytes.fromhex(colour)) in known
+
+
+def figures(block: Any) -> list[Figure]:
+    if isinstance(block, Figure):
+        return [block]
+    blocks = [*block.lead, *block.sections] if isinstance(block, Report) else getattr(block, "blocks", ())
+    return [each for inner in blocks for each in figures(inner)]
+
+
+def test_the_samples_are_found() -> None:
+    assert "ambient_trainer/selection" in PLACES
+    assert any(isinstance(each, Section) for each in samples("ambient_trainer/selection")["search"].sections)
