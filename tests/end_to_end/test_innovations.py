@@ -15,8 +15,8 @@ from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.kalman.prior import believed_theta, walk_of
-from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.estimators.kalman.prior import prior_theta, walk_of
+from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.response import states_from_rest
 from ambient_trainer.lti.riccati import Unsettled, sampled_covariance
 
@@ -36,8 +36,8 @@ class Sampled:
         training = segments(whole.cut(None, split_s), self.columns, ("ambient_degC",))
         self.taught = training[0].inputs.shape[1]
         self.period_s = self.whole.period_s
-        self.circuit = WalkingAmbient(self.columns, walk_of(training))
-        self.start = np.append(believed_theta(self.circuit, training), np.log(self.circuit.walk))
+        self.circuit = RandomWalkAmbient(self.columns, walk_of(training))
+        self.start = np.append(prior_theta(self.circuit, training), np.log(self.circuit.walk))
 
     def filter(self, unknowns, noise):
         """Ad, H, K and the innovations' covariance, the last rows of H being of the reference where ``noise`` is."""

@@ -11,8 +11,8 @@ from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of
-from ambient_trainer.estimators.kalman.prior import believed_theta, walk_of
-from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.estimators.kalman.prior import prior_theta, walk_of
+from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.noise_gain import noise_gain
 
 MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"
@@ -37,8 +37,8 @@ class Chamber:
 
     def left_degC(self, pinned):
         """Held-out RMSE and noise gain where the unknowns that begin with a key of ``pinned`` are held at its value."""
-        circuit = WalkingAmbient(self.columns, walk_of(self.training))
-        structure = ObserverStructure(circuit, believed_theta(circuit, self.training), self.training)
+        circuit = RandomWalkAmbient(self.columns, walk_of(self.training))
+        structure = ObserverStructure(circuit, prior_theta(circuit, self.training), self.training)
         bounds = [structure.search.initial.copy(), structure.search.low.copy(), structure.search.high.copy()]
         for index, name in enumerate(circuit.names):
             for start, value in pinned.items():

@@ -20,9 +20,10 @@ from ambient_model.tracking import Tracker
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.estimators.published import observe
 from ambient_trainer.simulator.phone import simulate
 
 DAY = 86_400
@@ -161,14 +162,16 @@ def test_a_day_of_samples_with_guard_and_spread(period_s, fits, second, guarded)
     u = _day(len(fits["free-3"].inputs))
     y, w, sigma = _by_equations(fits["free-3"], second, u, period_s)
     assert {0.0, 1.0} <= {*w.tolist()}, "the guard is silent at times, and alone at times"
-    arrays = observe(guarded, u, period_s)
+    both = (_by_scipy(each, u, period_s) for each in (fits["free-3"], second))
+    arrays = blended(*both, THRESHOLD_DEGC)
+    scale = sigma_degC(guarded.spread, arrays.ambient_degC, arrays.apart_degC, period_s)
     [discrete] = [each for each in guarded.main.discrete if each.period_s == period_s]
     observer = Observer(guarded, Tracker(guarded.main, discrete))
     said = [observer.update(k * period_s, row)[:3] for k, row in enumerate(u.T.tolist())]
     ambient, low, high = np.array(said).T
     for found in (ambient, arrays.ambient_degC):
         assert np.abs(found - y).max() < TOLERANCE_DEGC
-    assert np.abs(arrays.scale - sigma).max() < TOLERANCE_DEGC
+    assert np.abs(scale - sigma).max() < TOLERANCE_DEGC
     assert np.abs(low - (y - 1.5 * sigma)).max() < TOLERANCE_DEGC
     assert np.abs(high - (y + 1.8 * sigma)).max() < TOLERANCE_DEGC
 

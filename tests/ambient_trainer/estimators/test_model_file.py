@@ -14,8 +14,9 @@ from ambient_model.conformance import TOLERANCE_DEGC, worst_difference_degC
 from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
-from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter
-from ambient_trainer.estimators.model_file import error_quantiles, model_of, training_of
+from ambient_trainer.estimators.base import Effort, error_quantiles
+from ambient_trainer.estimators.fit import fit_circuit, fit_free_filter
+from ambient_trainer.estimators.model_file import model_of, training_of
 
 CIRCUIT = """
 format: ambient-circuit

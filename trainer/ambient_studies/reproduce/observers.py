@@ -9,9 +9,8 @@ from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.fit import Effort, Fit
-from ambient_trainer.estimators.kalman.circuit_observer import fit_circuit_observer
-from ambient_trainer.estimators.kalman.free_observer import fit_free_observer
 from ambient_trainer.estimators.method import Method
+from ambient_trainer.estimators.registry import estimator
 
 _SENSORS = ("soc_degC", "flash_degC", "battery_degC", "usb_degC", "display_degC")
 _EFFORT = Effort(starts=1)
@@ -27,9 +26,9 @@ def observer_methods(training: Trace, progress: Progress) -> list[Method]:
     """``circuit_observer`` and ``free_observer``, fitted to ``training``; each is causal and reads sensors alone."""
     period_s = max(_PERIOD_S, sampling_period_s(training.time_s))
     progress("fitting circuit_observer", 0, 2)
-    circuit = fit_circuit_observer([training], _EFFORT, None, period_s, _SENSORS)
+    circuit = estimator("circuit_observer").fit([training], _EFFORT, None, period_s, _SENSORS)
     progress("fitting free_observer", 1, 2)
-    free = fit_free_observer([training], _EFFORT, None, period_s, _SENSORS)
+    free = estimator("free_observer").fit([training], _EFFORT, None, period_s, _SENSORS)
     return [
         _method(
             circuit, "the nodes that the sensors read, each exchanging heat with the ambient, which walks at random"

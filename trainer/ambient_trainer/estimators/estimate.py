@@ -1,9 +1,10 @@
-"""Estimates of a system over a whole trace: by arrays where it has no gap, by the device's own tracker where it has."""
+"""Estimates over a whole trace: by arrays where it has no gap, by the device's own tracker where it has."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,19 +33,37 @@ def estimate_degC(system: StateSpace, hold: Hold, inputs: Sequence[str], trace: 
     return response_degC(system, hold, u, period_s)
 
 
+class Blended(NamedTuple):
+    """The main estimate blended with a secondary one; arrays of shape (N,)."""
+
+    ambient_degC: Array
+    weight: Array
+    """Of the secondary estimate, 0 to 1."""
+    apart_degC: Array
+    """The main estimate minus the secondary, clipped to the threshold: a regressor of the error variance."""
+
+
+def blended(main_degC: Array, secondary_degC: Array, threshold_degC: float) -> Blended:
+    """The rule of ``ambient_model.guard`` over arrays."""
+    apart = main_degC - secondary_degC
+    weight = np.clip((np.abs(apart) - threshold_degC) / threshold_degC, 0.0, 1.0)
+    return Blended(main_degC - weight * apart, weight, np.clip(apart, -threshold_degC, threshold_degC))
+
+
 def _tracked(system: StateSpace, hold: Hold, columns: Sequence[str], trace: Trace, period_s: float) -> Array:
     found, initial = discretised(system, period_s, hold), initial_matrix(system)
-    discrete = Discrete(period_s, *(_matrix(each) for each in (found.A, found.B, found.C[:1], found.D[:1])))
+    discrete = Discrete(period_s, *(matrix(each) for each in (found.A, found.B, found.C[:1], found.D[:1])))
     inputs = tuple(Input(*split_column(name), split_column(name)[0], -math.inf, math.inf) for name in columns)
     names = tuple(f"x{index}" for index in range(len(initial)))
-    estimator = Estimator(inputs, names, (discrete,), float(found.offset[0]), _matrix(initial), {90: (0.0, 0.0)})
+    estimator = Estimator(inputs, names, (discrete,), float(found.offset[0]), matrix(initial), {90: (0.0, 0.0)})
     tracker = Tracker(estimator, discrete)
     rows = zip(*(trace.columns[name].tolist() for name in columns))
     readings = ([None if value != value else value for value in row] for row in rows)
-    said = [tracker.update(now_s, row).ambient_degC for now_s, row in zip(trace.time_s.tolist(), readings)]
+    estimates = [tracker.update(now_s, row).ambient_degC for now_s, row in zip(trace.time_s.tolist(), readings)]
     # None becomes NaN
-    return np.array(said, dtype=np.float64)
+    return np.array(estimates, dtype=np.float64)
 
 
-def _matrix(values: NDArray[np.float64]) -> Matrix:
+def matrix(values: NDArray[np.float64]) -> Matrix:
+    """An array as a model file's rows."""
     return tuple(tuple(row) for row in values.tolist())

@@ -10,26 +10,24 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ambient_model import __version__
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
-from ambient_model.model import LEVELS_PERCENT, Discrete, Estimator, Guard, Input, Matrix, Model, Quantiles
+from ambient_model.model import Discrete, Estimator, Guard, Input, Matrix, Model
 from ambient_model.trace import split_column
 from ambient_trainer.data.digest import sha256_of
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.static_linear import STATIC_LINEAR
-from ambient_trainer.estimators.fit import Fit
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.statespace import StateSpace
-
-Array = NDArray[np.float64]
+from ambient_trainer.estimators.base import Fit
+from ambient_trainer.estimators.estimate import matrix
+from ambient_trainer.lti.response import initial_matrix
 
 DEFAULT_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 _MARGIN_K = 30.0
-_BELIEVED_DEGC = (-45.0, 130.0)
+_RANGE_DEGC = (-45.0, 130.0)
+"""What a sensor of a device can read; error codes such as 200 lie outside."""
 _CONFORMANCE_ROWS = 24
 
 
@@ -56,7 +54,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         fallbacks={without: _estimator(each, inputs) for without, each in fit.fallbacks.items()},
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
-        guard=None if fit.guard is None else Guard(_estimator(fit.guard.fit, inputs), fit.guard.threshold_degC),
+        guard=fit.secondary and Guard(_estimator(fit.secondary.fit, inputs), fit.secondary.threshold_degC),
         spread=fit.spread,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
@@ -64,64 +62,49 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
 
 
 def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[str, Any]:
-    """What a model file says of a trace it was trained on."""
+    """The provenance of a trace that a model was trained on."""
     return {"trace": Path(trace.path).name, "sha256": sha256_of(trace.path), "from_s": from_s, "to_s": to_s}
 
 
-def error_quantiles(errors_degC: Array) -> Quantiles:
-    """Per level the error (true minus estimate) between which that share of the training samples lies."""
-    bands = {}
-    for level in LEVELS_PERCENT:
-        tail = (100 - level) / 2
-        low, high = np.percentile(errors_degC, [tail, 100 - tail])
-        bands[level] = (float(low), float(high))
-    return bands
-
-
 def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
-    """``inputs`` are those of the whole model by column: a fallback believes the same readings."""
+    """``inputs`` are those of the whole model by column: a fallback takes the same readings."""
     return Estimator(
         inputs=tuple(inputs[column] for column in fit.inputs),
         states=fit.states,
         discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
         offset=float(fit.system.offset[0]),
-        initial=_matrix(-np.linalg.solve(fit.system.A, fit.system.B)),
-        interval=error_quantiles(fit.errors_degC[0]),
+        initial=matrix(initial_matrix(fit.system)),
+        interval=fit.interval_degC,
     )
 
 
 def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> Input:
-    """A reading is believed between -45 and 130 degC, or 30 K (of another unit, the span) beyond what training saw.
+    """A reading counts between -45 and 130 degC, or 30 K (of another unit, the span) beyond the training data.
 
-    The range is there to drop what no sensor means, not what training did not see: a model trained in a mild room
-    must go on in a hot one.
+    The range drops error codes, not conditions that training lacks: a model trained in a mild room runs in a hot one.
     """
     name, unit = split_column(column)
     margin = _MARGIN_K if unit == "degC" else span[1] - span[0]
     low, high = round(span[0] - margin, 3), round(span[1] + margin, 3)
     if unit == "degC":
-        low, high = min(low, _BELIEVED_DEGC[0]), max(high, _BELIEVED_DEGC[1])
+        low, high = min(low, _RANGE_DEGC[0]), max(high, _RANGE_DEGC[1])
     return Input(name, unit, zones.get(name, name), low, high)
 
 
 def _discrete(fit: Fit, period_s: float) -> Discrete:
-    found: StateSpace = discretised(fit.system, period_s, fit.hold)
-    return Discrete(period_s, _matrix(found.A), _matrix(found.B), _matrix(found.C), _matrix(found.D))
-
-
-def _matrix(values: NDArray[Any]) -> Matrix:
-    return tuple(tuple(row) for row in values.tolist())
+    found = fit.discrete(period_s)
+    return Discrete(period_s, matrix(found.A), matrix(found.B), matrix(found.C), matrix(found.D))
 
 
 def _conformance_inputs(fit: Fit) -> Matrix:
-    """Every input in turn steps to the top of its range, then all of them ramp and wander."""
+    """Every input in turn steps to the top of its range, then all of them change at random."""
     low, high = np.array(fit.input_ranges).T
     random = np.random.default_rng(1)
     rows = [low + 0.4 * (high - low)] * 2
     rows += [np.where(np.arange(len(low)) == index, high, low + 0.4 * (high - low)) for index in range(len(low))]
     while len(rows) < max(_CONFORMANCE_ROWS, len(low) + 6):
         rows.append(low + random.uniform(0, 1, len(low)) * (high - low))
-    return _matrix(np.round(rows, 3))
+    return matrix(np.round(rows, 3))
 
 
 def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -141,7 +124,7 @@ def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, An
             "seed": fit.effort.seed,
             "starts": len(fit.start_rmses_degC),
             "pieces": fit.effort.pieces,
-            **fit.figures,
+            **fit.details,
         },
         "parameters": {each.name: each.value for each in fit.parameters},
         "baseline": {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ambient_trainer.estimators.fit import Estimated, Fit
+from ambient_trainer.estimators.base import Fit, Parameter
 from ambient_trainer.report.table import Table
 
 _FACTS = ("converged", "uncertainty_available", "identifiable")
@@ -31,7 +31,7 @@ def as_json(fit: Fit) -> dict[str, Any]:
         "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
         "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
         "notes": list(fit.notes),
-        **fit.figures,
+        **fit.details,
     }
 
 
@@ -75,7 +75,7 @@ def parameter_table(fit: Fit) -> Table:
     return Table("", ("parameter", "value", "unit", "95 % interval", ""), rows)
 
 
-def _parameter(each: Estimated) -> dict[str, Any]:
+def _parameter(each: Parameter) -> dict[str, Any]:
     return {
         "name": each.name,
         "unit": each.unit,
@@ -92,11 +92,11 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-def _interval(each: Estimated) -> str:
+def _interval(each: Parameter) -> str:
     return "" if each.interval95 is None else f"{each.interval95[0]:.4g} to {each.interval95[1]:.4g}"
 
 
-def _note(each: Estimated) -> str:
+def _note(each: Parameter) -> str:
     if not each.free:
         return "fixed"
     if each.at_bound:

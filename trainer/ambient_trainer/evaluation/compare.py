@@ -10,9 +10,9 @@ from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_trainer.data.trace import Trace, load_trace
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.fit import Effort, Fit
+from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.model_file import model_of, training_of
-from ambient_trainer.estimators.named import fitting, reads_any
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
 from ambient_trainer.report.table import Table
 
@@ -74,7 +74,8 @@ def held_out_contest(training_paths: Sequence[str], held_out_path: str) -> Conte
 
 def contend(name: str, contest: Contest, sensors: Sequence[str], effort: Effort, progress: Progress) -> Contender:
     """Fit the circuit called ``name`` and score it; ``sensors`` (trace columns) are for those that read any."""
-    fit = fitting(name, sensors if reads_any(name) else ())(contest.training, effort, progress, None)
+    method = estimator(name)
+    fit = method.fit(contest.training, effort, progress, inputs=sensors if method.reads_any else None)
     provenance = [training_of(trace, None, contest.to_s) for trace in contest.training]
     model = model_of(fit, provenance, {})
     running, cold = contest.score(model)

@@ -17,18 +17,17 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
-from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.free_start import FreelyStartingCircuit
 from ambient_trainer.estimation.profile import Profile, Values, held, profile, starting_at
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.sensitivity import Sensitivity, parameter_names, sensitivity
 from ambient_trainer.estimation.separable import project
 from ambient_trainer.estimation.structure import linearise
-from ambient_trainer.estimators.fit import Effort, Fit, fit_circuit
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.circuit import circuit_structure, fit_circuit
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
@@ -127,7 +126,7 @@ class Subject:
 
     def structure(self, circuit: Circuit | None = None) -> CircuitStructure:
         """``circuit`` (by default the subject's) to be fitted to its own output."""
-        return structure_of(circuit or self.circuit, self.own)
+        return circuit_structure(circuit or self.circuit, self.own)
 
 
 def identifiability(
@@ -189,7 +188,7 @@ def own_output(
     circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, memory_samples: float
 ) -> Subject:
     """``circuit`` at ``values`` with what it says itself over the inputs of ``stretches``."""
-    structure = structure_of(circuit, stretches)
+    structure = circuit_structure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
     own = []
     for index, segment in enumerate(stretches):
@@ -197,12 +196,6 @@ def own_output(
         outputs = (expansion.fixed + expansion.free @ beta) @ structure.signals(theta, index)
         own.append(Segment(segment.period_s, segment.inputs, outputs))
     return Subject(circuit, values, tuple(own), noise_degC, memory_samples)
-
-
-def structure_of(circuit: Circuit, stretches: Sequence[Segment]) -> CircuitStructure:
-    """What is fitted: from rest where the ambient is estimated, from anywhere where nodes are predicted."""
-    estimates_ambient = [output.column for output in circuit.outputs] == [REFERENCE]
-    return (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, stretches)
 
 
 def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Array]:
@@ -276,7 +269,7 @@ def recovered(
             )
             for each in subject.own
         ]
-        structure = structure_of(circuit, noisy)
+        structure = circuit_structure(circuit, noisy)
         end = search(structure, 1, 0)
         values = structure.values(end.best.theta, end.best.beta)
         draws.append([math.log(values[name]) if log else values[name] for name, log in zip(names, positive)])

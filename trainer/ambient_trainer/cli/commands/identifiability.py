@@ -11,7 +11,7 @@ from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimators.fit import Effort
-from ambient_trainer.estimators.named import thermal_circuit
+from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.evaluation.identifiability import identifiability
 from ambient_trainer.evaluation.identifiability_summary import as_json, parameter_table, said, start_table
 from ambient_trainer.report.table import for_terminal

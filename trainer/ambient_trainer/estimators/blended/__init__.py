@@ -1,1 +1,1 @@
-"""Observers of a device: filters taught by what a forward circuit of it makes up beside one logged run."""
+"""Recipes: filters fitted to a log and to synthetic runs of a forward circuit that is fitted to the same log."""

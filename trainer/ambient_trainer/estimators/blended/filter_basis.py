@@ -36,7 +36,7 @@ def signals(poles: Array, period_s: float, inputs: Array, every: int = 1) -> Arr
     """
     rows = [inputs[:, ::every]]
     start = inputs[:, :1]
-    # two samples at rest ahead: what is filtered can be read a sample and two samples late
+    # two samples of equilibrium ahead: the filtered signal is read one and two samples late
     moved = np.concatenate([np.zeros((len(inputs), 2)), inputs - start], axis=1)
     for a in denominators(poles, period_s):
         filtered = lfilter([a.sum()], a, moved, axis=1)
@@ -45,8 +45,8 @@ def signals(poles: Array, period_s: float, inputs: Array, every: int = 1) -> Arr
     return np.concatenate(rows)
 
 
-def gains_at_rest(inputs: int) -> Array:
-    """Per input (row) and weight (column) what the weight adds to the input's gain at rest."""
+def dc_gains(inputs: int) -> Array:
+    """Per input (row) and weight (column) what the weight adds to the input's DC gain."""
     return np.asarray(np.kron([1.0, 1.0, 0.0, 1.0, 0.0], np.eye(inputs)), dtype=np.float64)
 
 

@@ -1,7 +1,7 @@
-"""The forward circuit is fitted to the log: capacitances, resistances, lags, shares of heat and the loss law at once.
+"""Fits the forward circuit to the log: capacitances, resistances, lags, shares of heat and the loss law at once.
 
-Least squares over the sensors' misfits and over how far each unknown has left its first guess, in units of what the
-recipe believes of it.
+Least squares over the sensors' misfits and over each unknown's distance from its prior, in the prior's standard
+deviations, which the recipe declares.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 
 _PASSES = 4
 _EVERY = 3
-"""Neighbouring samples say the same: every third counts."""
+"""Neighbouring samples repeat each other: every third counts."""
 _MOST_EVALUATIONS = 60
 
 
@@ -39,7 +39,7 @@ class Record(NamedTuple):
     measured_W: Array
     shared_W: Array
     work: Array
-    """The signal that tells work from idling."""
+    """The signal that separates work from idling."""
 
     def every(self, stride: int) -> Record:
         """Each ``stride``-th sample."""
@@ -48,7 +48,7 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True)
 class ForwardFit:
-    """The circuit as the log tells it."""
+    """The circuit as fitted to the log."""
 
     plant: Plant
     shares: Array
@@ -83,21 +83,21 @@ class Forward:
                 [np.log(loss.rho / (1 - loss.rho))],
             ]
         )
-        believed = recipe.believed
+        prior = recipe.believed
         self.deviation = np.array(
             [
                 *self._free.values(),
-                *[believed.lag] * len(lags),
-                *[believed.share] * len(self.sharing),
-                believed.rho,
+                *[prior.lag] * len(lags),
+                *[prior.share] * len(self.sharing),
+                prior.rho,
             ]
         )
 
     def _free_parameters(self) -> dict[str, float]:
-        """Per capacitance and resistance that the circuit leaves free, how far it may leave its first guess."""
-        believed = self.recipe.believed
-        deviation = {str(node.capacitance): believed.capacitance for node in self.circuit.states}
-        deviation.update({edge.resistance: believed.resistance for edge in self.circuit.edges})
+        """Per free capacitance and resistance the prior standard deviation of its logarithm."""
+        prior = self.recipe.believed
+        deviation = {str(node.capacitance): prior.capacitance for node in self.circuit.states}
+        deviation.update({edge.resistance: prior.resistance for edge in self.circuit.edges})
         free = {each.name for each in self.circuit.parameters if each.free}
         return {name: each for name, each in deviation.items() if name in free}
 
@@ -139,7 +139,7 @@ class Forward:
         return heat
 
     def misfits(self, x: Array, records: Sequence[Record], period_s: float) -> list[Array]:
-        """Per record what the sensors read beyond what the circuit says, (m, N)."""
+        """Per record the sensors minus the simulated ones, (m, N)."""
         plant, shares = self.plant(x), self.shares(x)
         return [
             each.sensors_degC
@@ -156,9 +156,9 @@ class Forward:
 
 
 def fit_forward(
-    forward: Forward, records: Sequence[Record], period_s: float, told: Callable[[int, float], None]
+    forward: Forward, records: Sequence[Record], period_s: float, show: Callable[[int, float], None]
 ) -> ForwardFit:
-    """Fit the circuit to ``records``; ``told`` hears the evaluations and the sum of squares."""
+    """Fit the circuit to ``records``; ``show`` is called with the evaluations and the sum of squares."""
     recipe = forward.recipe
     trust = np.array([sensor.trust_degC for sensor in recipe.sensors.values()])[:, None]
     kept = sum(len(each.ambient_degC[::_EVERY]) for each in records)
@@ -170,7 +170,7 @@ def fit_forward(
         evaluations += 1
         found = [(each[:, ::_EVERY] * weight).ravel() for each in forward.misfits(x, records, period_s)]
         rows = np.concatenate([*found, (x - forward.initial) / forward.deviation])
-        told(evaluations, float(rows @ rows))
+        show(evaluations, float(rows @ rows))
         return rows
 
     result = least_squares(residuals, forward.initial, max_nfev=_MOST_EVALUATIONS, x_scale=forward.deviation)

@@ -1,4 +1,4 @@
-"""How wrong the estimate is to be thought: a variance that grows with its movement and with what the guard objects.
+"""Fits the error variance: it grows with the estimate's rate of change and with its distance from the secondary one.
 
 The terms are those of ``ambient_model.spread``; their weights, none negative, are found by least squares of the squared
 errors, each over the variance found before (iterated non-negative least squares: Lawson and Hanson 1974, chapter 23).
@@ -13,9 +13,9 @@ from scipy.optimize import nnls
 
 from ambient_model.model import LEVELS_PERCENT, Spread, Term
 from ambient_trainer.estimation.error_variance import unrest_degC2
-from ambient_trainer.estimators.blended.bank import Bank
+from ambient_trainer.estimators.blended.filters import Filters
 from ambient_trainer.estimators.blended.recipe import Recipe
-from ambient_trainer.estimators.blended.training_set import Lessons
+from ambient_trainer.estimators.blended.training_set import TrainingSet
 
 Array = NDArray[np.float64]
 
@@ -24,19 +24,19 @@ _LEAST_VARIANCE_DEGC2 = 1e-4
 _EVERY_S = 11.0
 
 
-def fit_spread(recipe: Recipe, bank: Bank, lessons: Lessons) -> Spread:
-    """The spread that the errors of ``bank`` in ``lessons`` call for, weighed as the recipe says."""
-    period_s, lags = bank.main.period_s, recipe.spread
+def fit_spread(recipe: Recipe, filters: Filters, runs: TrainingSet) -> Spread:
+    """The error variance model of ``filters`` over ``runs``, weighed by the recipe."""
+    period_s, lags = filters.main.period_s, recipe.spread
     kinds = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.guard_lag_s, 1.0))
     stride = max(1, round(_EVERY_S / period_s))
     errors, terms, weights = [], [], []
     for name, count in recipe.weights.interval.items():
-        for lesson in lessons[name]:
-            estimate, _, apart = bank.published(lesson.sensors_degC)
-            errors.append((lesson.target_degC - estimate)[::stride])
+        for run in runs[name]:
+            estimate, _, apart = filters.published(run.sensors_degC)
+            errors.append((run.target_degC - estimate)[::stride])
             unrest = [unrest_degC2(kind, estimate, apart, period_s)[::stride] for kind in kinds]
             terms.append(np.vstack([np.ones_like(errors[-1]), *unrest]))
-            weights.append(np.full(len(errors[-1]), count / len(lessons[name]) / len(errors[-1])))
+            weights.append(np.full(len(errors[-1]), count / len(runs[name]) / len(errors[-1])))
     error, table, weight = np.concatenate(errors), np.concatenate(terms, axis=1), np.concatenate(weights)
     found = fit_variance(error, table, weight)
     reach = np.abs(error) / np.sqrt(np.maximum(found @ table, _LEAST_VARIANCE_DEGC2))

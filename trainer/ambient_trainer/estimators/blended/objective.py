@@ -1,8 +1,8 @@
-"""What a filter is judged by: a quadratic function of its weights at given poles, whose minimum is one linear solve.
+"""The objective of a filter: a quadratic function of its weights at given poles, whose minimum is one linear solve.
 
-    J(w) = sum_l k_l mean (target_l - S_l' w)^2 + noise w' N w + one_degree (sum of gains at rest - 1)^2
+    J(w) = sum_l k_l mean (target_l - S_l' w)^2 + noise w' N w + one_degree (sum of DC gains - 1)^2
 
-over the lessons l, S_l being the filter's signals. Each term is a Gram matrix; the last entry of w is the offset.
+over the training runs l, S_l being the filter's signals. Each term is a Gram matrix; the last entry of w is the offset.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.estimators.blended.filter_basis import gains_at_rest, noise_gram, signals
+from ambient_trainer.estimators.blended.filter_basis import dc_gains, noise_gram, signals
 from ambient_trainer.estimators.blended.recipe import FilterRules
-from ambient_trainer.estimators.blended.training_set import Lesson, Lessons
+from ambient_trainer.estimators.blended.training_set import TrainingRun, TrainingSet
 
 Array = NDArray[np.float64]
 
@@ -44,11 +44,11 @@ class Gram(NamedTuple):
 
 
 class Objective:
-    """J of the lessons that ``counts`` weighs, all of the same inputs and period."""
+    """J of the runs that ``counts`` weighs, all of the same inputs and period."""
 
-    def __init__(self, lessons: Lessons, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> None:
+    def __init__(self, runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> None:
         self._lessons = [
-            (each, count / len(lessons[name])) for name, count in counts.items() if count for each in lessons[name]
+            (each, count / len(runs[name])) for name, count in counts.items() if count for each in runs[name]
         ]
         self._rules = rules
         self.period_s = period_s
@@ -57,20 +57,20 @@ class Objective:
     def at(self, poles: Array) -> Gram:
         """J at ``poles``, as a function of the weights and the offset."""
         noise = noise_gram(poles, self.period_s, self.inputs)
-        at_rest = np.append(gains_at_rest(self.inputs).sum(axis=0), 0.0)
+        at_rest = np.append(dc_gains(self.inputs).sum(axis=0), 0.0)
         quadratic = self._rules.one_degree * np.outer(at_rest, at_rest)
         quadratic[:-1, :-1] += self._rules.noise * noise
         total = Gram(quadratic, self._rules.one_degree * at_rest, self._rules.one_degree)
-        for lesson, count in self._lessons:
-            total = total.plus(lesson_gram(poles, self.period_s, lesson), count)
+        for run, count in self._lessons:
+            total = total.plus(run_gram(poles, self.period_s, run), count)
         return total
 
 
-def lesson_gram(poles: Array, period_s: float, lesson: Lesson) -> Gram:
-    """The mean square of the filter's error in ``lesson``."""
-    shown = signals(poles, period_s, lesson.sensors_degC, lesson.stride)
-    table = np.vstack([shown, np.full((1, shown.shape[1]), float(lesson.absolute))])
-    target = lesson.target_degC[:: lesson.stride]
+def run_gram(poles: Array, period_s: float, run: TrainingRun) -> Gram:
+    """The mean square of the filter's error in ``run``."""
+    shown = signals(poles, period_s, run.sensors_degC, run.stride)
+    table = np.vstack([shown, np.full((1, shown.shape[1]), float(run.absolute))])
+    target = run.target_degC[:: run.stride]
     count = len(target)
     return Gram(table @ table.T / count, table @ target / count, float(target @ target) / count)
 

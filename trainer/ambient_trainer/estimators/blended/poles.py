@@ -1,4 +1,4 @@
-"""The search over poles: two real slow ones that cannot learn the log's age, and a damped pair that undoes the lags.
+"""Searches the poles: two real slow ones, bounded below the age of the log, and a damped pair that inverts the lags.
 
 The unknowns are logarithms: the slower rate, the ratio of the two, and omega and zeta of the pair. Bounds on them are
 the recipe's rules; the weights at each point are solved for.
@@ -28,7 +28,7 @@ _FLAT = 1e-7
 
 
 class Searched(NamedTuple):
-    """The poles found, (log omega, log zeta) of either section, and how the search ended."""
+    """The best poles, (log omega, log zeta) of either section, and how the search ended."""
 
     poles: Array
     weights: Array
@@ -38,8 +38,8 @@ class Searched(NamedTuple):
     converged: bool
     at_bound: tuple[bool, ...]
     """Per unknown of the search: slower rate, ratio, omega, zeta."""
-    told: bool
-    """Whether every unknown that no bound holds makes a difference."""
+    identifiable: bool
+    """Whether the objective changes with every unknown that no bound holds."""
 
 
 def section_poles(unknowns: Array) -> Array:
@@ -56,9 +56,9 @@ def first_unknowns(rules: FilterRules) -> Array:
 
 
 def search_poles(
-    objective: Objective, rules: FilterRules, start: Array, told: Callable[[int, float], None]
+    objective: Objective, rules: FilterRules, start: Array, show: Callable[[int, float], None]
 ) -> tuple[Searched, Array]:
-    """The best poles near ``start`` with their weights, and their unknowns; ``told`` hears evaluations and J."""
+    """The best poles near ``start`` with their weights, and their unknowns; ``show`` gets evaluations and J."""
     evaluations = 0
 
     def log_objective(unknowns: Array) -> float:
@@ -66,7 +66,7 @@ def search_poles(
         evaluations += 1
         gram = objective.at(section_poles(unknowns))
         found = gram(best_weights(gram))
-        told(evaluations, found)
+        show(evaluations, found)
         return math.log(found)
 
     low, high = _bounds(rules, objective.period_s)

@@ -1,4 +1,4 @@
-"""An observer is data: a YAML file names the forward circuit, what nobody logs, and what the filters are taught by.
+"""A recipe is a YAML file: it names the forward circuit, unmeasured heat, and the training set of the filters.
 
 It is taken whole or refused with every fault and its place in one message.
 """
@@ -19,8 +19,9 @@ from ambient_trainer.circuits.schema import circuit_names, load_circuit
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
 
 FORMAT = "ambient-observer"
+_LIBRARY = resources.files("ambient_trainer.estimators") / "library"
 LOGGED, IDLE, RESIDUAL = "logged", "idle", "residual"
-"""What every observer is taught by, beside its patterns."""
+"""The runs of every training set, beside the patterns'."""
 
 
 def _increasing(span: tuple[float, float]) -> tuple[float, float]:
@@ -49,7 +50,7 @@ _Hours = Annotated[float, Field(ge=1, le=48)]
 
 
 class Sensor(Strict):
-    """How a sensor follows its node, and how closely the circuit is to follow the sensor."""
+    """A sensor's lag behind its node, and the standard deviation of the circuit's misfit."""
 
     lag_s: _Positive
     trust_degC: _Positive
@@ -70,14 +71,14 @@ class Shared(Strict):
 
 
 class Heat(Strict):
-    """What the log tells of the heat."""
+    """The measured heat."""
 
     measured: Measured
     shared: Shared
 
 
 class Loss(Strict):
-    """The law of a surface's loss; see ``bent_loss.py``."""
+    """The law of a surface's loss; see ``nonlinear_loss.py``."""
 
     rho: _Share
     exponent: Annotated[float, Field(ge=0, le=1)]
@@ -85,8 +86,8 @@ class Loss(Strict):
     at_degC: Annotated[float, Field(gt=-273.15, le=1000)]
 
 
-class Believed(Strict):
-    """Standard deviations of what is fitted about its first guess, and how many samples a sensor's log is worth."""
+class Prior(Strict):
+    """Standard deviations of the unknowns about their initial values, and a sensor's log's worth in samples."""
 
     capacitance: _Positive
     resistance: _Positive
@@ -110,8 +111,8 @@ class Idle(Strict):
     hours: _Hours
 
 
-class MadeUp(Strict):
-    """The weather and the work of runs that were never logged."""
+class Synthetic(Strict):
+    """The ambient and the work of synthetic runs."""
 
     ambient_degC: _Span
     stay_min: _PositiveSpan
@@ -122,14 +123,14 @@ class MadeUp(Strict):
 
 
 class Pattern(Strict):
-    """Ways in which one use heats the nodes, in W; ``alone`` on a device that does nothing else."""
+    """Variants of the heat of one use, in W per node; ``alone`` on a device that does nothing else."""
 
     watts: Annotated[tuple[_Watts, ...], Field(min_length=1)]
     alone: bool = False
 
 
-class Unlogged(Strict):
-    """Heat that no signal tells of: each way of each pattern is played in ``runs`` runs."""
+class Unmeasured(Strict):
+    """Unmeasured heat: each variant of each pattern is simulated in ``runs`` runs."""
 
     runs: _Runs
     hours: _Hours
@@ -143,7 +144,7 @@ _Weights = dict[_Name, _NotNegative]
 
 
 class Weights(Strict):
-    """What the mean squares of each part of the teaching count."""
+    """The weight of each part of the training set in each filter's objective and in the interval's."""
 
     main: _Weights
     guard: _Weights
@@ -151,7 +152,7 @@ class Weights(Strict):
 
 
 class SlowPoles(Strict):
-    """Two real poles: where the search starts, and what it may not leave."""
+    """Two real poles: initial values and bounds."""
 
     time_constants_s: tuple[_Positive, _Positive]
     slowest_s: _Positive
@@ -159,7 +160,7 @@ class SlowPoles(Strict):
 
 
 class FastPoles(Strict):
-    """A pair of poles: 1/omega and damping to start from."""
+    """A pair of poles: initial 1/omega and damping, and a bound."""
 
     time_s: _Positive
     damping: _Positive
@@ -167,7 +168,7 @@ class FastPoles(Strict):
 
 
 class FilterRules(Strict):
-    """What keeps a filter from what the teaching does not forbid."""
+    """Penalties on a filter's noise gain and DC gain, and the bounds of its poles."""
 
     noise: _Positive
     one_degree: _Positive
@@ -176,21 +177,21 @@ class FilterRules(Strict):
 
 
 class Threshold(Strict):
-    """``times`` the ``percent`` quantile, on the log, of how far main and guard differ."""
+    """``times`` the ``percent`` quantile, on the log, of the main filter's distance from the secondary one."""
 
     percent: Annotated[float, Field(gt=50, le=100)]
     times: _Positive
 
 
-class SpreadLags(Strict):
-    """How long the terms of the interval remember."""
+class VarianceLags(Strict):
+    """Time constants of the error variance's terms."""
 
     movement_lag_s: _Positive
     guard_lag_s: _Positive
 
 
 class Recipe(Strict):
-    """A validated observer file."""
+    """A validated recipe."""
 
     format: Literal["ambient-observer"]
     version: Literal[1]
@@ -200,14 +201,14 @@ class Recipe(Strict):
     sensors: Annotated[dict[_Name, Sensor], Field(min_length=2)]
     heat: Heat
     loss: Loss
-    believed: Believed
+    believed: Prior
     work: Work
-    made_up: MadeUp
-    unlogged: Unlogged
+    made_up: Synthetic
+    unlogged: Unmeasured
     weights: Weights
     filter: FilterRules
     threshold: Threshold
-    spread: SpreadLags
+    spread: VarianceLags
 
     @property
     def sensor_columns(self) -> tuple[str, ...]:
@@ -220,27 +221,27 @@ class Recipe(Strict):
         return tuple(dict.fromkeys([*self.heat.measured.watts, *self.heat.shared.watts, self.work.signal]))
 
 
-def observer_names() -> tuple[str, ...]:
-    """The names of the shipped observers."""
-    return tuple(sorted(each.name.removesuffix(".yaml") for each in _library() if each.name.endswith(".yaml")))
+def recipe_names() -> tuple[str, ...]:
+    """The names of the shipped recipes."""
+    return tuple(sorted(each.name.removesuffix(".yaml") for each in _LIBRARY.iterdir() if each.name.endswith(".yaml")))
 
 
-def find_observer(name_or_path: str) -> tuple[Recipe, Circuit] | None:
-    """The shipped observer of that name, or the one in a YAML file, with its circuit; None where it is none.
+def find_recipe(name_or_path: str) -> tuple[Recipe, Circuit] | None:
+    """The shipped recipe of that name, or the one in a YAML file, with its circuit; None where it is none.
 
     Raises :class:`Refused` with every fault of a file that calls itself one.
     """
-    if name_or_path in observer_names():
-        text = (resources.files(__package__) / "library" / f"{name_or_path}.yaml").read_text(encoding="utf-8")
-        return read_observer(parse_yaml(text, name_or_path), name_or_path)
+    if name_or_path in recipe_names():
+        text = (_LIBRARY / f"{name_or_path}.yaml").read_text(encoding="utf-8")
+        return read_recipe(parse_yaml(text, name_or_path), name_or_path)
     if not name_or_path.endswith((".yaml", ".yml")):
         return None
     data = load_yaml(name_or_path)
-    return read_observer(data, name_or_path) if isinstance(data, dict) and data.get("format") == FORMAT else None
+    return read_recipe(data, name_or_path) if isinstance(data, dict) and data.get("format") == FORMAT else None
 
 
-def read_observer(data: Any, source: str) -> tuple[Recipe, Circuit]:
-    """The observer that ``data`` describes, with its circuit; ``source`` names it in messages."""
+def read_recipe(data: Any, source: str) -> tuple[Recipe, Circuit]:
+    """The recipe that ``data`` describes, with its circuit; ``source`` names it in messages."""
     recipe = validated(Recipe, data, source)
     circuit = _circuit(recipe.circuit, source)
     faults = [*_circuit_faults(recipe, circuit), *_weight_faults(recipe)]
@@ -250,17 +251,13 @@ def read_observer(data: Any, source: str) -> tuple[Recipe, Circuit]:
 
 
 def _circuit(name: str, source: str) -> Circuit:
-    """The circuit that the observer file ``source`` names; a file as seen from there."""
+    """The circuit that the recipe ``source`` names; a file as seen from there."""
     if name.endswith((".yaml", ".yml")):
         return load_circuit(str(Path(source).parent / name))
     if name not in circuit_names():
         mend = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
         raise refuse(source, "circuit", f"no circuit is called {name!r}", mend)
     return load_circuit(name)
-
-
-def _library() -> Iterator[Any]:
-    return (resources.files(__package__) / "library").iterdir()
 
 
 def _circuit_faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
@@ -292,12 +289,12 @@ def _weight_faults(recipe: Recipe) -> Iterator[Fault]:
     patterns = recipe.unlogged.patterns
     for name in patterns:
         if name in (LOGGED, IDLE, RESIDUAL):
-            yield Fault(f"unlogged.patterns.{name}", "is the name of what every observer is taught by", "rename it")
+            yield Fault(f"unlogged.patterns.{name}", "is the name of a part of every training set", "rename it")
     for who, weights in recipe.weights.model_dump().items():
         # the residuals of the circuit are no estimate's errors
         known = [LOGGED, IDLE, *([] if who == "interval" else [RESIDUAL]), *patterns]
         for name in weights:
             if name not in known:
-                yield Fault(f"weights.{who}.{name}", "no such teaching", f"known are {', '.join(known)}")
+                yield Fault(f"weights.{who}.{name}", "is no part of the training set", f"known are {', '.join(known)}")
         if not weights.get(LOGGED):
-            yield Fault(f"weights.{who}.{LOGGED}", "counts nothing", "the log is what was measured: weigh it above 0")
+            yield Fault(f"weights.{who}.{LOGGED}", "is 0", "weigh the log, which was measured, above 0")

@@ -1,6 +1,6 @@
-"""Weather that was never logged: set points drawn at random, reached as fast as the log's ambient moved, and its swing.
+"""A synthetic ambient: random set points, reached at the log's rate of change, with the log's swing and noise.
 
-The swing is learned where the log's reference is calmest: the strongest sinusoid of that hour, and what is left of it
+The swing is fitted where the log's reference is calmest: the strongest sinusoid of that hour, and what is left of it
 as first-order noise.
 """
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ambient_model.faults import refuse
-from ambient_trainer.estimators.blended.recipe import MadeUp
+from ambient_trainer.estimators.blended.recipe import Synthetic
 
 Array = NDArray[np.float64]
 
@@ -27,31 +27,31 @@ _STEEP_OVER_S = 60.0
 
 
 @dataclass(frozen=True)
-class Weather:
-    """How an ambient moves."""
+class AmbientModel:
+    """How an ambient changes."""
 
     slope_K_s: float
-    """As fast as it goes to another set point."""
+    """Its rate of change to another set point."""
     swing_K: float
     swing_period_s: float
     noise_K: float
     noise_memory: float
-    """What is left of the noise a sample later."""
+    """The correlation of the noise with its next sample."""
     period_s: float
 
 
-def learn_weather(ambients_degC: Sequence[Array], period_s: float, source: str) -> Weather:
-    """The weather of a log of N samples each; raises :class:`Refused` where none of them is an hour long."""
+def fit_ambient(ambients_degC: Sequence[Array], period_s: float, source: str) -> AmbientModel:
+    """Fitted to ambients of N samples each; raises :class:`Refused` where none of them is an hour long."""
     window, minute = round(_CALM_S / period_s), max(1, round(_STEEP_OVER_S / period_s))
     long = [each for each in ambients_degC if len(each) > window]
     if not long:
-        raise refuse(source, "", "no hour without a gap", "log longer: the ambient's own swing is learned from one")
+        raise refuse(source, "", "no hour without a gap", "log longer: the ambient's own swing is fitted to one")
     # in minutes of the whole log, most of which are calm
     steps = np.concatenate([np.abs(np.diff(each[::minute])) for each in long])
     calm = _calmest(long, window, period_s)
     calm = calm - calm.mean()
     swing_period_s, swing, rest = _strongest(calm, period_s)
-    return Weather(
+    return AmbientModel(
         slope_K_s=float(np.percentile(steps, _STEEP_PERCENT)) / (minute * period_s),
         swing_K=swing,
         swing_period_s=swing_period_s,
@@ -61,24 +61,24 @@ def learn_weather(ambients_degC: Sequence[Array], period_s: float, source: str) 
     )
 
 
-def made_up_ambient(weather: Weather, rule: MadeUp, count: int, random: np.random.Generator) -> Array:
+def synthetic_ambient(ambient: AmbientModel, rule: Synthetic, count: int, random: np.random.Generator) -> Array:
     """An ambient of ``count`` samples, (N,), through set points that the rule allows."""
-    T = weather.period_s
+    T = ambient.period_s
     set_points: list[float] = []
     while len(set_points) < count:
         stay = max(1, round(random.uniform(*rule.stay_min) * 60.0 / T))
         set_points += [random.uniform(*rule.ambient_degC)] * stay
-    step, now, ramp = weather.slope_K_s * T, set_points[0], np.empty(count)
+    step, now, ramp = ambient.slope_K_s * T, set_points[0], np.empty(count)
     for index in range(count):
         ramp[index] = now
         now += min(max(set_points[index] - now, -step), step)
     kept = math.exp(-T / rule.settling_s)
     settled = lfilter([1 - kept], [1.0, -kept], ramp - ramp[0]) + ramp[0]
     phase = random.uniform(0.0, 2.0 * math.pi)
-    swing = weather.swing_K * np.sin(2.0 * math.pi * T * np.arange(count) / weather.swing_period_s + phase)
+    swing = ambient.swing_K * np.sin(2.0 * math.pi * T * np.arange(count) / ambient.swing_period_s + phase)
     white = random.standard_normal(count)
-    white[1:] *= math.sqrt(1.0 - weather.noise_memory**2)
-    return np.asarray(settled + swing + weather.noise_K * lfilter([1.0], [1.0, -weather.noise_memory], white))
+    white[1:] *= math.sqrt(1.0 - ambient.noise_memory**2)
+    return np.asarray(settled + swing + ambient.noise_K * lfilter([1.0], [1.0, -ambient.noise_memory], white))
 
 
 def _calmest(ambients_degC: Sequence[Array], window: int, period_s: float) -> Array:

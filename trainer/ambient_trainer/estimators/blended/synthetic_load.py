@@ -1,4 +1,4 @@
-"""What a device does in a run that was never logged: episodes of logged work, and heat that no signal tells of."""
+"""The load of synthetic runs: episodes of logged work, and unmeasured heat."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_trainer.estimators.blended.forward_fit import Record
-from ambient_trainer.estimators.blended.recipe import MadeUp, Unlogged, Work
+from ambient_trainer.estimators.blended.recipe import Synthetic, Unmeasured, Work
 
 Array = NDArray[np.float64]
 
@@ -26,8 +26,8 @@ class Workload:
     episodes_W: tuple[Array, ...]
 
 
-def learn_workload(records: Sequence[Record], work: Work, source: str) -> Workload:
-    """What idling and each stretch of one kind of work take; raises :class:`Refused` where one of them is missing."""
+def fit_workload(records: Sequence[Record], work: Work, source: str) -> Workload:
+    """The heat of idling and of each stretch of work; raises :class:`Refused` where one of them is missing."""
     episodes, idle = [], []
     for record in records:
         heat = np.vstack([record.measured_W, record.shared_W])
@@ -44,7 +44,9 @@ def learn_workload(records: Sequence[Record], work: Work, source: str) -> Worklo
     return Workload(idling.mean(axis=1), tuple(episodes))
 
 
-def made_up_work(workload: Workload, rule: MadeUp, count: int, period_s: float, random: np.random.Generator) -> Array:
+def synthetic_work(
+    workload: Workload, rule: Synthetic, count: int, period_s: float, random: np.random.Generator
+) -> Array:
     """The heat (measured, shared) of a device that works now and then, (2, count) in W.
 
     An episode of the log, in half of the cases weakened, goes on as it ended where it is too short.
@@ -64,9 +66,9 @@ def made_up_work(workload: Workload, rule: MadeUp, count: int, period_s: float, 
     return heat
 
 
-def made_up_heat(
+def synthetic_heat(
     watts: Mapping[str, float],
-    rule: Unlogged,
+    rule: Unmeasured,
     nodes: Mapping[str, int],
     count: int,
     period_s: float,

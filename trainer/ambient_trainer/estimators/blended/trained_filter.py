@@ -1,4 +1,4 @@
-"""A filter as the search found it: what it estimates over an array, its gains, and its continuous form."""
+"""A fitted filter: its estimate over an array, its gains, and its continuous form."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimators.blended.filter_basis import gains_at_rest, noise_gram, numerators, signals
+from ambient_trainer.estimators.blended.filter_basis import dc_gains, noise_gram, numerators, signals
 from ambient_trainer.estimators.blended.poles import Searched
 from ambient_trainer.lti.statespace import StateSpace
 
@@ -20,7 +20,7 @@ STATES = 4
 
 
 @dataclass(frozen=True)
-class TaughtFilter:
+class TrainedFilter:
     """Poles and weights over the trace columns ``inputs``, at ``period_s``."""
 
     inputs: tuple[str, ...]
@@ -39,9 +39,9 @@ class TaughtFilter:
         return float(np.sqrt(weights @ noise_gram(self.found.poles, self.period_s, len(self.inputs)) @ weights))
 
     @property
-    def gains_at_rest(self) -> dict[str, float]:
-        """Per input how far the estimate comes to rest above where it was, the input one degree up."""
-        gains = gains_at_rest(len(self.inputs)) @ self.found.weights[:-1]
+    def dc_gains(self) -> dict[str, float]:
+        """Per input the DC gain."""
+        gains = dc_gains(len(self.inputs)) @ self.found.weights[:-1]
         return dict(zip(self.inputs, gains.tolist()))
 
     @property
@@ -52,7 +52,7 @@ class TaughtFilter:
     def system(self) -> StateSpace:
         """The continuous system that is this filter under a first-order hold, of four states.
 
-        A state is what one mode adds to the estimate, in degC, so that a norm tells when a wrong start is forgotten.
+        A state is what one mode adds to the estimate, in degC, so that a norm shows the decay of a wrong start.
         """
         direct, sections = numerators(self.found.poles, self.period_s, self.found.weights[:-1])
         gains = np.concatenate([direct, self.found.weights[-1:], *(each.ravel() for each in sections)])

@@ -1,1 +1,1 @@
-"""Observers of the ambient: filters that know what an ambient and noise are, beside the circuits of the thesis."""
+"""What the two observers of the ambient search: the Kalman filter of a circuit, and the constrained free filter."""

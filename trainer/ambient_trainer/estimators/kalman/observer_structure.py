@@ -1,4 +1,4 @@
-"""The observer as the search sees it: theta is of its circuit and noise, an offset is solved for.
+"""The observer as a structure for the search: theta is of its circuit and noise, an offset is solved for.
 
 The signals are the estimate, one, and the estimate's slope in each of theta. With xi and upsilon what state and inputs
 have moved since the start, in equilibrium,
@@ -18,7 +18,7 @@ from scipy.linalg import schur
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.structure import Expansion, Unknowns
-from ambient_trainer.estimators.kalman.walking_ambient import Filter, WalkingAmbient
+from ambient_trainer.estimators.kalman.random_walk import Filter, RandomWalkAmbient
 from ambient_trainer.lti.discretise import discretised_slopes, first_order_hold
 from ambient_trainer.lti.response import responses_of_output, states_from_rest
 from ambient_trainer.lti.riccati import Unsettled
@@ -27,16 +27,16 @@ from ambient_trainer.lti.statespace import StateSpace
 Array = NDArray[np.float64]
 
 _REACH = 8.0
-"""How far theta may leave its start: a factor of 3000."""
-_BELIEF = 3e-4
-"""What an e-fold from the start costs, as a share of the reference's own size."""
+"""How far theta may leave its prior: a factor of 3000."""
+_PENALTY = 3e-4
+"""Of an e-fold from the prior, as a share of the reference's norm: just enough to hold what the data leave open."""
 _SCATTER = 0.15
 
 
 class ObserverStructure:
-    """The observer over segments; ``start`` (P,) is where its theta is believed to lie."""
+    """The observer over segments; ``start`` (P,) is the prior of its theta."""
 
-    def __init__(self, circuit: WalkingAmbient, start: Array, segments: Sequence[Segment]) -> None:
+    def __init__(self, circuit: RandomWalkAmbient, start: Array, segments: Sequence[Segment]) -> None:
         self.circuit = circuit
         self.segments = segments
         self.search = Unknowns(circuit.names, start, start - _REACH, start + _REACH)
@@ -45,31 +45,31 @@ class ObserverStructure:
     def signals(self, theta: Array, index: int) -> Array:
         """The estimate without its offset, one, and the estimate's slopes (2 + P, N)."""
         segment = self.segments[index]
-        silent = np.zeros((2 + len(theta), segment.inputs.shape[1]))
-        silent[1] = 1.0
+        zero = np.zeros((2 + len(theta), segment.inputs.shape[1]))
+        zero[1] = 1.0
         try:
             value, slopes = self.circuit.filter_and_slopes(theta)
-        except Unsettled:  # far from what is believed; a filter that says nothing loses to any other
-            return silent
+        except Unsettled:  # far from the prior: an estimate of zero loses to any other
+            return zero
         found = _signals(*_sampled(value, slopes, segment.period_s), segment.inputs)
-        return found if np.isfinite(found).all() else silent
+        return found if np.isfinite(found).all() else zero
 
     def expand(self, theta: Array, period_s: float) -> Expansion:
-        """The signals are what is wanted."""
+        """The signals themselves."""
         count = len(theta)
         rows = np.eye(2 + count)
         return Expansion(rows[:1], rows[None, :, 1:2], rows[2:, None], np.zeros((count, 1, 2 + count, 1)))
 
     def excess(self, theta: Array) -> tuple[Array, Array]:
-        """How far theta has left its start, so that it stays there where the data say nothing."""
-        return _BELIEF * (theta - self.search.initial), _BELIEF * np.eye(len(theta))
+        """The penalty on the distance from the prior, which holds what the data leave open."""
+        return _PENALTY * (theta - self.search.initial), _PENALTY * np.eye(len(theta))
 
     def regrouped(self, theta: Array) -> Array:
         """Theta itself."""
         return theta
 
     def random_start(self, random: np.random.Generator) -> Array:
-        """Near the start: far from it lie poor optima, and filters that trust no sensor."""
+        """Near the prior: far from it lie poor optima, and filters that weigh no sensor."""
         return self.search.initial + _SCATTER * random.standard_normal(len(self.search.initial))
 
 

@@ -1,4 +1,4 @@
-"""Where the search for an observer starts: time constants from the sensors' own lags, trust from a coarse grid."""
+"""The prior of an observer: time constants from the sensors' own lags, noise from a coarse grid."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimators.kalman.observer_structure import estimate_of
-from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.modes import one_pole
 from ambient_trainer.lti.riccati import Unsettled
 
@@ -34,7 +34,7 @@ def walk_of(segments: Sequence[Segment]) -> float:
     return math.sqrt(squares / lasted_s)
 
 
-def believed_theta(circuit: WalkingAmbient, segments: Sequence[Segment]) -> Array:
+def prior_theta(circuit: RandomWalkAmbient, segments: Sequence[Segment]) -> Array:
     """A theta to start from: the best of a coarse grid over how fast the filter is and how much the nodes walk."""
     tau = np.array([_lag_s(segments, index) for index in range(circuit.count)])
     period_s = segments[0].period_s
@@ -43,7 +43,7 @@ def believed_theta(circuit: WalkingAmbient, segments: Sequence[Segment]) -> Arra
     return min(found, key=_square_left(circuit, segments))
 
 
-def _theta(circuit: WalkingAmbient, tau: Array, speed: float, share: float) -> Array:
+def _theta(circuit: RandomWalkAmbient, tau: Array, speed: float, share: float) -> Array:
     """With one sensor the filter's poles have the product walk/(tau r): ``speed`` squared."""
     n, edges = circuit.count, len(circuit.pairs)
     groups = (
@@ -56,7 +56,7 @@ def _theta(circuit: WalkingAmbient, tau: Array, speed: float, share: float) -> A
     return np.log(np.concatenate(groups))
 
 
-def _square_left(circuit: WalkingAmbient, segments: Sequence[Segment]) -> Callable[[Array], float]:
+def _square_left(circuit: RandomWalkAmbient, segments: Sequence[Segment]) -> Callable[[Array], float]:
     def square(theta: Array) -> float:
         try:
             found = circuit.filter(theta)

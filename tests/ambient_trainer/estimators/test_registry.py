@@ -11,7 +11,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort
-from ambient_trainer.estimators.named import fitting, thermal_circuit
+from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.estimators.summary import as_json
 
 ONE = Effort(starts=1)
@@ -30,25 +30,26 @@ def trace():
 
 
 def test_a_shipped_name_a_file_and_a_free_filter(trace):
-    assert fitting("linear_usb")([trace], ONE, None, None).inputs == ("usb_degC",)
+    assert estimator("linear_usb").fit([trace], ONE).inputs == ("usb_degC",)
     path = Path(__file__).parents[2] / "data" / "circuits" / "three_nodes.yaml"
     with pytest.raises(Refused, match="no column 'cpu_power_W'"):
-        fitting(str(path))([trace], ONE, None, None)
-    assert len(fitting("free-2")([trace], ONE, None, None).inputs) == 5
-    assert fitting("free-2", ["usb_degC"])([trace], ONE, None, None).inputs == ("usb_degC",)
+        estimator(str(path)).fit([trace], ONE)
+    assert len(estimator("free-2").fit([trace], ONE).inputs) == 5
+    assert estimator("free-2").fit([trace], ONE, inputs=["usb_degC"]).inputs == ("usb_degC",)
 
 
 def test_an_unknown_name_is_refused_before_any_trace_is_read():
-    listed = r"no circuit is called 'free-9'; take one of .*, phone, .*phone_observer, free-1 to free-4, or a "
-    with pytest.raises(Refused, match=listed):
-        fitting("free-9")
+    with pytest.raises(Refused) as refused:
+        estimator("free-9")
+    for name in ("phone", "phone_observer", "free-1", "free-4", "circuit_observer"):
+        assert f" {name}," in str(refused.value)
 
 
 def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offered():
     assert thermal_circuit("model2_ss").name == "model2_ss"
     with pytest.raises(Refused) as refused:
         thermal_circuit("free-2")
-    assert str(refused.value) == "--circuit: free-2 has no parameters that mean anything; name a thermal circuit"
+    assert str(refused.value).startswith("--circuit: free-2")
     with pytest.raises(Refused) as refused:
         thermal_circuit("free-9")
     assert "free-1" not in str(refused.value)
@@ -56,15 +57,15 @@ def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offe
 
 def test_a_circuit_names_its_own_sensors():
     with pytest.raises(Refused) as refused:
-        fitting("linear_usb", ["usb_degC"])
-    mend = "use it with free-1 to free-4, circuit_observer or free_observer"
-    assert str(refused.value) == f"--sensors: linear_usb names its own; {mend}"
+        estimator("linear_usb", ["usb_degC"])
+    for name in ("--sensors", "linear_usb", "free-1", "circuit_observer", "free_observer"):
+        assert name in str(refused.value)
 
 
 @pytest.mark.parametrize("name", ["free-1", "model2_ss", "linear_combined"])
 def test_the_machines_view_is_plain_json(name, trace):
     """An unidentifiable circuit has no intervals: null, never NaN."""
-    fit = fitting(name)([trace], ONE, None, None)
+    fit = estimator(name).fit([trace], ONE)
     said = json.loads(json.dumps(as_json(fit), allow_nan=False))
     assert said["rmse_degC"] == fit.rmse_degC
     assert [each["name"] for each in said["parameters"]] == [each.name for each in fit.parameters]

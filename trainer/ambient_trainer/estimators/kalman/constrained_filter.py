@@ -1,8 +1,8 @@
-"""The free filter under what physics demands: each demand is a run that it has to follow like any other.
+"""The free filter under two constraints of physics, each a synthetic run that it is fitted to like any other.
 
 - All sensors one degree up is the estimate one degree up: from a run in which every sensor shows one value, always.
-- White noise on the sensors, which nobody logged: from a kick of each sensor alone, after which the answer is to be
-  zero. What it is instead is the impulse response, whose square sum is the square of the noise gain.
+- White noise on the sensors, beyond the logged: from an impulse of each sensor alone, whose target is zero. What is
+  left is the impulse response, whose square sum is the square of the noise gain.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 Array = NDArray[np.float64]
 
 _STEADY = 8
-"""Samples of a run in which nothing happens: as many as a filter's delays need."""
-_REMEMBERED = 300
+"""Samples of the run at a constant level: as many as a filter's delays need."""
+_IMPULSE = 300
 """Samples of an impulse response; what comes later is small and slow."""
 
 
@@ -34,22 +34,22 @@ class ConstrainedFilter(FreeFilter):
         level = Segment(
             period_s, np.full((inputs, _STEADY), size), np.where(np.arange(_STEADY) > 0, np.nan, size)[None]
         )
-        length = min(_REMEMBERED, max(each.inputs.shape[1] for each in logged))
-        kick = noise_degC * np.sqrt(len(known))
-        kicks = [_kicked(period_s, inputs, index, kick, length) for index in range(inputs)]
-        super().__init__(order, [*logged, level, *kicks])
+        length = min(_IMPULSE, max(each.inputs.shape[1] for each in logged))
+        impulse = noise_degC * np.sqrt(len(known))
+        impulses = [_impulse(period_s, inputs, index, impulse, length) for index in range(inputs)]
+        super().__init__(order, [*logged, level, *impulses])
         self.logged = len(logged)
 
     def signals(self, theta: Array, index: int) -> Array:
-        """As the free filter's; the demands know of no offset."""
+        """As the free filter's; the constraints have no offset."""
         found = super().signals(theta, index)
         if index >= self.logged:
             found[self.inputs] = 0.0
         return found
 
 
-def _kicked(period_s: float, inputs: int, index: int, kick: float, length: int) -> Segment:
+def _impulse(period_s: float, inputs: int, index: int, impulse: float, length: int) -> Segment:
     u = np.zeros((inputs, length))
     # the first sample sets the equilibrium
-    u[index, 1] = kick
+    u[index, 1] = impulse
     return Segment(period_s, u, np.zeros((1, length)))

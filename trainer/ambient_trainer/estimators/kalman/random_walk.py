@@ -1,11 +1,11 @@
-"""The circuit behind the observer: measured nodes that see the ambient and each other, under an ambient that walks.
+"""The circuit of the observer: measured nodes that exchange heat with a random-walk ambient and with each other.
 
     dT_i = ((T_a - T_i)/tau_i + sum_j g_ij/C_i (T_j - T_i)) dt + q_i dw_i
     dT_a = q_a dw_a
     z_i  = T_i + r_i v_i
 
-tau in s, g in W/K, C in J/K as a multiple of the first node's (heat is not measured: only ratios can be told), q in
-K/sqrt(s), r in K sqrt(s). Neither does the filter change where all of q and r change alike: q_a is given.
+tau in s, g in W/K, C in J/K as a multiple of the first node's, q in K/sqrt(s), r in K sqrt(s). Heat is not measured, so
+only ratios of C and g are identifiable. The filter does not change where all of q and r are scaled alike: q_a is given.
 
 With A of the circuit, H = [I 0] and P of A P + P A' - P H' R^-1 H P + Q = 0 its steady-state Kalman filter (Kalman and
 Bucy 1961, J. Basic Eng. 83) is
@@ -48,7 +48,7 @@ class Filter(NamedTuple):
         return StateSpace(self.A, self.B, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
 
-class WalkingAmbient:
+class RandomWalkAmbient:
     """The circuit over ``sensors`` (trace columns); ``walk`` is q_a in K/sqrt(s).
 
     theta (P,) holds the logarithms of ``names``.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ambient_trainer.estimators.blended.fit import record_of
 from ambient_trainer.estimators.blended.forward_fit import Forward, fit_forward
 from ambient_trainer.estimators.blended.nonlinear_loss import factor, simulate
-from ambient_trainer.estimators.blended.recipe import Loss, find_observer
+from ambient_trainer.estimators.blended.recipe import Loss, find_recipe
+from ambient_trainer.estimators.library.recipes import record_of
 
 LAW = Loss(rho=0.5, exponent=0.25, at_rise_K=5, at_degC=20)
 
@@ -22,7 +22,7 @@ def test_the_law_is_one_where_it_is_normalised():
 
 @pytest.fixture
 def forward(observer_file):
-    recipe, circuit = find_observer(observer_file)
+    recipe, circuit = find_recipe(observer_file)
     return Forward(recipe, circuit)
 
 
@@ -65,7 +65,7 @@ def test_a_brick_s_constants_come_back_from_its_log(forward, record, brick_truth
 
 
 def test_what_is_believed_holds_where_the_log_says_nothing(observer_file, brick_log):
-    recipe, circuit = find_observer(observer_file)
+    recipe, circuit = find_recipe(observer_file)
     stubborn = recipe.model_copy(update={"believed": recipe.believed.model_copy(update={"capacitance": 1e-4})})
     forward = Forward(stubborn, circuit)
     found = fit_forward(forward, [record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import copy
-from pathlib import Path
+from importlib import resources
 from typing import Any
 
 import pytest
@@ -13,24 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.estimators.blended.recipe import Recipe, find_observer, observer_names, read_observer
-from ambient_trainer.estimators.named import fitting
+from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, read_recipe, recipe_names
+from ambient_trainer.estimators.registry import estimator
 
-SHIPPED = (
-    Path(__file__).parents[5]
-    / "trainer"
-    / "ambient_trainer"
-    / "estimators"
-    / "blended"
-    / "library"
-    / "phone_observer.yaml"
-)
+SHIPPED = resources.files("ambient_trainer.estimators.library") / "phone_observer.yaml"
 DATA = yaml.safe_load(SHIPPED.read_text())
 
 
 def faults(data: Any, source: str = "mine.yaml") -> list[str]:
     with pytest.raises(Refused) as refused:
-        read_observer(data, source)
+        read_recipe(data, source)
     return [str(each) for each in refused.value.faults]
 
 
@@ -50,8 +42,8 @@ def changed(**places: Any) -> Any:
 
 
 def test_the_shipped_observer_reads():
-    assert observer_names() == ("phone_observer",)
-    recipe, circuit = find_observer("phone_observer")
+    assert recipe_names() == ("phone_observer",)
+    recipe, circuit = find_recipe("phone_observer")
     assert circuit.name == "phone"
     assert recipe.sensor_columns == tuple(f"{each}_degC" for each in ("soc", "flash", "battery", "usb", "display"))
     assert recipe.drive_columns == ("soc_power_W", "battery_current_A", "cpu_load_frac")
@@ -59,24 +51,24 @@ def test_the_shipped_observer_reads():
 
 def test_circuits_are_no_observers(tmp_path):
     (tmp_path / "circuit.yaml").write_text("format: ambient-circuit\n")
-    assert find_observer("phone") is None
-    assert find_observer("free-2") is None
-    assert find_observer(str(tmp_path / "circuit.yaml")) is None
+    assert find_recipe("phone") is None
+    assert find_recipe("free-2") is None
+    assert find_recipe(str(tmp_path / "circuit.yaml")) is None
 
 
 def test_an_observer_file_finds_the_circuit_beside_it(observer_file):
-    recipe, circuit = find_observer(observer_file)
+    recipe, circuit = find_recipe(observer_file)
     assert (recipe.name, circuit.name) == ("brick_observer", "brick")
 
 
-def test_an_observer_names_its_own_sensors():
-    with pytest.raises(Refused, match="phone_observer names its own; use it with free-1 to free-4"):
-        fitting("phone_observer", ["usb_degC"])
+def test_an_recipe_names_its_own_sensors():
+    with pytest.raises(Refused, match="phone_observer names its own"):
+        estimator("phone_observer", ["usb_degC"])
 
 
 def test_an_unknown_name_is_told_the_observers_too():
-    with pytest.raises(Refused, match=r"no circuit is called 'nosuch'; take one of .*, phone_observer, free-1 to"):
-        fitting("nosuch")
+    with pytest.raises(Refused, match=r"no circuit is called 'nosuch'; take one of .*, phone_observer"):
+        estimator("nosuch")
 
 
 def test_every_fault_of_the_form_is_said_at_once():
@@ -113,9 +105,9 @@ def test_every_fault_against_the_circuit_is_said_at_once():
         "sensors.skin: reads no state of phone; its sensors are soc, flash, battery, usb, display",
         f"heat.measured.into: phone has no node 'gpu' with a capacitance; {nodes}",
         f"unlogged.patterns.charge.watts[0].plug: phone has no node 'plug' with a capacitance; {nodes}",
-        f"weights.main.charging: no such teaching; known are logged, idle, residual, {patterns}",
-        f"weights.interval.residual: no such teaching; known are logged, idle, {patterns}",
-        "weights.interval.logged: counts nothing; the log is what was measured: weigh it above 0",
+        f"weights.main.charging: is no part of the training set; known are logged, idle, residual, {patterns}",
+        f"weights.interval.residual: is no part of the training set; known are logged, idle, {patterns}",
+        "weights.interval.logged: is 0; weigh the log, which was measured, above 0",
     ]
 
 
@@ -154,5 +146,5 @@ def test_whatever_stands_somewhere_is_read_or_refused(place, value):
         part = part[key]
     part[place[-1]] = value
     with contextlib.suppress(Refused):
-        recipe, _ = read_observer(data, "odd.yaml")
+        recipe, _ = read_recipe(data, "odd.yaml")
         assert Recipe.model_validate(recipe.model_dump()) == recipe

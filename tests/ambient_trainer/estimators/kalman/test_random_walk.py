@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of
-from ambient_trainer.estimators.kalman.walking_ambient import WalkingAmbient
+from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.reduce import at_rest
 
 SENSORS = ("a_degC", "b_degC", "c_degC")
@@ -14,7 +14,7 @@ SENSORS = ("a_degC", "b_degC", "c_degC")
 
 @pytest.fixture
 def circuit():
-    return WalkingAmbient(SENSORS, 0.3)
+    return RandomWalkAmbient(SENSORS, 0.3)
 
 
 @pytest.fixture

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_trainer.estimators.blended.fit import record_of
 from ambient_trainer.estimators.blended.forward_fit import Forward, Record, fit_forward
-from ambient_trainer.estimators.blended.recipe import MadeUp, Unlogged, find_observer
-from ambient_trainer.estimators.blended.synthetic_ambient import Weather, learn_weather, made_up_ambient
-from ambient_trainer.estimators.blended.synthetic_load import learn_workload, made_up_heat, made_up_work
-from ambient_trainer.estimators.blended.training_set import Classroom
+from ambient_trainer.estimators.blended.recipe import Synthetic, Unmeasured, find_recipe
+from ambient_trainer.estimators.blended.synthetic_ambient import AmbientModel, fit_ambient, synthetic_ambient
+from ambient_trainer.estimators.blended.synthetic_load import fit_workload, synthetic_heat, synthetic_work
+from ambient_trainer.estimators.blended.training_set import TrainingSetDesign
+from ambient_trainer.estimators.library.recipes import record_of
 
-RULE = MadeUp.model_validate(
+RULE = Synthetic.model_validate(
     {
         "ambient_degC": [-10, 50],
         "stay_min": [20, 60],
@@ -33,7 +33,7 @@ def test_a_swing_a_slope_and_noise_come_back():
     for k in range(1, count):
         noise[k] = 0.9 * noise[k - 1] + 0.1 * np.sqrt(1 - 0.81) * random.standard_normal()
     steps = np.interp(time_s, [0, 7200, 8200, 28_000], [10, 10, 40, 40])
-    found = learn_weather([steps + 0.8 * np.sin(2 * np.pi * time_s / 900) + noise], 5.0, "log")
+    found = fit_ambient([steps + 0.8 * np.sin(2 * np.pi * time_s / 900) + noise], 5.0, "log")
     assert found.swing_K == pytest.approx(0.8, rel=0.05)
     assert found.swing_period_s == pytest.approx(900, rel=0.02)
     assert found.noise_K == pytest.approx(0.1, rel=0.2)
@@ -43,12 +43,12 @@ def test_a_swing_a_slope_and_noise_come_back():
 
 def test_a_log_without_an_hour_is_refused():
     with pytest.raises(Refused, match="log: no hour without a gap; log longer"):
-        learn_weather([np.zeros(500), np.ones(700)], 5.0, "log")
+        fit_ambient([np.zeros(500), np.ones(700)], 5.0, "log")
 
 
 def test_a_made_up_ambient_goes_through_its_set_points_no_faster_than_it_may():
-    still = Weather(slope_K_s=0.05, swing_K=0.0, swing_period_s=900, noise_K=0.0, noise_memory=0.5, period_s=5.0)
-    made = made_up_ambient(still, RULE, 20_000, np.random.default_rng(2))
+    still = AmbientModel(slope_K_s=0.05, swing_K=0.0, swing_period_s=900, noise_K=0.0, noise_memory=0.5, period_s=5.0)
+    made = synthetic_ambient(still, RULE, 20_000, np.random.default_rng(2))
     assert np.abs(np.diff(made)).max() <= 0.05 * 5 * 1.0001
     assert -10 <= made.min() < 0 < 40 < made.max() <= 50
 
@@ -59,11 +59,11 @@ def record(load: list[float]) -> Record:
 
 
 def test_work_is_found_and_played_again():
-    rule = find_observer("phone_observer")[0].work
-    workload = learn_workload([record([0.0] * 50 + [0.5] * 20 + [1.0] * 30 + [0.0] * 10 + [1.0] * 5)], rule, "log")
+    rule = find_recipe("phone_observer")[0].work
+    workload = fit_workload([record([0.0] * 50 + [0.5] * 20 + [1.0] * 30 + [0.0] * 10 + [1.0] * 5)], rule, "log")
     assert workload.idle_W == pytest.approx([0.2, 0.1])
     assert [each.shape[1] for each in workload.episodes_W] == [20, 30, 5]
-    made = made_up_work(workload, RULE, 200_000, 5.0, np.random.default_rng(3))
+    made = synthetic_work(workload, RULE, 200_000, 5.0, np.random.default_rng(3))
     busy = made[0] > 0.2 + 1e-9
     assert busy.mean() == pytest.approx(0.2, rel=0.15)
     assert made[0].max() == pytest.approx(1.2)
@@ -73,15 +73,15 @@ def test_work_is_found_and_played_again():
 
 @pytest.mark.parametrize(("load", "how"), [([0.0] * 10, "never"), ([1.0] * 10, "always")])
 def test_a_log_without_work_or_without_pauses_is_refused(load, how):
-    rule = find_observer("phone_observer")[0].work
+    rule = find_recipe("phone_observer")[0].work
     with pytest.raises(Refused, match=f"column cpu_load_frac: is {how} above 0.1; log a run with work and with pauses"):
-        learn_workload([record(load)], rule, "log")
+        fit_workload([record(load)], rule, "log")
 
 
 def test_unlogged_heat_has_the_mean_that_is_declared():
-    rule = Unlogged(runs=1, hours=1, episode_min=(2, 27), pause_min=(5, 25), log_spread=0.4, patterns={})
+    rule = Unmeasured(runs=1, hours=1, episode_min=(2, 27), pause_min=(5, 25), log_spread=0.4, patterns={})
     random = np.random.default_rng(4)
-    made = made_up_heat({"b": 0.5, "c": 2.0}, rule, {"a": 0, "b": 1, "c": 2}, 1_000_000, 5.0, random)
+    made = synthetic_heat({"b": 0.5, "c": 2.0}, rule, {"a": 0, "b": 1, "c": 2}, 1_000_000, 5.0, random)
     on = made[1] > 0
     assert not made[0].any()
     assert (on == (made[2] > 0)).all()
@@ -92,17 +92,17 @@ def test_unlogged_heat_has_the_mean_that_is_declared():
 
 @pytest.fixture
 def classroom(observer_file, brick_log):
-    recipe, circuit = find_observer(observer_file)
+    recipe, circuit = find_recipe(observer_file)
     log = [record_of(recipe, brick_log.columns)]
     forward = Forward(recipe, circuit)
     fit = fit_forward(forward, log, 5.0, lambda *_: None)
-    weather = learn_weather([log[0].ambient_degC], 5.0, "log")
-    return Classroom(recipe, forward, fit, weather, learn_workload(log, recipe.work, "log"), 5.0, 1, 0), log
+    weather = fit_ambient([log[0].ambient_degC], 5.0, "log")
+    return TrainingSetDesign(recipe, forward, fit, weather, fit_workload(log, recipe.work, "log"), 5.0, 1, 0), log
 
 
 def test_the_lessons_are_those_of_the_recipe(classroom):
     room, log = classroom
-    lessons = room.lessons(log)
+    lessons = room.runs(log)
     assert {name: len(each) for name, each in lessons.items()} == {
         "logged": 1,
         "idle": 2,
@@ -121,8 +121,8 @@ def test_the_lessons_are_those_of_the_recipe(classroom):
 
 def test_the_same_seed_makes_up_the_same(classroom):
     room, log = classroom
-    first, again = room.lessons(log), room.lessons(log)
-    other = Classroom(**{**vars(room), "seed": 1}).lessons(log)
+    first, again = room.runs(log), room.runs(log)
+    other = TrainingSetDesign(**{**vars(room), "seed": 1}).runs(log)
     assert np.array_equal(first["charge"][0].sensors_degC, again["charge"][0].sensors_degC)
     assert not np.array_equal(first["charge"][0].sensors_degC, other["charge"][0].sensors_degC)
 
@@ -130,8 +130,8 @@ def test_the_same_seed_makes_up_the_same(classroom):
 def test_a_finer_filter_gets_the_same_lessons_with_samples_in_between(classroom):
     room, log = classroom
     fine = [Record(*(np.repeat(each, 5, axis=-1) for each in log[0]))]
-    finer = Classroom(**{**vars(room), "finer": 5}).lessons(fine)
-    for name, several in room.lessons(log).items():
+    finer = TrainingSetDesign(**{**vars(room), "finer": 5}).runs(fine)
+    for name, several in room.runs(log).items():
         for coarse, each in zip(several, finer[name]):
             assert each.sensors_degC[:, ::5] == pytest.approx(coarse.sensors_degC)
             assert len(each.target_degC) == 5 * len(coarse.target_degC)

@@ -20,7 +20,7 @@ from ambient_model.codec import load_model, save_model
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.estimators.named import fitting
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
 from ambient_trainer.simulator.phone import simulate, simulate_many
 
@@ -34,7 +34,7 @@ SENSORS = ("soc", "flash", "battery", "usb", "display")
 @pytest.fixture(scope="module")
 def model_file(tmp_path_factory) -> str:
     path = str(tmp_path_factory.mktemp("phone") / "model.json")
-    save_model(path, model_of(fitting("phone_observer")([simulate("5", TRAINING)], Effort(), None, None), [], {}))
+    save_model(path, model_of(estimator("phone_observer").fit([simulate("5", TRAINING)], Effort()), [], {}))
     return path
 
 

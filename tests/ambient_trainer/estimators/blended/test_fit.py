@@ -19,7 +19,7 @@ from ambient_trainer.estimation.budget import Cancelled
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.estimators.named import fitting
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.summary import as_json, facts
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 
@@ -30,7 +30,7 @@ EFFORT = Effort(seed=0)
 def fitted(brick_log, brick_files):
     """The brick's observer, and what its progress said."""
     heard = []
-    fit = fitting(brick_files)([brick_log], EFFORT, lambda *said: heard.append(said), None)
+    fit = estimator(brick_files).fit([brick_log], EFFORT, lambda *said: heard.append(said))
     return fit, heard
 
 
@@ -57,7 +57,7 @@ def test_the_file_holds_all_that_a_device_needs(fitted, model):
     everyone = [model.main, model.guard.estimator, *model.fallbacks.values()]
     assert all(len(each.states) == 4 for each in everyone)
     assert all([one.period_s for one in each.discrete] == [0.1, 0.2, 0.5, 1.0, 5.0] for each in everyone)
-    assert model.guard.threshold_degC == fit.guard.threshold_degC
+    assert model.guard.threshold_degC == fit.secondary.threshold_degC
     assert [(term.of, term.lag_s) for term in model.spread.terms] == [("movement", 300.0), ("guard", 60.0)]
     low, high = model.spread.quantiles[90]
     assert low == -high < 0
@@ -84,14 +84,20 @@ def test_every_search_tells_its_progress(fitted):
 
 def test_the_terminal_says_what_matters(fitted):
     said = "\n".join(facts(fitted[0]))
-    for line in ("Noise gain: ", "Time constants: ", "Guard: ", "Half of the 90 % interval: ", "Without a sensor, "):
+    for line in (
+        "Noise gain: ",
+        "Time constants: ",
+        "Secondary: ",
+        "Half of the 90 % interval: ",
+        "Without a sensor, ",
+    ):
         assert line in said
     assert json.loads(json.dumps(as_json(fitted[0]), allow_nan=False))["threshold_degC"] > 0
 
 
 def test_all_sensors_one_degree_up_is_one_degree_up(fitted):
     fit, _ = fitted
-    for each in (fit, fit.guard.fit, *fit.fallbacks.values()):
+    for each in (fit, fit.secondary.fit, *fit.fallbacks.values()):
         assert sum(each.dc_gains) == pytest.approx(1.0, abs=5e-3)
 
 
@@ -125,20 +131,20 @@ def test_heat_that_nobody_logs_is_seen_by_the_guard(model, free, brick_logged):
 
 
 def test_a_log_that_is_too_short_is_refused(brick_files, brick_log):
-    with pytest.raises(Refused, match="900 samples teach no observer; log hours"):
-        fitting(brick_files)([brick_log.cut(None, 4500.0)], EFFORT, None, None)
+    with pytest.raises(Refused, match="900 samples"):
+        estimator(brick_files).fit([brick_log.cut(None, 4500.0)], EFFORT)
 
 
 def test_a_log_without_a_drive_is_refused(brick_files, brick_log):
     bare = Trace("bare.csv", brick_log.time_s, {k: v for k, v in brick_log.columns.items() if k != "chip_power_W"})
     with pytest.raises(Refused, match=r"bare\.csv: line 1: no column 'chip_power_W'"):
-        fitting(brick_files)([bare], EFFORT, None, None)
+        estimator(brick_files).fit([bare], EFFORT)
 
 
 def test_a_log_without_work_is_refused_before_anything_is_searched(brick_files, brick_log):
     idle = {**brick_log.columns, "cpu_load_frac": np.zeros(len(brick_log.time_s))}
     with pytest.raises(Refused, match=r"idle\.csv: column cpu_load_frac: is never above 0\.1; log a run with work"):
-        fitting(brick_files)([Trace("idle.csv", brick_log.time_s, idle)], *cancelled(0), None)
+        estimator(brick_files).fit([Trace("idle.csv", brick_log.time_s, idle)], *cancelled(0))
 
 
 def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
@@ -146,7 +152,7 @@ def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
     columns = {name: values.copy() for name, values in brick_log.columns.items()}
     columns["ambient_degC"][1000:1006] = np.nan
     columns["board_degC"][2500:2620] = np.nan
-    fit = fitting(brick_files)([Trace("gaps", brick_log.time_s, columns)], EFFORT, None, None)
+    fit = estimator(brick_files).fit([Trace("gaps", brick_log.time_s, columns)], EFFORT)
     assert fit.samples == fitted[0].samples - 120
     assert fit.rmse_degC == pytest.approx(fitted[0].rmse_degC, rel=0.2)
 
@@ -162,7 +168,7 @@ def cancelled(stage: int) -> tuple[Effort, Progress]:
 
 
 def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, brick_log, fitted):
-    fit = fitting(brick_files)([brick_log], *cancelled(4), None)
+    fit = estimator(brick_files).fit([brick_log], *cancelled(4))
     assert fit.stopped
     assert not fit.converged
     assert list(fit.fallbacks) == ["chip"]
@@ -174,7 +180,7 @@ def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, bri
 @pytest.mark.parametrize("stage", [0, 1, 2])
 def test_before_main_and_guard_are_found_there_is_nothing_to_keep(stage, brick_files, brick_log):
     with pytest.raises(Cancelled):
-        fitting(brick_files)([brick_log], *cancelled(stage), None)
+        estimator(brick_files).fit([brick_log], *cancelled(stage))
 
 
 def command(*arguments: str) -> list[str]:

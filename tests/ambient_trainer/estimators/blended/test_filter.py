@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.estimators.blended.filter_basis import denominators, gains_at_rest, noise_gram, signals
-from ambient_trainer.estimators.blended.objective import Objective, best_weights, lesson_gram
+from ambient_trainer.estimators.blended.filter_basis import dc_gains, denominators, noise_gram, signals
+from ambient_trainer.estimators.blended.objective import Objective, best_weights, run_gram
 from ambient_trainer.estimators.blended.poles import first_unknowns, search_poles, section_poles
 from ambient_trainer.estimators.blended.recipe import FilterRules
-from ambient_trainer.estimators.blended.trained_filter import TaughtFilter
-from ambient_trainer.estimators.blended.training_set import Lesson
+from ambient_trainer.estimators.blended.trained_filter import TrainedFilter
+from ambient_trainer.estimators.blended.training_set import TrainingRun
 from ambient_trainer.lti.response import response_degC
 
 RULES = FilterRules.model_validate(
@@ -77,9 +77,9 @@ def test_the_noise_gram_is_the_energy_of_the_impulse_response():
     assert noise_gram(POLES, 1.0, 1) == pytest.approx(response @ response.T, rel=1e-6, abs=1e-9)
 
 
-def lesson(seed: int, absolute: bool = True, target: np.ndarray | None = None) -> Lesson:
+def lesson(seed: int, absolute: bool = True, target: np.ndarray | None = None) -> TrainingRun:
     u = walk(seed, 3, 2000)
-    return Lesson(u, u.mean(axis=0) - 1 if target is None else target, 3, absolute)
+    return TrainingRun(u, u.mean(axis=0) - 1 if target is None else target, 3, absolute)
 
 
 @pytest.mark.parametrize("absolute", [True, False])
@@ -88,7 +88,7 @@ def test_a_lesson_s_gram_is_the_mean_square_of_the_error(absolute):
     weights = np.random.default_rng(4).standard_normal(16)
     said = weights[:-1] @ signals(POLES, 1.0, given_lesson.sensors_degC) + absolute * weights[-1]
     direct = np.mean((given_lesson.target_degC - said)[::3] ** 2)
-    assert lesson_gram(POLES, 1.0, given_lesson)(weights) == pytest.approx(direct, rel=1e-9)
+    assert run_gram(POLES, 1.0, given_lesson)(weights) == pytest.approx(direct, rel=1e-9)
 
 
 def test_the_objective_is_the_sum_of_what_it_says():
@@ -100,7 +100,7 @@ def test_the_objective_is_the_sum_of_what_it_says():
         said = weights[:-1] @ signals(POLES, 1.0, each.sensors_degC) + each.absolute * weights[-1]
         direct += count * np.mean((each.target_degC - said)[::3] ** 2)
     direct += 1e-3 * weights[:-1] @ noise_gram(POLES, 1.0, 3) @ weights[:-1]
-    at_rest = gains_at_rest(3) @ weights[:-1]
+    at_rest = dc_gains(3) @ weights[:-1]
     direct += 100 * (at_rest.sum() - 1) ** 2
     gram = objective.at(POLES)
     assert gram(weights) == pytest.approx(direct, rel=1e-9)
@@ -110,16 +110,16 @@ def test_the_objective_is_the_sum_of_what_it_says():
         assert gram(best - step) > gram(best)
 
 
-def taught(seed: int = 10) -> TaughtFilter:
+def taught(seed: int = 10) -> TrainedFilter:
     lessons = {"logged": [lesson(seed)]}
     found, _ = search_poles(Objective(lessons, {"logged": 1.0}, RULES, 1.0), RULES, first_unknowns(RULES), lambda *_: 0)
-    return TaughtFilter(("a_degC", "b_degC", "c_degC"), 1.0, found)
+    return TrainedFilter(("a_degC", "b_degC", "c_degC"), 1.0, found)
 
 
 def test_all_sensors_one_degree_up_is_the_estimate_one_degree_up():
     each = taught()
     u = walk(11, 3, 500)
-    assert sum(each.gains_at_rest.values()) == pytest.approx(1.0, abs=1e-3)
+    assert sum(each.dc_gains.values()) == pytest.approx(1.0, abs=1e-3)
     assert each.estimate_degC(u + 1.0) - each.estimate_degC(u) == pytest.approx(np.ones(500), abs=1e-3)
 
 
@@ -129,7 +129,7 @@ def test_the_continuous_system_says_the_same():
     assert response_degC(each.system(), "first-order", u, 1.0) == pytest.approx(each.estimate_degC(u), abs=1e-7)
     assert each.system().A.shape == (4, 4)
     gains = each.system().D - each.system().C @ np.linalg.solve(each.system().A, each.system().B)
-    assert gains[0] == pytest.approx(list(each.gains_at_rest.values()), abs=1e-8)
+    assert gains[0] == pytest.approx(list(each.dc_gains.values()), abs=1e-8)
 
 
 def test_the_search_finds_the_poles_that_made_the_target():
@@ -137,14 +137,14 @@ def test_the_search_finds_the_poles_that_made_the_target():
     random = np.random.default_rng(13)
     weights = random.standard_normal(15)
     # of unit gain at rest, as the objective wants it
-    weights[3:6] += (1 - (gains_at_rest(3) @ weights).sum()) / 3
+    weights[3:6] += (1 - (dc_gains(3) @ weights).sum()) / 3
     rules = RULES.model_copy(update={"noise": 1e-9})
     u = walk(14, 3, 20_000)
     target = weights @ signals(section_poles(truth), 1.0, u) + 0.05 * random.standard_normal(20_000)
-    objective = Objective({"made": [Lesson(u, target, 3, True)]}, {"made": 1.0}, rules, 1.0)
+    objective = Objective({"made": [TrainingRun(u, target, 3, True)]}, {"made": 1.0}, rules, 1.0)
     found, reached = search_poles(objective, rules, first_unknowns(rules), lambda *_: None)
     assert found.converged
-    assert found.told
+    assert found.identifiable
     assert not any(found.at_bound)
     assert np.exp(reached) == pytest.approx(np.exp(truth), rel=0.05)
     assert found.objective == pytest.approx(0.05**2, rel=0.05)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ambient_model.guard import guarded
-from ambient_trainer.estimators.blended.bank import Bank
+from ambient_trainer.estimators.blended.filters import Filters
 from ambient_trainer.estimators.blended.interval import fit_variance, weighted_quantile
 
 
@@ -21,7 +21,7 @@ def test_the_bank_over_arrays_is_the_device_s():
             return sensors_degC[self.index]
 
     sensors = np.random.default_rng(2).normal(20, 2, (2, 1000))
-    bank = Bank(Says(0), Says(1), 0.8, {})  # type: ignore[arg-type]
+    bank = Filters(Says(0), Says(1), 0.8, {})  # type: ignore[arg-type]
     said, _, apart = bank.published(sensors)
     device = [guarded(main, guard, 0.8) for main, guard in sensors.T.tolist()]
     assert said == pytest.approx([each.ambient_degC for each in device], abs=1e-12)

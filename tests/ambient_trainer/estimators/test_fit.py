@@ -11,7 +11,10 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter, free_order, temperature_columns
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.fit import fit_circuit, fit_free_filter
+from ambient_trainer.estimators.library import free
+from ambient_trainer.estimators.training import temperature_columns
 from ambient_trainer.lti.discretise import discretised
 
 ONE = Effort(starts=1)
@@ -207,7 +210,7 @@ def test_a_missing_column_is_refused(rise, logged):
 def test_stuck_and_empty_columns_are_refused_together(rise, logged):
     assert _refused(fit_circuit, rise, [_with(logged(seed), board=25.5, chip=np.nan) for seed in (0, 1)], ONE) == (
         "log0.csv, log1.csv: 2 faults\n"
-        "  column board_degC: is 25.5 all the time; a stuck sensor teaches nothing: leave it out\n"
+        "  column board_degC: is 25.5 all the time; leave out the sensor, it is stuck\n"
         "  column chip_degC: holds no value at all; leave it out, or log it"
     )
 
@@ -259,5 +262,5 @@ def test_a_trace_without_sensors_is_refused():
 
 
 def test_the_names_of_free_filters():
-    assert [free_order(name) for name in ("free-1", "free-4")] == [1, 4]
-    assert [free_order(name) for name in ("free-0", "free-5", "free-", "free-11", "xfree-1", "free-1\n")] == [None] * 6
+    assert [free.find(name).order for name in ("free-1", "free-4")] == [1, 4]
+    assert [free.find(name) for name in ("free-0", "free-5", "free-", "free-11", "xfree-1", "free-1\n")] == [None] * 6

@@ -1,6 +1,6 @@
-"""Which order a free observer has, and how much noise it presumes: what predicts blocks best that were left out.
+"""Selects the order of a free observer and the sensor noise it assumes by the error over held-out blocks.
 
-Of the training data alone; the lowest order, and then the most noise, within 1 % of the best.
+The blocks are of the training data. The lowest order, and then the most noise, within 1 % of the best is selected.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import Progress, SearchResult, search
-from ambient_trainer.estimators.fit import Effort
-from ambient_trainer.estimators.kalman.free_structure import ConstrainedFilter
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.kalman.constrained_filter import ConstrainedFilter
 
 Array = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ BLOCKS = 5
 _NOISES_DEGC = (0.003, 0.01, 0.03, 0.1)
 _FIRST_NOISE_DEGC = 0.01
 _AS_GOOD = 1.01
-_SCOUTS = 2
-"""Starts of the search on the whole training data, from whose end those without a block begin."""
+_FIRST_STARTS = 2
+"""Starts of the search on the whole training data, from whose end those without a block start."""
 
 
 class Choice(NamedTuple):
@@ -36,47 +36,47 @@ class Choice(NamedTuple):
     rmse_degC: float
 
 
-def chosen(tried: Sequence[Choice]) -> Choice:
+def selected(tried: Sequence[Choice]) -> Choice:
     """The lowest order, and of it the most noise, within 1 % of the best."""
     bar = _AS_GOOD * min(each.rmse_degC for each in tried)
     return min((each for each in tried if each.rmse_degC <= bar), key=lambda each: (each.order, -each.noise_degC))
 
 
-class Choosing:
-    """The choice, as far as it has come."""
+class Selection:
+    """The selection, as far as it has come."""
 
     def __init__(self, segments: Sequence[Segment], effort: Effort, progress: Progress | None) -> None:
         self.segments = segments
         self.effort = effort
         self.progress = progress
         self.tried: list[Choice] = []
-        self._scouted: dict[int, SearchResult] = {}
+        self._whole: dict[int, SearchResult] = {}
 
     def run(self) -> Choice | None:
-        """Try every order with one noise, then every noise with the order chosen of these; None where cancelled."""
+        """Try every order with one noise, then every noise with the order selected of these; None where cancelled."""
         for order in ORDERS:
             if not self._try(order, _FIRST_NOISE_DEGC):
                 return None
-        order = chosen(self.tried).order
+        order = selected(self.tried).order
         for noise_degC in _NOISES_DEGC:
             if noise_degC != _FIRST_NOISE_DEGC and not self._try(order, noise_degC):
                 return None
-        return chosen(self.tried)
+        return selected(self.tried)
 
     def best_so_far(self) -> tuple[int, SearchResult]:
         """The order to take where :meth:`run` was cancelled, and its search."""
-        order = chosen(self.tried).order if self.tried else min(self._scouted)
-        return order, replace(self._scouted[order], stopped=True)
+        order = selected(self.tried).order if self.tried else min(self._whole)
+        return order, replace(self._whole[order], stopped=True)
 
     def _try(self, order: int, noise_degC: float) -> bool:
         """Whether order and noise were scored before the search was cancelled."""
-        if order not in self._scouted:
+        if order not in self._whole:
             structure = ConstrainedFilter(order, self.segments, noise_degC)
-            starts = min(_SCOUTS, self.effort.starts)
-            self._scouted[order] = search(structure, starts, self.effort.seed, self.progress, self.effort.budget)
+            starts = min(_FIRST_STARTS, self.effort.starts)
+            self._whole[order] = search(structure, starts, self.effort.seed, self.progress, self.effort.budget)
         errors = []
         for block in range(BLOCKS):
-            if self._scouted[order].stopped:
+            if self._whole[order].stopped:
                 return False
             errors.append(self._held_out(order, noise_degC, block))
         if self.effort.budget.cancel.cancelled:
@@ -91,7 +91,7 @@ class Choosing:
             hidden.append(np.where(mask, each.outputs, np.nan))
             kept.append(Segment(each.period_s, each.inputs, np.where(mask, np.nan, each.outputs)))
         structure = ConstrainedFilter(order, kept, noise_degC)
-        structure.search = replace(structure.search, initial=self._scouted[order].best.theta)
+        structure.search = replace(structure.search, initial=self._whole[order].best.theta)
         best = search(structure, 1, 0, self.progress, self.effort.budget).best
         weights = structure.expand(best.theta, structure.period_s).free[0] @ best.beta
         return np.concatenate(

@@ -1,0 +1,233 @@
+"""The contract of every estimator: fitted to traces it gives a discrete system, fallbacks and an interval.
+
+It also says what the data identify. "Converged", "uncertainty available" and "identifiable" are three facts: a fit may
+predict well and be none of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.model import LEVELS_PERCENT, Quantiles, Spread
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.budget import Budget
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.static_linear import StaticLinear
+from ambient_trainer.estimators.estimate import blended, estimate_degC
+from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.reduce import at_rest
+from ambient_trainer.lti.statespace import Hold, StateSpace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard to search.
+
+    Parameters
+    ----------
+    starts : int
+        Searches from so many places; the first is the circuit's or the data's own.
+    seed : int
+        Of all random draws.
+    pieces : int
+        A trace is fitted in so many pieces, each from thermal equilibrium, as a device starts that is switched on.
+        One piece fits a device best that has long been on; several penalise gains that make every start absurd.
+    budget : Budget
+        What each search may spend, and the token that cancels all of them.
+    """
+
+    starts: int = 8
+    seed: int = 0
+    pieces: int = 1
+    budget: Budget = field(default_factory=Budget, compare=False, repr=False)
+
+
+USUAL = Effort()
+
+
+class Fitted(Protocol):
+    """What every method gives once it is trained."""
+
+    @property
+    def circuit(self) -> str:
+        """The method's name."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The trace columns that it reads."""
+
+    @property
+    def rmse_degC(self) -> float:
+        """Root mean square error on the training samples."""
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the training data determine every free parameter."""
+
+    @property
+    def fallbacks(self) -> Mapping[str, Fitted]:
+        """Per input (its name in a model file) the fit that does without it."""
+
+    @property
+    def interval_degC(self) -> Quantiles:
+        """Per level in percent the training errors (true minus estimate) between which that share lies."""
+
+    def discrete(self, period_s: float) -> StateSpace | None:
+        """The recursion at ``period_s``; None where the method is no linear system, which no device runs."""
+
+    def estimate_degC(self, trace: Trace) -> Array:
+        """The ambient over ``trace``, shape (n,), from its sensors alone; NaN where there is no estimate."""
+
+
+FittedT = TypeVar("FittedT", bound=Fitted, covariant=True)
+
+
+class Estimator(Protocol[FittedT]):
+    """A method that can be fitted. ``check.check_estimator`` tests whether one keeps this contract."""
+
+    @property
+    def name(self) -> str:
+        """What a user calls it."""
+
+    @property
+    def reads_any(self) -> bool:
+        """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
+
+    def searches(self, effort: Effort) -> int:
+        """How many searches a fit makes, for a progress bar."""
+
+    def fit(
+        self,
+        traces: Sequence[Trace],
+        effort: Effort = USUAL,
+        progress: Progress | None = None,
+        period_s: float | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> FittedT:
+        """Fit to one or several traces.
+
+        Parameters
+        ----------
+        traces : sequence of Trace
+            Sensors, and the reference ``ambient_degC``.
+        effort : Effort
+            Starts, seed and pieces.
+        progress : callable, optional
+            Called after each evaluation with the search's number, the evaluation's, and the best sum of squares.
+        period_s : float, optional
+            The grid; by default the traces' own.
+        inputs : sequence of str, optional
+            Trace columns, where it ``reads_any``; by default every temperature but the reference.
+
+        Returns
+        -------
+        Fitted
+
+        Raises
+        ------
+        Refused
+            Where a column is missing, or the traces hold too little.
+        """
+
+
+class Parameter(NamedTuple):
+    """One unknown: its value, standard error and 95 % interval (None where the data give none)."""
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float | None
+    interval95: tuple[float, float] | None
+    free: bool
+    at_bound: bool
+    identifiable: bool
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The linear system of least error, its unknowns, and how far to trust them.
+
+    ``inputs`` are trace columns; ``errors_degC`` (true minus predicted) are those of the training samples, one array
+    an output.
+    """
+
+    circuit: str
+    system: StateSpace
+    hold: Hold
+    inputs: tuple[str, ...]
+    states: tuple[str, ...]
+    outputs: tuple[str, ...]
+    periods_s: tuple[float, ...]
+    """Of the traces it was fitted to, shortest first."""
+    parameters: tuple[Parameter, ...]
+    converged: bool
+    uncertainty_available: bool
+    identifiable: bool
+    stopped: bool
+    """Whether the search ended before it was over: this is the best so far."""
+    confounded: tuple[tuple[str, ...], ...]
+    """Per direction that the data leave open, the unknowns that it mixes."""
+    residual_memory_samples: float
+    """Integrated autocorrelation time of the residuals; 1 is white."""
+    rmse_degC: float
+    start_rmses_degC: tuple[float, ...]
+    evaluations: int
+    effort: Effort
+    errors_degC: tuple[Array, ...]
+    baseline: StaticLinear
+    input_ranges: tuple[tuple[float, float], ...]
+    fallbacks: Mapping[str, Fit] = field(default_factory=dict)
+    secondary: Secondary | None = None
+    spread: Spread | None = None
+    """The error variance model: how large an error to expect at each sample."""
+    notes: tuple[str, ...] = ()
+    """Remarks of this kind of estimator, a line each."""
+    details: Mapping[str, Any] = field(default_factory=dict)
+    """The same as data, for ``fit --json`` and the file's provenance."""
+
+    @property
+    def samples(self) -> int:
+        """The number of reference samples it was fitted to."""
+        return sum(len(each) for each in self.errors_degC)
+
+    @property
+    def dc_gains(self) -> tuple[float, ...]:
+        """Per input the DC gain to the first output: D - C A^-1 B."""
+        return tuple(at_rest(self.system)[0].tolist())
+
+    @property
+    def interval_degC(self) -> Quantiles:
+        """Per level in percent the training errors between which that share lies."""
+        return error_quantiles(self.errors_degC[0])
+
+    def discrete(self, period_s: float) -> StateSpace:
+        """The recursion at ``period_s``, exact for the fit's hold."""
+        return discretised(self.system, period_s, self.hold)
+
+    def estimate_degC(self, trace: Trace) -> Array:
+        """The estimate over ``trace``, shape (n,), blended with the secondary estimator's where there is one."""
+        main = estimate_degC(self.system, self.hold, self.inputs, trace)
+        if self.secondary is None:
+            return main
+        return blended(main, self.secondary.fit.estimate_degC(trace), self.secondary.threshold_degC).ambient_degC
+
+
+class Secondary(NamedTuple):
+    """The secondary estimator of a fit, of the same inputs, and the difference from which on the two are blended."""
+
+    fit: Fit
+    threshold_degC: float
+
+
+def error_quantiles(errors_degC: Array) -> Quantiles:
+    """Per level the error (true minus estimate) between which that share of the training samples lies."""
+    tails = {level: (100 - level) / 2 for level in LEVELS_PERCENT}
+    bands = {level: np.percentile(errors_degC, [tail, 100 - tail]).tolist() for level, tail in tails.items()}
+    return {level: (low, high) for level, (low, high) in bands.items()}

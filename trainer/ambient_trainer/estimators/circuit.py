@@ -1,0 +1,88 @@
+"""The estimator of a circuit: its resistances, capacitances and weights are the unknowns of the search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits
+
+from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimators.base import USUAL, Effort, Fit
+from ambient_trainer.estimators.searched import estimated, fit_of, searched
+from ambient_trainer.estimators.training import require_enough, training_segments
+
+
+@dataclass(frozen=True)
+class CircuitEstimator:
+    """Fits a circuit; it names the trace columns that it reads."""
+
+    circuit: Circuit
+    reads_any = False
+
+    @property
+    def name(self) -> str:
+        """The circuit's name."""
+        return self.circuit.name
+
+    def searches(self, effort: Effort) -> int:
+        """One a start."""
+        return effort.starts
+
+    def fit(
+        self,
+        traces: Sequence[Trace],
+        effort: Effort = USUAL,
+        progress: Progress | None = None,
+        period_s: float | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> Fit:
+        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`."""
+        return fit_circuit(self.circuit, traces, effort, progress, period_s)
+
+
+def fit_circuit(
+    circuit: Circuit,
+    traces: Sequence[Trace],
+    effort: Effort = USUAL,
+    progress: Progress | None = None,
+    period_s: float | None = None,
+) -> Fit:
+    """Fit ``circuit`` to one or several traces, each stretch from thermal equilibrium with its first sample.
+
+    Raises :class:`Refused` where the traces lack a column, hold too little, or an input never changes.
+    """
+    columns = tuple(output.column for output in circuit.outputs)
+    data = training_segments(traces, circuit.inputs, columns, period_s, effort.pieces)
+    structure = circuit_structure(circuit, data)
+    require_enough(traces, structure)
+    with threadpool_limits(1):
+        found = searched(structure, effort, progress)
+        best = found.result.best
+        values = structure.values(best.theta, best.beta)
+        units = {each.name: each.unit for each in circuit.parameters}
+        logarithmic = structure.logarithmic_names
+        # what the file gives as a bare number has a place for a name, with dots in it
+        shown = [each.name for each in circuit.parameters if each.free or "." not in each.name]
+        return fit_of(
+            found,
+            structure.system(best.theta, best.beta),
+            [estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown],
+            circuit=circuit.name,
+            inputs=circuit.inputs,
+            states=[node.name for node in circuit.states],
+            hold=circuit.hold,
+            outputs=[output.name for output in circuit.outputs],
+        )
+
+
+def circuit_structure(circuit: Circuit, segments: Sequence[Segment]) -> CircuitStructure:
+    """What is searched: from equilibrium where the ambient is estimated, from any state where nodes are predicted."""
+    estimates_ambient = [output.column for output in circuit.outputs] == [REFERENCE]
+    return (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, segments)

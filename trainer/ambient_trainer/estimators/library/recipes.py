@@ -1,0 +1,215 @@
+"""Recipes: a YAML file beside this module, or a user's, describes filters that are fitted beside a forward circuit.
+
+The circuit is fitted to the log and simulates what the log lacks; the filters are fitted to both. The fit has a
+secondary estimator, fallbacks and an error variance model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ambient_model.faults import refuse
+from ambient_model.model import Spread
+from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.grid import Segment, segments
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.static_linear import fit_static_linear
+from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimators.base import USUAL, Effort, Fit, Parameter, Secondary
+from ambient_trainer.estimators.blended.filters import Filters, fit_filters
+from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
+from ambient_trainer.estimators.blended.interval import fit_spread
+from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
+from ambient_trainer.estimators.blended.summary import details, notes
+from ambient_trainer.estimators.blended.synthetic_ambient import fit_ambient
+from ambient_trainer.estimators.blended.synthetic_load import fit_workload
+from ambient_trainer.estimators.blended.trained_filter import STATES, TrainedFilter
+from ambient_trainer.estimators.blended.training_set import TrainingSetDesign
+from ambient_trainer.estimators.searched import MODES, ranges_of
+from ambient_trainer.estimators.training import require_informative, slowest_period_s, source_of
+
+Array = NDArray[np.float64]
+
+NAMES = recipe_names()
+_CIRCUIT_PERIOD_S = 5.0
+"""Nothing that the circuit holds is faster, and a coarser grid makes its fit faster."""
+_FEWEST_SAMPLES = 1000
+
+
+def find(name: str) -> RecipeEstimator | None:
+    """The estimator of the shipped recipe of that name, or of the recipe in that YAML file, or None."""
+    found = find_recipe(name)
+    return None if found is None else RecipeEstimator(*found)
+
+
+@dataclass(frozen=True)
+class RecipeEstimator:
+    """Fits what a recipe describes; it names the trace columns that it reads."""
+
+    recipe: Recipe
+    circuit: Circuit
+    reads_any = False
+
+    @property
+    def name(self) -> str:
+        """The recipe's name."""
+        return self.recipe.name
+
+    def searches(self, effort: Effort) -> int:
+        """The circuit's, the main filter's, the secondary one's and one a fallback."""
+        return 3 + len(self.recipe.sensors)
+
+    def fit(
+        self,
+        traces: Sequence[Trace],
+        effort: Effort = USUAL,
+        progress: Progress | None = None,
+        period_s: float | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> Fit:
+        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`.
+
+        Each search has one start, the recipe's: ``effort.starts`` is not used. Cancelled, it leaves out the
+        fallbacks that are not done; before the first it raises :class:`Cancelled`.
+        """
+        recipe, period = self.recipe, period_s or slowest_period_s(traces)
+        records = _records(recipe, traces, period, effort.pieces)
+        stride = max(1, round(_CIRCUIT_PERIOD_S / period))
+        coarse, coarse_period_s = [each.every(stride) for each in records], stride * period
+        samples = sum(len(each.ambient_degC) for each in records)
+
+        def stage(number: int) -> Callable[[int, float], None]:
+            def show(evaluation: int, square: float) -> None:
+                if progress is not None:
+                    progress(number, evaluation, square * samples)
+                effort.budget.cancel.check()
+
+            return show
+
+        with threadpool_limits(1):
+            # a log that lacks something is refused before anything is searched
+            ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
+            workload = fit_workload(coarse, recipe.work, source_of(traces))
+            forward = Forward(recipe, self.circuit)
+            fitted = fit_forward(forward, coarse, coarse_period_s, stage(0))
+            design = TrainingSetDesign(recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed)
+            filters = fit_filters(recipe, design.runs(records), period, lambda number: stage(1 + number))
+            # errors are smaller in the very runs that the filters were fitted to
+            spread = fit_spread(recipe, filters, replace(design, draw=1).runs(records))
+        return _fit_of(recipe, filters, fitted, spread, records, effort)
+
+
+def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: int) -> list[Record]:
+    """The log without gaps, at ``period_s``, each piece to be started cold."""
+    require_informative(traces, recipe.sensor_columns, (REFERENCE,))
+    columns = [*recipe.sensor_columns, REFERENCE, *recipe.drive_columns]
+    records = [
+        record_of(recipe, dict(zip(columns, piece.inputs)))
+        for trace in traces
+        for segment in segments(trace, columns, (), period_s)
+        for piece in segment.pieces(pieces)
+    ]
+    samples = sum(len(each.ambient_degC) for each in records)
+    if samples < _FEWEST_SAMPLES:
+        problem = f"{samples} samples are too few for {recipe.name}, which needs {_FEWEST_SAMPLES}"
+        hint = "log hours, at 1 s, with work, pauses and an ambient that changes"
+        raise refuse(source_of(traces), "", problem, hint)
+    return records
+
+
+def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
+    """What the recipe makes of trace columns (N,)."""
+    heat = recipe.heat
+    measured, shared = (
+        np.sum([watts * rows[column] for column, watts in each.watts.items()], axis=0)
+        for each in (heat.measured, heat.shared)
+    )
+    sensors = np.vstack([rows[column] for column in recipe.sensor_columns])
+    return Record(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
+
+
+def _fit_of(
+    recipe: Recipe, filters: Filters, circuit: ForwardFit, spread: Spread, records: Sequence[Record], effort: Effort
+) -> Fit:
+    """The main filter's fit with all that belongs to it; its errors are those of the blended estimate."""
+    published = [filters.published(each.sensors_degC) for each in records]
+    estimates = [each.ambient_degC for each in published]
+    secondary = _filter_fit(recipe, filters.secondary, records, effort)
+    fallbacks = {name: _filter_fit(recipe, each, records, effort) for name, each in filters.fallbacks.items()}
+    sigmas = [sigma_degC(spread, each.ambient_degC, each.apart_degC, filters.main.period_s) for each in published]
+    rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
+    found = details(recipe, filters, circuit, spread, np.concatenate(sigmas), rmses)
+    members = [filters.main, filters.secondary, *filters.fallbacks.values()]
+    return replace(
+        _filter_fit(recipe, filters.main, records, effort, estimates),
+        converged=circuit.converged and all(each.found.converged for each in members) and not filters.stopped,
+        stopped=filters.stopped,
+        evaluations=circuit.evaluations + sum(each.found.evaluations for each in members),
+        secondary=Secondary(secondary, filters.threshold_degC),
+        fallbacks=fallbacks,
+        spread=spread,
+        details=found,
+        notes=notes(found),
+    )
+
+
+def _filter_fit(
+    recipe: Recipe,
+    trained: TrainedFilter,
+    records: Sequence[Record],
+    effort: Effort,
+    estimates: Sequence[Array] | None = None,
+) -> Fit:
+    """The fit of one filter, by its own estimates over ``records`` or by those given."""
+    picks = [recipe.sensor_columns.index(column) for column in trained.inputs]
+    logged = [Segment(trained.period_s, each.sensors_degC[picks], each.ambient_degC[None]) for each in records]
+    estimates = estimates or [trained.estimate_degC(each.inputs) for each in logged]
+    errors = np.concatenate([each.outputs[0] - estimate for each, estimate in zip(logged, estimates)])
+    rmse_degC = float(np.sqrt(np.mean(errors**2)))
+    return Fit(
+        circuit=recipe.name,
+        system=trained.system(),
+        hold="first-order",
+        inputs=trained.inputs,
+        states=MODES[:STATES],
+        outputs=("ambient",),
+        periods_s=(trained.period_s,),
+        parameters=_parameters(trained),
+        converged=trained.found.converged,
+        uncertainty_available=False,
+        identifiable=trained.found.identifiable,
+        stopped=False,
+        confounded=(),
+        residual_memory_samples=residual_memory(errors),
+        rmse_degC=rmse_degC,
+        start_rmses_degC=(rmse_degC,),
+        evaluations=trained.found.evaluations,
+        effort=effort,
+        errors_degC=(errors,),
+        baseline=fit_static_linear(logged),
+        input_ranges=ranges_of(logged),
+    )
+
+
+def _parameters(trained: TrainedFilter) -> tuple[Parameter, ...]:
+    """The poles: the search's unknowns as time constants, frequency and damping."""
+    (slow_omega, slow_zeta), (omega, zeta) = np.exp(trained.found.poles).reshape(-1, 2).tolist()
+    root = float(np.sqrt(max(slow_zeta**2 - 1, 0.0)))
+    values = {
+        ("tau1", "s"): (slow_zeta + root) / slow_omega,
+        ("tau2", "s"): (slow_zeta - root) / slow_omega,
+        ("omega", "1/s"): omega,
+        ("zeta", "1"): zeta,
+    }
+    return tuple(
+        Parameter(name, unit, value, None, None, free=True, at_bound=bound, identifiable=trained.found.identifiable)
+        for ((name, unit), value), bound in zip(values.items(), trained.found.at_bound)
+    )

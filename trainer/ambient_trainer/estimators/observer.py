@@ -1,0 +1,113 @@
+"""What an observer's fit has beside its filter: errors of the exported system, fallbacks, and an error variance model.
+
+The remarks of the figures that follow stand here, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.trace import split_column
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.error_variance import Moment, fit_spread, half_widths
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.lti.noise_gain import noise_gain
+from ambient_trainer.lti.response import response_degC
+
+Array = NDArray[np.float64]
+
+Refit = Callable[[int], Fit]
+"""Fits the same without the input of that number."""
+
+
+def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:
+    """The fit with the errors of the system that it exports, which is not quite the one that was searched."""
+    errors = np.concatenate([each.outputs[0] - _estimate(fit, each) for each in segments])
+    errors = errors[~np.isnan(errors)]
+    rmse_degC = float(np.sqrt(np.mean(errors**2)))
+    starts = tuple(each * rmse_degC / fit.rmse_degC for each in fit.start_rmses_degC)
+    return replace(fit, errors_degC=(errors,), rmse_degC=rmse_degC, start_rmses_degC=starts)
+
+
+def without(columns: Sequence[str], segments: Sequence[Segment], dropped: int) -> tuple[list[str], list[Segment]]:
+    """The columns and segments without one input."""
+    kept = [index for index in range(len(columns)) if index != dropped]
+    fewer = [Segment(each.period_s, each.inputs[kept], each.outputs) for each in segments]
+    return [columns[index] for index in kept], fewer
+
+
+def with_fallbacks_and_variance(
+    fit: Fit, segments: Sequence[Segment], refit: Refit | None, remark: str, details: Mapping[str, Any]
+) -> Fit:
+    """The fit with a fallback an input, if there is a ``refit``, and an error variance model.
+
+    ``remark`` and ``details`` are of this kind of observer. Cancelled, it leaves out the fallbacks that are not done.
+    """
+    fallbacks, stopped = _fallbacks(fit, refit)
+    moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
+    period_s = segments[0].period_s
+    spread = fit_spread(moments, period_s)
+    gain, half = noise_gain(fit.system, period_s), half_widths(spread, moments, period_s)
+    rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
+    return replace(
+        fit,
+        fallbacks=fallbacks,
+        spread=spread,
+        stopped=fit.stopped or stopped,
+        converged=fit.converged and not stopped,
+        details={
+            **details,
+            "noise_gain": gain,
+            "half_width_90_degC": half,
+            "fallbacks": {name: {"rmse_degC": rmse} for name, rmse in rmses.items()},
+        },
+        notes=(
+            remark,
+            f"Noise gain: {gain:.2f} (output per unit of white noise in every sensor, at {period_s:g} s).",
+            half_width_note(half),
+            *fallback_notes(rmses),
+        ),
+    )
+
+
+_SHARES = {"10": "at the quietest (10 %)", "90": "in transients (90 %)", "99": "in the fastest (99 %)"}
+
+
+def half_width_note(half_degC: Mapping[str, float]) -> str:
+    """A line on the width of the 90 % interval, by the percentage of samples over which it is narrower."""
+    others = ", ".join(f"{half_degC[share]:.2f} {words}" for share, words in _SHARES.items() if share in half_degC)
+    return f"Half of the 90 % interval: {half_degC['50']:.2f} degC over the median training sample, {others}."
+
+
+def fallback_notes(rmses_degC: Mapping[str, float]) -> list[str]:
+    """A line on what each fallback leaves, if there is any."""
+    each = ", ".join(f"{name} {rmse:.2f}" for name, rmse in rmses_degC.items())
+    return [f"Without a sensor, RMSE on the training samples: {each}."] if each else []
+
+
+def late(progress: Progress | None, effort: Effort) -> Progress | None:
+    """The progress of a search that follows after all starts."""
+    return progress and (lambda _, evaluation, square: progress(effort.starts, evaluation, square))
+
+
+def _fallbacks(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
+    """By input, and whether they were cancelled."""
+    if refit is None or len(fit.inputs) < 2 or fit.stopped:
+        return {}, False
+    fallbacks: dict[str, Fit] = {}
+    for index, column in enumerate(fit.inputs):
+        each = refit(index)
+        if each.stopped:
+            return fallbacks, True
+        fallbacks[split_column(column)[0]] = each
+    return fallbacks, False
+
+
+def _estimate(fit: Fit, segment: Segment) -> Array:
+    return response_degC(fit.system, fit.hold, segment.inputs, segment.period_s)
