@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import os
 import sys
+from pathlib import Path
 
 import click
 
@@ -18,7 +20,7 @@ STUDIES = "ambient_studies.cli"
 
 
 class _LazyCommands(click.Group):
-    """Imports a command's module when the command is asked for: ``--help`` should not wait for plots."""
+    """Imports a command's module when the command is called, and for ``--help`` reads its docstring only."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return [*plugin_names(COMMANDS), *_studies()]
@@ -32,17 +34,29 @@ class _LazyCommands(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The commands, and under a heading of their own those of the studies."""
-        for heading, names in (("Commands", plugin_names(COMMANDS)), ("Studies of the simulated phone", _studies())):
-            limit = formatter.width - 6 - max(map(len, names), default=0)
-            rows = [(name, found.get_short_help_str(limit)) for name in names if (found := self.get_command(ctx, name))]
-            if rows:
+        for heading, modules in (
+            ("Commands", plugin_names(COMMANDS)),
+            ("Studies of the simulated phone", _studies()),
+        ):
+            limit = formatter.width - 6 - max(map(len, modules), default=0)
+            if modules:
                 with formatter.section(heading):
-                    formatter.write_dl(rows)
+                    formatter.write_dl([(name, _short_help(module, limit)) for name, module in modules.items()])
 
 
 def _studies() -> dict[str, str]:
     """The commands of the studies, by name; none where they are not installed."""
     return plugin_names(STUDIES) if importlib.util.find_spec(STUDIES.partition(".")[0]) else {}
+
+
+def _short_help(module: str, limit: int) -> str:
+    """The first sentence of the docstring of ``command`` in ``module``, which is not imported: numpy takes a second."""
+    spec = importlib.util.find_spec(module)
+    source = ast.parse(Path(spec.origin).read_text("utf-8")) if spec and spec.origin else ast.parse("")
+    for node in source.body:
+        if isinstance(node, ast.FunctionDef) and node.name == "command":
+            return click.Command(node.name, help=ast.get_docstring(node)).get_short_help_str(limit)
+    return ""
 
 
 @click.command(cls=_LazyCommands, context_settings={"help_option_names": ["-h", "--help"]})

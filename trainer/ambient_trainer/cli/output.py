@@ -1,15 +1,48 @@
-"""What a command shows and writes: its report on the terminal, as JSON and as a page."""
+"""What a command shows and writes: its report on the terminal, as JSON and as a page.
+
+Everything that a command is about to write is looked at before it starts: no input is overwritten, no long work is in
+vain.
+"""
 
 from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import click
 from rich.console import Console
 
+from ambient_model.faults import Fault
 from ambient_trainer.report import Report
+from ambient_trainer.report.files import PAGE, SCRIPT
 from ambient_trainer.report.machine import write_json
 from ambient_trainer.report.terminal import print_report
 
 _WIDTH_OF_A_FILE = 140
+
+
+@dataclass(frozen=True)
+class Output:
+    """Where the report of a command goes beside the terminal."""
+
+    json_path: str | None = None
+    report_folder: str | None = None
+
+    def check(self, inputs: Sequence[str], files: Sequence[str | None] = (), folder: str | None = None) -> None:
+        """Refuse the call where these outputs or ``files`` cannot be written; see :func:`check_outputs`."""
+        check_outputs([self.json_path, *files], inputs, self.report_folder, folder)
+
+    def show(self, report: Report) -> None:
+        """Print ``report``, and write its data and its page where they are asked for."""
+        print_report(printer(), report)
+        if self.json_path is not None:
+            write_json(self.json_path, report.data)
+            click.echo(f"Figures: {self.json_path}")
+        if self.report_folder is not None:
+            from ambient_trainer.report.page import write_report  # jinja2: only a page should wait for it
+
+            click.echo(f"Report: {write_report(self.report_folder, report)}")
 
 
 def printer() -> Console:
@@ -20,13 +53,78 @@ def printer() -> Console:
     return console
 
 
-def show(report: Report, json_path: str | None = None, report_folder: str | None = None) -> None:
-    """Print ``report``, and write its data and its page where they are asked for."""
-    print_report(printer(), report)
-    if json_path is not None:
-        write_json(json_path, report.data)
-        click.echo(f"Figures: {json_path}")
-    if report_folder is not None:
-        from ambient_trainer.report.page import write_report  # jinja2: only a page should wait for it
+def check_outputs(
+    outputs: Sequence[str | None], inputs: Sequence[str], report: str | None = None, folder: str | None = None
+) -> None:
+    """Refuse outputs that stand twice, are inputs, or lie where nothing can be written.
 
-        click.echo(f"Report: {write_report(report_folder, report)}")
+    Parameters
+    ----------
+    outputs : sequence of str or None
+        Files; None is one not asked for.
+    inputs : sequence of str
+        Files that are read.
+    report : str or None
+        Folder of a page: it may have to be made, and what it will hold are outputs, too.
+    folder : str or None
+        Folder for files whose names the work decides.
+
+    Raises
+    ------
+    click.UsageError
+        Names every such output.
+    """
+    pages = [] if report is None else [os.path.join(report, name) for name in (PAGE, SCRIPT)]
+    files = [path for path in outputs if path is not None]
+    wanted = [*files, *pages]
+    faults = []
+    for index, path in enumerate(wanted):
+        if any(_same(path, other) for other in inputs):
+            faults.append(Fault(path, "would be overwritten by what is made from it", "name another output"))
+        elif any(_same(path, other) for other in wanted[:index]):
+            faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
+        elif problem := _no_file(path) or (_no_place(path) if index < len(files) else None):
+            faults.append(Fault(path, *problem))
+    for place, purpose in ((report, "the report"), (folder, "these files")):
+        if place is not None and (problem := _no_folder(place, purpose)):
+            faults.append(Fault(place, *problem))
+    if faults:
+        raise click.UsageError("\n".join(map(str, faults)))
+
+
+def _same(one: str, other: str) -> bool:
+    if os.path.exists(one) and os.path.exists(other):
+        return os.path.samefile(one, other)
+    return os.path.realpath(one) == os.path.realpath(other)
+
+
+def _no_file(path: str) -> tuple[str, str] | None:
+    if os.path.isdir(os.path.realpath(path)):  # no name at all is this folder's
+        return "is a folder", "name a file in it"
+    if os.path.exists(path) and not os.path.isfile(path):
+        return "is a device", "name a file"
+    return None
+
+
+def _no_place(path: str) -> tuple[str, str] | None:
+    folder = os.path.dirname(os.path.realpath(path))
+    if not os.path.isdir(folder):
+        return f"there is no folder {folder}", "make it first, or name another"
+    return _closed(folder)
+
+
+def _no_folder(path: str, purpose: str) -> tuple[str, str] | None:
+    """Why ``path`` neither is a folder to write into nor can be made one."""
+    whole = there = os.path.abspath(path)
+    while not os.path.lexists(there):
+        there = os.path.dirname(there)
+    if os.path.isdir(there):
+        return _closed(there)
+    problem = "is no folder" if there == whole else f"cannot be made: {there} is no folder"
+    return problem, f"name another folder for {purpose}"
+
+
+def _closed(folder: str) -> tuple[str, str] | None:
+    if os.access(folder, os.W_OK):
+        return None
+    return f"nothing can be written into {folder}", "choose a folder that you may write to"

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import math
+import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from rich.console import Console
 from rich.progress import (
@@ -21,32 +22,38 @@ from rich.progress import (
 if TYPE_CHECKING:
     from ambient_trainer.estimation import search  # scipy: --help should not wait for it
 
+Show: TypeAlias = Callable[[str, int, int], None]
+"""What is under way, how much of it is done, and of how much."""
+
+_PATIENCE_S = 1.0
+"""Work that is over sooner shows no bar; chosen, about the time that a user waits without wondering."""
+
 
 @contextlib.contextmanager
 def fit_progress(name: str, searches: int, samples: int) -> Iterator[search.Progress]:
     """A bar over the searches of a fit, mostly one a start, with the evaluations and the best RMSE so far."""
-    with _bar(MofNCompleteColumn(), TextColumn("searches")) as told:
-        told(name, 0, searches)
+    with _bar(0.0, MofNCompleteColumn(), TextColumn("searches")) as show_bar:
+        show_bar(name, 0, searches)
 
         def show(done: int, evaluation: int, square: float) -> None:
             rmse = math.sqrt(square / max(samples, 1))
-            told(f"{name}, evaluation {evaluation}, best {rmse:.3f} degC", done, searches)
+            show_bar(f"{name}, evaluation {evaluation}, best {rmse:.3f} degC", done, searches)
 
         yield show
 
 
-def staged_progress() -> contextlib.AbstractContextManager[Callable[[str, int, int], None]]:
-    """A bar that is told what is under way, how much of it is done, and of how much."""
-    return _bar()
+def staged_progress() -> contextlib.AbstractContextManager[Show]:
+    """A bar over the stages of a work."""
+    return _bar(_PATIENCE_S)
 
 
-def counted_progress() -> contextlib.AbstractContextManager[Callable[[str, int, int], None]]:
-    """The same, with the two numbers beside it."""
-    return _bar(MofNCompleteColumn())
+def counted_progress() -> contextlib.AbstractContextManager[Show]:
+    """A bar with the two numbers beside it."""
+    return _bar(_PATIENCE_S, MofNCompleteColumn())
 
 
 @contextlib.contextmanager
-def _bar(*numbers: ProgressColumn) -> Iterator[Callable[[str, int, int], None]]:
+def _bar(patience_s: float, *numbers: ProgressColumn) -> Iterator[Show]:
     console = Console(stderr=True)
     columns = (
         SpinnerColumn(),
@@ -55,6 +62,13 @@ def _bar(*numbers: ProgressColumn) -> Iterator[Callable[[str, int, int], None]]:
         *numbers,
         TimeElapsedColumn(),
     )
+    started_s = time.monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+        task = bar.add_task("", total=None, visible=not patience_s)
+        yield lambda what, done, total: bar.update(
+            task,
+            description=what,
+            completed=done,
+            total=total,
+            visible=time.monotonic() - started_s >= patience_s,
+        )

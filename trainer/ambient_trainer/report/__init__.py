@@ -23,7 +23,8 @@ module ``report.py``, that says what there is and nothing of where it is shown::
             data=as_data(result),
         )
 
-Then every command shows it alike: ``ambient_trainer.cli.output.show(report_of(result), json_path, report_folder)``.
+Then every command shows it alike: ``@output_options(page=True)`` gives it an ``output``, and ``output.show(report_of(
+result))`` prints and writes what was asked for (:mod:`ambient_trainer.cli.options`, :mod:`ambient_trainer.cli.output`).
 
 - The **terminal** (:mod:`.terminal`) prints the title, findings and tables, in their order; facts, notes (a ``str``
   among the blocks), figures and sections with ``detail`` are left out.

@@ -17,13 +17,12 @@ from markupsafe import Markup, escape
 from ambient_model import __version__
 from ambient_model.atomic import replacing
 from ambient_model.faults import refuse
+from ambient_trainer.report.files import PAGE, SCRIPT
 from ambient_trainer.report.palette import on_dark
 from ambient_trainer.report.plots import POINTS_PER_LINE, to_markup
 from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.units import with_degrees
 
-PAGE = "index.html"
-SCRIPT = "plotly.min.js"
 _CONTENTS_FROM = 6
 """Sections of a page that links to each of them from its top; fewer are seen by scrolling."""
 _KINDS = {Facts: "facts", Table: "table", Figure: "figure", Section: "section", str: "note"}

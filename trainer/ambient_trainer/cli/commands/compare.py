@@ -8,11 +8,10 @@ import click
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
-from ambient_trainer.cli.commands.fit import STOPPED, sensor_columns
-from ambient_trainer.cli.effort import effort_options
+from ambient_trainer.cli.commands.fit import STOPPED
 from ambient_trainer.cli.interrupt import interruptible
-from ambient_trainer.cli.number import Finite
-from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.options import Finite, circuit_option, effort_options, output_options, sensor_columns
+from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.estimators.fit import Effort
@@ -30,21 +29,21 @@ from ambient_trainer.report.table import for_terminal
 
 @click.command("compare")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
-@click.option("--circuit", "circuits", required=True, multiple=True, metavar="NAME|FILE", help="As in fit; repeat it.")
+@circuit_option("As in fit; repeat it.", multiple=True)
 @click.option("--split", "split_s", type=Finite(), metavar="S", help="Train before this time_s, score after it.")
 @click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
 @click.option("--sensors", metavar="A,B,...", help="As in fit (default: every _degC column).")
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
-@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
+@output_options()
 @effort_options
 def command(
     trace_paths: tuple[str, ...],
-    circuits: tuple[str, ...],
+    circuit: tuple[str, ...],
     split_s: float | None,
     held_out: str | None,
     sensors: str | None,
     models: str | None,
-    json_path: str | None,
+    output: Output,
     effort: Effort,
 ) -> int:
     """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
@@ -53,11 +52,11 @@ def command(
     """
     if models is not None and not Path(models).is_dir():
         raise refuse(models, "", "is no folder", "make it first")
-    written = [str(Path(models) / f"{Path(name).stem}.json") for name in circuits] if models is not None else []
-    check_outputs([json_path, *written], [*trace_paths, *circuits, *([held_out] if held_out else [])])
+    written = [str(Path(models) / f"{Path(name).stem}.json") for name in circuit] if models is not None else []
+    output.check([*trace_paths, *circuit, *([held_out] if held_out else [])], written)
     contest = _contest(trace_paths, split_s, held_out)
     contenders: list[Contender] = []
-    for name in circuits:
+    for name in circuit:
         with interruptible(effort.budget.cancel), fit_progress(name, effort.starts, contest.samples) as progress:
             contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
         if models is not None:
@@ -65,8 +64,8 @@ def command(
         if contenders[-1].fit.stopped:
             break
     printer().print(for_terminal(comparison_table(contenders)))
-    if json_path is not None:
-        write_figures(json_path, as_json(contenders))
+    if output.json_path is not None:
+        write_figures(output.json_path, as_json(contenders))
     if contenders[-1].fit.stopped:
         click.echo(
             f"Stopped: of {contenders[-1].fit.circuit} this is the best so far; what comes after was not fitted."

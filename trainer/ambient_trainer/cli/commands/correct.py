@@ -5,8 +5,8 @@ from __future__ import annotations
 import click
 
 from ambient_model.codec import load_model, save_model
-from ambient_trainer.cli.number import Finite
-from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.options import window_options
+from ambient_trainer.cli.output import check_outputs
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimators.model_file import training_of
 from ambient_trainer.evaluation.correction import MAIN, corrected, correction, known_between
@@ -16,8 +16,7 @@ from ambient_trainer.evaluation.correction import MAIN, corrected, correction, k
 @click.argument("model_path", metavar="MODEL.json")
 @click.argument("trace_path", metavar="TRACE")
 @click.option("-o", "--output", required=True, metavar="MODEL2.json", help="Where the corrected model goes.")
-@click.option("--from", "from_s", type=Finite(), metavar="S", help="The ambient counts from this time_s on.")
-@click.option("--to", "to_s", type=Finite(), metavar="S", help="The ambient counts before this time_s.")
+@window_options
 def command(model_path: str, trace_path: str, output: str, from_s: float | None, to_s: float | None) -> None:
     """Correct MODEL.json for the one device that logged TRACE while the ambient was known, and write it anew.
 
@@ -25,8 +24,6 @@ def command(model_path: str, trace_path: str, output: str, from_s: float | None,
     estimate runs from TRACE's first sample on: log half an hour at rest before the minutes that count, and leave
     ambient_degC empty there or name them with --from.
     """
-    if from_s is not None and to_s is not None and not from_s < to_s:
-        raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
     check_outputs([output], [model_path, trace_path])
     model, trace = load_model(model_path), load_trace(trace_path)
     found = correction(model, known_between(trace, from_s, to_s))

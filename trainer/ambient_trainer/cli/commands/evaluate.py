@@ -10,8 +10,8 @@ from rich.text import Text
 
 from ambient_model.codec import load_model
 from ambient_model.model import Model
-from ambient_trainer.cli.number import Finite
-from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.options import output_options, window_options
+from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
@@ -22,38 +22,33 @@ from ambient_trainer.report.table import for_terminal
 @click.command("evaluate")
 @click.argument("model_path", metavar="MODEL.json")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
-@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
+@window_options
 @click.option("--run-in", is_flag=True, help="Run the estimate from the trace's start on; score it from --from on.")
-@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
-@click.option("--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder.")
+@output_options(page=True)
 def command(
     model_path: str,
     trace_paths: tuple[str, ...],
     from_s: float | None,
     to_s: float | None,
     run_in: bool,
-    json_path: str | None,
-    report_folder: str | None,
+    output: Output,
 ) -> None:
     """Run MODEL.json over each TRACE as the device would and compare the estimate with the trace's ambient_degC.
 
     The estimate starts from the first sensor sample, never from the reference, and is scored from there on: with
     --from, from a cold start at that time, or, with --run-in, as on a device that was already on.
     """
-    if from_s is not None and to_s is not None and not from_s < to_s:
-        raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
     if run_in and from_s is None:
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
-    check_outputs([json_path], [model_path, *trace_paths], report_folder)
+    output.check([model_path, *trace_paths])
     model = load_model(model_path)
     evaluated = evaluate_file_run_in if run_in else evaluate_file
     evaluations = _evaluate(trace_paths, lambda path: evaluated(model, path, from_s, to_s))
     _show(evaluations)
-    if json_path is not None:
-        write_figures(json_path, as_json(model, evaluations))
-    if report_folder is not None:
-        click.echo(f"Report: {_write_report(report_folder, model, evaluations)}")
+    if output.json_path is not None:
+        write_figures(output.json_path, as_json(model, evaluations))
+    if output.report_folder is not None:
+        click.echo(f"Report: {_write_report(output.report_folder, model, evaluations)}")
 
 
 def _evaluate(trace_paths: Sequence[str], evaluated: Callable[[str], Evaluation]) -> list[Evaluation]:

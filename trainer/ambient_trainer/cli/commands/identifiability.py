@@ -5,8 +5,15 @@ from __future__ import annotations
 import click
 from rich.text import Text
 
-from ambient_trainer.cli.number import Finite, FiniteRange
-from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.options import (
+    circuit_option,
+    output_options,
+    period_option,
+    seed_option,
+    starts_option,
+    window_options,
+)
+from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.data.trace import load_trace
@@ -19,7 +26,7 @@ from ambient_trainer.report.table import for_terminal
 
 @click.command("identifiability")
 @click.argument("trace_path", metavar="TRACE")
-@click.option("--circuit", "name", required=True, metavar="NAME|FILE", help="A shipped circuit or a .yaml file.")
+@circuit_option()
 @click.option(
     "--fix",
     "fixes",
@@ -27,9 +34,7 @@ from ambient_trainer.report.table import for_terminal
     metavar="NAME[=VALUE]",
     help="Hold a parameter, where no value is given at the one of the fit. May be given several times.",
 )
-@click.option(
-    "--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="Search from so many places."
-)
+@starts_option
 @click.option(
     "--replicates",
     type=click.IntRange(0, 1000),
@@ -37,14 +42,13 @@ from ambient_trainer.report.table import for_terminal
     show_default=True,
     help="Fit the circuit's own output so many times with noise of its own.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of places and noise.")
-@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
-@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
-@click.option("--json", "json_path", metavar="OUT", help="Write what was found to this file as JSON.")
+@seed_option("Of places and noise.")
+@window_options
+@period_option()
+@output_options()
 def command(
     trace_path: str,
-    name: str,
+    circuit: str,
     fixes: tuple[str, ...],
     starts: int,
     replicates: int,
@@ -52,7 +56,7 @@ def command(
     from_s: float | None,
     to_s: float | None,
     period_s: float | None,
-    json_path: str | None,
+    output: Output,
 ) -> None:
     """Fit a circuit to TRACE and test whether its parameters can be told from its inputs and output at all.
 
@@ -60,19 +64,19 @@ def command(
     explains it. Then by what no start can miss: the directions along which the output never changes, and how far each
     parameter may stray before this trace's noise excludes it.
     """
-    check_outputs([json_path], [trace_path, name])
+    output.check([trace_path, circuit])
     fixed = dict(_fix(each) for each in fixes)
-    circuit = thermal_circuit(name)
+    thermal = thermal_circuit(circuit)
     trace = load_trace(trace_path).cut(from_s, to_s)
     with counted_progress() as progress:
-        found = identifiability(circuit, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
+        found = identifiability(thermal, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
     console = printer()
     console.print(for_terminal(start_table(found)))
     console.print(for_terminal(parameter_table(found)))
     for line in said(found):
         console.print(Text(line), soft_wrap=True)
-    if json_path is not None:
-        write_figures(json_path, as_json(found))
+    if output.json_path is not None:
+        write_figures(output.json_path, as_json(found))
 
 
 def _fix(text: str) -> tuple[str, float | None]:

@@ -7,7 +7,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.output import check_outputs
 from ambient_trainer.data.importers.benchlink import import_benchlink
 from ambient_trainer.data.importers.column_map import load_map
 from ambient_trainer.data.importers.csv_import import Imported, import_csv

@@ -12,10 +12,15 @@ import click
 
 from ambient_model import __version__
 from ambient_model.faults import refuse
-from ambient_trainer.cli.effort import jobs_option
-from ambient_trainer.cli.number import Finite, FiniteRange
-from ambient_trainer.cli.output import show
-from ambient_trainer.cli.outputs import check_outputs
+from ambient_trainer.cli.options import (
+    FiniteRange,
+    jobs_option,
+    output_options,
+    period_option,
+    sensor_names,
+    window_options,
+)
+from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import counted_progress
 
 if TYPE_CHECKING:
@@ -41,11 +46,9 @@ if TYPE_CHECKING:
 @click.option("--check", "check_paths", metavar="TRACE", multiple=True, help="Score on this, too; it chooses nothing.")
 @click.option("--circuits", "circuit_folder", metavar="DIR", help="Write the best circuit of each size to this folder.")
 @click.option("--no-circuits", is_flag=True, help="Search for sensors only.")
-@click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
-@click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
-@click.option("--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help="Grid (default: the trace's own).")
-@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
-@click.option("--report", "report_folder", metavar="DIR", help="Write a page with the picture into this folder.")
+@window_options
+@period_option()
+@output_options(page=True)
 @click.option("--state", "state_path", metavar="FILE", help="Keep what is done here, and go on from it.")
 @jobs_option("Processes.")
 def command(
@@ -56,8 +59,7 @@ def command(
     no_circuits: bool,
     from_s: float | None,
     to_s: float | None,
-    json_path: str | None,
-    report_folder: str | None,
+    output: Output,
     state_path: str | None,
     jobs: int,
     **options: Any,
@@ -76,7 +78,7 @@ def command(
     if no_circuits and circuit_folder is not None:
         raise click.UsageError("--circuits asks for what --no-circuits leaves out: give one of them")
     chosen = Options(**options)
-    check_outputs([json_path, state_path], [*trace_paths, *check_paths], report_folder, circuit_folder)
+    output.check([*trace_paths, *check_paths], [state_path], circuit_folder)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     zones = screened(traces)
     for line in left_out_lines(zones.left_out):
@@ -84,9 +86,8 @@ def command(
     data = prepared(traces, zones, chosen)
     checks = [load_trace(path) for path in check_paths]
     identity = _identity(trace_paths, from_s, to_s, chosen)
-    named = [name.strip().removesuffix("_degC") for name in (against or "").split(",") if name.strip()]
-    found = _run(data, chosen, identity, state_path, jobs, named, checks, not no_circuits)
-    show(report_of(found), json_path, report_folder)
+    found = _run(data, chosen, identity, state_path, jobs, sensor_names(against), checks, not no_circuits)
+    output.show(report_of(found))
     if circuit_folder is not None:
         _write_circuits(circuit_folder, found)
 

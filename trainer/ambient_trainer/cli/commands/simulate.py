@@ -2,37 +2,22 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from functools import partial
 
 import click
-from rich.console import Console
-from rich.progress import Progress
 
 from ambient_model.faults import Refused
-from ambient_trainer.cli.number import FiniteRange
-from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import write_json
+from ambient_trainer.cli.options import sampling_option, seed_option
+from ambient_trainer.cli.output import check_outputs
+from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer.report.machine import write_json
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names
-
-if TYPE_CHECKING:
-    from ambient_trainer.simulator.effects.runs import Simulated
-
-_PATIENCE_S = 1.0
 
 
 @click.command("simulate")
 @click.argument("scenario", type=click.Choice(scenario_names()), metavar="SCENARIO")
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Another one, another noise.")
-@click.option(
-    "--period",
-    "period_s",
-    type=FiniteRange(min=0.1, max=60.0),
-    default=1.0,
-    show_default=True,
-    help="Seconds between samples.",
-)
+@seed_option("Another one, another noise.")
+@sampling_option("Seconds between samples.", longest_s=60)
 @click.option("--zones", is_flag=True, help="All of the phone's zones, about 50, not only the thesis's five sensors.")
 @click.option("--hide", "texts", multiple=True, metavar="EFFECT", help="Hide this in it; may stand several times.")
 @click.option(
@@ -81,9 +66,9 @@ def command(
         effects = parse_hidden(texts, seed, load_scenario(scenario).duration_s)
         runs = [(scenario, seed, effects)]
         wanted = all_zones() if zones else thesis_zones()
-        simulated = _with_progress(
-            scenario, lambda show: simulate_hidden(runs, period_s, decoys, truth_path is not None, show, wanted)[0]
-        )
+        with staged_progress() as progress:
+            show = partial(progress, f"scenario {scenario}")
+            simulated = simulate_hidden(runs, period_s, decoys, truth_path is not None, show, wanted)[0]
     except Refused as refused:
         raise click.UsageError(str(refused)) from refused
     save_trace(output, simulated.trace)
@@ -94,17 +79,3 @@ def command(
         told = [{"hidden": hidden_text(each), **truth.as_data()} for each, truth in zip(effects, simulated.truths)]
         write_json(truth_path, {"effects": told})
         click.echo(f"wrote {truth_path}: what is hidden in it")
-
-
-def _with_progress(scenario: str, work: Callable[[Callable[[int, int], None]], Simulated]) -> Simulated:
-    """Do the ``work``, which tells (done, all); a bar shows it where it takes more than a moment."""
-    console = Console(stderr=True, highlight=False)
-    started_s = time.monotonic()
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"scenario {scenario}", visible=False)
-
-        def show(done: int, total: int) -> None:
-            visible = time.monotonic() - started_s > _PATIENCE_S
-            bar.update(task, completed=done, total=total, visible=visible)
-
-        return work(show)

@@ -1,0 +1,155 @@
+"""Options that several commands share, each written once: a decorator gives a command its arguments."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Any, TypeAlias
+
+import click
+from click.types import FloatParamType
+
+from ambient_trainer.cli.output import Output
+
+Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
+
+
+class Finite(FloatParamType):
+    """``click.FLOAT`` without nan and inf: nothing lies between nan and anything."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number; the call is refused where it is not finite."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
+
+
+class FiniteRange(Finite, click.FloatRange):
+    """``click.FloatRange``, which lets nan pass, and inf where a bound is open."""
+
+
+def output_options(data: str = "the figures", page: bool = False) -> Decorator:
+    """Give a command --json, and --report with ``page``, as its ``output``: an :class:`Output`."""
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        @click.option("--json", "json_path", metavar="OUT", help=f"Write {data} to this file as JSON.")
+        @functools.wraps(command)
+        def with_output(json_path: str | None, report_folder: str | None = None, **rest: Any) -> Any:
+            return command(output=Output(json_path, report_folder), **rest)
+
+        if not page:
+            return with_output
+        report = click.option(
+            "--report", "report_folder", metavar="DIR", help="Write a page with plots into this folder."
+        )
+        return report(with_output)
+
+    return decorate
+
+
+def window_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give ``command`` --from and --to, as ``from_s`` and ``to_s``; refuse the call where they leave nothing."""
+
+    @click.option("--from", "from_s", type=Finite(), metavar="S", help="Leave out the samples before this time_s.")
+    @click.option("--to", "to_s", type=Finite(), metavar="S", help="Leave out the samples from this time_s on.")
+    @functools.wraps(command)
+    def with_window(from_s: float | None, to_s: float | None, **rest: Any) -> Any:
+        if from_s is not None and to_s is not None and not from_s < to_s:
+            raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
+        return command(from_s=from_s, to_s=to_s, **rest)
+
+    return with_window
+
+
+def circuit_option(meaning: str = "A shipped circuit or a .yaml file.", **attributes: Any) -> Decorator:
+    """Give a command --circuit, which must be given."""
+    return click.option("--circuit", required=True, metavar="NAME|FILE", help=meaning, **attributes)
+
+
+def period_option(default: str = "the trace's own") -> Decorator:
+    """Give a command on logged traces --period, as ``period_s``."""
+    return click.option(
+        "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help=f"Grid (default: {default})."
+    )
+
+
+def sampling_option(meaning: str, longest_s: float = 10) -> Decorator:
+    """Give a command on the simulated phone --period, as ``period_s``: a device's, from 0.1 s on."""
+    return click.option(
+        "--period",
+        "period_s",
+        type=FiniteRange(0.1, longest_s),
+        default=1.0,
+        show_default=True,
+        metavar="S",
+        help=meaning,
+    )
+
+
+def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give ``command`` --starts, --pieces and --seed, as its ``effort``."""
+
+    @starts_option
+    @click.option(
+        "--pieces",
+        type=click.IntRange(1, 10_000),
+        default=1,
+        show_default=True,
+        help="Fit a trace in so many pieces, each from a cold start.",
+    )
+    @seed_option("Of the places.")
+    @functools.wraps(command)
+    def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:
+        from ambient_trainer.estimators.fit import Effort  # scipy: --help should not wait for it
+
+        return command(effort=Effort(starts, seed, pieces), **rest)
+
+    return with_effort
+
+
+def starts_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give ``command`` --starts."""
+    return click.option(
+        "--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="Searches from so many places."
+    )(command)
+
+
+def seed_option(meaning: str) -> Decorator:
+    """Give a command --seed."""
+    return click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help=meaning)
+
+
+def jobs_option(meaning: str) -> Decorator:
+    """Give a command --jobs, by default as many processes as there are cores."""
+    return click.option(
+        "--jobs",
+        type=click.IntRange(1, 256),
+        default=_cores,
+        help=f"{meaning} [default: as many as there are cores]",
+    )
+
+
+def whole_numbers(option: str, text: str) -> tuple[int, ...]:
+    """The numbers from 0 on that ``text``, such as ``3,4,5``, lists, each once; raises :class:`click.UsageError`."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isascii() and part.isdigit() for part in parts):
+        raise click.UsageError(f"{option} {text!r}: write whole numbers with commas between, such as 3,4,5")
+    return tuple(dict.fromkeys(map(int, parts)))
+
+
+def sensor_names(text: str | None) -> tuple[str, ...]:
+    """The sensors that a list such as ``usb,battery_degC`` names, without their unit."""
+    return tuple(name.removesuffix("_degC") for part in (text or "").split(",") if (name := part.strip()))
+
+
+def sensor_columns(text: str | None) -> tuple[str, ...]:
+    """The trace columns that a list such as ``usb,battery`` names."""
+    return tuple(f"{name}_degC" for name in sensor_names(text))
+
+
+def _cores() -> int:
+    import joblib  # --help should not wait for it
+
+    return int(joblib.cpu_count())
