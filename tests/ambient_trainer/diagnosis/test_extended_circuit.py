@@ -205,7 +205,7 @@ def test_it_can_be_extended_again(circuit):
         ),
         (
             (Cause("sensor_bias", "cell"), 2.0),
-            "sensor_bias at cell: it is the instrument, not the heat: mend it, or correct the column in the trace.",
+            "sensor_bias at cell: it is the instrument, not the heat: repair it, or correct the column in the trace.",
         ),
         (
             (Cause("clock_offset"), 1.0),

@@ -8,7 +8,7 @@ import pytest
 
 from ambient_studies.discovery.page import discovery_page
 from ambient_trainer.diagnosis.page import diagnosis_page
-from ambient_trainer.diagnosis.result import Cause, Magnitude
+from ambient_trainer.diagnosis.result import Cause
 
 
 @pytest.mark.parametrize("width", [1280, 390])
@@ -45,16 +45,6 @@ def test_the_page_says_what_was_found_and_what_was_not(made):
     assert " degC" not in words
     assert set(re.findall(r'\b(?:src|href|action)="([^"]*)"', page)) == {"plotly.min.js", "data:,"}
     assert page.count("camera_on") > 5
-
-
-def test_what_grows_in_the_cold_is_told_with_its_growth(made):
-    size = Magnitude(0.0256, "W/A^2", "heat into cell per I squared at 25 degC, growing in the cold", (0.025, 0.0262))
-    step = replace(made().steps[0], magnitude=size, parameters={"growth_per_K": (0.0304, "1/K")})
-    words = written(diagnosis_page(made(steps=(step,), verdict=step)))
-    assert (
-        "0.0256 W/A^2 (0.0250 to 0.0262 W/A^2): heat into cell per I squared at 25 °C, growing in the cold by " in words
-    )
-    assert "growing in the cold by 3.0 % per K confidence" in words
 
 
 def test_what_stands_between_backquotes_is_code_and_no_markup(made):

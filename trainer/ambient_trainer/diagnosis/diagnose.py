@@ -13,7 +13,7 @@ from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.causes import contact, heat_source
+from ambient_trainer.diagnosis.causes import kind_of
 from ambient_trainer.diagnosis.experiment import next_experiment
 from ambient_trainer.diagnosis.extended_circuit import Extension, extended_circuit
 from ambient_trainer.diagnosis.forward import forward
@@ -25,7 +25,7 @@ from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ra
 from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial, known_good_model, select_effects
 from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines, train_on_diagnosed
 from ambient_trainer.diagnosis.view import conductances_to_ambient
-from ambient_trainer.diagnosis.words import figures, growth, window
+from ambient_trainer.diagnosis.words import figures, window
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
@@ -35,7 +35,6 @@ _MOST_UNEXPLAINED = 0.5
 """Of a sensor's own spread: a simulation that leaves more has not understood the data, whatever was added to it."""
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 8.0
 """In units of what known-good records leave: below the one the data are understood, beyond the other they are not."""
-_HEAT = (heat_source.NAME, contact.NAME)
 _ROUNDING_DEGC = 0.051
 """Two instruments differ by more at some time; a column and its copy with one decimal do not."""
 
@@ -155,10 +154,8 @@ def _step(choice: SelectionStep, trial: Trial, effect: Effect, chosen: Selection
     rivals = tuple(dict.fromkeys(rival.cause for rival in choice.rivals))
     gain = trial.gain
     parameters = effect.candidate.parameters(found)
-    grows = growth(parameters)
-    meaning = f"{magnitude.meaning} {grows}:" if grows else magnitude.meaning
     sentence = (
-        f"{effect.candidate.cause}: {meaning} {figures(magnitude.value)} {magnitude.unit}"
+        f"{effect.candidate.cause}: {magnitude.meaning} {figures(magnitude.value)} {magnitude.unit}"
         f" ({figures(magnitude.ci95[0])} to {figures(magnitude.ci95[1])}), {window(effect.onset_s, effect.end_s)};"
         f" on held-out data {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
     )
@@ -236,7 +233,7 @@ def _confounded_with_ambient(chosen: Selection) -> bool:
     Heat into a node and a warmer ambient of it are one and the same to its equation.
     """
     cause = next((each.taken.cause for each in chosen.choices if each.taken is not None), None)
-    if cause is None or cause.name not in _HEAT or cause.signal is not None:
+    if cause is None or cause.signal is not None or not kind_of(cause).heats:
         return False
     plant = chosen.final.model.plant
     joined = [name for name, each in zip(plant.nodes, conductances_to_ambient(plant)) if each > 0]

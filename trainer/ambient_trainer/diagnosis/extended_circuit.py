@@ -14,9 +14,9 @@ from ambient_trainer.circuits.addition import with_heat_of, with_values
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
+from ambient_trainer.diagnosis.causes import kind_of
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.model import Effect, Model
-from ambient_trainer.diagnosis.result import Cause
 
 
 @dataclass(frozen=True)
@@ -80,25 +80,7 @@ def _said(effect: Effect) -> str:
 def _why_not(effect: Effect) -> str | None:
     """Why a circuit cannot hold ``effect``; None where it can."""
     if effect.candidate.extend is None:
-        return _not_in_a_circuit(effect.candidate.cause)
+        return kind_of(effect.candidate.cause).not_in_circuit(effect.candidate.cause)
     if effect.onset_s is not None or effect.end_s is not None:
         return "it acts for a part of the time, and a circuit is always the same"
     return None
-
-
-def _not_in_a_circuit(cause: Cause) -> str:
-    if cause.name == "heat_source":
-        if cause.signal is None:
-            return "a source of a circuit follows a logged signal: log what drives it"
-        return f"a source of a circuit is proportional to its signal: log {cause.signal} squared beside it"
-    if cause.name == "ambient_coupling":
-        return f"a resistance of a circuit is constant: it cannot follow {cause.signal}"
-    return _REASONS.get(cause.name, _REASONS["sensor"])
-
-
-_REASONS = {
-    "contact": "a circuit needs the temperature of what touches it, which nothing logged",
-    "convection_law": "a loss in a circuit is proportional to its difference",
-    "clock_offset": "it is the clock, not the heat: shift the reference in the trace",
-    "sensor": "it is the instrument, not the heat: mend it, or correct the column in the trace",
-}

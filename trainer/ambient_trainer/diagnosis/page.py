@@ -23,7 +23,7 @@ from ambient_trainer.diagnosis.summary import (
     size_in_words,
     steps_table,
 )
-from ambient_trainer.diagnosis.words import chance, clock, duration, growth, window
+from ambient_trainer.diagnosis.words import chance, clock, duration, window
 from ambient_trainer.report.page import render
 from ambient_trainer.report.plots import (
     BLUE,
@@ -109,8 +109,8 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str | list[str]]]:
     for step in diagnosis.explained[:1]:
         facts.append(("when", window(step.onset_s, step.end_s)))
         if step.magnitude is not None:
-            said = f"{size_in_words(step.magnitude)}: {step.magnitude.meaning} {growth(step.parameters)}"
-            facts.append(("how much", said.rstrip().replace(" degC", " °C")))
+            said = f"{size_in_words(step.magnitude)}: {step.magnitude.meaning}"
+            facts.append(("how much", said.replace(" degC", " °C")))
         facts.append(("confidence", f"{100 * step.confidence:.1f} %"))
     return facts
 

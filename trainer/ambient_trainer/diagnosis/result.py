@@ -34,12 +34,16 @@ class Cause:
 
 @dataclass(frozen=True)
 class Magnitude:
-    """How large it is, in ``unit``, with its 95 % interval; ``meaning`` says in words what the number is."""
+    """How large it is, in ``unit``, with its 95 % interval; ``meaning`` says what the number is.
+
+    ``qualifier`` is a clause on how it varies, empty where it does not.
+    """
 
     value: float
     unit: str
     meaning: str
     ci95: tuple[float, float]
+    qualifier: str = ""
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,7 @@ from numpy.typing import NDArray
 from ambient_trainer.diagnosis.candidate import Candidate, Span
 from ambient_trainer.diagnosis.causes import (
     all_candidates,
-    ambient_coupling,
-    convection_law,
-    heat_source,
-    path,
-    thermal_mass,
+    kind_of,
 )
 from ambient_trainer.diagnosis.fit import FitResult, TrainingSet, cost, fit_model, nuisance_columns
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
@@ -52,10 +48,6 @@ LEAST_OF_LATER_STEPS, LEAST_OF_WHAT_IS_LEFT = 0.15, 0.3
 
 Elsewhere, it is one if it explains this much of what the others leave beyond the noise.
 """
-_BUILT_IN = (
-    *(each.NAME for each in (convection_law, thermal_mass, path, heat_source, ambient_coupling)),
-    "sensor_lag",
-)
 _COARSE = 60
 _EDGE = 0.5
 _REFINED = 24
@@ -98,7 +90,7 @@ class Trial:
     @property
     def _cools(self) -> bool:
         """Whether it takes heat away however cold it is there: a machine does, a loss needs none."""
-        if self.cause.name != heat_source.NAME:
+        if not kind_of(self.cause).one_sign:
             return False
         seen = self.fitted.longest
         term = self.effect.candidate.terms(seen)[0]
@@ -153,9 +145,7 @@ def known_good_model(trained: TrainedCircuit, normal: Sequence[Record]) -> Model
 
 
 def _built_in(candidate: Candidate) -> Candidate | None:
-    if candidate.cause.name not in _BUILT_IN:
-        return None
-    return replace(candidate, span=Span.WHOLE)
+    return replace(candidate, span=Span.WHOLE) if kind_of(candidate.cause).built_in else None
 
 
 def _every_cause(candidate: Candidate) -> Candidate | None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.diagnosis.candidate import Setting
-from ambient_trainer.diagnosis.causes import convection_law
+from ambient_trainer.diagnosis.causes import kind_of
 from ambient_trainer.diagnosis.model import Model
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.terms import HeatTerm, Law
@@ -42,7 +42,7 @@ def loss_of(model: Model, view: View) -> Callable[[Plant], Law]:
     bends = [
         (float(value), term.law)
         for effect in model.effects
-        if effect.known and effect.candidate.cause.name == convection_law.NAME
+        if effect.known and kind_of(effect.candidate.cause).bends_loss
         for value, term in zip(effect.values, effect.candidate.terms(view))
         if isinstance(term, HeatTerm)
     ]

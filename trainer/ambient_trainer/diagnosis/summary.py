@@ -11,12 +11,12 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from ambient_trainer.diagnosis.phrases import effect
+from ambient_trainer.diagnosis.causes import noun
 from ambient_trainer.diagnosis.residual_tests.autoregression import autoregression_of
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
 from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Array, Cause, Diagnosis, Gain, Magnitude, Step, Tested
-from ambient_trainer.diagnosis.words import chance, duration, figures, growth, window
+from ambient_trainer.diagnosis.words import chance, duration, figures, window
 from ambient_trainer.report.table import Table, for_terminal
 
 SHOWN_RANKED = 8
@@ -36,12 +36,12 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"Something is missing that none of the {tried} explains. {step.sentence}"
     gain = _gain_in_words(step.gain)
     lasted = window(step.onset_s, step.end_s)
-    size = "" if step.magnitude is None else f", {size_in_words(step.magnitude)}"
-    if grows := growth(step.parameters):
-        size += f", growing in the cold {grows}"
+    size = ""
+    if step.magnitude is not None:
+        size = ", ".join(["", size_in_words(step.magnitude), *filter(None, [step.magnitude.qualifier])])
     others = len(diagnosis.steps) - 1
     more = "" if not others else f" {'One more effect' if others == 1 else f'{others} more effects'} found after it."
-    words = effect(step.cause)
+    words = noun(step.cause)
     return f"{words[0].upper()}{words[1:]}, {lasted}{size}: {gain}.{more}"
 
 

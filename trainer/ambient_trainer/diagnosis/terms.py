@@ -73,7 +73,7 @@ Term = HeatTerm | SensorTerm | DriftTerm
 
 
 def into(node: int, count: int, law: Law) -> Law:
-    """The law, a number at each time, of the heat into one of ``count`` nodes."""
+    """The law of the heat into one of ``count`` nodes, ``law`` being one number at each time."""
 
     def placed(nodes_degC: Array, ambient_degC: Array) -> Array:
         value = np.zeros((count, *ambient_degC.shape))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 from ambient_model.trace import split_column
 
@@ -60,10 +59,3 @@ def share(part: float) -> str:
 def chance(p_value: float) -> str:
     """A probability as people read it: ``p = 0.03``, ``p < 0.001``."""
     return "p < 0.001" if p_value < 0.001 else f"p = {figures(p_value, 2)}"
-
-
-def growth(parameters: Mapping[str, tuple[float, str]]) -> str:
-    """By how much what was found grows for each kelvin that it is colder: ``by 2.3 % per K``; else nothing."""
-    if "growth_per_K" not in parameters:
-        return ""
-    return f"by {share(parameters['growth_per_K'][0])} per K"

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Setting, Span, per
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.causes.heat_source import per
 from ambient_trainer.diagnosis.model import view
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.view import View

@@ -1,25 +1,48 @@
-"""One module a cause: what it adds to the circuit, and how its size is read. A new cause is one more here."""
+"""The causes, a module each: one in this folder, or an entry point of this package's name, that defines ``KIND``."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
-from ambient_trainer.diagnosis.candidate import Candidate, Setting
-from ambient_trainer.diagnosis.causes import (
-    ambient_coupling,
-    clock_offset,
-    contact,
-    convection_law,
-    heat_source,
-    path,
-    sensor,
-    thermal_mass,
-)
+from ambient_trainer.data.plugins import plugin, plugin_names
+from ambient_trainer.diagnosis.candidate import Candidate, CauseKind, Setting
+from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause
 
-_MODULES = (heat_source, ambient_coupling, contact, convection_law, thermal_mass, path, sensor, clock_offset)
+_NO_CAUSE = {
+    UNKNOWN: ("a misfit that no known cause explains", "something that was not tried is missing"),
+    NONE: ("nothing", "nothing is missing"),
+}
+
+
+@cache
+def cause_kinds() -> dict[str, CauseKind]:
+    """Every kind of cause by name, the simplest first."""
+    kinds: list[CauseKind] = [plugin(__name__, name).KIND for name in plugin_names(__name__)]
+    return {each.name: each for each in sorted(kinds, key=lambda each: (each.rank, each.name))}
+
+
+def kind_of(cause: Cause) -> CauseKind:
+    """The kind of a cause; raises ``KeyError`` for ``none`` and ``unknown``."""
+    return cause_kinds()[cause.name]
 
 
 def all_candidates(setting: Setting) -> Iterator[Candidate]:
     """Every cause at every place that the circuit has, by every signal that was logged."""
-    for module in _MODULES:
-        yield from module.candidates(setting)
+    for kind in cause_kinds().values():
+        yield from kind.candidates(setting)
+
+
+def noun(cause: Cause) -> str:
+    """``cause`` as a noun: ``heat that the circuit lacks, at flash, driven by camera_on``."""
+    words = _NO_CAUSE[cause.name][0] if cause.name in _NO_CAUSE else kind_of(cause).noun
+    if cause.location is not None:
+        words += f", {'between' if '-' in cause.location else 'at'} {cause.location.replace('-', ' and ')}"
+    return words + ("" if cause.signal is None else f", driven by {cause.signal}")
+
+
+def claim(cause: Cause) -> str:
+    """What ``cause`` says of the device, as a clause."""
+    clause = _NO_CAUSE[cause.name][1] if cause.name in _NO_CAUSE else kind_of(cause).claim
+    place = "all nodes" if cause.location is None else " and ".join(f"`{each}`" for each in cause.location.split("-"))
+    return clause.format(place=place) + ("" if cause.signal is None else f" with `{cause.signal}`")

@@ -7,20 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import Candidate, CauseKind, Estimate, Parameters, Setting, Span, constant
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
 
-NAME = "contact"
+_NAME = "contact"
 _ABOUT_DEGC = 25.0
 _COLDEST_DEGC, _HOTTEST_DEGC = -20.0, 60.0
 
 
-def candidates(setting: Setting) -> Iterator[Candidate]:
-    """Every node, from some moment to some other: heat G (T_body - T_i), linear in G and in G (T_body - 25)."""
+def _candidates(setting: Setting) -> Iterator[Candidate]:
+    """Every node, from an onset to an end: heat G (T_body - T_i), linear in G and in G (T_body - 25)."""
     for node, name in enumerate(setting.plant.nodes):
         yield _held(setting, node, name)
 
@@ -31,33 +31,40 @@ def _held(setting: Setting, node: int, name: str) -> Candidate:
     def terms(view: View) -> tuple[HeatTerm, ...]:
         return (
             HeatTerm(view.ones, setting.into(node, lambda nodes, air: _ABOUT_DEGC - nodes[node])),
-            HeatTerm(view.ones, setting.into(node, lambda nodes, air: np.ones_like(air))),
+            HeatTerm(view.ones, setting.into(node, constant)),
         )
 
-    def magnitude(found: Estimate) -> Magnitude:
-        conductance, heat = found.values
-        # the ratio's interval by the delta method
-        slope = np.array([-heat / conductance**2, 1.0 / conductance])
-        half = 1.96 * float(np.sqrt(max(slope @ found.covariance[:2, :2] @ slope, 0.0)))
-        body = _body_degC(found)
+    def magnitude(estimate: Estimate) -> Magnitude:
+        conductance, flow = estimate.values
+        half = estimate.half_width(np.array([-flow / conductance**2, 1.0 / conductance]))
+        body = _body_degC(estimate)
         return Magnitude(body, "degC", f"temperature of the body at {name}", (body - half, body + half))
 
-    def parameters(found: Estimate) -> Parameters:
-        return {
-            "body_temp": (_body_degC(found), "degC"),
-            "conductance": (scale * float(found.values[0]), setting.conductance_unit),
-        }
+    def parameters(estimate: Estimate) -> Parameters:
+        conductance = scale * float(estimate.values[0])
+        return {"body_temp": (_body_degC(estimate), "degC"), "conductance": (conductance, setting.conductance_unit)}
 
     return Candidate(
-        Cause(NAME, name), Span.WINDOW, terms, magnitude, parameters, fixed=(None, None), plausible=_a_body
+        Cause(_NAME, name), Span.WINDOW, terms, magnitude, parameters, fixed=(None, None), plausible=_a_body
     )
 
 
-def _body_degC(found: Estimate) -> float:
-    return _ABOUT_DEGC + float(found.values[1] / found.values[0])
+def _body_degC(estimate: Estimate) -> float:
+    return _ABOUT_DEGC + float(estimate.values[1] / estimate.values[0])
 
 
 def _a_body(values: Array) -> NDArray[np.bool_]:
     conductance = values[..., 0]
     body = _ABOUT_DEGC + values[..., 1] / np.where(conductance > 0, conductance, np.inf)
     return np.asarray((conductance > 0) & (body > _COLDEST_DEGC) & (body < _HOTTEST_DEGC))
+
+
+KIND = CauseKind(
+    _NAME,
+    "the contact with a body of its own temperature",
+    "a body holds on at {place}",
+    _candidates,
+    lambda cause: "a circuit needs the temperature of what touches it, which nothing logged",
+    rank=30,
+    heats=True,
+)

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
-from ambient_trainer.diagnosis.causes.ambient_coupling import places
+from ambient_trainer.diagnosis.candidate import Candidate, CauseKind, Estimate, Parameters, Setting, Span
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm, Law
@@ -16,14 +15,14 @@ from ambient_trainer.diagnosis.view import View, conductances_to_ambient
 
 Array = NDArray[np.float64]
 
-NAME = "convection_law"
+_NAME = "convection_law"
 _LARGEST_K = 50.0
 _LEAST_K = 0.5
 
 
-def candidates(setting: Setting) -> Iterator[Candidate]:
+def _candidates(setting: Setting) -> Iterator[Candidate]:
     """All nodes alike, and each alone: loss G_i ((1 + a) D + b D |D|) at the difference D to the ambient."""
-    for place in places(setting):
+    for place in setting.to_ambient:
         yield _curved(setting, place)
 
 
@@ -50,40 +49,37 @@ def _curved(setting: Setting, node: int | None) -> Candidate:
         own = _own(view.plant, node)
         return HeatTerm(view.ones, _bent(own)), HeatTerm(view.ones, _straight(own))
 
-    def exponent(found: Estimate, curve: float) -> float:
-        """By how much the exponent of the loss grows with a curvature of ``curve``, the rest moving along with it."""
-        plant = found.view.plant
+    def exponent(estimate: Estimate, curve: float) -> float:
+        """By how much the exponent of the loss grows with a curvature of ``curve``, the rest re-optimised."""
+        plant = estimate.view.plant
         own, before = _own(plant, node), setting.loss(plant)
         bent, straight = _bent(own), _straight(own)
-        along = found.covariance[0, 1] / max(found.covariance[0, 0], 1e-30)
-        change = found.values[1] + along * (curve - found.values[0])
+        along = estimate.covariance[0, 1] / max(estimate.covariance[0, 0], 1e-30)
+        change = estimate.values[1] + along * (curve - estimate.values[0])
 
         def after(nodes_degC: Array, ambient_degC: Array) -> Array:
             more = curve * bent(nodes_degC, ambient_degC) + change * straight(nodes_degC, ambient_degC)
             return np.asarray(before(nodes_degC, ambient_degC) - more)
 
-        return _exponent(after, before, found.view, own) - _exponent(before, before, found.view, own)
+        return _exponent(after, before, estimate.view, own) - _exponent(before, before, estimate.view, own)
 
-    def magnitude(found: Estimate) -> Magnitude:
-        ends = sorted(exponent(found, each) for each in found.interval(0))
-        where = "all nodes" if node is None else setting.plant.nodes[node]
-        meaning = f"change of n, where the loss of {where} goes with the difference to the power 1 + n:"
-        return Magnitude(exponent(found, float(found.values[0])), "1", meaning, (ends[0], ends[1]))
+    def magnitude(estimate: Estimate) -> Magnitude:
+        low, high = sorted(exponent(estimate, each) for each in estimate.interval(0))
+        meaning = f"change of n, where the loss of {setting.named(node)} goes with the difference to the power 1 + n:"
+        return Magnitude(exponent(estimate, float(estimate.values[0])), "1", meaning, (low, high))
 
-    def parameters(found: Estimate) -> Parameters:
-        return {
-            "curvature": (float(found.values[0]), "1/K"),
-            "conductance_change": (float(found.values[1]), "1"),
-        }
+    def parameters(estimate: Estimate) -> Parameters:
+        curvature, change = map(float, estimate.values)
+        return {"curvature": (curvature, "1/K"), "conductance_change": (change, "1")}
 
     location = None if node is None else setting.plant.nodes[node]
     return Candidate(
-        Cause(NAME, location),
+        Cause(_NAME, location),
         Span.WINDOW,
         terms,
         magnitude,
         parameters,
-        # where the resistances are free, they take a change of all losses alike upon themselves
+        # where the resistances are free, they absorb a change of all losses alike
         fixed=(None, 0.0 if setting.circuit_is_free else None),
         plausible=_always_a_loss,
     )
@@ -106,3 +102,15 @@ def _exponent(loss: Law, weighing: Law, view: View, own: Array) -> float:
     total = np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
     x, y = x - (weight * x).sum(axis=1, keepdims=True) / total, y - (weight * y).sum(axis=1, keepdims=True) / total
     return float((weight * x * y).sum() / max(float((weight * x * x).sum()), 1e-30))
+
+
+KIND = CauseKind(
+    _NAME,
+    "a loss that is not proportional to the difference to the ambient",
+    "the loss from {place} is not proportional to the difference to the ambient",
+    _candidates,
+    lambda cause: "a loss in a circuit is proportional to its difference",
+    rank=40,
+    built_in=True,
+    bends_loss=True,
+)

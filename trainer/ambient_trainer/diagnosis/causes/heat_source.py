@@ -9,19 +9,31 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.addition import with_source
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Parameters, Setting, Span
+from ambient_trainer.diagnosis.candidate import (
+    Candidate,
+    CauseKind,
+    Estimate,
+    Parameters,
+    Setting,
+    Span,
+    constant,
+    first_coefficient,
+    heat,
+    per,
+    positive,
+)
 from ambient_trainer.diagnosis.result import Cause, Magnitude
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.view import View
-from ambient_trainer.diagnosis.words import unit_of
+from ambient_trainer.diagnosis.words import share
 
 Array = NDArray[np.float64]
 
-NAME = "heat_source"
+_NAME = "heat_source"
 _COLD_BELOW_DEGC = 25.0
 
 
-def candidates(setting: Setting) -> Iterator[Candidate]:
+def _candidates(setting: Setting) -> Iterator[Candidate]:
     """Every node, by every signal and by none; a current also squared, with a resistance that may grow in the cold."""
     for node, name in enumerate(setting.plant.nodes):
         yield _unlogged(setting, node, name)
@@ -34,47 +46,31 @@ def candidates(setting: Setting) -> Iterator[Candidate]:
 
 def _unlogged(setting: Setting, node: int, name: str) -> Candidate:
     scale, unit = setting.heat_unit(node)
-
-    def terms(view: View) -> tuple[HeatTerm, ...]:
-        return (HeatTerm(view.ones, setting.into(node, _one)),)
-
-    def magnitude(found: Estimate) -> Magnitude:
-        return Magnitude(
-            scale * float(found.values[0]), unit, f"heat into {name} while it lasts", found.interval(0, scale)
-        )
-
-    return Candidate(Cause(NAME, name), Span.WINDOW, terms, magnitude)
+    magnitude = first_coefficient(unit, f"heat into {name} while it lasts", scale)
+    return Candidate(Cause(_NAME, name), Span.WINDOW, heat(setting.into(node, constant)), magnitude)
 
 
 def _driven(setting: Setting, node: int, name: str, signal: str) -> Candidate:
     scale, unit = setting.heat_unit(node)
 
     def terms(view: View) -> tuple[HeatTerm, ...]:
-        return (HeatTerm(view.signal(signal), setting.into(node, _one)),)
-
-    def magnitude(found: Estimate) -> Magnitude:
-        value = scale * float(found.values[0])
-        return Magnitude(value, per(unit, signal), f"heat into {name} per {signal}", found.interval(0, scale))
+        return (HeatTerm(view.signal(signal), setting.into(node, constant)),)
 
     def extend(circuit: Circuit, values: Array) -> Circuit:
         return with_source(circuit, name, signal, float(values[0]), per("W", signal))
 
-    return Candidate(Cause(NAME, name, signal), Span.WHOLE, terms, magnitude, extend=extend)
+    magnitude = first_coefficient(per(unit, signal), f"heat into {name} per {signal}", scale)
+    return Candidate(Cause(_NAME, name, signal), Span.WHOLE, terms, magnitude, extend=extend)
 
 
 def _squared(setting: Setting, node: int, name: str, signal: str) -> Candidate:
     scale, unit = setting.heat_unit(node)
 
     def terms(view: View) -> tuple[HeatTerm, ...]:
-        return (HeatTerm(view.signal(signal) ** 2, setting.into(node, _one)),)
+        return (HeatTerm(view.signal(signal) ** 2, setting.into(node, constant)),)
 
-    def magnitude(found: Estimate) -> Magnitude:
-        value = scale * float(found.values[0])
-        return Magnitude(value, f"{unit}/A^2", f"heat into {name} per {signal} squared", found.interval(0, scale))
-
-    return Candidate(
-        Cause(NAME, name, signal), Span.WHOLE, terms, magnitude, plausible=lambda values: values[..., 0] > 0
-    )
+    magnitude = first_coefficient(f"{unit}/A^2", f"heat into {name} per {signal} squared", scale)
+    return Candidate(Cause(_NAME, name, signal), Span.WHOLE, terms, magnitude, plausible=positive)
 
 
 def _squared_in_the_cold(setting: Setting, node: int, name: str, signal: str) -> Candidate:
@@ -83,33 +79,40 @@ def _squared_in_the_cold(setting: Setting, node: int, name: str, signal: str) ->
     def terms(view: View) -> tuple[HeatTerm, ...]:
         squared = view.signal(signal) ** 2
         return (
-            HeatTerm(squared, setting.into(node, _one)),
+            HeatTerm(squared, setting.into(node, constant)),
             HeatTerm(squared, setting.into(node, lambda nodes, air: _COLD_BELOW_DEGC - nodes[node])),
         )
 
-    def magnitude(found: Estimate) -> Magnitude:
-        value = scale * float(found.values[0])
-        meaning = f"heat into {name} per {signal} squared at {_COLD_BELOW_DEGC:g} degC, growing in the cold"
-        return Magnitude(value, f"{unit}/A^2", meaning, found.interval(0, scale))
+    def growth_per_K(estimate: Estimate) -> float:
+        return float(estimate.values[1] / estimate.values[0])
 
-    def parameters(found: Estimate) -> Parameters:
-        return {"growth_per_K": (float(found.values[1] / found.values[0]), "1/K")}
+    def magnitude(estimate: Estimate) -> Magnitude:
+        grows = f"growing in the cold by {share(growth_per_K(estimate))} per K"
+        meaning = f"heat into {name} per {signal} squared at {_COLD_BELOW_DEGC:g} degC, {grows}:"
+        value, interval = scale * float(estimate.values[0]), estimate.interval(0, scale)
+        return Magnitude(value, f"{unit}/A^2", meaning, interval, grows)
 
-    return Candidate(
-        Cause(NAME, name, signal),
-        Span.WHOLE,
-        terms,
-        magnitude,
-        parameters,
-        fixed=(None, None),
-        plausible=lambda values: np.asarray((values > 0).all(axis=-1)),
-    )
+    def parameters(estimate: Estimate) -> Parameters:
+        return {"growth_per_K": (growth_per_K(estimate), "1/K")}
+
+    cause = Cause(_NAME, name, signal)
+    return Candidate(cause, Span.WHOLE, terms, magnitude, parameters, fixed=(None, None), plausible=positive)
 
 
-def _one(nodes_degC: Array, ambient_degC: Array) -> Array:
-    return np.ones_like(ambient_degC)
+def _not_in_circuit(cause: Cause) -> str:
+    if cause.signal is None:
+        return "a source of a circuit follows a logged signal: log what drives it"
+    return f"a source of a circuit is proportional to its signal: log {cause.signal} squared beside it"
 
 
-def per(unit: str, signal: str) -> str:
-    """``unit`` per unit of a trace column: on/off signals and fractions have none."""
-    return f"{unit} per {unit_of(signal)}" if unit_of(signal) else unit
+KIND = CauseKind(
+    _NAME,
+    "heat that the circuit does not know",
+    "a source heats {place}",
+    _candidates,
+    _not_in_circuit,
+    rank=10,
+    built_in=True,
+    heats=True,
+    one_sign=True,
+)

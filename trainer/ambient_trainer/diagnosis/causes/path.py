@@ -10,17 +10,24 @@ from numpy.typing import NDArray
 
 from ambient_trainer.circuits.addition import with_edge
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.diagnosis.candidate import Candidate, Estimate, Setting, Span
-from ambient_trainer.diagnosis.result import Cause, Magnitude
-from ambient_trainer.diagnosis.terms import HeatTerm
-from ambient_trainer.diagnosis.view import View, joined
+from ambient_trainer.diagnosis.candidate import (
+    Candidate,
+    CauseKind,
+    Setting,
+    Span,
+    first_coefficient,
+    heat,
+    positive,
+)
+from ambient_trainer.diagnosis.result import Cause
+from ambient_trainer.diagnosis.view import joined
 
 Array = NDArray[np.float64]
 
-NAME = "path"
+_NAME = "path"
 
 
-def candidates(setting: Setting) -> Iterator[Candidate]:
+def _candidates(setting: Setting) -> Iterator[Candidate]:
     """Every pair of nodes without an edge."""
     there = joined(setting.plant)
     for one, other in combinations(range(len(setting.plant.nodes)), 2):
@@ -34,26 +41,24 @@ def _joined(setting: Setting, one: int, other: int) -> Candidate:
 
     def law(nodes_degC: Array, ambient_degC: Array) -> Array:
         flow = nodes_degC[other] - nodes_degC[one]
-        heat = np.zeros_like(nodes_degC)
-        heat[one], heat[other] = flow, -flow
-        return heat
-
-    def terms(view: View) -> tuple[HeatTerm, ...]:
-        return (HeatTerm(view.ones, law),)
-
-    def magnitude(found: Estimate) -> Magnitude:
-        meaning = f"conductance between {names[one]} and {names[other]}"
-        value = scale * float(found.values[0])
-        return Magnitude(value, setting.conductance_unit, meaning, found.interval(0, scale))
+        into = np.zeros_like(nodes_degC)
+        into[one], into[other] = flow, -flow
+        return into
 
     def extend(circuit: Circuit, values: Array) -> Circuit:
         return with_edge(circuit, names[one], names[other], 1.0 / float(values[0]))
 
-    return Candidate(
-        Cause(NAME, f"{names[one]}-{names[other]}"),
-        Span.WINDOW,
-        terms,
-        magnitude,
-        plausible=lambda values: values[..., 0] > 0,
-        extend=extend,
-    )
+    cause = Cause(_NAME, f"{names[one]}-{names[other]}")
+    meaning = f"conductance between {names[one]} and {names[other]}"
+    magnitude = first_coefficient(setting.conductance_unit, meaning, scale)
+    return Candidate(cause, Span.WINDOW, heat(law), magnitude, plausible=positive, extend=extend)
+
+
+KIND = CauseKind(
+    _NAME,
+    "a conduction path that the circuit lacks",
+    "heat is conducted between {place}",
+    _candidates,
+    rank=60,
+    built_in=True,
+)

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ambient_trainer.diagnosis.causes import claim
 from ambient_trainer.diagnosis.experiment.difference import Hypothesis, Limits, largest_difference
 from ambient_trainer.diagnosis.experiment.plan import Intervention, bench_of, plans
 from ambient_trainer.diagnosis.experiment.sentence import Wording
 from ambient_trainer.diagnosis.experiment.survey import survey
 from ambient_trainer.diagnosis.gain import differ
 from ambient_trainer.diagnosis.model import Effect
-from ambient_trainer.diagnosis.phrases import claim
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause, Step
 from ambient_trainer.diagnosis.selection import Selection, Trial
 

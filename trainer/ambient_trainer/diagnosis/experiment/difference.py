@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.causes import clock_offset
+from ambient_trainer.diagnosis.causes import kind_of
 from ambient_trainer.diagnosis.experiment.plan import Bench, Plan
 from ambient_trainer.diagnosis.experiment.simulate import Course, Predicted, predicted
 from ambient_trainer.diagnosis.model import Effect, Model
@@ -99,7 +99,7 @@ def largest_difference(
 def _reach_s(every: Sequence[Hypothesis]) -> float:
     """How far a wrong clock reaches back: what the reference logs later was there before."""
     effects = [effect for each in every for effect in each.model.effects]
-    shapes = [each.candidate.shape for each in effects if each.candidate.cause.name == clock_offset.NAME]
+    shapes = [each.candidate.shape for each in effects if kind_of(each.candidate.cause).shifts_clock]
     return max((abs(shape) for shape in shapes if shape is not None), default=0.0)
 
 
