@@ -1,4 +1,4 @@
-"""The command line: status 0 is done, 1 the work failed, 2 the call was wrong, and a message says why.
+"""The command line: status 0 is done, 1 the work failed, 2 the call was wrong, and a message explains it.
 
 Each command imports what it needs when it runs: a replay pays neither memory nor time for sockets.
 """
@@ -12,7 +12,7 @@ from typing import Any
 from ambient_model import __version__
 from ambient_model.faults import Refused
 from ambientd.config import RATE_RANGE_HZ, Settings, publishing_to
-from ambientd.publish.spec import KINDS, Spec, parse
+from ambientd.publish.spec import Spec, kinds, parse
 
 
 def call(arguments: Sequence[str]) -> int:
@@ -26,7 +26,7 @@ def call(arguments: Sequence[str]) -> int:
     except Refused as refused:
         return _failed(str(refused))
     except BrokenPipeError:
-        # what is still buffered has no reader: let the interpreter's last flush go nowhere
+        # what is still buffered has no reader: the interpreter's last flush goes nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
@@ -52,15 +52,22 @@ class _Help(argparse.HelpFormatter):
 
 
 class _Parser(argparse.ArgumentParser):
-    """Formats with :class:`_Help`, and so do its commands."""
+    """Formats with :class:`_Help`, and so do its commands; lists the kinds of publishers where help is asked for."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(formatter_class=_Help, **options)
 
+    def format_help(self) -> str:
+        """The help text."""
+        if self.get_default("command") is _run:
+            self.epilog = f"kinds of publishers: {', '.join(kinds())}"
+        return super().format_help()
+
 
 def _parser() -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = _Parser(
-        prog="ambientd", description="Tell a device how warm the air around it is, from the temperatures inside it."
+        prog="ambientd",
+        description="Estimate the temperature of the air around a device from the temperatures inside it.",
     )
     parser.add_argument("--version", action="version", version=f"ambientd {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
@@ -73,8 +80,8 @@ def _parser() -> argparse.ArgumentParser:
         "--stale-after",
         metavar="S",
         type=_number(0.1, 1e6),
-        default=15.0,  # the slowest daemon speaks every 10 s
-        help="say so when nothing has come for S seconds (default: 15)",
+        default=15.0,  # the slowest daemon ticks every 10 s
+        help="warn when no line has come for S seconds (default: 15)",
     )
     watch.set_defaults(command=_watch)
     return parser
@@ -91,7 +98,7 @@ def _add_run(commands: "_Commands[argparse.ArgumentParser]") -> None:
         metavar="KIND:PATH",
         type=_spec,
         action="append",
-        help=f"where to; repeatable; kinds: {', '.join(KINDS)} (default: stdout)",
+        help="where to; repeatable (default: stdout)",
     )
     run.add_argument("--replay", metavar="TRACE", help="read this trace, at its own pace, instead of the thermal zones")
     pace = run.add_mutually_exclusive_group()
@@ -121,7 +128,7 @@ def _add_replay(commands: "_Commands[argparse.ArgumentParser]") -> None:
 
 
 def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
-    check = commands.add_parser("check", help="prove a model file right, find its sensors, try its outputs")
+    check = commands.add_parser("check", help="verify a model file, its sensors and its outputs")
     _add_origin(check)
     check.set_defaults(command=_check)
 
@@ -170,7 +177,7 @@ def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     from ambientd.run import run_replayed, run_sensors
 
     def settings() -> Settings:
-        """What the configuration says now, and the call overrides."""
+        """The configuration as it is now, with the call's overrides."""
         found = _settings(options)
         return publishing_to(found, options.publish) if options.publish else found
 
@@ -192,13 +199,13 @@ def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Non
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    from ambientd.check import check_all, check_files, check_outlets, check_sensors, say_unneeded
+    from ambientd.check import check_all, check_files, check_outlets, check_sensors, report_sensors
 
     settings = _settings(options)
     check_files(settings)
-    # a model file alone may be checked on a host; a configuration or a root says that here is the device
+    # a model file alone may be checked on a host; a configuration or a root means that this is the device
     if options.config is None and options.sysfs_root is None:
-        say_unneeded(settings)
+        report_sensors(settings)
     else:
         check_all(settings, (check_sensors, check_outlets))
 

@@ -1,6 +1,6 @@
-"""For consumers: read the published file or status, follow the socket, and know when that is stale.
+"""For consumers: read the published file or status, follow the socket, and detect when it is stale.
 
-This file needs the standard library alone and may be copied. What cannot be trusted is never handed out as a value::
+This file needs the standard library alone and may be copied. What cannot be trusted is never returned as a value::
 
     from ambientd.client import Follower, NoValue, read_file_degC
 
@@ -16,7 +16,7 @@ This file needs the standard library alone and may be copied. What cannot be tru
             else:
                 act_on(reading.ambient_degC)
 
-Nothing here waits longer than it says. A file is read as it is at the moment of the call, and its age is its
+Nothing here waits longer than its timeout. A file is read as it is at the moment of the call, and its age is its
 modification time's, either way off the wall clock: a clock that was set wrong makes it stale, until the daemon writes
 again. The socket's ages are on a clock that never jumps and counts suspend; a wait does not count it.
 """
@@ -42,15 +42,15 @@ _FIRST_DELAY_S, _LAST_DELAY_S = 0.1, 5.0
 
 
 class NoValue(Exception):
-    """There is no value to be trusted; the message says why."""
+    """There is no trustworthy value; the message gives the reason."""
 
 
 class Absent(NoValue):
-    """Nothing is there, or it may not be read: the daemon has ended, or has no value to be trusted."""
+    """Nothing is there, or it may not be read: the daemon has ended, or has no trustworthy value."""
 
 
 class Poisoned(NoValue):
-    """What the daemon says instead of a value that is not trusted."""
+    """The daemon's replacement for a value that is not trusted."""
 
 
 class Stale(NoValue):
@@ -58,7 +58,7 @@ class Stale(NoValue):
 
 
 class Malformed(NoValue):
-    """What is there is nothing that the daemon writes."""
+    """The content is nothing that the daemon writes."""
 
 
 class Sensor(NamedTuple):
@@ -84,9 +84,9 @@ class Reading(NamedTuple):
     low_degC: float | None
     high_degC: float | None
     level_percent: int
-    """How often the truth lies between low and high."""
+    """The share of errors that low to high covers."""
     age_s: float | None
-    """Since the estimate rested on readings alone; None where it never did."""
+    """Since the estimate last used current readings alone; None where it never did."""
     sensors: Mapping[str, Sensor]
 
 
@@ -101,13 +101,13 @@ def read_file_degC(
     digits = content.rstrip(b"\n").removeprefix(b"-")
     # int() would take a blank, a plus and an underscore, too
     if not content.endswith(b"\n") or not digits.isdigit():
-        raise Malformed(f"{path}: says {content!r}")
+        raise Malformed(f"{path}: holds {content!r}")
     millidegC = int(content)
     if millidegC == poison_millidegC:
-        raise Poisoned(f"{path}: says {millidegC}, the poison")
+        raise Poisoned(f"{path}: holds {millidegC}, the poison")
     ambient_degC = (millidegC - offset_millidegC) / 1000
     if ambient_degC < _COLDEST_DEGC:
-        raise Poisoned(f"{path}: says {millidegC}, below absolute zero")
+        raise Poisoned(f"{path}: holds {millidegC}, below absolute zero")
     return ambient_degC
 
 
@@ -143,7 +143,7 @@ def _fresh_content(path: str, max_age_s: float, longest_bytes: int) -> bytes:
 
 def parse_reading(line: bytes) -> Reading:
     """The reading in one line of the socket or in the status file; raises ValueError, 'what is wrong'."""
-    import json  # who reads the file alone does not pay for it
+    import json  # reading the file needs none of it
 
     try:
         # its text is decoded here: json would take UTF-16, and so half a line, for something else
@@ -153,7 +153,7 @@ def parse_reading(line: bytes) -> Reading:
 
 
 def _reading(data: Any) -> Reading:
-    # what is not known here is left alone: a later daemon may say more
+    # unknown keys are ignored: a later daemon may add some
     reading = Reading(
         time_s=_number(data["time_s"]),
         model=_text(data["model"]),
@@ -195,17 +195,17 @@ def _number_or_none(value: Any) -> float | None:
 
 
 def clock_s() -> float:
-    """The clock of a :class:`Follower`: it never jumps, and counts suspend where the system can tell."""
+    """The clock of a :class:`Follower`: it never jumps, and counts suspend where the system does."""
     return time.clock_gettime(_CLOCK)
 
 
 class Follower:
     """Follows a ``socket:`` publication, over restarts of the daemon; a context, and an iterator.
 
-    A reading's age counts from its arrival. One that had to wait for its consumer has the age that its ``time_s`` says
-    beside those of the same connection that had not (a replay slower than its trace therefore looks stale). A line that
-    is no reading is skipped and counted in ``skipped``; a connection that says 64 KiB without a line is given up. After
-    ``max_age_s`` without anything newer the newest is :class:`Stale`, whatever the reason.
+    A reading's age counts from its arrival. One that had to wait for its consumer has the age that its ``time_s`` has
+    relative to those of the same connection that had not (a replay slower than its trace therefore looks stale). A line
+    that is no reading is skipped and counted in ``skipped``; a connection that sends 64 KiB without a line is closed.
+    After ``max_age_s`` without anything newer the newest is :class:`Stale`, whatever the reason.
     """
 
     def __init__(self, path: str, max_age_s: float) -> None:
@@ -219,10 +219,10 @@ class Follower:
         self._connection: socket.socket | None = None
         self._rest = b""
         self._waiting: list[Reading] = []
-        self._silent_s = -math.inf
-        """When nothing was there to be taken in, the last time."""
+        self._empty_s = -math.inf
+        """When the connection was last empty."""
         self._offset_s = math.inf
-        """From ``time_s`` to the clock, for what did not have to wait."""
+        """From ``time_s`` to the clock, for what did not wait."""
         self._delay_s = _FIRST_DELAY_S
         self._retry_s = -math.inf
 
@@ -232,9 +232,9 @@ class Follower:
         return clock_s() - self._born_s
 
     def newest(self) -> Reading:
-        """The newest reading that :meth:`wait` took in; raises :class:`Stale`, or :class:`Absent` where none came."""
+        """The newest reading that :meth:`wait` returned; raises :class:`Stale`, or :class:`Absent` where none came."""
         if self._newest is None:
-            raise Absent(f"{self.path}: {self.problem or 'nothing was said yet'}")
+            raise Absent(f"{self.path}: {self.problem or 'nothing was received yet'}")
         if not self.age_s <= self.max_age_s:
             raise Stale(f"{self.path}: the newest is {self.age_s:.1f} s old{self.problem and f' ({self.problem})'}")
         return self._newest
@@ -245,7 +245,7 @@ class Follower:
         while True:
             while self._waiting:
                 self._newest = self._waiting.pop(0)
-                self._born_s = self._silent_s if self._offset_s == math.inf else self._newest.time_s + self._offset_s
+                self._born_s = self._empty_s if self._offset_s == math.inf else self._newest.time_s + self._offset_s
                 if self.age_s <= self.max_age_s:
                     return self._newest
             now_s = clock_s()
@@ -255,7 +255,7 @@ class Follower:
             if self._connection is None:
                 time.sleep(max(0.0, min(left_s, self._retry_s - now_s)))
             else:
-                self._take_in(self._connection, left_s)
+                self._receive(self._connection, left_s)
             if not self._waiting and clock_s() >= end_s:
                 return None
 
@@ -266,7 +266,7 @@ class Follower:
             yield self.wait(fresh_for_s if fresh_for_s > 0 else self.max_age_s)
 
     def close(self) -> None:
-        """Leave the daemon."""
+        """Close the connection."""
         self._leave("closed", clock_s())
 
     def __enter__(self) -> "Follower":
@@ -278,10 +278,10 @@ class Follower:
         self.close()
 
     def _connect(self, now_s: float) -> None:
-        import socket  # who reads files alone does not pay for it
+        import socket  # reading files needs none of it
 
         self._rest = b""
-        self._silent_s = now_s
+        self._empty_s = now_s
         self._offset_s = math.inf
         try:
             self._connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -292,7 +292,7 @@ class Follower:
             self._leave(getattr(error, "strerror", None) or str(error), now_s)
 
     def _leave(self, problem: str, now_s: float) -> None:
-        """Let the connection go, and try again ever more rarely until something is said again."""
+        """Close the connection, and retry ever more rarely until something is received again."""
         if self._connection is not None:
             self._connection.close()
         self._connection = None
@@ -300,31 +300,31 @@ class Follower:
         self._retry_s = now_s + self._delay_s
         self._delay_s = min(2 * self._delay_s, _LAST_DELAY_S)
 
-    def _take_in(self, connection: "socket.socket", timeout_s: float) -> None:
-        """Take in what is said, or what comes in ``timeout_s``."""
+    def _receive(self, connection: "socket.socket", timeout_s: float) -> None:
+        """Receive what is there, or what comes in ``timeout_s``."""
         ready = select.poll()
         ready.register(connection, select.POLLIN)
-        at_once = not ready.poll(0)  # what comes now does not have to wait
+        at_once = not ready.poll(0)  # what comes now did not wait
         if at_once:
-            self._silent_s = clock_s()
+            self._empty_s = clock_s()
             if not ready.poll(math.ceil(min(timeout_s, 3600.0) * 1000)):
                 return
         try:
-            said = connection.recv(_LONGEST_LINE_BYTES)
+            received = connection.recv(_LONGEST_LINE_BYTES)
         except BlockingIOError:
             return
         except OSError as error:
             return self._leave(error.strerror or str(error), clock_s())
-        if not said:  # what was begun of a line is nothing
+        if not received:  # a line begun is dropped
             return self._leave("the daemon has ended", clock_s())
-        *lines, self._rest = (self._rest + said).split(b"\n")
+        *lines, self._rest = (self._rest + received).split(b"\n")
         now_s = clock_s()
         for line in lines:
-            self._hear(line, now_s if at_once else math.inf)
+            self._parse(line, now_s if at_once else math.inf)
         if len(self._rest) > _LONGEST_LINE_BYTES:
-            self._leave("what is said there has no lines", clock_s())
+            self._leave("what is received has no lines", clock_s())
 
-    def _hear(self, line: bytes, came_s: float) -> None:
+    def _parse(self, line: bytes, came_s: float) -> None:
         try:
             reading = parse_reading(line)
         except ValueError:

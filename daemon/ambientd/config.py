@@ -1,7 +1,7 @@
 """A configuration is YAML, or JSON where the file ends with .json; it is taken whole or refused with every fault.
 
-Paths that are not absolute are taken from the configuration's own folder. A file that was made to do harm costs no more
-than a large honest one.
+Paths that are not absolute are taken from the configuration's own folder. A hostile file costs no more than a
+large honest one.
 """
 
 import os
@@ -13,7 +13,7 @@ from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import LEVELS_PERCENT
 from ambientd.publish.access import Access, read_access
-from ambientd.publish.spec import AT_EXIT, MILLIDEGREES_LIMIT, MODES, Spec, parse
+from ambientd.publish.spec import Spec, kind_module, parse
 from ambientd.sources.spec import Location, read_location, read_rules
 from ambientd.sources.supervision import Rules
 
@@ -37,13 +37,10 @@ _KEYS = (
 )
 _LARGEST_BYTES = 2**16
 _LONGEST_TEXT = 1000
-_LONGEST_SAID = 200
+_LONGEST_PROBLEM = 200
 _MOST_FAULTS = 100
 _MOST_PUBLISHERS = 32
 _STATE_KEYS = ("path", "max_age_s", "access")
-_FILE_KEYS = ("mode", "poison_millidegC", "offset_millidegC", "at_exit")
-_PUBLISH_KEYS = ("kind", "path", *_FILE_KEYS, "access")
-_OFFSET_LIMIT_MILLIDEGC = 10**6
 
 
 class StateSpec(NamedTuple):
@@ -59,7 +56,7 @@ class Settings(NamedTuple):
     """How the daemon is to run."""
 
     source: str
-    """The file that says so, for messages."""
+    """The file of this configuration, for messages."""
     model: str
     rate_hz: float = 1.0
     sysfs_root: str = "/sys"
@@ -77,7 +74,7 @@ class Settings(NamedTuple):
     """Per input name where it is read, where that is not the model's zone."""
     supervision: Rules = Rules()
     access: Access = Access()
-    """Of all that is created, where a publication or the state says nothing else."""
+    """Of all that is created, where a publication or the state has none of its own."""
 
 
 def settings_for_model(path: str) -> Settings:
@@ -86,7 +83,7 @@ def settings_for_model(path: str) -> Settings:
 
 
 def publishing_to(settings: Settings, specs: Sequence[Spec]) -> Settings:
-    """``settings`` with ``specs``, which say nothing of their access, in place of what is published."""
+    """``settings`` with ``specs``, which have no access of their own, in place of what is published."""
     return settings._replace(publish=tuple([_accessible(spec, settings.access) for spec in specs]))
 
 
@@ -148,12 +145,12 @@ def _yaml(path: str, text: str) -> Any:
         raise refuse(path, "", "nested too deep", "nest less") from error
     except (yaml.YAMLError, ValueError) as error:
         raise refuse(path, "", str(error), "correct it") from error
-    except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of a value that belies its tag
-        raise refuse(path, "", f"a value is not what its tag says ({error})", "write it without a tag") from error
+    except (ArithmeticError, AttributeError, LookupError, TypeError) as error:  # of a value that does not fit its tag
+        raise refuse(path, "", f"a value does not fit its tag ({error})", "write it without a tag") from error
 
 
 def _refuse_tricks(node: Any, seen: set[int]) -> None:
-    """Refuse what YAML takes in silence: a key's double, which the later wins, and aliases, which multiply."""
+    """Refuse what YAML accepts silently: a duplicate key, of which the last wins, and aliases, which multiply."""
     if node is None:
         return
     if node.id == "scalar" and len(node.value) > _LONGEST_TEXT:
@@ -175,11 +172,11 @@ def _without_doubles(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _said(text: str) -> str:
-    """``text`` on one line of a sane length: keys and values are anybody's."""
+def _printable(text: str) -> str:
+    """``text`` on one line of bounded length: keys and values are untrusted."""
     if not text.isprintable():
         text = repr(text)
-    return text if len(text) <= _LONGEST_SAID else f"{text[: _LONGEST_SAID - 3]}..."
+    return text if len(text) <= _LONGEST_PROBLEM else f"{text[: _LONGEST_PROBLEM - 3]}..."
 
 
 class _Reading:
@@ -190,8 +187,8 @@ class _Reading:
         self.faults: list[Fault] = []
         self.common_access = Access()
 
-    def fault(self, place: str, problem: str, mend: str) -> None:
-        self.faults.append(Fault(_said(place), _said(problem), mend))
+    def fault(self, place: str, problem: str, hint: str) -> None:
+        self.faults.append(Fault(_printable(place), _printable(problem), hint))
 
     def settings(self, data: Any) -> Settings:
         settings = Settings(source=self.path, model="")
@@ -309,52 +306,28 @@ class _Reading:
         if not isinstance(value, dict):
             self.fault(place, f"is {value!r}", "KIND:PATH or a mapping is wanted")
             return None
-        self.unknown(f"{place}.", value, _PUBLISH_KEYS)
         kind = self.text(f"{place}.kind", value.get("kind"))
         path = self.text(f"{place}.path", value["path"]) if "path" in value else ""
         spec = self.parsed(place, f"{kind}:{path}" if path else kind) if kind else None
         if spec is None:
             return None
-        for key in _FILE_KEYS:
-            if key in value and spec.kind != "file":
-                self.fault(f"{place}.{key}", f"says nothing for kind {spec.kind!r}", "only 'file' takes it: remove it")
+        module = kind_module(spec.kind)
+        keys = getattr(module, "KEYS", ())
+        self.unknown(f"{place}.", value, ("kind", "path", *keys, "access"))
+        if keys:
+            spec = module.configured(spec, place, value, self.fault)
         if "access" in value and not spec.path:
-            self.fault(f"{place}.access", f"says nothing for kind {spec.kind!r}", "remove it")
-        readers: dict[str, Callable[[str, Any], Any]] = {
-            "mode": lambda place, value: self.choice(place, value, MODES),
-            "poison_millidegC": lambda place, value: self.millidegrees(place, value, MILLIDEGREES_LIMIT),
-            "offset_millidegC": lambda place, value: self.millidegrees(place, value, _OFFSET_LIMIT_MILLIDEGC),
-            "at_exit": lambda place, value: self.choice(place, value, AT_EXIT),
-            "access": self.access,
-        }
-        spec = spec._replace(
-            **{key: read(f"{place}.{key}", value[key]) for key, read in readers.items() if key in value}
-        )
-        if (spec.at_exit, spec.poison_millidegC) == ("poison", None):
-            self.fault(f"{place}.at_exit", "there is no poison to leave", "give poison_millidegC, too")
-        return spec
+            self.fault(f"{place}.access", f"has no effect on kind {spec.kind!r}", "remove it")
+        return spec._replace(access=self.access(f"{place}.access", value["access"])) if "access" in value else spec
 
     def parsed(self, place: str, text: str) -> Spec | None:
         try:
             spec = parse(text)
         except ValueError as error:
-            problem, _, mend = str(error).partition("; ")
-            self.fault(place, problem, mend)
+            problem, _, hint = str(error).partition("; ")
+            self.fault(place, problem, hint)
             return None
         return _accessible(spec._replace(path=self.file(place, spec.path)), self.common_access) if spec.path else spec
 
     def access(self, place: str, value: Any) -> Access:
         return read_access(place, value, self.common_access, self.fault)
-
-    def choice(self, place: str, value: Any, known: tuple[str, ...]) -> str:
-        if value not in known:
-            self.fault(place, f"is {value!r}", f"one of {', '.join(known)} is wanted")
-            return known[0]
-        return str(value)
-
-    def millidegrees(self, place: str, value: Any, limit: int) -> int:
-        if type(value) is not int or abs(value) >= limit:
-            digits = len(str(limit - 1))
-            self.fault(place, f"is {value!r}", f"an integer in millidegrees, of at most {digits} digits, is wanted")
-            return 0
-        return value

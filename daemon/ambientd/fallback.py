@@ -1,12 +1,12 @@
-"""While one input is away, the estimator that does without it speaks: the rule for taking over without a jump.
+"""Fallback estimators: while an input is missing, the one that does without it is active, without a jump.
 
-Where the input stays away for longer than is bridged, the main estimator starts anew when it is back, and is waited for
-until it has settled.
+Where the input is missing for longer than is bridged, the main estimator starts anew when it is back, and becomes
+active once it has settled.
 
-Every fallback knows all that the main estimator knew, so that it has settled when it is needed; as long as nobody asks
-it, it takes the samples some at a time, which costs a fraction and comes to the same. Where the voice changes, the
-difference to what was last said is added to what the new one says, and fades as a thermal state does. It knows no
-clock: time comes in as an argument.
+Every fallback takes all samples that the main estimator takes, so that it has settled when it is needed; while it is
+not active it takes them in batches, which costs a fraction and gives the same state. Where the active estimator
+changes, the difference to the last published estimate is added to the new one's, and decays as a thermal state does. It
+knows no clock: time comes in as an argument.
 """
 
 import math
@@ -28,24 +28,25 @@ if TYPE_CHECKING:
     from ambient_model.observer import Background, Observer
 
 _MOST_BEHIND = 128
-"""Samples that the fallbacks may owe: enough for the cost to vanish, few enough to be made up for in a millisecond."""
+"""Samples in a batch of the fallbacks: enough for the cost to vanish, few enough to be processed in a millisecond."""
 
 
 class FallbackState(NamedTuple):
-    """What a :class:`FallbackTracker` rests on, for another of the same model."""
+    """State of a :class:`FallbackTracker`, for another of the same model."""
 
-    voices: tuple[Snapshot | None, ...]
+    snapshots: tuple[Snapshot | None, ...]
     """The main estimator's, then each fallback's; None for one that has not begun."""
-    speaking: int
-    """Which of them was last heard."""
+    active: int
+    """The index of the active one."""
     difference_degC: float
-    said_degC: float | None
-    said_s: float
+    last_degC: float | None
+    """The last published estimate."""
+    last_s: float
     background: "Background | None" = None
-    """Of a model with a guard or a spread."""
+    """Of a model with a secondary estimator or an error variance model."""
 
 
-class _Voice:
+class _Member:
     """An estimator at work, fed from the readings of all the model's inputs."""
 
     def __init__(self, model: Model, estimator: Estimator, period_s: float, level: int, coast_s: float | None) -> None:
@@ -57,12 +58,12 @@ class _Voice:
         return self.tracker.update(time_s, [readings[index] for index in self._picks])
 
     def follow(self, samples: list[tuple[float, list[float]]]) -> None:
-        """Take samples that the main estimator has found complete and in their ranges, which are the same here."""
+        """Take samples that are complete and in their ranges."""
         for time_s, readings in samples:
             self.tracker.follow(time_s, [readings[index] for index in self._picks])
 
     def used(self, estimate: Estimate) -> tuple[float | None, ...]:
-        """What it used, per input of the model: None for the one that it does without."""
+        """Its inputs, per input of the model: None for the one that it does without."""
         values: list[float | None] = [None] * self._width
         for index, value in zip(self._picks, estimate.used):
             values[index] = value
@@ -72,132 +73,134 @@ class _Voice:
 class FallbackTracker:
     """A model's main estimator and its fallbacks, fed one sample at a time; the interval is that of ``level`` percent.
 
-    Guard and spread are the main estimator's: where a fallback speaks, its own interval holds.
+    Secondary estimator and error variance model belong to the main one: a fallback has its own interval.
 
     ``period_s`` is how far apart the samples will lie. Two missing inputs leave no fallback: the main one coasts, for
     ``coast_s`` or, where that is None, as long as a gap is bridged.
     """
 
     def __init__(self, model: Model, period_s: float, level: int = 90, coast_s: float | None = None) -> None:
-        self._main = _Voice(model, model.main, period_s, level, coast_s)
+        self._main = _Member(model, model.main, period_s, level, coast_s)
         self._observer = _observer(model, self._main.tracker, level, coast_s)
-        self._hear = self._main.tracker.update if self._observer is None else self._observer.update
-        self._fallbacks = [_Voice(model, each, period_s, level, coast_s) for each in model.fallbacks.values()]
+        self._update_main = self._main.tracker.update if self._observer is None else self._observer.update
+        self._fallbacks = [_Member(model, each, period_s, level, coast_s) for each in model.fallbacks.values()]
         self.period_s = self._main.tracker.discrete.period_s
         self.limit_s = bridge_limit_s(self.period_s)
-        settling_steps = max(voice.tracker.settling_steps for voice in (self._main, *self._fallbacks))
+        settling_steps = max(member.tracker.settling_steps for member in (self._main, *self._fallbacks))
         # down to 5 % when the slowest has settled; a static model has no time of its own
-        self._fading_s = max(self.limit_s, settling_steps * self.period_s / 3)
-        self._behind: list[tuple[float, list[float]]] = []
-        self._speaking = self._main
+        self._decay_s = max(self.limit_s, settling_steps * self.period_s / 3)
+        self._batch: list[tuple[float, list[float]]] = []
+        self._active = self._main
         self._difference_degC = 0.0
-        self._said_degC: float | None = None
-        self._said_s = 0.0
+        self._last_degC: float | None = None
+        self._last_s = 0.0
 
     @property
-    def _voices(self) -> list[_Voice]:
+    def _members(self) -> list[_Member]:
         return [self._main, *self._fallbacks]
 
     @property
     def _settled(self) -> bool:
-        """Whether the main one has, which its status leaves open where its guard has a say."""
+        """Whether the main one has, which its status ``degraded`` leaves open."""
         return self._main.tracker.step >= self._main.tracker.settling_steps
 
-    def _make_up(self) -> None:
-        for voice in self._fallbacks:
-            voice.follow(self._behind)
-        self._behind = []
+    def _catch_up(self) -> None:
+        for member in self._fallbacks:
+            member.follow(self._batch)
+        self._batch = []
 
     def snapshot(self) -> FallbackState:
-        """What it rests on, for :meth:`restore`."""
-        self._make_up()
+        """Its state, for :meth:`restore`."""
+        self._catch_up()
         return FallbackState(
-            tuple([voice.tracker.snapshot() for voice in self._voices]),
-            self._voices.index(self._speaking),
+            tuple([member.tracker.snapshot() for member in self._members]),
+            self._members.index(self._active),
             self._difference_degC,
-            self._said_degC,
-            self._said_s,
+            self._last_degC,
+            self._last_s,
             None if self._observer is None else self._observer.background(),
         )
 
     def restore(self, state: FallbackState) -> None:
         """Go on from ``state``; raises ValueError, and changes nothing, where it is of another model or period."""
-        voices = self._voices
-        if len(state.voices) != len(voices) or not 0 <= state.speaking < len(voices):
+        members = self._members
+        if len(state.snapshots) != len(members) or not 0 <= state.active < len(members):
             raise ValueError("it has other estimators")
-        pairs = [(voice.tracker, snapshot) for voice, snapshot in zip(voices, state.voices) if snapshot is not None]
+        pairs = [
+            (member.tracker, snapshot) for member, snapshot in zip(members, state.snapshots) if snapshot is not None
+        ]
         if not all([tracker.fits(snapshot) for tracker, snapshot in pairs]):
             raise ValueError("it has another period or shape")
-        main, background = state.voices[0], state.background
+        main, background = state.snapshots[0], state.background
         if (self._observer is None) != (background is None):
             raise ValueError("it has other estimators")
         if main is not None and self._observer is not None and background is not None:
             if not self._observer.fits(main, background):
-                raise ValueError("it has another guard or spread")
+                raise ValueError("it has another secondary estimator or error variance")
             self._observer.restore(main, background)
-        self._make_up()
+        self._catch_up()
         for tracker, snapshot in pairs:
             tracker.restore(snapshot)
-        self._speaking = voices[state.speaking]
-        self._difference_degC, self._said_degC, self._said_s = state[2:5]
+        self._active = members[state.active]
+        self._difference_degC, self._last_degC, self._last_s = state[2:5]
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input of the model (degC, A, ...; None where missing)."""
-        main = self._hear(time_s, readings)
+        main = self._update_main(time_s, readings)
         if not self._fallbacks:
             return main
-        if has_all_inputs(main.status) and (self._speaking is self._main or self._settled):
-            self._behind.append((time_s, self._main.tracker.last))
-            if len(self._behind) >= _MOST_BEHIND:
-                self._make_up()
-            if self._speaking is self._main and self._difference_degC == 0:  # nothing is left to fade
-                self._said_degC, self._said_s = main.ambient_degC, time_s
+        if has_all_inputs(main.status) and (self._active is self._main or self._settled):
+            self._batch.append((time_s, self._main.tracker.last))
+            if len(self._batch) >= _MOST_BEHIND:
+                self._catch_up()
+            if self._active is self._main and self._difference_degC == 0:  # nothing is left to decay
+                self._last_degC, self._last_s = main.ambient_degC, time_s
                 return main
-            return self._say(time_s, self._main, main)
-        self._make_up()
-        others = [(voice, voice.update(time_s, readings)) for voice in self._fallbacks]
-        return self._say(time_s, *self._choose(main, others))
+            return self._publish(time_s, self._main, main)
+        self._catch_up()
+        others = [(member, member.update(time_s, readings)) for member in self._fallbacks]
+        return self._publish(time_s, *self._choose(main, others))
 
-    def _say(self, time_s: float, voice: _Voice, estimate: Estimate) -> Estimate:
-        """What is published of what ``voice`` says."""
+    def _publish(self, time_s: float, member: _Member, estimate: Estimate) -> Estimate:
+        """The estimate to publish, from that of the active ``member``."""
         ambient, low, high, status, used = estimate
         if ambient is None or low is None or high is None:
-            self._speaking, self._said_degC = voice, None
+            self._active, self._last_degC = member, None
             return estimate
-        self._difference_degC = difference = self._bridge(time_s, voice, ambient)
-        self._speaking, self._said_degC, self._said_s = voice, ambient + difference, time_s
+        self._difference_degC = difference = self._bridge(time_s, member, ambient)
+        self._active, self._last_degC, self._last_s = member, ambient + difference, time_s
         # the interval holds both ends of the bridge
         return Estimate(
-            self._said_degC,
+            self._last_degC,
             low + min(0.0, difference),
             high + max(0.0, difference),
             status,
-            used if voice is self._main else voice.used(estimate),
+            used if member is self._main else member.used(estimate),
         )
 
-    def _choose(self, main: Estimate, others: list[tuple[_Voice, Estimate]]) -> tuple[_Voice, Estimate]:
-        """Who speaks where the main one lacks an input, or lacked one and has not settled since."""
+    def _choose(self, main: Estimate, others: list[tuple[_Member, Estimate]]) -> tuple[_Member, Estimate]:
+        """The active estimator where the main one lacks an input, or lacked one and has not settled since."""
         own = WARMING_UP if has_all_inputs(main.status) else main.status
-        heard = self._voices.index(self._speaking)
-        number, status = decide(own, [estimate.status for _, estimate in others], heard)
+        active = self._members.index(self._active)
+        number, status = decide(own, [estimate.status for _, estimate in others], active)
         if number == MAIN:
             return self._main, main
-        voice, estimate = others[number - 1]
-        return voice, estimate._replace(status=status)
+        member, estimate = others[number - 1]
+        return member, estimate._replace(status=status)
 
-    def _bridge(self, time_s: float, voice: _Voice, ambient_degC: float) -> float:
-        """What is to be added to ``ambient_degC``, which ``voice`` has at ``time_s``."""
-        passed_s = time_s - self._said_s
-        if self._said_degC is None or not 0 <= passed_s <= self.limit_s:
+    def _bridge(self, time_s: float, member: _Member, ambient_degC: float) -> float:
+        """The difference to add to ``ambient_degC``, the estimate of ``member`` at ``time_s``."""
+        passed_s = time_s - self._last_s
+        if self._last_degC is None or not 0 <= passed_s <= self.limit_s:
             return 0.0
-        if voice is not self._speaking:
-            return self._said_degC - ambient_degC
-        return self._difference_degC * math.exp(-passed_s / self._fading_s)
+        if member is not self._active:
+            return self._last_degC - ambient_degC
+        return self._difference_degC * math.exp(-passed_s / self._decay_s)
 
 
 def _observer(model: Model, main: Tracker, level: int, coast_s: float | None) -> "Observer | None":
-    """What weighs the main estimator's word, where the model has any such thing."""
-    if model.guard is None and model.spread is None:
+    """The main estimator's observer, where the model has a secondary estimator or an error variance model."""
+    if model.secondary is None and model.error_variance is None:
         return None
     from ambient_model.observer import Observer
 

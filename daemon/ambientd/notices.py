@@ -1,6 +1,6 @@
-"""What goes wrong is said once, and once when it is well again; what flaps does not flood the log.
+"""Messages to the log: a fault is reported once, and once when it is over; one that flaps does not flood the log.
 
-A log that is full, gone or not read loses words, and holds up nothing.
+A log that is full, gone or not read loses messages and delays nothing.
 """
 
 import contextlib
@@ -12,8 +12,8 @@ _MOST = 6
 _WITHIN_S = 600.0
 
 
-def say(message: str) -> None:
-    """Say ``message`` on standard error, where the journal finds it, if there is room."""
+def log(message: str) -> None:
+    """Write ``message`` to standard error, if there is room."""
     room = select.poll()
     room.register(_STDERR, select.POLLOUT)
     with contextlib.suppress(OSError):
@@ -22,18 +22,18 @@ def say(message: str) -> None:
 
 
 class Notice:
-    """Whether a change for the worse or the better is worth a word: at most 6 in ten minutes are."""
+    """Whether a change is reported: at most 6 in ten minutes are."""
 
     def __init__(self) -> None:
         self._wrong = False
-        self._told_s: list[float] = []
+        self._reported_s: list[float] = []
 
     def changed(self, now_s: float, wrong: bool) -> bool:
-        """True where ``wrong`` is not what was last told, and it should be told now."""
+        """True where ``wrong`` is not what was last reported, and is to be reported now."""
         if wrong == self._wrong:
             return False
-        if len(self._told_s) == _MOST and now_s - self._told_s[0] < _WITHIN_S:
+        if len(self._reported_s) == _MOST and now_s - self._reported_s[0] < _WITHIN_S:
             return False
         self._wrong = wrong
-        self._told_s = [*self._told_s, now_s][-_MOST:]
+        self._reported_s = [*self._reported_s, now_s][-_MOST:]
         return True

@@ -1,7 +1,7 @@
-"""The service manager is told what systemd's ``sd_notify`` protocol has words for; the watchdog hears real ticks alone.
+"""Notifications to the service manager by systemd's ``sd_notify`` protocol; only a completed tick feeds the watchdog.
 
-One datagram of ``NAME=value`` lines to the socket that ``NOTIFY_SOCKET`` names. Telling never waits: what the socket
-does not take is owed, and goes out with what is told next, its newest value only.
+One datagram of ``NAME=value`` lines to the socket that ``NOTIFY_SOCKET`` names. Sending never waits: what the socket
+does not take is sent with the next notification, its newest value only.
 """
 
 import os
@@ -16,14 +16,14 @@ _MOST_STATUS_CHARACTERS = 200
 
 
 class Notifier:
-    """What ``environment`` says of the service manager; without one everything is told to nobody.
+    """Notifies the service manager that ``environment`` names, if any.
 
-    ``note`` is told once where the manager cannot be reached.
+    ``note`` takes one message where the manager cannot be reached.
     """
 
     def __init__(self, environment: Mapping[str, str], note: Callable[[str], None]) -> None:
         self._note = note
-        self._owed: dict[str, str] = {}
+        self._pending: dict[str, str] = {}
         self._status = ""
         self._failed = False
         self._socket: socket.socket | None = None
@@ -38,7 +38,7 @@ class Notifier:
 
     def _open(self) -> None:
         if self._address[0] not in "/@":
-            self._note(f"NOTIFY_SOCKET is '{self._address}', no path and no abstract name: the manager is not told")
+            self._note(f"NOTIFY_SOCKET is '{self._address}', no path and no abstract name: the manager is not notified")
             self.watchdog_s = None
             return
         import socket  # costs a device without a service manager nothing
@@ -47,7 +47,7 @@ class Notifier:
         self._socket.setblocking(False)
 
     def expect(self, period_s: float) -> None:
-        """Say so where ticks ``period_s`` apart are too rare for the watchdog."""
+        """Warn where ticks ``period_s`` apart are too rare for the watchdog."""
         if self.watchdog_s is not None and period_s > self.watchdog_s / 2:
             self._note(
                 f"the watchdog of {self.watchdog_s:g} s is too short for ticks {period_s:g} s apart;"
@@ -57,50 +57,50 @@ class Notifier:
     def ready(self, status: str) -> None:
         """It runs, or it runs again after a reload."""
         self._status = status
-        self._tell({"READY": "1", "STATUS": _line(status)})
+        self._send({"READY": "1", "STATUS": _line(status)})
 
     def status(self, text: str) -> None:
-        """What it does, in one line for people; the same again is not told."""
+        """What it does, in one line for people; the same again is not sent."""
         if text != self._status:
             self._status = text
-            self._tell({"STATUS": _line(text)})
+            self._send({"STATUS": _line(text)})
 
     def ticked(self, now_s: float) -> None:
-        """A tick is done: the watchdog hears of it, four times in its interval and not more."""
+        """A tick is done: the watchdog is fed, at most four times in its interval."""
         if self.watchdog_s is not None and now_s - self._alive_s >= self.watchdog_s / 4:
             self._alive_s = now_s
-            self._tell({"WATCHDOG": "1"})
-        elif self._owed:
-            self._tell({})
+            self._send({"WATCHDOG": "1"})
+        elif self._pending:
+            self._send({})
 
     def reloading(self) -> None:
         """It begins to reload; :meth:`ready` ends that."""
         microseconds = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
-        self._tell({"RELOADING": "1", "MONOTONIC_USEC": str(microseconds)})
+        self._send({"RELOADING": "1", "MONOTONIC_USEC": str(microseconds)})
 
     def stopping(self) -> None:
         """It begins to end."""
-        self._tell({"STOPPING": "1", "STATUS": "stopping"})
+        self._send({"STOPPING": "1", "STATUS": "stopping"})
 
     def close(self) -> None:
-        """Let the socket go."""
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
-    def _tell(self, assignments: dict[str, str]) -> None:
+    def _send(self, assignments: dict[str, str]) -> None:
         if self._socket is None:
             return
-        self._owed.update(assignments)
-        message = "\n".join(f"{name}={value}" for name, value in self._owed.items())
+        self._pending.update(assignments)
+        message = "\n".join(f"{name}={value}" for name, value in self._pending.items())
         try:
             self._socket.sendto(message.encode(), self._target)
         except OSError as error:
             if not self._failed:
                 self._failed = True
-                self._note(f"{self._address}: the service manager cannot be told ({error.strerror or error})")
+                self._note(f"{self._address}: the service manager cannot be notified ({error.strerror or error})")
         else:
-            self._owed = {}
+            self._pending = {}
 
 
 def _watchdog_s(environment: Mapping[str, str]) -> float | None:

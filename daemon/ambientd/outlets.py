@@ -1,4 +1,4 @@
-"""Each publisher fails alone: it is told of once, and stops nothing. Another set takes over without a gap."""
+"""Publishers at work. One that fails is reported once and affects no other; a new set takes over without a gap."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -21,15 +21,15 @@ class Outlets:
         self._patience_ms = patience_ms
         self._note = note
         self._open: dict[Spec, tuple[Publisher, Notice]] = {}
-        self._heard: set[Spec] = set()
+        self._published: set[Spec] = set()
 
     @property
-    def unheard(self) -> list[str]:
-        """The names of those that have not published anything yet."""
-        return [str(spec) for spec in self._open if spec not in self._heard]
+    def unpublished(self) -> list[str]:
+        """The names of those that have published nothing yet."""
+        return [str(spec) for spec in self._open if spec not in self._published]
 
     def become(self, specs: Sequence[Spec]) -> None:
-        """Open what is new in ``specs``, close what is no longer there, and tell what stays how it is to go on.
+        """Open what is new in ``specs``, close what is no longer there, and adapt what stays.
 
         Raises :class:`~ambient_model.faults.Refused` where one cannot start, and then nothing has changed.
         """
@@ -53,29 +53,30 @@ class Outlets:
         for spec, (publisher, _) in self._open.items():
             if (descriptor := publisher.descriptor()) is not None:
                 self._waiter.forget(descriptor)
-            self._heard.discard(spec)
+            self._published.discard(spec)
             self._close(spec, publisher)
-        # killed between two of them, it must not leave a status that is newer than what it speaks of
-        self._open = {spec: opened[spec] for spec in sorted(specs, key=_says_status)}
-        self._tell_unused()
+        self._open = {spec: opened[spec] for spec in sorted(specs, key=lambda spec: opened[spec][0].last)}
+        self._report_unused()
 
-    def _tell_unused(self) -> None:
-        """A socket that was handed over and is not served keeps its clients waiting."""
+    def _report_unused(self) -> None:
+        """Report each socket that was handed over and is not served: its clients wait."""
         if not any(name == "LISTEN_FDS" or name.startswith("ANDROID_SOCKET_") for name in os.environ):
             return
         from ambientd.publish.inherited import handed_over
 
-        served = [os.path.abspath(spec.path) for spec in self._open if spec.kind == "socket"]
+        served = [
+            os.path.abspath(spec.path) for spec, (open_, _) in self._open.items() if open_.descriptor() is not None
+        ]
         for path in handed_over(os.environ):
             if path not in served:
-                self._note(f"{path}: was handed over, and no one serves it; publish 'socket:{path}', or do not make it")
+                self._note(f"{path}: was handed over and is not served; publish 'socket:{path}', or do not make it")
 
     def _adapt(self, before: Spec, spec: Spec, publisher: Publisher) -> None:
         if before != spec:
             publisher.adapt(spec)
-            if before in self._heard:
-                self._heard.remove(before)
-                self._heard.add(spec)
+            if before in self._published:
+                self._published.remove(before)
+                self._published.add(spec)
 
     def publish(self, report: Report) -> None:
         """Take ``report`` to each."""
@@ -83,14 +84,14 @@ class Outlets:
             problem = ""
             try:
                 publisher.publish(report)
-                self._heard.add(spec)
+                self._published.add(spec)
             except OSError as error:
                 problem = error.strerror or str(error)
             if notice.changed(report.time_s, bool(problem)):
                 self._note(f"{spec}: {f'cannot be written ({problem}); the others go on' if problem else 'is back'}")
 
     def close(self) -> None:
-        """Close all: nothing stays behind that could be taken for a live value."""
+        """Close all: no value stays behind."""
         for spec, (publisher, _) in self._open.items():
             self._close(spec, publisher)
         self._open = {}
@@ -102,10 +103,6 @@ class Outlets:
             self._note(f"{spec}: cannot be removed ({error.strerror or error})")
 
 
-def _says_status(spec: Spec) -> bool:
-    return spec.kind == "status"
-
-
-def _place(spec: Spec) -> tuple[str, str, str]:
-    """What makes another publisher of one; all else it can adapt to."""
-    return spec.kind, spec.mode, spec.path
+def _place(spec: Spec) -> tuple[str, str]:
+    """Identity of a publisher; it can adapt to everything else."""
+    return spec.kind, spec.path

@@ -1,4 +1,4 @@
-"""``ambientd replay``: what the daemon would have said to a trace, as fast as it goes."""
+"""``ambientd replay``: the daemon's estimates for a trace, as fast as it goes."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""What one tick has to say, and the one JSON object that says it everywhere."""
+"""The report of one tick, and its JSON object."""
 
 import json
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ class Report(NamedTuple):
     """Each input as it was read."""
     estimate: Estimate
     age_s: float | None
-    """Since an estimate last rested on readings alone; None where none ever did."""
+    """Since the estimate last used current readings alone; None where it never did."""
 
 
 def as_json(report: Report) -> str:

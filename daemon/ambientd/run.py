@@ -11,7 +11,7 @@ from ambient_model.faults import Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
 from ambientd.fallback import FallbackTracker
-from ambientd.notices import say
+from ambientd.notices import log
 from ambientd.notify import Notifier
 from ambientd.outlets import Outlets
 from ambientd.schedule import Waiter, clock_s, ticks
@@ -42,11 +42,11 @@ class _Work(NamedTuple):
 def run_sensors(read_settings: Callable[[], Settings]) -> None:
     """Poll the sensors at ``rate_hz`` and publish, until a signal ends it. Raises :class:`Refused`.
 
-    SIGHUP asks ``read_settings`` again: what it and its model say takes over, or is refused and changes nothing.
+    SIGHUP calls ``read_settings`` again: the new settings and model take over, or are refused and change nothing.
     """
     with (
         Waiter(pausing=(signal.SIGHUP,)) as waiter,
-        contextlib.closing(Outlets(waiter, 0, say)) as outlets,
+        contextlib.closing(Outlets(waiter, 0, log)) as outlets,
         _manager() as notifier,
     ):
         work = _prepared(read_settings())
@@ -54,7 +54,7 @@ def run_sensors(read_settings: Callable[[], Settings]) -> None:
             if work.state is not None:
                 work.state.take_back(work.tracker, clock_s())
             outlets.become(work.settings.publish)
-            say(str(work))
+            log(str(work))
             service = Service(work.model, work.settings.level_percent, work.tracker, outlets.publish)
             while _poll(work, service, notifier, waiter):
                 notifier.reloading()
@@ -75,12 +75,12 @@ def _prepared(settings: Settings) -> _Work:
     if settings.state is not None:
         from ambientd.state import StateFile
 
-        state = StateFile(settings.state, model, say)
-    return _Work(settings, model, tracker, open_sensors(settings, model, say), state)
+        state = StateFile(settings.state, model, log)
+    return _Work(settings, model, tracker, open_sensors(settings, model, log), state)
 
 
 def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outlets) -> _Work:
-    """What is to go on: the new work, or where that is refused the old."""
+    """The new work, or where that is refused the old."""
     new = None
     try:
         new = _prepared(read_settings())
@@ -88,13 +88,13 @@ def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outle
     except Refused as refused:
         if new is not None:
             new.sensors.close()
-        say(f"not reloaded, and all goes on as it was: {refused}")
+        log(f"not reloaded, the old configuration stays: {refused}")
         return work
     if new.model == work.model:
         with contextlib.suppress(ValueError):  # another rate may be another period, which starts anew
             new.tracker.restore(work.tracker.snapshot())
     work.sensors.close()
-    say(f"reloaded: {new}")
+    log(f"reloaded: {new}")
     return new
 
 
@@ -102,14 +102,14 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
     """Tick until a signal comes; True where it asks for a reload, not for the end."""
     period_s = 1 / work.settings.rate_hz
     notifier.expect(period_s)
-    tell: Callable[[str], None] = notifier.ready
-    told = ""
+    report: Callable[[str], None] = notifier.ready
+    reported = ""
     for now_s in ticks(period_s, waiter.until):
         estimate = service.tick((now_s, work.sensors.read(now_s)))
-        if estimate.status != told:
-            told = estimate.status
-            tell(f"model '{work.model.name}': {told}")
-            tell = notifier.status
+        if estimate.status != reported:
+            reported = estimate.status
+            report(f"model '{work.model.name}': {reported}")
+            report = notifier.status
         notifier.ticked(now_s)
         if work.state is not None:
             work.state.ticked(work.tracker, now_s)
@@ -119,7 +119,7 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
 def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: float) -> None:
     """Publish the estimates for ``trace`` and end with it, or when a signal comes. Raises :class:`Refused`.
 
-    A row comes 1 / ``rate_hz`` s after the last, or, where that is None, as the trace's times say, ``speed`` times as
+    A row comes 1 / ``rate_hz`` s after the last, or, where that is None, as the trace's times log, ``speed`` times as
     fast; 0 is as fast as it goes.
     """
     from ambientd.sources.replay import TraceSource, tracker_for
@@ -129,24 +129,24 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
     with (
         Waiter() as waiter,
         TraceSource(trace, model.main.inputs) as source,
-        contextlib.closing(Outlets(waiter, None if in_a_hurry else 0, say)) as outlets,
+        contextlib.closing(Outlets(waiter, None if in_a_hurry else 0, log)) as outlets,
         _manager() as notifier,
     ):
         tracker = tracker_for(model, source, settings.level_percent, settings.coast_s)
         outlets.become(settings.publish)
-        say(f"model '{model.name}' at {tracker.period_s:g} s on {trace}, to {', '.join(map(str, settings.publish))}")
+        log(f"model '{model.name}' at {tracker.period_s:g} s on {trace}, to {', '.join(map(str, settings.publish))}")
         service = Service(model, settings.level_percent, tracker, outlets.publish)
-        tell: Callable[[str], None] = notifier.ready
-        told = ""
+        report: Callable[[str], None] = notifier.ready
+        reported = ""
         for sample in _paced(iter(source), _delay_after_start(rate_hz, speed), waiter.until):
             estimate = service.tick(sample)
-            if estimate.status != told:
-                told = estimate.status
-                tell(f"model '{model.name}': {told}")
-                tell = notifier.status
+            if estimate.status != reported:
+                reported = estimate.status
+                report(f"model '{model.name}': {reported}")
+                report = notifier.status
             notifier.ticked(clock_s())
-        if outlets.unheard and not waiter.ended:
-            raise refuse(", ".join(outlets.unheard), "", "could not be written at any row", "see the message above")
+        if outlets.unpublished and not waiter.ended:
+            raise refuse(", ".join(outlets.unpublished), "", "could not be written at any row", "see the message above")
 
 
 def _delay_after_start(rate_hz: float | None, speed: float) -> Callable[[int, float], float]:
@@ -172,8 +172,8 @@ def _paced(
 
 @contextlib.contextmanager
 def _manager() -> Iterator[Notifier]:
-    """The service manager, told of the end when it comes."""
-    notifier = Notifier(os.environ, say)
+    """The service manager's notifier, which reports the end."""
+    notifier = Notifier(os.environ, log)
     try:
         yield notifier
     finally:

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from types import FrameType, TracebackType
 
-from ambientd.notices import say
+from ambientd.notices import log
 
 _CLOCK: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 _NONE: tuple[int, ...] = ()
@@ -19,7 +19,7 @@ _GRACE_S = 0.5
 
 
 clock_s: Callable[[], float] = functools.partial(time.clock_gettime, _CLOCK)
-"""Seconds since boot, suspend included where the system can tell."""
+"""Seconds since boot, suspend included where the system counts it."""
 
 
 class _Overdue(BaseException):
@@ -30,7 +30,7 @@ class Waiter:
     """Waits for deadlines and serves what comes in meanwhile; SIGTERM and SIGINT end the wait for good.
 
     The signals in ``pausing`` end it until :meth:`paused` is asked. A context: inside it the signals are its own, and
-    what still blocks half a second after one has ended the wait is left, and with it the context.
+    what still blocks half a second after one has ended the wait is abandoned, and with it the context.
     """
 
     def __init__(self, pausing: Sequence[signal.Signals] = ()) -> None:
@@ -104,12 +104,12 @@ class Waiter:
         os.close(self._awaken)
         if kind is not _Overdue:
             return False
-        say("something blocked when it was to end; it was left")
+        log("something blocked at the end and was abandoned")
         return True
 
 
 def ticks(period_s: float, until: Callable[[float], bool], clock: Callable[[], float] = clock_s) -> Iterator[float]:
-    """The time at each deadline, the first at once, until ``until`` says that it is over."""
+    """The time at each deadline, the first at once, until ``until`` is false."""
     due_s = clock()
     while until(due_s):
         now_s = clock()

@@ -23,7 +23,7 @@ class Service:
         self.take_over(model, level_percent, tracker)
 
     def take_over(self, model: Model, level_percent: int, tracker: FallbackTracker) -> None:
-        """Let another model speak from the next tick on."""
+        """Use another model from the next tick on."""
         self._model = model
         self._level_percent = level_percent
         self._tracker = tracker

@@ -1,8 +1,8 @@
-"""The estimate goes on over a restart of the daemon: the file that holds what it rests on, and when that is believed.
+"""The state file, by which the estimate continues over a restart of the daemon, and when it is accepted.
 
-Believed is only what this daemon wrote, whole, in this boot (no clock tells how long a device was off), for this very
-model, and not longer ago than is allowed. Anything else is ignored with one word to the log. Time is the clock of
-the samples, which counts from boot and through suspend.
+It is accepted only as this daemon wrote it, whole, in this boot (no clock measures how long a device was off), for this
+very model, and up to an age. Anything else is ignored with one line in the log. Time is the clock of the samples, which
+counts from boot and through suspend.
 """
 
 import importlib
@@ -23,8 +23,8 @@ from ambientd.notices import Notice
 from ambientd.publish.swap import swap_in, sweep
 
 if TYPE_CHECKING:
+    from ambient_model.error_variance import VarianceState
     from ambient_model.observer import Background
-    from ambient_model.spread import Unrest
 
 FORMAT = "ambientd-state"
 VERSION = 1
@@ -35,7 +35,7 @@ _SAVES_PER_MAX_AGE = 3
 
 
 class State(NamedTuple):
-    """What an estimate rests on at one moment of one boot."""
+    """State of a tracker at one time of one boot."""
 
     model: str
     """Its identity: see :func:`model_identity`."""
@@ -61,7 +61,7 @@ def _sha256(content: bytes) -> str:
 
 
 def boot_identity() -> str:
-    """What names this boot; empty where the system does not say."""
+    """What names this boot; empty where the system has none."""
     try:
         with open(_BOOT_ID, encoding="ascii") as stream:
             return stream.read(64).strip()
@@ -72,20 +72,22 @@ def boot_identity() -> str:
 def encode(state: State) -> bytes:
     """One line of JSON, and one with its SHA-256."""
     model, boot, time_s, tracker = state
+    snapshots, active, difference_degC, last_degC, last_s, background = tracker
     data: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
         "model": model,
         "boot": boot,
         "time_s": time_s,
-        **tracker._asdict(),
-        "voices": [each and each._asdict() for each in tracker.voices],
+        "voices": [each and each._asdict() for each in snapshots],
+        "speaking": active,
+        "difference_degC": difference_degC,
+        "said_degC": last_degC,
+        "said_s": last_s,
     }
-    if tracker.background is None:
-        del data["background"]
-    else:
-        guard, unrest = tracker.background
-        data["background"] = {"guard": guard and guard._asdict(), "unrest": unrest and unrest._asdict()}
+    if background is not None:
+        secondary, variance = background
+        data["background"] = {"guard": secondary and secondary._asdict(), "unrest": variance and variance._asdict()}
     line = json.dumps(data).encode()
     return b"%s\n%s\n" % (line, _sha256(line).encode())
 
@@ -104,39 +106,32 @@ def decode(content: bytes) -> State:
 def _state(data: Any) -> State:
     if (data.pop("format"), data.pop("version")) != (FORMAT, VERSION):
         raise ValueError
-    voices = tuple([None if each is None else _snapshot(**each) for each in data.pop("voices")])
-    return State(
-        _text(data.pop("model")),
-        _text(data.pop("boot")),
-        _number(data.pop("time_s")),
-        _fallback_state(voices, **data),
+    last_degC, background = data.pop("said_degC"), data.pop("background", None)
+    tracker = FallbackState(
+        tuple([None if each is None else _snapshot(**each) for each in data.pop("voices")]),
+        _count(data.pop("speaking")),
+        _number(data.pop("difference_degC")),
+        None if last_degC is None else _number(last_degC),
+        _number(data.pop("said_s")),
+        None if background is None else _background(**background),
     )
-
-
-def _fallback_state(
-    voices: tuple[Snapshot | None, ...],
-    speaking: Any,
-    difference_degC: Any,
-    said_degC: Any,
-    said_s: Any,
-    background: Any = None,
-) -> FallbackState:
-    said = None if said_degC is None else _number(said_degC)
-    behind = None if background is None else _background(**background)
-    return FallbackState(voices, _count(speaking), _number(difference_degC), said, _number(said_s), behind)
+    state = State(_text(data.pop("model")), _text(data.pop("boot")), _number(data.pop("time_s")), tracker)
+    if data:
+        raise ValueError
+    return state
 
 
 def _background(guard: Any, unrest: Any) -> "Background":
     from ambient_model.observer import Background
 
-    return Background(None if guard is None else _snapshot(**guard), None if unrest is None else _unrest(**unrest))
+    return Background(None if guard is None else _snapshot(**guard), None if unrest is None else _variance(**unrest))
 
 
-def _unrest(means_degC: Any, squares_degC2: Any) -> "Unrest":
-    from ambient_model.spread import Unrest
+def _variance(means_degC: Any, squares_degC2: Any) -> "VarianceState":
+    from ambient_model.error_variance import VarianceState
 
     means, squares = (tuple([_number(each) for each in values]) for values in (means_degC, squares_degC2))
-    return Unrest(means, squares)
+    return VarianceState(means, squares)
 
 
 def _snapshot(period_s: Any, start_s: Any, step: Any, x: Any, u: Any) -> Snapshot:
@@ -168,13 +163,13 @@ def _count(value: Any) -> int:
 
 
 def take_back(state: State, tracker: FallbackTracker, model: str, boot: str, now_s: float, max_age_s: float) -> float:
-    """Let ``tracker`` go on from ``state`` and return the state's age in s; raises ValueError, 'why not', and then
-    leaves it as it was.
+    """Restore ``tracker`` from ``state`` and return the state's age in s; raises ValueError, with the reason, and then
+    leaves it unchanged.
     """
     if state.model != model:
         raise ValueError("it is of another model")
     if not boot or state.boot != boot:
-        raise ValueError("it is of another boot" if boot else "the system does not say which boot this is")
+        raise ValueError("it is of another boot" if boot else "the system does not identify this boot")
     age_s = now_s - state.time_s
     limit_s = min(max_age_s, tracker.limit_s)
     if not 0 <= age_s <= limit_s:
@@ -184,7 +179,7 @@ def take_back(state: State, tracker: FallbackTracker, model: str, boot: str, now
 
 
 class StateFile:
-    """The state of one model in one file. ``note`` is told what becomes of it."""
+    """The state of one model in one file. ``note`` takes a message where it is restored, or fails."""
 
     def __init__(self, spec: StateSpec, model: Model, note: Callable[[str], None]) -> None:
         self._path, self._max_age_s, self._access = spec
@@ -197,7 +192,7 @@ class StateFile:
         sweep(self._path)
 
     def take_back(self, tracker: FallbackTracker, now_s: float) -> None:
-        """Let ``tracker`` go on from the file, where that may be believed."""
+        """Restore ``tracker`` from the file, where that is accepted."""
         if not os.path.lexists(self._path):
             return
         try:
@@ -208,7 +203,7 @@ class StateFile:
         except ValueError as error:
             self._note(f"state {self._path}: {error}; starting anew")
         else:
-            self._note(f"state {self._path}: going on from {age_s:.1f} s ago")
+            self._note(f"state {self._path}: continuing from {age_s:.1f} s ago")
 
     def ticked(self, tracker: FallbackTracker, now_s: float) -> None:
         """Save the state of ``tracker``, fed at ``now_s``, every so often."""
@@ -224,7 +219,7 @@ class StateFile:
     def _save(self, tracker: FallbackTracker, now_s: float) -> None:
         self._saved_s = now_s
         state = State(self._model, self._boot, now_s, tracker.snapshot())
-        if not any(state.tracker.voices):
+        if not any(state.tracker.snapshots):
             return
         problem = ""
         try:

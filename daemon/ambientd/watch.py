@@ -1,14 +1,14 @@
-"""``ambientd watch``: what a running daemon says on its socket, for people; it goes on with the next daemon.
+"""``ambientd watch``: the lines of a running daemon's socket, for people; it continues with the next daemon.
 
-Lines go to standard output. That nothing comes, and that it comes again, is said once each on standard error. The
-user's Ctrl-C is the end, and no failure.
+Lines go to standard output; that they stop, and that they return, is reported once each on standard error. The user's
+Ctrl-C ends it, and is no failure.
 """
 
 import math
 
 from ambient_model.faults import refuse
 from ambientd.client import Follower, Reading, clock_s
-from ambientd.notices import say
+from ambientd.notices import log
 
 _LOOK_S = 0.25
 
@@ -31,22 +31,22 @@ def watch(path: str, stale_after_s: float) -> None:
 
 
 def _go_on(follower: Follower, reading: Reading | None, stale_after_s: float) -> None:
-    heard_s = clock_s()
-    told = False
+    last_s = clock_s()
+    reported = False
     while True:
         if reading is not None:
-            heard_s = clock_s()
-            if told:
-                say(f"{follower.path}: it is back")
-            told = False
+            last_s = clock_s()
+            if reported:
+                log(f"{follower.path}: it is back")
+            reported = False
             print(as_text(reading), flush=True)
-        elif not told and follower.problem:
-            say(f"{follower.path}: the daemon has ended; waiting for the next")
-            told = True
-        elif not told and clock_s() - heard_s >= stale_after_s:
+        elif not reported and follower.problem:
+            log(f"{follower.path}: the daemon has ended; waiting for the next")
+            reported = True
+        elif not reported and clock_s() - last_s >= stale_after_s:
             skipped = f", but {follower.skipped} lines that are no readings" if follower.skipped else ""
-            say(f"{follower.path}: nothing has come for {stale_after_s:g} s{skipped}; what was said last is stale")
-            told = True
+            log(f"{follower.path}: nothing has come for {stale_after_s:g} s{skipped}; the last reading is stale")
+            reported = True
         reading = follower.wait(_LOOK_S)
 
 

@@ -9,7 +9,7 @@ from typing import IO
 from ambient_model.faults import refuse
 
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What a write without a file name in its error says when the fault is the disk's."""
+"""The errors of a write that are the disk's, where they name no file."""
 
 
 @contextlib.contextmanager
@@ -32,7 +32,7 @@ def replacing(path: str, mode: str = "w") -> Iterator[IO[str]]:
     except OSError as error:
         if error.filename not in (None, temporary) or (error.filename is None and error.errno not in _DISK):
             raise
-        raise refuse(path, "", f"cannot be written ({error.strerror or error})", _mend(error)) from error
+        raise refuse(path, "", f"cannot be written ({error.strerror or error})", _hint(error)) from error
     finally:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
@@ -40,7 +40,7 @@ def replacing(path: str, mode: str = "w") -> Iterator[IO[str]]:
 
 def _opened(path: str, mode: str) -> IO[str]:
     if mode == "gz":
-        import gzip  # only the host writes compressed traces: the device should not pay for the import
+        import gzip  # only the host writes compressed traces: the device needs none of it
 
         return gzip.open(path, "wt", encoding="utf-8", newline="")
     return open(path, "w", encoding="utf-8", newline="")
@@ -54,7 +54,7 @@ def _flush_to_disk(path: str) -> None:
         os.close(descriptor)
 
 
-def _mend(error: OSError) -> str:
+def _hint(error: OSError) -> str:
     return {
         errno.ENOENT: "make the folder first, or name another",
         errno.ENOTDIR: "name a folder that exists",

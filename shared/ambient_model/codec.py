@@ -4,7 +4,7 @@ The unknown is refused: a key, a version, a shape. So is what cannot run: number
 inputs without a range. Version 1 files are read for ever; a file without a version is not a model file. The keys
 ``guard`` and ``spread`` may be left out, and every other is needed.
 
-A file that was made to do harm costs no more than a large honest one: its size, its counts, its numbers, its names and
+A hostile file costs no more than a large honest one: its size, its counts, its numbers, its names and
 what is said of its faults are bounded.
 """
 
@@ -20,17 +20,17 @@ from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import (
     LEVELS_PERCENT,
-    UNREST,
+    REGRESSORS,
     Band,
     Conformance,
     Discrete,
+    ErrorVariance,
     Estimator,
-    Guard,
     Input,
     Matrix,
     Model,
     Quantiles,
-    Spread,
+    Secondary,
     Term,
 )
 from ambient_model.recursion import is_stable
@@ -108,14 +108,14 @@ def encode(model: Model) -> str:
             ],
         },
     }
-    if model.guard is not None:
-        estimator, threshold_degC = model.guard
+    if model.secondary is not None:
+        estimator, threshold_degC = model.secondary
         data["guard"] = {"threshold_degC": threshold_degC, **_estimator_data(estimator)}
-    if model.spread is not None:
+    if model.error_variance is not None:
         data["spread"] = {
-            "constant_degC2": model.spread.constant_degC2,
-            "terms": [each._asdict() for each in model.spread.terms],
-            "quantiles": _quantiles_data(model.spread.quantiles),
+            "constant_degC2": model.error_variance.constant_degC2,
+            "terms": [each._asdict() for each in model.error_variance.terms],
+            "quantiles": _quantiles_data(model.error_variance.quantiles),
         }
     return json.dumps(data, indent=1) + "\n"
 
@@ -167,9 +167,9 @@ class _Reading:
         self._absent: set[str] = set()
         """Places that a fault has already named as a whole."""
 
-    def fault(self, place: str, problem: str, mend: str) -> None:
+    def fault(self, place: str, problem: str, hint: str) -> None:
         if place not in self._absent:
-            self.faults.append(Fault(place, problem, mend))
+            self.faults.append(Fault(place, problem, hint))
         if len(self.faults) > _MOST_FAULTS:
             self.faults[-1] = Fault("", "and there may be more", "is this a model file?")
             raise _TooManyFaults
@@ -197,8 +197,8 @@ class _Reading:
             fallbacks=self.fallbacks(data.get("fallbacks")),
             provenance=self.provenance(data.get("provenance")),
             conformance=self.conformance(data.get("conformance")),
-            guard=self.guard(data["guard"]) if "guard" in data else None,
-            spread=self.spread(data["spread"]) if "spread" in data else None,
+            secondary=self.secondary(data["guard"]) if "guard" in data else None,
+            error_variance=self.error_variance(data["spread"]) if "spread" in data else None,
         )
         if not self.faults:
             self.agreement(model)
@@ -325,9 +325,7 @@ class _Reading:
         data = self.record(place, value, Input._fields)
         low, high = self.number(f"{place}.min", data.get("min")), self.number(f"{place}.max", data.get("max"))
         if len(self.faults) == before and not low < high:
-            self.fault(
-                f"{place}.min", f"is {low:g}, not below max {high:g}", "give the range in which a reading is believed"
-            )
+            self.fault(f"{place}.min", f"is {low:g}, not below max {high:g}", "give the range of plausible readings")
         name, unit, zone = (self.text(f"{place}.{key}", data.get(key)) for key in ("name", "unit", "zone"))
         return Input(name, unit, zone, low, high)
 
@@ -399,13 +397,14 @@ class _Reading:
             found[without] = self.estimator(place, data)
         return found
 
-    def guard(self, value: Any) -> Guard:
+    def secondary(self, value: Any) -> Secondary:
         data = self.record("guard", value, ("threshold_degC", *_ESTIMATOR_KEYS))
-        return Guard(self.estimator("guard", data), self.positive("guard.threshold_degC", data.get("threshold_degC")))
+        estimator = self.estimator("guard", data)
+        return Secondary(estimator, self.positive("guard.threshold_degC", data.get("threshold_degC")))
 
-    def spread(self, value: Any) -> Spread:
-        data = self.record("spread", value, Spread._fields)
-        return Spread(
+    def error_variance(self, value: Any) -> ErrorVariance:
+        data = self.record("spread", value, ErrorVariance._fields)
+        return ErrorVariance(
             self.not_negative("spread.constant_degC2", data.get("constant_degC2")),
             tuple(self.term(where, each) for where, each in self.each("spread.terms", data.get("terms"), _MOST_TERMS)),
             self.interval("spread.quantiles", data.get("quantiles")),
@@ -414,8 +413,8 @@ class _Reading:
     def term(self, place: str, value: Any) -> Term:
         data = self.record(place, value, Term._fields)
         of = self.text(f"{place}.of", data.get("of"))
-        if of and of not in UNREST:
-            self.fault(f"{place}.of", f"is {shown(of)}", f"known are {', '.join(UNREST)}")
+        if of and of not in REGRESSORS:
+            self.fault(f"{place}.of", f"is {shown(of)}", f"known are {', '.join(REGRESSORS)}")
         return Term(
             of,
             self.positive(f"{place}.lag_s", data.get("lag_s")),
@@ -437,7 +436,7 @@ class _Reading:
         return Conformance(inputs, dict(outputs))
 
     def agreement(self, model: Model) -> None:
-        """What can only be said of the parts together."""
+        """Check the parts against each other."""
         main = model.main
         names = [each.name for each in main.inputs]
         for index, (without, fallback) in enumerate(model.fallbacks.items()):
@@ -455,7 +454,7 @@ class _Reading:
                 self.fault(
                     f"{place}.discrete", "the periods are not the model's", "a fallback runs at the model's periods"
                 )
-        self.agreement_of_guard(model)
+        self.agreement_of_secondary(model)
         if set(model.conformance.outputs) != {each.period_s for each in main.discrete}:
             self.fault(
                 "conformance.outputs", "the periods are not those of 'discrete'", "one sequence per period is wanted"
@@ -469,19 +468,21 @@ class _Reading:
         if not model.conformance.inputs:
             self.fault("conformance.inputs", "none", "a model file carries the sequence that proves a port of it right")
 
-    def agreement_of_guard(self, model: Model) -> None:
+    def agreement_of_secondary(self, model: Model) -> None:
         main = model.main
-        if model.guard is None:
-            for index, term in enumerate(model.spread.terms if model.spread is not None else ()):
+        if model.secondary is None:
+            for index, term in enumerate(model.error_variance.terms if model.error_variance else ()):
                 if term.of == "guard":
                     self.fault(f"spread.terms[{index}].of", "is 'guard', and there is none", "add the key 'guard'")
             return
-        if model.guard.estimator.inputs != main.inputs:
+        if model.secondary.estimator.inputs != main.inputs:
             self.fault(
-                "guard.inputs", "are not the model's", "a guard reads the model's inputs, unchanged and in order"
+                "guard.inputs",
+                "are not the model's",
+                "the secondary estimator reads the model's inputs, in their order",
             )
-        if {each.period_s for each in model.guard.estimator.discrete} != {each.period_s for each in main.discrete}:
-            self.fault("guard.discrete", "the periods are not the model's", "a guard runs at the model's periods")
+        if {each.period_s for each in model.secondary.estimator.discrete} != {each.period_s for each in main.discrete}:
+            self.fault("guard.discrete", "the periods are not the model's", "it runs at the model's periods")
 
 
 def _finite(value: float) -> bool:

@@ -1,8 +1,8 @@
 """A port of the recursion is right when it turns the model file's own inputs into the model file's own outputs.
 
-The file holds outputs of the main estimator only, alone, before any guard. A fallback, and a guard, is held against
-itself: a step leaves its equilibrium as it is, which reads the same at every period, and while the inputs stand still a
-long step is several short ones.
+The file holds outputs of the main estimator only, before it is blended. A fallback, and the secondary estimator, is
+checked for self-consistency: a step leaves its equilibrium unchanged, the equilibrium's output is the same at every
+period, and with constant inputs a long step equals several short ones.
 """
 
 import math
@@ -51,9 +51,9 @@ def worst_contradictions(model: Model) -> dict[str, float]:
     return {name: _worst_contradiction(model, fallback) for name, fallback in model.fallbacks.items()}
 
 
-def worst_contradiction_of_guard(model: Model) -> float:
-    """The same of the guard; 0 where there is none."""
-    return 0.0 if model.guard is None else _worst_contradiction(model, model.guard.estimator)
+def worst_contradiction_of_secondary(model: Model) -> float:
+    """The same of the secondary estimator; 0 where there is none."""
+    return 0.0 if model.secondary is None else _worst_contradiction(model, model.secondary.estimator)
 
 
 def _worst_contradiction(model: Model, estimator: Estimator) -> float:

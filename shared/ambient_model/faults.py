@@ -1,4 +1,4 @@
-"""What is wrong with a file is said once, whole: every fault with its file, its place and its mend."""
+"""Faults of a file, all in one message, each with its place, the problem and a hint."""
 
 from typing import NamedTuple
 
@@ -9,13 +9,13 @@ class Fault(NamedTuple):
     place: str
     """Where: ``line 17, column usb_degC`` or ``discrete[0].A``; empty for the file as a whole."""
     problem: str
-    """What is there."""
-    mend: str
-    """What to do about it."""
+    """What is wrong there."""
+    hint: str
+    """What to do."""
 
     def __str__(self) -> str:
         where = f"{self.place}: " if self.place else ""
-        return f"{where}{self.problem}; {self.mend}"
+        return f"{where}{self.problem}; {self.hint}"
 
 
 class Refused(Exception):
@@ -32,6 +32,6 @@ class Refused(Exception):
         return "\n".join([f"{self.source}: {len(self.faults)} faults", *(f"  {fault}" for fault in self.faults)])
 
 
-def refuse(source: str, place: str, problem: str, mend: str) -> Refused:
+def refuse(source: str, place: str, problem: str, hint: str) -> Refused:
     """A refusal with a single fault, ready to be raised."""
-    return Refused(source, [Fault(place, problem, mend)])
+    return Refused(source, [Fault(place, problem, hint)])

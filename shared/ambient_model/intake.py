@@ -1,4 +1,4 @@
-"""What comes from outside is taken in and repeated in bounded time and memory, whoever made it."""
+"""Untrusted files and values are read and quoted in bounded time and memory."""
 
 import os
 import stat
@@ -26,7 +26,7 @@ def read_whole(path: str, most_bytes: int) -> bytes:
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    """To open a pipe is otherwise to wait for its writer."""
+    """Otherwise the opening of a pipe waits for its writer."""
     return os.open(path, flags | os.O_NONBLOCK)
 
 

@@ -15,8 +15,8 @@ Band = tuple[float, float]
 Quantiles = dict[int, Band]
 
 LEVELS_PERCENT = (50, 90, 98)
-UNREST = ("movement", "guard")
-"""What the spread may grow with: the estimate's own unrest, its difference to the guard."""
+REGRESSORS = ("movement", "guard")
+"""Regressors of the error variance: the estimate's rate of change, its difference to the secondary estimate."""
 
 
 class Input(NamedTuple):
@@ -59,27 +59,27 @@ class Estimator(NamedTuple):
     """Per level in percent the error (true minus estimate, degC) it lies between."""
 
 
-class Guard(NamedTuple):
-    """A second opinion, which the heat that nobody logs hardly moves, and from where on the two disagree."""
+class Secondary(NamedTuple):
+    """Secondary estimator, less sensitive to unmeasured heat, and the difference from which on it is blended in."""
 
     estimator: Estimator
     """It reads the model's inputs, all of them."""
     threshold_degC: float
-    """Up to this difference the main estimator is believed; see :mod:`ambient_model.guard`."""
+    """Up to this difference the main estimate is used alone; see :mod:`ambient_model.blend`."""
 
 
 class Term(NamedTuple):
-    """What one kind of unrest adds to the variance of the estimate."""
+    """One regressor's contribution to the error variance."""
 
     of: str
-    """One of :data:`UNREST`."""
+    """One of :data:`REGRESSORS`."""
     lag_s: float
     """The time constant of the low-pass that it is taken from."""
     weight: float
 
 
-class Spread(NamedTuple):
-    """How wrong the estimate is to be thought of just now; see :mod:`ambient_model.spread`."""
+class ErrorVariance(NamedTuple):
+    """Model of the estimate's error variance; see :mod:`ambient_model.error_variance`."""
 
     constant_degC2: float
     terms: tuple[Term, ...]
@@ -106,5 +106,7 @@ class Model(NamedTuple):
     """Per input that may be missing, the estimator that does without it."""
     provenance: dict[str, Any]
     conformance: Conformance
-    guard: Guard | None = None
-    spread: Spread | None = None
+    secondary: Secondary | None = None
+    """The file's key ``guard``."""
+    error_variance: ErrorVariance | None = None
+    """The file's key ``spread``."""

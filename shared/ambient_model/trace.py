@@ -1,7 +1,7 @@
 """A trace is CSV: a ``time_s`` that increases, ``<name>_<unit>`` columns, empty for missing, ``# key: value`` on top.
 
 Read and written here only. A missing value is ``None``, never a number; what is not a finite number is refused, and so
-is one that no instrument gives but to say that it has nothing to say.
+is one that instruments give instead of a value.
 """
 
 import csv
@@ -15,7 +15,7 @@ from ambient_model.faults import Refused, refuse
 TIME = "time_s"
 REFERENCE = "ambient_degC"
 LARGEST = 1e30
-"""An open thermocouple says 9.9e37, and with what is larger sums of squares soon leave what a float holds."""
+"""An open thermocouple reads 9.9e37, and sums of squares of larger numbers overflow."""
 _LONGEST_LINE = 2**20
 _UNITS_OF_TWO = ("W_m2", "m_s")
 
@@ -89,8 +89,8 @@ class TraceReader:
             place = f"after line {self._line}" if self._line else ""
             raise self._refuse(place, f"cannot be read ({error})", "cut off or damaged? copy it again") from error
 
-    def _refuse(self, place: str, problem: str, mend: str) -> Refused:
-        return refuse(self.path, place, problem, mend)
+    def _refuse(self, place: str, problem: str, hint: str) -> Refused:
+        return refuse(self.path, place, problem, hint)
 
     def _read_header(self) -> Header:
         notes: dict[str, str] = {}

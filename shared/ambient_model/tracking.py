@@ -1,10 +1,10 @@
-"""Sensor samples at any times become estimates: the rule for gaps, missing inputs and starts. It knows no clock.
+"""Estimates from sensor samples at any times: the rule for gaps, missing inputs and starts. It knows no clock.
 
 The recursion runs on whole periods. A sample that comes n periods after the last complete one is reached in n exact
 steps along the straight line between the two. A gap, or an input that stays away, is bridged so for at most
 :func:`bridge_limit_s`; beyond it the estimate is no longer trusted and starts again from equilibrium. Where another
 limit is asked for missing inputs, ``coast_s``, a longer one lengthens the bridge, too, and after a shorter one the
-bridge stands, but nothing is said.
+bridge stands, but there is no estimate.
 """
 
 import itertools
@@ -27,7 +27,7 @@ Readings = Sequence[float | None]
 
 
 class Estimate(NamedTuple):
-    """What is said of the ambient at one moment."""
+    """The estimate of the ambient at one time."""
 
     ambient_degC: float | None
     low_degC: float | None
@@ -38,7 +38,7 @@ class Estimate(NamedTuple):
 
 
 class Snapshot(NamedTuple):
-    """What a tracker rests on, for another of the same estimator: the last moment at which every input was there.
+    """State of a tracker, for another of the same estimator: the last moment at which every input was there.
 
     That moment is ``start_s`` + ``step`` * ``period_s`` on the clock of the samples.
     """
@@ -115,7 +115,7 @@ class Tracker:
         return self._step if self._away is None else self._away.step
 
     def snapshot(self) -> Snapshot | None:
-        """What it rests on, for :meth:`restore`; None where it has not begun."""
+        """Its state, for :meth:`restore`; None where it has not begun."""
         if not self._begun:
             return None
         return Snapshot(self.discrete.period_s, self._start_s, self._step, tuple(self._x), tuple(self.last))
@@ -126,7 +126,7 @@ class Tracker:
         return (snapshot.period_s, len(snapshot.x), len(snapshot.u)) == shape
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from ``snapshot``, which :meth:`fits`, under the same rule for gaps as from a moment of its own."""
+        """Continue from ``snapshot``, which :meth:`fits`, under the same rule for gaps as from a moment of its own."""
         self._restart()
         self._begun = True
         self._start_s, self._step = snapshot.start_s, snapshot.step
@@ -144,7 +144,7 @@ class Tracker:
         return self._estimate(TRACKING if self._step >= self.settling_steps else WARMING_UP, self._x, self.last)
 
     def follow(self, time_s: float, u: list[float]) -> None:
-        """:meth:`update` with one reading per input, each in its range, where nobody asks for the estimate."""
+        """:meth:`update` with one reading per input, each in its range, without computing the estimate."""
         step = self._step + 1
         # a sample that comes when the next one is due, with nothing missing before it
         if (
@@ -186,7 +186,7 @@ class Tracker:
         self._step, self.last = step, u
 
     def _hold(self, time_s: float, readings: Readings) -> Estimate:
-        """Some input is missing: its last value stands in, and after ``coast_s`` is no longer trusted."""
+        """Some input is missing: its last value replaces it, and is trusted for ``coast_s``."""
         inputs = [
             value if value is not None and low <= value <= high else None
             for value, (low, high) in zip(readings, self._ranges)

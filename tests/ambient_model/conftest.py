@@ -4,7 +4,18 @@ import pytest
 from hypothesis import strategies as st
 
 from ambient_model.conformance import conformance_of
-from ambient_model.model import UNREST, Discrete, Estimator, Guard, Input, Matrix, Model, Quantiles, Spread, Term
+from ambient_model.model import (
+    REGRESSORS,
+    Discrete,
+    ErrorVariance,
+    Estimator,
+    Input,
+    Matrix,
+    Model,
+    Quantiles,
+    Secondary,
+    Term,
+)
 
 PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
 
@@ -64,10 +75,10 @@ def estimators(draw: st.DrawFn, read: tuple[Input, ...], periods_s: list[float])
 
 
 @st.composite
-def spreads(draw: st.DrawFn, known: tuple[str, ...]) -> Spread:
+def spreads(draw: st.DrawFn, known: tuple[str, ...]) -> ErrorVariance:
     term = st.builds(Term, st.sampled_from(known), st.floats(1e-3, 1e5), st.floats(0, 1e3))
     terms = tuple(draw(st.lists(term, max_size=8)))
-    return Spread(draw(st.floats(0, 100)), terms, draw(quantiles()))
+    return ErrorVariance(draw(st.floats(0, 100)), terms, draw(quantiles()))
 
 
 periods = st.lists(st.sampled_from(PERIODS_S), min_size=1, max_size=3, unique=True)
@@ -84,7 +95,7 @@ def models(draw: st.DrawFn) -> Model:
     names = [each.name for each in read]
     dispensable = draw(st.lists(st.sampled_from(names), unique=True)) if len(names) > 1 else []
     main = draw(estimators(read, periods_s))
-    guards = st.builds(Guard, estimators(read, periods_s), st.floats(0, 20, exclude_min=True))
+    guards = st.builds(Secondary, estimators(read, periods_s), st.floats(0, 20, exclude_min=True))
     guard = draw(st.none() | guards)
     rows = draw(st.lists(st.tuples(*[temperatures_degC] * len(read)), min_size=1, max_size=4))
     return Model(
@@ -97,8 +108,8 @@ def models(draw: st.DrawFn) -> Model:
         },
         provenance=draw(st.dictionaries(st.text(max_size=5), documents, max_size=3)),
         conformance=conformance_of(main, tuple(rows)),
-        guard=guard,
-        spread=draw(st.none() | spreads(UNREST if guard is not None else UNREST[:1])),
+        secondary=guard,
+        error_variance=draw(st.none() | spreads(REGRESSORS if guard is not None else REGRESSORS[:1])),
     )
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ambient_model.codec import decode, encode, load_model, save_model
 from ambient_model.conformance import worst_difference_degC
 from ambient_model.faults import Refused
-from ambient_model.model import Conformance, Discrete, Estimator, Guard, Input, Model, Spread, Term
+from ambient_model.model import Conformance, Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 
 FROZEN = Path(__file__).parents[1] / "data" / "model-v1.json"
 FROZEN_GUARDED = Path(__file__).parents[1] / "data" / "model-v1-guard.json"
@@ -70,7 +70,7 @@ PHONE = Model(
 )
 TERMS = (Term("movement", 300.0, 0.5), Term("movement", 60.0, 12.0), Term("guard", 120.0, 0.25))
 GUARDED = PHONE._replace(
-    guard=Guard(
+    secondary=Secondary(
         Estimator(
             inputs=(USB, BATTERY),
             states=("usb lagged",),
@@ -84,7 +84,7 @@ GUARDED = PHONE._replace(
         ),
         threshold_degC=1.5,
     ),
-    spread=Spread(
+    error_variance=ErrorVariance(
         constant_degC2=0.0625,
         terms=TERMS,
         quantiles={50: (-0.625, 0.75), 90: (-1.5, 1.75), 98: (-2.5, 2.25)},
@@ -98,7 +98,7 @@ def test_a_version_1_file_reads_the_same_for_ever() -> None:
     assert model == PHONE
     assert [each.column for each in model.main.inputs] == ["usb_degC", "battery_degC"]
     assert worst_difference_degC(model) == 0.0
-    assert (model.guard, model.spread) == (None, None)
+    assert (model.secondary, model.error_variance) == (None, None)
 
 
 def test_a_version_1_file_with_guard_and_spread_reads_the_same_for_ever() -> None:
@@ -256,7 +256,7 @@ BROKEN: dict[str, tuple[list[Edit], list[str]]] = {
     "no periods": ([(("discrete",), [])], ["discrete: none; a model has coefficients for at least one period"]),
     "empty range": (
         [(("inputs", 0, "min"), 80)],
-        ["inputs[0].min: is 80, not below max 80; give the range in which a reading is believed"],
+        ["inputs[0].min: is 80, not below max 80; give the range of plausible readings"],
     ),
     "empty name": ([(("name",), "")], [f"name: is ''; {TEXT}"]),
     "name of two lines": ([(("name",), "a\nb")], [rf"name: is 'a\nb'; {TEXT}"]),
@@ -363,7 +363,7 @@ BROKEN: dict[str, tuple[list[Edit], list[str]]] = {
 }
 
 
-NOT_THE_MODELS = "a guard reads the model's inputs, unchanged and in order"
+NOT_THE_MODELS = "the secondary estimator reads the model's inputs, in their order"
 BROKEN_GUARDED: dict[str, tuple[list[Edit], list[str]]] = {
     "guard null": ([(("guard",), None)], ["guard: is nothing; an object is wanted"]),
     "guard no object": ([(("guard",), [1])], ["guard: is a list; an object is wanted"]),
@@ -418,7 +418,7 @@ BROKEN_GUARDED: dict[str, tuple[list[Edit], list[str]]] = {
     ),
     "guard at another period": (
         [(("guard", "discrete", 1, "period_s"), 0.25)],
-        ["guard.discrete: the periods are not the model's; a guard runs at the model's periods"],
+        ["guard.discrete: the periods are not the model's; it runs at the model's periods"],
     ),
     "spread null": ([(("spread",), None)], ["spread: is nothing; an object is wanted"]),
     "spread empty": (
@@ -490,9 +490,11 @@ def test_a_broken_guard_or_spread_is_refused_with_every_fault_and_its_path(case:
 
 def test_guard_and_spread_come_alone_too() -> None:
     alone = decode(edited((("spread",), GONE), frozen=FROZEN_GUARDED), "m.json")
-    assert alone == GUARDED._replace(spread=None)
+    assert alone == GUARDED._replace(error_variance=None)
     alone = decode(edited((("guard",), GONE), (("spread", "terms", 2), GONE), frozen=FROZEN_GUARDED), "m.json")
-    assert alone == GUARDED._replace(guard=None, spread=GUARDED.spread and GUARDED.spread._replace(terms=TERMS[:2]))
+    assert alone == GUARDED._replace(
+        secondary=None, error_variance=GUARDED.error_variance and GUARDED.error_variance._replace(terms=TERMS[:2])
+    )
 
 
 @pytest.mark.parametrize("case", BROKEN)

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ambient_model.blend import blended
 from ambient_model.conformance import conformance_of, run_recursion
-from ambient_model.guard import guarded
-from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
+from ambient_model.error_variance import advanced, gains, initial_state, sigma_degC
+from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 from ambient_model.observer import Background, Observer
-from ambient_model.spread import at_rest, followed, gains, sigma_degC
 from ambient_model.tracking import Estimate, Tracker
 
 BANDS = {50: (-0.25, 0.5), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
@@ -45,8 +45,8 @@ def phone(guard: bool = True, spread: bool = True) -> Model:
         {},
         {},
         conformance_of(main, ((25.0, 30.0),)),
-        Guard(lag_on(1, 60.0, -10.0), 1.5) if guard else None,
-        Spread(0.25, TERMS if guard else TERMS[:2], QUANTILES) if spread else None,
+        Secondary(lag_on(1, 60.0, -10.0), 1.5) if guard else None,
+        ErrorVariance(0.25, TERMS if guard else TERMS[:2], QUANTILES) if spread else None,
     )
 
 
@@ -96,7 +96,7 @@ seeds = st.integers(0, 2**32 - 1)
 @given(st.from_type(Model), seeds)
 @settings(max_examples=60)
 def test_without_guard_and_spread_it_is_the_tracker_to_the_bit(model: Model, seed: int) -> None:
-    plain = model._replace(guard=None, spread=None)
+    plain = model._replace(secondary=None, error_variance=None)
     period_s = plain.main.discrete[0].period_s
     rows = scattered(plain, period_s, seed)
     assert fed(observer_of(plain, period_s), rows) == fed(tracker_of(plain, period_s), rows)
@@ -104,11 +104,11 @@ def test_without_guard_and_spread_it_is_the_tracker_to_the_bit(model: Model, see
 
 @given(st.from_type(Model), seeds, st.sampled_from([None, 0.0, 200.0]))
 def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float | None) -> None:
-    """Guard and main estimator, each a tracker of its own, have an estimate at the same moments."""
+    """Secondary and main estimator, each a tracker of its own, have an estimate at the same moments."""
     period_s = model.main.discrete[0].period_s
     main, guard = tracker_of(model, period_s, coast_s), None
-    if model.guard is not None:
-        guard = Tracker(model.guard.estimator, model.guard.estimator.discrete[0], 90, coast_s)
+    if model.secondary is not None:
+        guard = Tracker(model.secondary.estimator, model.secondary.estimator.discrete[0], 90, coast_s)
     observer, width = observer_of(model, period_s, coast_s), 0.0
     for time_s, readings in scattered(model, period_s, seed):
         said, alone = observer.update(time_s, readings), main.update(time_s, readings)
@@ -118,18 +118,18 @@ def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float 
             assert second is None
             continue
         ambient, weight = alone.ambient_degC, 0.0
-        if model.guard is not None:
+        if model.secondary is not None:
             assert second is not None
-            ambient, _, weight = guarded(ambient, second, model.guard.threshold_degC)
+            ambient, _, weight = blended(ambient, second, model.secondary.threshold_degC)
         status = "degraded" if weight > 0 and alone.status != "coasting" else alone.status
         assert (said.ambient_degC, said.status, said.used) == (ambient, status, alone.used)
         low, high = main.error_low_degC, main.error_high_degC
-        if model.spread is not None:
+        if model.error_variance is not None:
             sigma = observer.sigma_degC
             assert sigma is not None
-            assert sigma >= math.sqrt(model.spread.constant_degC2)
+            assert sigma >= math.sqrt(model.error_variance.constant_degC2)
             assert alone.status != "coasting" or sigma >= width
-            low, high = (end * sigma for end in model.spread.quantiles[90])
+            low, high = (end * sigma for end in model.error_variance.quantiles[90])
             width = sigma
         assert (said.low_degC, said.high_degC) == (ambient + low, ambient + high)
 
@@ -142,12 +142,12 @@ def test_without_gaps_it_is_two_recursions_and_the_equations(period_s: float) ->
     u = tuple((usb or 0.0, battery or 0.0) for _, (usb, battery) in rows)
     mains = run_recursion(model.main, model.main.discrete[index], u)
     guards = run_recursion(lag_on(1, 60.0, -10.0), lag_on(1, 60.0, -10.0).discrete[index], u)
-    spread = Spread(0.25, TERMS, QUANTILES)
+    spread = ErrorVariance(0.25, TERMS, QUANTILES)
     unrest, a = None, gains(spread, period_s)
     for found, main, guard in zip(fed(observer_of(model, period_s), rows), mains, guards):
-        y, d, weight = guarded(main, guard, 1.5)
+        y, d, weight = blended(main, guard, 1.5)
         d = max(-1.5, min(1.5, d))
-        unrest = at_rest(spread, y, d) if unrest is None else followed(spread, unrest, a, y, d)
+        unrest = initial_state(spread, y, d) if unrest is None else advanced(spread, unrest, a, y, d)
         sigma = sigma_degC(spread, unrest)
         assert found[:3] == pytest.approx((y, y - 1.5 * sigma, y + 2.0 * sigma), abs=1e-12)
         assert (found.status == "degraded") == (weight > 0)
@@ -204,10 +204,10 @@ def test_two_samples_in_one_period_are_one_moment() -> None:
     first = observer.update(899.6, (26.0, 30.0))
     again = observer.update(899.9, (26.0, 30.0))
     assert first == again
-    assert len(observer.background().unrest.squares_degC2) == 3
+    assert len(observer.background().variance.squares_degC2) == 3
 
 
-def test_a_new_start_is_at_rest() -> None:
+def test_a_new_start_is_initial_state() -> None:
     observer = observer_of(phone())
     fed(observer, moving(900))
     anew = observer.update(5000.0, (25.0, 30.0))

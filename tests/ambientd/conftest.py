@@ -13,7 +13,7 @@ import pytest
 
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
+from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 INTERVAL = {50: (-0.2, 0.3), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
@@ -45,14 +45,14 @@ def single(of: Input, tau_s: float, offset: float) -> Estimator:
     )
 
 
-def made_guard() -> Guard:
+def made_guard() -> Secondary:
     """The battery with a lag of 20 s, less 2 degC: where usb is at 30 and battery at 25, the main estimator agrees."""
     alone = single(BATTERY, 20.0, -2.0)
     discrete = tuple(each._replace(B=((0.0, each.B[0][0]),), D=((0.0, 0.0),)) for each in alone.discrete)
-    return Guard(alone._replace(inputs=(USB, BATTERY), discrete=discrete, initial=((0.0, 1.0),)), 1.0)
+    return Secondary(alone._replace(inputs=(USB, BATTERY), discrete=discrete, initial=((0.0, 1.0),)), 1.0)
 
 
-SPREAD = Spread(
+SPREAD = ErrorVariance(
     0.25,
     (Term("movement", 60.0, 1.0), Term("movement", 20.0, 9.0), Term("guard", 30.0, 0.25)),
     {50: (-0.5, 0.75), 90: (-1.5, 2.0), 98: (-2.5, 3.0)},
@@ -72,7 +72,7 @@ def made_model(inputs: tuple[Input, ...] = (USB, BATTERY), fallbacks: bool = Fal
     steps = tuple((25.0 + k % 7, 30.0 - 0.5 * k) for k in range(20))
     model = Model("bench", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
     if guarded:
-        model = model._replace(guard=made_guard(), spread=SPREAD)
+        model = model._replace(secondary=made_guard(), error_variance=SPREAD)
     return decode(encode(model).encode(), "made by hand")
 
 

@@ -19,8 +19,7 @@ def test_a_fallback_that_contradicts_itself_is_told_of_and_not_refused(ambientd,
     done = ambientd("check", "--model", path)
     assert (done.returncode, done.stderr) == (0, "")
     # most where usb goes from 25 to 26 degC: 1e-3 * 26 beside the 25.00995 degC that a right step of 0.2 s reaches
-    warning = (
-        "warning      without battery it contradicts itself by 0.00103959 (equilibrium moves, or periods disagree)"
-    )
-    assert warning in done.stdout.splitlines()
+    [warning] = [each for each in done.stdout.splitlines() if each.startswith("warning")]
+    assert "battery" in warning
+    assert "0.00103959" in warning
     assert "keep their equilibrium" not in done.stdout

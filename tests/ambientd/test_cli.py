@@ -77,7 +77,7 @@ def test_check_names_every_sensor_that_is_not_there(ambientd, model_file, sysfs)
     mend = "types here are cpu, usb-therm: name one of them under 'zones' in a configuration"
     assert done.stderr.splitlines() == [
         f"ambientd: {sysfs.root}: 2 faults",
-        f"  sensor usb: it says b'-274000\\n'; {mend}",
+        f"  sensor usb: its content is b'-274000\\n'; {mend}",
         f"  sensor battery: no thermal zone of type 'battery'; {mend}",
     ]
 
@@ -103,7 +103,8 @@ def test_check_fails_where_the_recursion_does_not_give_what_the_file_says(ambien
     done = ambientd("check", "--model", model_file)
     assert done.returncode == 1
     assert (
-        f"ambientd: {model_file}: conformance: this device computes 1e-06 degC beside what the file says" in done.stderr
+        f"ambientd: {model_file}: conformance: this device's outputs differ by 1e-06 degC from the file's"
+        in done.stderr
     )
 
 
@@ -196,7 +197,7 @@ def start_up_modules():
 
 def test_a_replay_imports_neither_sockets_nor_what_else_it_does_not_use(model_file, trace_file, tmp_path):
     loaded = set(bare("replay", model_file, trace_file, "-o", tmp_path / "o.csv").stderr.split())
-    unwanted = {"socket", "select", "signal", "ambientd.publish.socket", "ambientd.run", "ambientd.sources.zones"}
+    unwanted = {"socket", "select", "signal", "ambientd.publish.socket", "ambientd.run", "ambientd.sources.zone"}
     assert not (loaded - start_up_modules()) & unwanted
 
 

@@ -75,7 +75,7 @@ def test_a_file_is_read_in_degrees(value_file, content, degC):
 def test_a_files_offset_is_taken_off_again_and_not_off_its_poison(value_file):
     path = value_file(b"95000\n")
     assert read_file_degC(path, 60, offset_millidegC=100_000) == -5.0
-    with pytest.raises(Poisoned, match="says 95000, the poison"):
+    with pytest.raises(Poisoned, match="holds 95000, the poison"):
         read_file_degC(path, 60, poison_millidegC=95_000, offset_millidegC=100_000)
 
 
@@ -84,16 +84,16 @@ def test_a_files_offset_is_taken_off_again_and_not_off_its_poison(value_file):
     [
         (b"23400\n", 61, Stale, "is 61.0 s old"),
         (b"23400\n", -61, Stale, "is -61.0 s old"),  # written before the clock was set back
-        (b"60000\n", 0, Poisoned, "says 60000, the poison"),
-        (b"-274000\n", 0, Poisoned, "says -274000, below absolute zero"),
-        (b"", 0, Malformed, "says b''"),
-        (b"23400", 0, Malformed, "says b'23400'"),  # torn
-        (b"-\n", 0, Malformed, "says b'-"),
-        (b"26.5\n", 0, Malformed, "says b'26.5"),
-        (b"nan\n", 0, Malformed, "says b'nan"),
-        (b"2_3\n", 0, Malformed, "says b'2_3"),
-        (b" 23\n", 0, Malformed, "says b' 23"),
-        (b"5000\n00\n", 0, Malformed, "says b'5000"),  # a longer value overwritten and not cut off yet
+        (b"60000\n", 0, Poisoned, "holds 60000, the poison"),
+        (b"-274000\n", 0, Poisoned, "holds -274000, below absolute zero"),
+        (b"", 0, Malformed, "holds b''"),
+        (b"23400", 0, Malformed, "holds b'23400'"),  # torn
+        (b"-\n", 0, Malformed, "holds b'-"),
+        (b"26.5\n", 0, Malformed, "holds b'26.5"),
+        (b"nan\n", 0, Malformed, "holds b'nan"),
+        (b"2_3\n", 0, Malformed, "holds b'2_3"),
+        (b" 23\n", 0, Malformed, "holds b' 23"),
+        (b"5000\n00\n", 0, Malformed, "holds b'5000"),  # a longer value overwritten and not cut off yet
         (b"1" * 16 + b"\n", 0, Malformed, "is longer than 15 bytes"),
     ],
 )
@@ -286,7 +286,7 @@ def test_who_talks_without_lines_is_left(server, path):
             while not follower.problem:
                 assert follower.wait(0.01) is None
             sender.join()
-        assert follower.problem == "what is said there has no lines"
+        assert follower.problem == "what is received has no lines"
 
 
 def test_half_a_line_at_the_end_of_a_daemon_is_nothing(server, path):

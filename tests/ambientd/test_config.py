@@ -8,6 +8,7 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambientd.config import Settings, load_settings, settings_for_model
+from ambientd.publish.file import Options
 from ambientd.publish.spec import Spec, parse
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
@@ -51,9 +52,9 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
             sysfs_root="/fake",
             publish=(
                 Spec("stdout"),
-                Spec("file", "/run/a", mode="in-place"),
+                Spec("file-in-place", "/run/a"),
                 Spec("socket", str(tmp_path / "s")),
-                Spec("file", "/run/b", mode="in-place", poison_millidegC=-274000),
+                Spec("file-in-place", "/run/b", options=Options(poison_millidegC=-274000)),
             ),
             level_percent=98,
             zones={"usb": "usbc-therm-adc"},
@@ -84,7 +85,7 @@ publish:
   - {kind: socket, path: /run/a, mode: rename}
 """,
     )
-    kinds = "file, file-in-place, status, prometheus, socket, stdout"
+    kinds = "file, file-in-place, prometheus, socket, status, stdout"
     assert refusal(path).splitlines() == [
         f"{path}: 15 faults",
         "  poll: unknown key; known are model, rate_hz, sysfs_root, publish, level_percent, zones, coast_s, state,"
@@ -100,7 +101,7 @@ publish:
         " offset_millidegC, at_exit, access",
         "  publish[4].mode: is 'append'; one of rename, in-place is wanted",
         "  publish[4].poison_millidegC: is 1.5; an integer in millidegrees, of at most 12 digits, is wanted",
-        "  publish[5].mode: says nothing for kind 'socket'; only 'file' takes it: remove it",
+        "  publish[5].mode: unknown key; known are kind, path, access",
         "  publish: /run/a stands twice; publish each to a path of its own",
         "  level_percent: is 95; one of 50, 90, 98 is wanted",
         "  zones: is ['usb']; a mapping from input name to thermal zone type is wanted",

@@ -158,7 +158,7 @@ def test_a_fallback_that_nobody_asked_has_missed_nothing(make_model, count):
         together.update(time_s, (usb, battery))
         alone["usb"].update(time_s, (battery,))
         alone["battery"].update(time_s, (usb,))
-    assert together.snapshot().voices[1:] == tuple(each.snapshot() for each in alone.values())
+    assert together.snapshot().snapshots[1:] == tuple(each.snapshot() for each in alone.values())
 
 
 def test_a_state_taken_in_between_is_whole(make_model):

@@ -1,4 +1,4 @@
-"""Guard and spread in the daemon: what is published follows from the equations, in a replay, a file and a status."""
+"""Secondary estimator and error variance in the daemon: what is published follows from the equations."""
 
 import csv
 import json
@@ -107,11 +107,11 @@ def test_a_restarted_daemon_goes_on_with_guard_and_spread(start, until, ended, g
     until(lambda: json.loads(status.read_text())["time_s"] > began_s + 0.2)
     assert ended(first, signal.SIGTERM)[0] == 0
     kept = decode((tmp_path / "state").read_bytes()).tracker
-    assert kept.background.guard[:3] == kept.voices[0][:3]
-    assert kept.background.unrest.means_degC == pytest.approx((23.0,) * 3)
+    assert kept.background.secondary[:3] == kept.snapshots[0][:3]
+    assert kept.background.variance.means_degC == pytest.approx((23.0,) * 3)
     second = start("run", "--config", config)
     until(status.exists)
-    assert f"ambientd: state {tmp_path}/state: going on from " in ended(second)[2]
+    assert f"ambientd: state {tmp_path}/state: continuing from " in ended(second)[2]
 
 
 def test_a_lost_input_takes_the_fallback_over_from_the_guarded_estimate(tracker):
@@ -148,7 +148,7 @@ def test_without_fallbacks_it_is_the_same(make_model, heated):
 @pytest.mark.parametrize("level", [50, 90, 98])
 def test_the_interval_is_of_the_level_that_is_asked_for(make_model, level, heated):
     model = make_model(guarded=True)
-    low, high = model.spread.quantiles[level]
+    low, high = model.error_variance.quantiles[level]
     tracker = FallbackTracker(model, 1.0, level)
     for (time_s, *readings), (y, sigma, _) in zip(heated, oracle(heated)):
         estimate = tracker.update(time_s, readings)
@@ -156,14 +156,16 @@ def test_the_interval_is_of_the_level_that_is_asked_for(make_model, level, heate
 
 
 def test_a_guard_alone_leaves_the_constant_interval(make_model, heated):
-    tracker = FallbackTracker(make_model(guarded=True)._replace(spread=None), 1.0)
+    tracker = FallbackTracker(make_model(guarded=True)._replace(error_variance=None), 1.0)
     for (time_s, *readings), (y, _, _) in zip(heated, oracle(heated)):
         assert tracker.update(time_s, readings)[:3] == pytest.approx((y, y - 0.5, y + 0.75), abs=1e-9)
 
 
 def test_a_spread_alone_widens_the_main_estimate(make_model):
     whole = make_model(guarded=True)
-    model = whole._replace(guard=None, spread=whole.spread._replace(terms=whole.spread.terms[1:2]))
+    model = whole._replace(
+        secondary=None, error_variance=whole.error_variance._replace(terms=whole.error_variance.terms[1:2])
+    )
     tracker = FallbackTracker(model, 1.0)
     feed(tracker, [REST] * 200)
     jumped = feed(tracker, [(32.0, 25.0)], start=200)[0]
@@ -186,21 +188,23 @@ def test_check_tells_of_guard_and_spread(ambientd, guarded_model_file):
     done = ambientd("check", "--model", guarded_model_file)
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
-    assert "interval     -0.75 to +1 degC around the estimate at rest, 90 %; wider with movement, guard" in lines
-    assert "guard        has a say from 1 degC apart on, and the last word from twice that on" in lines
-    assert "             passed: the guard keeps its equilibrium, and its periods agree" in lines
+    assert (
+        "interval     -0.75 to +1 degC around the estimate in steady state, 90 %; wider with movement, guard" in lines
+    )
+    assert "secondary    blended from 1 degC difference, alone from 2 degC" in lines
+    assert "             passed: the secondary estimator keeps its equilibrium, and its periods agree" in lines
 
 
 def test_check_tells_of_a_guard_that_contradicts_itself(ambientd, make_model, tmp_path):
     model = make_model(guarded=True)
-    estimator = model.guard.estimator
+    estimator = model.secondary.estimator
     wrong = estimator.discrete[1]._replace(A=((estimator.discrete[1].A[0][0] - 1e-3,),))
     discrete = (estimator.discrete[0], wrong, *estimator.discrete[2:])
-    guard = model.guard._replace(estimator=estimator._replace(discrete=discrete))
+    guard = model.secondary._replace(estimator=estimator._replace(discrete=discrete))
     path = tmp_path / "model.json"
-    path.write_text(encode(model._replace(guard=guard)))
+    path.write_text(encode(model._replace(secondary=guard)))
     done = ambientd("check", "--model", path)
     assert (done.returncode, done.stderr) == (0, "")
     [warning] = [line for line in done.stdout.splitlines() if line.startswith("warning")]
-    assert warning.startswith("warning      the guard contradicts itself by 0.00")
+    assert warning.startswith("warning      the secondary estimator contradicts itself by 0.00")
     assert warning.endswith(" (equilibrium moves, or periods disagree)")

@@ -2,8 +2,7 @@
 
 import pytest
 
-from ambientd.sources.hwmon import HwmonTemperature, find_hwmon
-from ambientd.sources.spec import Hwmon
+from ambientd.sources.hwmon import Hwmon, HwmonTemperature, find_hwmon
 
 
 @pytest.fixture
@@ -41,7 +40,7 @@ def test_no_hwmon_class_is_no_temperatures(tmp_path):
     source = HwmonTemperature(Hwmon("nvme", "Composite"), str(tmp_path))
     assert source.find() == []
     assert source.absent == "no hwmon chip 'nvme' with a temperature labelled 'Composite'"
-    assert source.mend() == "temperatures here are none: name one of them under 'sensors'"
+    assert source.hint() == "temperatures here are none: name one of them under 'sensors'"
 
 
 def test_it_is_found_again_by_name_when_renumbered(board):
@@ -54,7 +53,7 @@ def test_it_is_found_again_by_name_when_renumbered(board):
 
 
 def test_the_mend_lists_what_is_here(board):
-    assert HwmonTemperature(Hwmon("x", "y"), str(board)).mend() == (
+    assert HwmonTemperature(Hwmon("x", "y"), str(board)).hint() == (
         "temperatures here are {hwmon: nct6775, label: CPUTIN}, {hwmon: nct6775, label: PECI},"
         " {hwmon: nct6775, label: SYSTIN}, {hwmon: nvme, label: Composite}, {hwmon: nvme, label: temp3}:"
         " name one of them under 'sensors'"

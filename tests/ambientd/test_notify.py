@@ -110,7 +110,7 @@ def test_what_a_full_socket_does_not_take_is_owed_with_its_newest_value(tmp_path
     notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n")}, notes.append)
     for k in range(5000):
         notifier.status(str(k))
-    assert notes == [f"{tmp_path}/n: the service manager cannot be told (Resource temporarily unavailable)"]
+    assert notes == [f"{tmp_path}/n: the service manager cannot be notified (Resource temporarily unavailable)"]
     notifier.ready("4999")
     listener.settimeout(10)
     first = listener.recv(100)
@@ -128,14 +128,14 @@ def test_a_manager_that_is_not_there_is_noted_once(tmp_path):
     notifier.ready("up")
     notifier.stopping()
     notifier.close()
-    assert notes == [f"{tmp_path}/n: the service manager cannot be told (No such file or directory)"]
+    assert notes == [f"{tmp_path}/n: the service manager cannot be notified (No such file or directory)"]
 
 
 def test_an_address_of_another_kind_is_noted():
     notes = []
     notifier = Notifier({"NOTIFY_SOCKET": "vsock:2:1", "WATCHDOG_USEC": "1000000"}, notes.append)
     notifier.ready("up")
-    assert notes == ["NOTIFY_SOCKET is 'vsock:2:1', no path and no abstract name: the manager is not told"]
+    assert notes == ["NOTIFY_SOCKET is 'vsock:2:1', no path and no abstract name: the manager is not notified"]
     assert notifier.watchdog_s is None
 
 

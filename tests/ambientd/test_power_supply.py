@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from ambientd.sources.power_supply import PowerSupplyProperty
-from ambientd.sources.spec import PowerSupply
+from ambientd.sources.power_supply import PowerSupply, PowerSupplyProperty
 
 
 def value(root, location):
@@ -45,6 +44,6 @@ def test_what_is_not_here_is_said_with_what_is(make_supply):
     source = PowerSupplyProperty(PowerSupply("battery", "voltage_now"), str(root))
     assert source.find() == []
     assert source.absent == "no property 'voltage_now' of a power supply 'battery'"
-    assert source.mend() == "supplies here with it are bms, usb: name one of them under 'sensors'"
+    assert source.hint() == "supplies here with it are bms, usb: name one of them under 'sensors'"
     bare = PowerSupplyProperty(PowerSupply("battery", "temp"), "/nowhere")
-    assert (bare.find(), bare.mend()) == ([], "supplies here with it are none: name one of them under 'sensors'")
+    assert (bare.find(), bare.hint()) == ([], "supplies here with it are none: name one of them under 'sensors'")

@@ -85,11 +85,10 @@ publish:
         "publish[0].access.owner: is -2; the name of a user, or its number, is wanted",
         "publish[0].access.group: is 4294967295; the name of a group, or its number, is wanted",
         "publish[1].access: is '0640'; a mapping with mode, owner and group is wanted",
-        "publish[2].access: says nothing for kind 'stdout'; remove it",
+        "publish[2].access: has no effect on kind 'stdout'; remove it",
         "publish[3].offset_millidegC: is 1000000; an integer in millidegrees, of at most 6 digits, is wanted",
         "publish[3].at_exit: there is no poison to leave; give poison_millidegC, too",
-        "publish[4].at_exit: says nothing for kind 'status'; only 'file' takes it: remove it",
-        "publish[4].at_exit: is 'keep'; one of remove, poison is wanted",
+        "publish[4].at_exit: unknown key; known are kind, path, access",
         "publish[5].at_exit: is 'keep'; one of remove, poison is wanted",
     ]
 
@@ -264,7 +263,7 @@ def test_check_tells_of_every_output_and_sensor_that_would_fail(configured, ambi
     done = ambientd("check", "--config", configured({}, publish=publish))
     assert done.returncode == 1
     assert f"output       status:{tmp_path}/later/status: {tmp_path}/later is not there; it must be" in done.stdout
-    assert f"output       socket:{out}/there: there is a socket already, of a daemon that" in done.stdout
+    assert f"output       socket:{out}/there: there is a socket already" in done.stdout
     assert f"output       file:{out}/good: 0644, user" in done.stdout
     lines = done.stderr.splitlines()
     assert lines[0] == f"ambientd: {tmp_path}/c.json: 4 faults"

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from ambient_model.model import Input
 from ambient_model.tracking import Estimate
 from ambientd.publish.access import Access
-from ambientd.publish.file import InPlaceFile, RenamedFile
+from ambientd.publish.file import Options, RenamedFile
+from ambientd.publish.file_in_place import InPlaceFile
 from ambientd.publish.prometheus import PrometheusFile, exposition
 from ambientd.publish.spec import Spec
 from ambientd.publish.status import StatusFile
@@ -76,7 +77,7 @@ def test_what_is_not_trusted_is_removed_and_comes_back(kind, tmp_path):
 
 
 def test_what_is_not_trusted_says_the_poison_from_the_first_tick(kind, tmp_path):
-    publisher = kind(Spec("file", str(tmp_path / "temp"), poison_millidegC=-274000))
+    publisher = kind(poisoned(tmp_path))
     publisher.publish(FAULTED)
     assert (tmp_path / "temp").read_text() == "-274000\n"
     publisher.publish(report(5.0))
@@ -98,7 +99,7 @@ def test_renamed_is_a_new_file_and_in_place_the_same(tmp_path):
 def test_in_place_goes_on_with_a_file_that_is_there(tmp_path):
     (tmp_path / "temp").write_text("-1234567890\n")
     with open(tmp_path / "temp", "rb", buffering=0) as reader:
-        publisher = InPlaceFile(Spec("file", str(tmp_path / "temp"), poison_millidegC=-40000))
+        publisher = InPlaceFile(poisoned(tmp_path, poison_millidegC=-40000))
         publisher.publish(report(7.0))
         assert os.pread(reader.fileno(), 15, 0) == b"7000\n"
         publisher.close()
@@ -192,7 +193,8 @@ def test_labels_are_escaped():
 
 
 def poisoned(tmp_path, **more):
-    return Spec("file", str(tmp_path / "temp"), poison_millidegC=-274000, **more)
+    options = Options(**{"poison_millidegC": -274000, **more})
+    return Spec("file", str(tmp_path / "temp"), options=options)
 
 
 def test_at_exit_the_poison_may_stay(kind, tmp_path):
@@ -228,7 +230,7 @@ def test_an_offset_is_added_to_the_value_and_not_to_the_poison(kind, tmp_path):
 @pytest.mark.parametrize("kind", [RenamedFile, InPlaceFile])
 def test_with_an_offset_it_is_at_most_15_bytes_too(kind, value, offset, tmp_path_factory):
     path = tmp_path_factory.mktemp("files") / "temp"
-    publisher = kind(Spec("file", str(path), offset_millidegC=offset))
+    publisher = kind(Spec("file", str(path), options=Options(offset_millidegC=offset)))
     publisher.publish(report(value))
     if path.exists():
         assert re.fullmatch(rb"-?[0-9]+\n", path.read_bytes())
@@ -318,7 +320,7 @@ def test_another_poison_holds_from_the_next_value_on_and_the_file_stays_the_same
     publisher = InPlaceFile(poisoned(tmp_path))
     publisher.publish(report(20.0))
     inode = (tmp_path / "temp").stat().st_ino
-    publisher.adapt(poisoned(tmp_path)._replace(poison_millidegC=60000))
+    publisher.adapt(poisoned(tmp_path, poison_millidegC=60000))
     assert (tmp_path / "temp").read_text() == "20000\n"
     publisher.publish(FAULTED)
     assert (tmp_path / "temp").read_text() == "60000\n"

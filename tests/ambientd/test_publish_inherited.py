@@ -85,7 +85,7 @@ def test_one_that_no_publication_names_is_told_of(daemon, until, ended, path, tm
     until((tmp_path / "status").exists)
     _, _, log = ended(process)
     assert log.splitlines()[0] == (
-        f"ambientd: {path}: was handed over, and no one serves it; publish 'socket:{path}', or do not make it"
+        f"ambientd: {path}: was handed over and is not served; publish 'socket:{path}', or do not make it"
     )
 
 

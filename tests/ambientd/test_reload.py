@@ -137,7 +137,7 @@ def test_a_bad_model_is_refused_and_the_old_goes_on(start, until, ended, configu
     until(lambda: status()["time_s"] > before + 0.2)
     _, _, log = ended(daemon)
     said = [line for line in log.splitlines() if line.startswith("ambientd: ")]
-    assert said[1].startswith(f"ambientd: not reloaded, and all goes on as it was: {model_file}: ")
+    assert said[1].startswith(f"ambientd: not reloaded, the old configuration stays: {model_file}: ")
     assert said[2].startswith("ambientd: reloaded: model 'bench'")
     assert len(said) == 3
 
@@ -151,7 +151,7 @@ def test_every_fault_of_a_bad_configuration_is_named_once(start, until, ended, c
     until(lambda: status()["time_s"] > before + 0.5)
     _, _, log = ended(daemon)
     assert log.splitlines()[1:] == [
-        f"ambientd: not reloaded, and all goes on as it was: {tmp_path}/c.json: 2 faults",
+        f"ambientd: not reloaded, the old configuration stays: {tmp_path}/c.json: 2 faults",
         "  rate_hz: is 0; a number between 0.1 and 20 is wanted",
         "  level_percent: is 1; one of 50, 90, 98 is wanted",
     ]
@@ -188,7 +188,7 @@ def test_a_publisher_that_cannot_start_refuses_the_whole(start, until, ended, co
     assert (tmp_path / "no-socket").read_text() == "mine"
     _, _, log = ended(daemon)
     assert log.splitlines()[1:] == [
-        f"ambientd: not reloaded, and all goes on as it was: {tmp_path}/no-socket: exists and is no socket;"
+        f"ambientd: not reloaded, the old configuration stays: {tmp_path}/no-socket: exists and is no socket;"
         " remove it, or choose another path"
     ]
 
@@ -244,4 +244,4 @@ def test_it_ends_though_its_reader_has_stopped_reading(start, until, model_file,
     os.kill(daemon.pid, signal.SIGTERM)
     assert daemon.wait(10) == 0
     assert not (tmp_path / "temp").exists()
-    assert daemon.stderr.read().splitlines()[1:] == ["ambientd: something blocked when it was to end; it was left"]
+    assert daemon.stderr.read().splitlines()[1:] == ["ambientd: something blocked at the end and was abandoned"]

@@ -86,9 +86,9 @@ def test_a_lost_sensor_is_told_once_and_the_file_goes_when_nothing_is_to_be_trus
     _, _, log = ended(daemon)
     assert sorted(log.splitlines()[1:]) == [
         "ambientd: sensor battery: is back",
-        "ambientd: sensor battery: no value (it says b'-32768000\\n')",
+        "ambientd: sensor battery: no value (its content is b'-32768000\\n')",
         "ambientd: sensor usb: is back",
-        "ambientd: sensor usb: no value (it says b'-32768000\\n')",
+        "ambientd: sensor usb: no value (its content is b'-32768000\\n')",
     ]
 
 

@@ -8,13 +8,12 @@ import pytest
 
 from ambient_model.model import Input
 from ambientd.notices import Notice
-from ambientd.sources.hwmon import HwmonTemperature
-from ambientd.sources.power_supply import PowerSupplyProperty
+from ambientd.sources.hwmon import Hwmon, HwmonTemperature
+from ambientd.sources.power_supply import PowerSupply, PowerSupplyProperty
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.sensors import Sensors
-from ambientd.sources.spec import Hwmon, PowerSupply, Zone
 from ambientd.sources.supervision import Rules
-from ambientd.sources.zones import ZoneTemperature
+from ambientd.sources.zone import Zone, ZoneTemperature
 
 USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
 BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
@@ -64,7 +63,7 @@ def test_one_that_goes_and_returns_is_told_once_each_and_leaves_the_other_alone(
     assert [sensors.read(float(k)) for k in range(3)] == [[30.0, None]] * 3
     temp(phone, 3).write_text("26000\n")
     assert sensors.read(3.0) == [30.0, 26.0]
-    assert notes == ["sensor battery: no value (it says b'-274000\\n')", "sensor battery: is back"]
+    assert notes == ["sensor battery: no value (its content is b'-274000\\n')", "sensor battery: is back"]
 
 
 @pytest.fixture
@@ -136,7 +135,7 @@ def test_a_sensor_that_comes_after_the_start_is_taken(sysfs, notes):
 def test_doubles_are_noted_and_the_lowest_number_is_taken(phone, make_sensors, notes):
     phone.zone(11, "usb-therm", "99000\n")
     assert make_sensors(inputs=[USB]).read(0.0) == [30.0]
-    assert notes == [f"sensor usb: 2 answer to this name, taking {temp(phone, 10)}"]
+    assert notes == [f"sensor usb: 2 have this name, reading {temp(phone, 10)}"]
 
 
 def test_a_value_outside_its_range_is_told_once_and_shown(sensors, phone, notes):
@@ -248,7 +247,7 @@ def test_every_kind_side_by_side(sysfs, make_hwmon, make_supply, notes):
     make_hwmon(7, "board", (2, "inlet", "22000\n"))
     assert sensors.read(2.0) == [25.0, 22.0, 0.75, 4.1]
     sensors.close()
-    assert notes == ["sensor inlet: no value (it says b'')", "sensor inlet: is back"]
+    assert notes == ["sensor inlet: no value (its content is b'')", "sensor inlet: is back"]
 
 
 def test_descriptors_are_let_go(phone):

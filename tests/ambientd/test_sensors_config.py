@@ -11,8 +11,11 @@ from ambient_model.faults import Refused
 from ambient_model.model import Input
 from ambientd.config import load_settings, settings_for_model
 from ambientd.sources.assign import open_sensors
-from ambientd.sources.spec import Hwmon, PowerSupply, Zone, read_location, read_rules
+from ambientd.sources.hwmon import Hwmon
+from ambientd.sources.power_supply import PowerSupply
+from ambientd.sources.spec import read_location, read_rules
 from ambientd.sources.supervision import Rules
+from ambientd.sources.zone import Zone
 
 
 def saved(tmp_path, text, name="c.yaml"):
@@ -77,19 +80,19 @@ supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 
     )
     with pytest.raises(Refused) as refused:
         load_settings(path)
-    forms = "{zone: TYPE}, {hwmon: CHIP, label: LABEL} or {power_supply: NAME, property: PROPERTY}"
+    forms = "{hwmon: CHIP, label: LABEL} or {power_supply: NAME, property: PROPERTY} or {zone: TYPE}"
     assert str(refused.value).splitlines() == [
         f"{path}: 16 faults",
         "  sensors.usb: stands under 'zones', too; name it once",
         f"  sensors.a: is ['zone']; one of {forms} is wanted",
         f"  sensors.b: is {{'zone': 'x', 'hwmon': 'y'}}; one of {forms} is wanted",
-        "  sensors.c.offset: unknown key; known beside 'zone' are zone",
+        "  sensors.c.offset: unknown key; known are zone",
         "  sensors.c.zone: is 7; a text is wanted",
         "  sensors.d.label: missing; a text is wanted",
         "  sensors.e.power_supply: is '../x'; the name of a folder in class/power_supply is wanted",
         "  sensors.e.property: is 'capacity'; one of temp, current_now, voltage_now is wanted",
         "  sensors.e.sign: is 2; 1 or -1 is wanted",
-        "  sensors.f.sign: says nothing for 'temp'; only 'current_now' takes it: remove it",
+        "  sensors.f.sign: has no effect on 'temp'; only 'current_now' takes it: remove it",
         "  sensors.g.zone: is 'a\\nb'; a text is wanted",
         "  sensors.h.sign: is True; 1 or -1 is wanted",
         "  supervision.stuck_after_s: is 59; a number between 60 and 1e+06 is wanted",
@@ -146,7 +149,7 @@ def test_a_width_without_a_time_says_nothing():
     faults = []
     read_rules("supervision", {"stuck_within_K": 0.1}, lambda *fault: faults.append(fault))
     assert faults == [
-        ("supervision.stuck_within_K", "says nothing alone", "give stuck_after_s, too, or remove it"),
+        ("supervision.stuck_within_K", "has no effect alone", "give stuck_after_s, too, or remove it"),
     ]
 
 
@@ -273,6 +276,6 @@ def test_the_daemon_runs_on_every_kind_and_finds_a_renumbered_one_again(
     code, _, log = ended(daemon)
     assert code == 0
     assert log.splitlines()[1:] == [
-        "ambientd: sensor inlet: no value (it says b'')",
+        "ambientd: sensor inlet: no value (its content is b'')",
         "ambientd: sensor inlet: is back",
     ]

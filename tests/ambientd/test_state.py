@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from ambient_model.codec import encode as encode_model
+from ambient_model.error_variance import VarianceState
 from ambient_model.faults import Refused
 from ambient_model.observer import Background
-from ambient_model.spread import Unrest
 from ambient_model.tracking import Snapshot, Tracker, nearest_discrete
 from ambientd.config import StateSpec, load_settings
 from ambientd.fallback import FallbackState, FallbackTracker
@@ -90,7 +90,7 @@ def test_another_models_state_is_refused_and_changes_nothing(make_model):
     with pytest.raises(ValueError, match="it has another period or shape"):
         slow.restore(plain.snapshot())
     assert rich.snapshot() == before
-    assert slow.snapshot().voices == (None,)
+    assert slow.snapshot().snapshots == (None,)
 
 
 def guarded(make_model, **more):
@@ -113,7 +113,7 @@ def test_a_background_that_is_not_of_the_main_estimators_moment_is_refused_and_c
     fed(other, rows(11))
     mixed = whole.snapshot()._replace(background=other.snapshot().background)
     before = other.snapshot()
-    with pytest.raises(ValueError, match="it has another guard or spread"):
+    with pytest.raises(ValueError, match="it has another secondary estimator or error variance"):
         other.restore(mixed)
     with pytest.raises(ValueError, match="it has other estimators"):
         other.restore(mixed._replace(background=None))
@@ -152,7 +152,7 @@ def test_a_state_reads_back_as_it_was(settled):
         ({"now_s": 129.5}, "it is 30 s old, and 30 s are allowed"),
         ({"now_s": 98.0}, "it is -1 s old, and 30 s are allowed"),
         ({"now_s": 105.0, "max_age_s": 5.0}, "it is 6 s old, and 5 s are allowed"),
-        ({"boot": ""}, "the system does not say which boot this is"),
+        ({"boot": ""}, "the system does not identify this boot"),
     ],
 )
 def test_what_may_not_be_believed_is_not(make_model, settled, change, reason):
@@ -160,7 +160,7 @@ def test_what_may_not_be_believed_is_not(make_model, settled, change, reason):
     call = {"model": "model", "boot": "boot", "now_s": 99.0, "max_age_s": 600.0, **change}
     with pytest.raises(ValueError, match=f"^{reason}$"):
         take_back(a_state(settled), tracker, **call)
-    assert tracker.snapshot().voices == (None,) * 3
+    assert tracker.snapshot().snapshots == (None,) * 3
 
 
 def test_what_may_be_believed_is(make_model, settled):
@@ -213,7 +213,7 @@ STATE = st.fixed_dictionaries(
         "background": st.fixed_dictionaries(
             {
                 "guard": st.none() | VOICE,
-                "unrest": st.none() | st.fixed_dictionaries(dict.fromkeys(Unrest._fields, JSON)),
+                "unrest": st.none() | st.fixed_dictionaries(dict.fromkeys(VarianceState._fields, JSON)),
             }
         )
         | JSON
@@ -258,7 +258,7 @@ def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s
     x=NUMBERS,
     u=st.lists(NUMBERS, min_size=2, max_size=2),
     unrest=st.builds(
-        Unrest,
+        VarianceState,
         st.lists(NUMBERS, min_size=3, max_size=3).map(tuple),
         st.lists(st.floats(0, 1e12), min_size=3, max_size=3).map(tuple),
     ),
@@ -404,7 +404,7 @@ def test_a_restarted_daemon_goes_on_with_the_estimate(start, until, ended, confi
     until(lambda: status_of(tmp_path))
     said = status_of(tmp_path)["ambient_degC"]
     _, _, log = ended(second)
-    assert log.splitlines()[0].startswith(f"ambientd: state {tmp_path}/state: going on from ")
+    assert log.splitlines()[0].startswith(f"ambientd: state {tmp_path}/state: continuing from ")
     # usb counts at once: 23 + 10, and is drawn from with its lag; anew it would be 23 + 0.2 * 10 = 25
     assert 30 < said <= 33.0
 
@@ -414,7 +414,7 @@ def test_a_killed_daemon_leaves_a_whole_state(start, until, configured, ambientd
     until(lambda: (tmp_path / "state").exists())
     killed.kill()
     killed.wait()
-    assert decode((tmp_path / "state").read_bytes()).tracker.said_degC is None  # no fallbacks: nothing to bridge
+    assert decode((tmp_path / "state").read_bytes()).tracker.last_degC is None  # no fallbacks: nothing to bridge
 
 
 def test_another_models_state_is_told_once_and_not_used(start, until, ended, configured, make_model, tmp_path):

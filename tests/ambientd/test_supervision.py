@@ -21,7 +21,7 @@ def doubted(inputs, rules, moments):
     supervision = Supervision(inputs, rules)
     times = {}
     for now_s, values in moments:
-        for index in supervision.judge(now_s, values):
+        for index in supervision.doubts(now_s, values):
             times.setdefault(index, []).append(now_s)
     return times
 
@@ -83,8 +83,8 @@ def test_a_spike_is_set_aside_until_ten_seconds_are_calm():
 
 def test_a_jump_says_from_where_to_where():
     supervision = Supervision([USB], JUMPS)
-    assert supervision.judge(0.0, [30.0]) == {}
-    assert supervision.judge(1.0, [-15.0]) == {0: "jumped from 30 to -15 degC"}
+    assert supervision.doubts(0.0, [30.0]) == {}
+    assert supervision.doubts(1.0, [-15.0]) == {0: "jumped from 30 to -15 degC"}
 
 
 def test_what_keeps_jumping_is_never_believed():
@@ -134,7 +134,7 @@ def test_what_stands_still_while_the_others_move_is_stuck_until_it_moves():
 def test_the_reason_says_where_it_stands():
     supervision = Supervision([USB, BATTERY], STUCK)
     for k in range(700):
-        reasons = supervision.judge(float(k), [30.0 + k / 100, 25.0])
+        reasons = supervision.doubts(float(k), [30.0 + k / 100, 25.0])
     assert reasons == {1: "stands at 25 degC while others move"}
 
 
@@ -227,4 +227,4 @@ def test_others_that_come_after_it_began_to_stand_count():
 def test_what_is_missing_is_never_doubted(rows):
     supervision = Supervision([USB, BATTERY], Rules(stuck_after_s=10.0, jump_K_per_s=3.0))
     for k, values in enumerate(rows):
-        assert all(values[index] is not None for index in supervision.judge(float(k), values))
+        assert all(values[index] is not None for index in supervision.doubts(float(k), values))

@@ -55,7 +55,7 @@ def test_it_says_once_when_nothing_comes_and_when_it_is_back(start, ended, daemo
     watcher.stdout.readline()
     os.kill(stopped.pid, signal.SIGSTOP)
     said = watcher.stderr.readline()
-    assert said == f"ambientd: {path}: nothing has come for 0.5 s; what was said last is stale\n"
+    assert said == f"ambientd: {path}: nothing has come for 0.5 s; the last reading is stale\n"
     os.kill(stopped.pid, signal.SIGCONT)
     assert watcher.stderr.readline() == f"ambientd: {path}: it is back\n"
     assert ended(watcher, signal.SIGINT)[::2] == (0, "")
@@ -70,7 +70,7 @@ def test_it_says_where_a_socket_speaks_of_something_else(start, ended, path):
         connection.sendall(b"220 mail ready\n{}\n")
         said = watcher.stderr.readline()
         lines = "but 2 lines that are no readings"
-        assert said == f"ambientd: {path}: nothing has come for 0.5 s, {lines}; what was said last is stale\n"
+        assert said == f"ambientd: {path}: nothing has come for 0.5 s, {lines}; the last reading is stale\n"
         connection.close()
     status, out, _ = ended(watcher, signal.SIGINT)
     assert (status, out) == (0, "")

@@ -2,8 +2,7 @@
 
 import pytest
 
-from ambientd.sources.spec import Zone
-from ambientd.sources.zones import ZoneTemperature, find_zones
+from ambientd.sources.zone import Zone, ZoneTemperature, find_zones
 
 
 def test_zones_are_found_by_type_in_the_order_of_their_numbers(sysfs):
@@ -42,7 +41,7 @@ def test_a_link_by_name_is_followed(phone, by_name):
 
 def test_a_link_by_name_makes_no_look_through_all_zones(phone, by_name, monkeypatch):
     (by_name / "battery").symlink_to(phone.root / "class/thermal/thermal_zone3")
-    monkeypatch.setattr("ambientd.sources.zones.find_zones", lambda root: pytest.fail("looked through"))
+    monkeypatch.setattr("ambientd.sources.zone.find_zones", lambda root: pytest.fail("looked through"))
     assert found(phone, by_name, "battery") == [f"{phone.root}/class/thermal/thermal_zone3/temp"]
 
 

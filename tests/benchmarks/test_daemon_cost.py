@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from ambient_model.codec import save_model
-from ambient_model.model import Guard, Model, Spread, Term
+from ambient_model.model import ErrorVariance, Model, Secondary, Term
 
 ROOT = Path(__file__).parents[2]
 BARE = Path(__file__).parent / "bare_loop.py"
@@ -99,7 +99,8 @@ def device(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Device:
 def _guarded(model: Model) -> Model:
     """The same with a guard as large as the main estimator, which never has a say: what it costs is the same."""
     terms = (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25))
-    return model._replace(guard=Guard(model.main, 1.0), spread=Spread(0.25, terms, model.main.interval))
+    variance = ErrorVariance(0.25, terms, model.main.interval)
+    return model._replace(secondary=Secondary(model.main, 1.0), error_variance=variance)
 
 
 @contextlib.contextmanager

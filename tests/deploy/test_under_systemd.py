@@ -74,7 +74,7 @@ def test_the_unit_publishes_to_all_and_stops_clean(started):
 
 def test_a_restart_goes_on_and_a_reload_with_a_bad_model_changes_nothing(started, until):
     started.run("systemctl", "restart", "ambientd")
-    assert "state /var/lib/ambientd/state.json: going on from" in (started.box / "stderr").read_text()
+    assert "state /var/lib/ambientd/state.json: continuing from" in (started.box / "stderr").read_text()
     process = started.show("MainPID")
     model = started.file("/etc/ambientd/model.json")
     good = model.read_text()

@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.codec import load_model, save_model
 from ambient_model.conformance import run_recursion
-from ambient_model.model import Guard, Spread, Term
+from ambient_model.model import ErrorVariance, Secondary, Term
 from ambient_model.observer import Observer
 from ambient_model.trace import write_trace
 from ambient_model.tracking import Tracker
@@ -133,7 +133,8 @@ def second():
 def guarded(models, second, tmp_path_factory):
     """The free filter with a guard and a spread of all terms, made up, written to a file and read back."""
     model = models["free-3"]._replace(
-        guard=Guard(model_of(second, [], {}).main, THRESHOLD_DEGC), spread=Spread(CONSTANT_DEGC2, TERMS, QUANTILES)
+        secondary=Secondary(model_of(second, [], {}).main, THRESHOLD_DEGC),
+        error_variance=ErrorVariance(CONSTANT_DEGC2, TERMS, QUANTILES),
     )
     path = str(tmp_path_factory.mktemp("guarded") / "model.json")
     save_model(path, model)
@@ -164,7 +165,7 @@ def test_a_day_of_samples_with_guard_and_spread(period_s, fits, second, guarded)
     assert {0.0, 1.0} <= {*w.tolist()}, "the guard is silent at times, and alone at times"
     both = (_by_scipy(each, u, period_s) for each in (fits["free-3"], second))
     arrays = blended(*both, THRESHOLD_DEGC)
-    scale = sigma_degC(guarded.spread, arrays.ambient_degC, arrays.apart_degC, period_s)
+    scale = sigma_degC(guarded.error_variance, arrays.ambient_degC, arrays.apart_degC, period_s)
     [discrete] = [each for each in guarded.main.discrete if each.period_s == period_s]
     observer = Observer(guarded, Tracker(guarded.main, discrete))
     said = [observer.update(k * period_s, row)[:3] for k, row in enumerate(u.T.tolist())]

@@ -1,6 +1,6 @@
-"""Who may read what the daemon creates: its mode, owner and group are right before a reader can find it.
+"""Mode, owner and group of what the daemon creates, set before a reader can find it.
 
-What is not configured stays as the system makes it: the daemon's own user and group, and 0644 less the umask.
+What is not configured is the system's default: the daemon's own user and group, and 0644 less the umask.
 """
 
 import os
@@ -21,16 +21,16 @@ class Access(NamedTuple):
     group: int = -1
 
     def for_socket(self) -> "Access":
-        """The same for a socket, where connecting takes the right to write: who may read may connect."""
+        """The same for a socket: connecting needs the right to write, so that whoever may read may connect."""
         if self.mode is None:
             return self._replace(mode=0o666)
         return self._replace(mode=self.mode | (self.mode & 0o444) >> 1)
 
 
 def grant(target: int | str, access: Access) -> None:
-    """Set what ``access`` says on a descriptor or a path; raises OSError.
+    """Set mode, owner and group of a descriptor or a path; raises OSError.
 
-    Who may already be right is not set again: without the right to give files away that alone would fail.
+    An owner that is right already is not set again, as that alone would fail without CAP_CHOWN.
     """
     if access.mode is not None:
         os.chmod(target, access.mode)
@@ -47,7 +47,7 @@ def described(path: str) -> str:
 
 
 def read_access(place: str, value: Any, base: Access, fault: Callable[[str, str, str], None]) -> Access:
-    """``base`` with what the configuration says in ``value``; each thing wrong is told to ``fault``."""
+    """``base`` with the configuration in ``value``; ``fault`` takes each thing that is wrong."""
     if not isinstance(value, dict):
         fault(place, f"is {value!r}", "a mapping with mode, owner and group is wanted")
         return base
@@ -64,7 +64,7 @@ def read_access(place: str, value: Any, base: Access, fault: Callable[[str, str,
 
 
 def _mode(place: str, value: Any, fault: Callable[[str, str, str], None]) -> int | None:
-    """Octal digits in quotes. A number is refused: 640 would be 01200, and from 416 no one tells what was written."""
+    """Octal digits in quotes. A number is refused: 640 would be 01200, and 416 is ambiguous."""
     digits = value.removeprefix("0o") if isinstance(value, str) else ""
     if 3 <= len(digits) <= 4 and all(each in "01234567" for each in digits) and int(digits, 8) <= 0o777:
         return int(digits, 8)

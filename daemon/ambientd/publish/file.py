@@ -1,36 +1,101 @@
 """A file like a thermal zone's ``temp``: integer millidegrees and a newline, at most 15 bytes, never empty.
 
-A value that is no longer trusted does not stay: the file is removed, or says the poison that was configured. Nor does
-one stay that cannot be replaced, or whose daemon ends.
+Each value is a new file, renamed over the last; ``mode: in-place`` makes it :mod:`ambientd.publish.file_in_place`. A
+value that is no longer trusted does not stay: the file is removed, or holds the configured poison. Nor does one stay
+that cannot be replaced, or whose daemon ends.
 """
 
 import contextlib
 import os
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from ambientd.publish import Quiet
-from ambientd.publish.access import grant
-from ambientd.publish.spec import MILLIDEGREES_LIMIT, Spec
-from ambientd.publish.swap import put, remove, swap_in, sweep
+from ambientd.publish.spec import Spec
+from ambientd.publish.swap import remove, swap_in, sweep
 from ambientd.report import Report
 
+KEYS = ("mode", "poison_millidegC", "offset_millidegC", "at_exit")
+MILLIDEGREES_LIMIT = 10**12
+"""Below it, an offset included, sign, digits and newline stay within the 15 bytes that such readers take at once."""
+_OFFSET_LIMIT_MILLIDEGC = 10**6
+_KIND_OF_MODE = {"rename": "file", "in-place": "file-in-place"}
+_AT_EXIT = ("remove", "poison")
 
-def _content(report: Report, spec: Spec) -> bytes | None:
-    """What the file is to hold, or None where it is not to be there."""
+NoteFault = Callable[[str, str, str], None]
+
+
+class Options(NamedTuple):
+    """What is configured of a file."""
+
+    poison_millidegC: int | None = None
+    """The content instead of a value that is not trusted; None removes the file."""
+    offset_millidegC: int = 0
+    """Added to the value, for a reader that knows no negative numbers; not to the poison."""
+    at_exit: str = "remove"
+    """Whether the file is removed when the daemon ends, or stays with the poison."""
+
+
+def publisher(spec: Spec, patience_ms: int | None) -> "RenamedFile":
+    """A file that is renamed over the last."""
+    return RenamedFile(spec)
+
+
+def configured(spec: Spec, place: str, data: dict[str, Any], fault: NoteFault) -> Spec:
+    """``spec`` with the keys of ``data``; ``fault`` takes place, problem and hint of each that is wrong."""
+
+    def choice(key: str, known: tuple[str, ...]) -> str:
+        if data[key] not in known:
+            fault(f"{place}.{key}", f"is {data[key]!r}", f"one of {', '.join(known)} is wanted")
+            return known[0]
+        return str(data[key])
+
+    def millidegrees(key: str, limit: int) -> int:
+        if type(data[key]) is not int or abs(data[key]) >= limit:
+            digits = len(str(limit - 1))
+            hint = f"an integer in millidegrees, of at most {digits} digits, is wanted"
+            fault(f"{place}.{key}", f"is {data[key]!r}", hint)
+            return 0
+        return int(data[key])
+
+    options = Options()
+    if "mode" in data:
+        spec = spec._replace(kind=_KIND_OF_MODE[choice("mode", tuple(_KIND_OF_MODE))])
+    if "poison_millidegC" in data:
+        options = options._replace(poison_millidegC=millidegrees("poison_millidegC", MILLIDEGREES_LIMIT))
+    if "offset_millidegC" in data:
+        options = options._replace(offset_millidegC=millidegrees("offset_millidegC", _OFFSET_LIMIT_MILLIDEGC))
+    if "at_exit" in data:
+        options = options._replace(at_exit=choice("at_exit", _AT_EXIT))
+    if (options.at_exit, options.poison_millidegC) == ("poison", None):
+        fault(f"{place}.at_exit", "there is no poison to leave", "give poison_millidegC, too")
+    return spec if options == Options() else spec._replace(options=options)
+
+
+def options_of(spec: Spec) -> Options:
+    """The options of ``spec``, or the defaults."""
+    return Options() if spec.options is None else spec.options
+
+
+def content(report: Report, spec: Spec) -> bytes | None:
+    """The file's content for ``report``, or None where there is to be no file."""
     ambient_degC = report.estimate.ambient_degC
     if ambient_degC is not None and abs(ambient_degC) * 1000 < MILLIDEGREES_LIMIT - 1:
-        return b"%d\n" % (round(ambient_degC * 1000) + spec.offset_millidegC)
-    return _poison(spec)
+        return b"%d\n" % (round(ambient_degC * 1000) + options_of(spec).offset_millidegC)
+    return poison(spec)
 
 
-def _poison(spec: Spec) -> bytes | None:
-    return None if spec.poison_millidegC is None else b"%d\n" % spec.poison_millidegC
+def poison(spec: Spec) -> bytes | None:
+    """The configured poison, if any."""
+    millidegC = options_of(spec).poison_millidegC
+    return None if millidegC is None else b"%d\n" % millidegC
 
 
-def _overwrite(descriptor: int, content: bytes, length: int) -> None:
+def overwrite(descriptor: int, content: bytes, length: int) -> None:
     """Put ``content`` in place of what is ``length`` bytes long; raises OSError.
 
-    In one write: what is left of a longer content is made newlines by it, and only then cut off. A shorter content is
-    given the length first: who reads meanwhile would take the digits of the new as far as the old one went.
+    In one write: it makes newlines of what is left of a longer content, which is cut off afterwards. A shorter content
+    is lengthened first: a concurrent reader would otherwise read the new digits only as far as the old content reached.
     """
     if len(content) > length:
         os.pwrite(descriptor, b"\n" * (len(content) - length), length)
@@ -47,119 +112,35 @@ class RenamedFile(Quiet):
         sweep(spec.path)
 
     def adapt(self, spec: Spec) -> None:
-        """Let ``spec`` hold from the next value on."""
+        """Use ``spec`` from the next value on."""
         self._spec = spec
 
     def publish(self, report: Report) -> None:
         """Put the value, the poison or nothing in place; raises OSError."""
-        self._become(_content(report, self._spec))
+        self._become(content(report, self._spec))
 
-    def _become(self, content: bytes | None) -> None:
-        if content is None:
+    def _become(self, value: bytes | None) -> None:
+        if value is None:
             return remove(self._spec.path)
         try:
-            swap_in(self._spec.path, content, self._spec.access)
+            swap_in(self._spec.path, value, self._spec.access)
         except OSError:
             with contextlib.suppress(OSError):
                 self._withdraw()
             raise
 
     def _withdraw(self) -> None:
-        """Let the value that is there not stay. A full disk has room for the poison in its place."""
-        poison = _poison(self._spec)
-        if poison is not None:
+        """Remove the value that is there. Even a full disk has room for the poison in its place."""
+        instead = poison(self._spec)
+        if instead is not None:
             with contextlib.suppress(OSError):
                 descriptor = os.open(self._spec.path, os.O_WRONLY | os.O_CLOEXEC)
                 try:
-                    return _overwrite(descriptor, poison, os.fstat(descriptor).st_size)
+                    return overwrite(descriptor, instead, os.fstat(descriptor).st_size)
                 finally:
                     os.close(descriptor)
         os.unlink(self._spec.path)
 
     def close(self) -> None:
         """Remove the file, or leave the poison in it; raises OSError."""
-        self._become(_poison(self._spec) if self._spec.at_exit == "poison" else None)
-
-
-class InPlaceFile(Quiet):
-    """One file, written in place in a single write: for readers that keep it open."""
-
-    def __init__(self, spec: Spec) -> None:
-        self._spec = spec
-        self._descriptor = -1
-        self._identity = (0, 0)
-        self._length = 0
-        sweep(spec.path)
-
-    def adapt(self, spec: Spec) -> None:
-        """Let ``spec`` hold from the next value on."""
-        self._spec = spec
-        self._release()
-
-    def publish(self, report: Report) -> None:
-        """Write the value or the poison, or remove the file; raises OSError."""
-        self._become(_content(report, self._spec))
-
-    def _become(self, content: bytes | None) -> None:
-        if content is None:
-            return self._remove()
-        try:
-            self._write(content)
-        except OSError:
-            with contextlib.suppress(OSError):
-                self._remove()
-            raise
-
-    def _write(self, content: bytes) -> None:
-        if self._descriptor >= 0 and not self._in_place():
-            self._say_poison()
-            self._release()
-        if self._descriptor < 0 and self._open(content):
-            return
-        _overwrite(self._descriptor, content, self._length)
-        self._length = len(content)
-
-    def _in_place(self) -> bool:
-        """Whether the open file is still the one at the path: to write on into another would reach no one."""
-        try:
-            found = os.stat(self._spec.path)
-        except FileNotFoundError:
-            return False
-        return (found.st_dev, found.st_ino) == self._identity
-
-    def _open(self, content: bytes) -> bool:
-        """Keep a file that is there, so that its readers stay; else make one that is never empty. True where made."""
-        path, access = self._spec.path, self._spec.access
-        kept = os.path.isfile(path) and os.path.getsize(path) > 0
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC) if kept else put(path, content, access)
-        if kept:
-            grant(self._descriptor, access)
-        found = os.fstat(self._descriptor)
-        self._identity = (found.st_dev, found.st_ino)
-        self._length = found.st_size
-        return not kept
-
-    def _say_poison(self) -> None:
-        """Let who keeps the file open not be left with its last value, where there is a poison."""
-        poison = _poison(self._spec)
-        if self._descriptor >= 0 and poison is not None:
-            with contextlib.suppress(OSError):
-                _overwrite(self._descriptor, poison, self._length)
-                self._length = len(poison)
-
-    def _release(self) -> None:
-        if self._descriptor >= 0:
-            os.close(self._descriptor)
-            self._descriptor = -1
-
-    def _remove(self) -> None:
-        self._release()
-        remove(self._spec.path)
-
-    def close(self) -> None:
-        """Leave the poison in the file, or remove it; who keeps that open reads the poison, where there is one."""
-        self._say_poison()
-        if self._spec.at_exit != "poison":
-            return self._remove()
-        self._become(_poison(self._spec))
-        self._release()
+        self._become(poison(self._spec) if options_of(self._spec).at_exit == "poison" else None)

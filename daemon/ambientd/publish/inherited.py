@@ -1,8 +1,8 @@
 """Sockets that were made before the daemon: by Android's init or by systemd, which hand them over as descriptors.
 
-Android's ``socket NAME stream 0660 USER GROUP`` in the ``.rc`` makes ``/dev/socket/NAME`` and says its descriptor in
+Android's ``socket NAME stream 0660 USER GROUP`` in the ``.rc`` makes ``/dev/socket/NAME`` with its descriptor in
 ``ANDROID_SOCKET_NAME``; systemd's ``ListenStream=`` hands on descriptors from 3, ``LISTEN_FDS`` of them, to the
-process ``LISTEN_PID``. Which of them is meant a publication says by its path: ``socket:/dev/socket/NAME`` takes the
+process ``LISTEN_PID``. A publication selects one by its path: ``socket:/dev/socket/NAME`` takes the
 socket that is bound there, and makes one itself where none was handed over.
 """
 

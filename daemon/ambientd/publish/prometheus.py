@@ -1,6 +1,6 @@
 """A node_exporter textfile: gauges with HELP and TYPE and no timestamps, for which it would skip the whole file.
 
-A gauge without a value is left out, rather than said as a number that looks like one.
+A gauge without a value is left out.
 """
 
 from collections.abc import Iterable
@@ -14,6 +14,11 @@ from ambientd.report import Report
 _STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
 
 
+def publisher(spec: Spec, patience_ms: int | None) -> "PrometheusFile":
+    """A textfile for node_exporter."""
+    return PrometheusFile(spec)
+
+
 class PrometheusFile(Quiet):
     """A ``*.prom`` file, replaced by rename."""
 
@@ -22,7 +27,7 @@ class PrometheusFile(Quiet):
         sweep(spec.path)
 
     def adapt(self, spec: Spec) -> None:
-        """Let ``spec`` hold from the next tick on."""
+        """Use ``spec`` from the next tick on."""
         self._spec = spec
 
     def publish(self, report: Report) -> None:
@@ -47,15 +52,21 @@ def exposition(report: Report) -> str:
             _gauge("ambient_celsius", "Estimated ambient temperature.", [(model, estimate.ambient_degC)]),
             _gauge("ambient_low_celsius", "Lower end of the interval.", [(model, estimate.low_degC)]),
             _gauge("ambient_high_celsius", "Upper end of the interval.", [(model, estimate.high_degC)]),
-            _gauge("interval_ratio", "How often the truth lies in the interval.", [("", report.level_percent / 100)]),
-            _gauge("estimate_age_seconds", "Time since it rested on readings alone.", [("", report.age_s)]),
+            _gauge("interval_ratio", "Share of errors that the interval covers.", [("", report.level_percent / 100)]),
+            _gauge(
+                "estimate_age_seconds",
+                "Time since the estimate last used current readings alone.",
+                [("", report.age_s)],
+            ),
             _gauge(
                 "status",
                 "1 for the status that holds.",
                 [(_labels(status=status), float(status == estimate.status)) for status in _STATUSES],
             ),
-            _gauge("sensor_raw", "A sensor as it was read.", [(labels, raw) for labels, raw, _ in sensors]),
-            _gauge("sensor_used", "A sensor as the estimate took it.", [(labels, used) for labels, _, used in sensors]),
+            _gauge("sensor_raw", "Sensor value as read.", [(labels, raw) for labels, raw, _ in sensors]),
+            _gauge(
+                "sensor_used", "Sensor value as used by the estimate.", [(labels, used) for labels, _, used in sensors]
+            ),
         ]
     )
 

@@ -1,10 +1,10 @@
 """A UNIX stream socket: one JSON object a line a tick, the newest at once on connecting.
 
-A reader never delays the daemon: what its buffer does not take is kept to the end of that line, and the lines that
-come until then are lost to it, whole. Where all places are taken, the reader that has lost the most makes room.
+A reader never delays the daemon: the rest of a line that its buffer does not take is kept, and the lines until it is
+sent are lost to that reader, whole. Where all places are taken, the reader that has lost the most is disconnected.
 
-A socket that was handed over (:mod:`ambientd.publish.inherited`) is served, and its file left to who made it. Any
-other is made here: one that a dead daemon left is replaced, one that vanishes is made anew.
+A socket that was handed over (:mod:`ambientd.publish.inherited`) is served, and its file is left alone. Any other
+is created here: a dead daemon's is replaced, one that vanishes is created anew.
 """
 
 import contextlib
@@ -18,6 +18,7 @@ from ambient_model.faults import Refused, refuse
 from ambientd.publish.access import grant
 from ambientd.publish.inherited import listener_at
 from ambientd.publish.spec import Spec
+from ambientd.publish.swap import trial
 from ambientd.report import Report, as_json
 
 _MOST_READERS = 256
@@ -26,18 +27,37 @@ _BUFFER_BYTES = 8192
 _NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS)
 
 
+_LONGEST_PATH_BYTES = 107
+
+
+def publisher(spec: Spec, patience_ms: int | None) -> "SocketServer":
+    """A listening socket."""
+    return SocketServer(spec)
+
+
+def foreseen(spec: Spec) -> str:
+    """Mode and owner of the socket that would be made; raises OSError where it could not be."""
+    if os.path.lexists(spec.path):
+        if stat.S_ISSOCK(os.stat(spec.path).st_mode):
+            return "there is a socket already, of a running or a dead daemon, or made by init"
+        raise OSError(errno.EEXIST, "it exists and is no socket")
+    if len(os.fsencode(spec.path)) > _LONGEST_PATH_BYTES:
+        raise OSError(errno.ENAMETOOLONG, f"its path is longer than {_LONGEST_PATH_BYTES} bytes")
+    return trial(spec.path, spec.access.for_socket())
+
+
 class _Reader:
     __slots__ = ("connection", "lost", "rest")
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
         self.rest = b""
-        """What is left of the line that it has begun to take."""
+        """The unsent rest of the line begun."""
         self.lost = 0
-        """How many lines since it last took one."""
+        """Lines lost since the last one sent."""
 
     def take(self, line: bytes) -> None:
-        """Send what goes of what was begun, and then of ``line``; raises OSError where the reader has left."""
+        """Send what fits of the line begun, and then of ``line``; raises OSError where the reader has left."""
         if self.rest and not self._send():
             self.lost += 1
             return
@@ -51,7 +71,7 @@ class _Reader:
             self.lost = 0
 
     def _send(self) -> bool:
-        """Send what goes of the rest; True where nothing is left over."""
+        """Send what fits of the rest; True where nothing is left."""
         with contextlib.suppress(BlockingIOError):
             self.rest = self.rest[self.connection.send(self.rest) :]
         return not self.rest
@@ -60,8 +80,10 @@ class _Reader:
 class SocketServer:
     """The listening socket and its readers; what they send is not read.
 
-    Whoever may enter its folder may connect, where its mode is not configured.
+    Unless its mode is configured, whoever may enter its folder may connect.
     """
+
+    last = False
 
     def __init__(self, spec: Spec, environment: Mapping[str, str] = os.environ) -> None:
         self._path = spec.path
@@ -94,7 +116,7 @@ class SocketServer:
                 f"cannot be listened on ({error.strerror or error})",
                 "see that the folder exists and is writable, and the path is below 108 bytes",
             ) from error
-        with contextlib.suppress(OSError):  # said at the first tick, when no one could enter so far
+        with contextlib.suppress(OSError):  # reported at the first tick; nobody can connect until then
             self._grant()
 
     def _bind(self) -> None:
@@ -109,7 +131,7 @@ class SocketServer:
         self._granted = False
 
     def _grant(self) -> None:
-        """Let in those who may enter, and nobody before that is settled; raises OSError, and then nobody may."""
+        """Set mode and owner before anyone can connect; raises OSError, and then nobody can."""
         if self._granted:
             return
         try:
@@ -122,7 +144,7 @@ class SocketServer:
             self._listener.listen(_MOST_READERS)
 
     def adapt(self, spec: Spec) -> None:
-        """Let in whom ``spec`` names, from the next tick on."""
+        """Use the access of ``spec`` from the next tick on."""
         self._access = spec.access.for_socket()
         self._granted = not self._is_ours
 
@@ -131,11 +153,11 @@ class SocketServer:
         return self._listener.fileno()
 
     def serve(self) -> None:
-        """Take in a reader and tell it the newest line; where there is no room for it, it is let go again."""
+        """Accept a reader and send it the newest line; disconnect it where there is no room."""
         try:
             connection, _ = self._listener.accept()
         except OSError as error:
-            # it left before it was taken in; or no descriptor is free, and it waits until one is
+            # the reader has left already; or no descriptor is free, and it waits until one is
             if error.errno in _NO_MORE and self._readers:
                 self._drop(self._slowest())
             return
@@ -149,21 +171,21 @@ class SocketServer:
         reader = _Reader(connection)
         self._readers.append(reader)
         if self._newest is not None:
-            self._tell(reader)
+            self._send_newest(reader)
 
     def _slowest(self) -> _Reader:
         return max(self._readers, key=lambda reader: reader.lost)
 
     def publish(self, report: Report) -> None:
-        """Send the line to every reader that can take it; raises OSError where no more can come."""
+        """Send the line to every reader that can take it; raises OSError where no reader can connect."""
         self._newest = report
         self._line = b""
         for reader in list(self._readers):
-            self._tell(reader)
+            self._send_newest(reader)
         if self._is_ours:
             self._stay()
 
-    def _tell(self, reader: _Reader) -> None:
+    def _send_newest(self, reader: _Reader) -> None:
         if not self._line and self._newest is not None:
             self._line = f"{as_json(self._newest)}\n".encode()
         try:
@@ -176,7 +198,7 @@ class SocketServer:
         reader.connection.close()
 
     def _stay(self) -> None:
-        """See that readers can come: a socket whose folder was removed is reached by no one."""
+        """Restore the socket where it was removed from its folder."""
         if not self._in_place():
             try:
                 self._bind()
@@ -192,7 +214,7 @@ class SocketServer:
         return (found.st_dev, found.st_ino) == self._identity
 
     def close(self) -> None:
-        """Let the readers go and remove the socket, unless it is another's or another has taken its place."""
+        """Disconnect the readers and remove the socket, unless it is another's or was replaced."""
         for reader in self._readers:
             reader.connection.close()
         self._readers = []

@@ -1,14 +1,11 @@
 """What is published where, as the command line and the configuration name it: KIND:PATH."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from ambientd.kinds import known, module_of
 from ambientd.publish.access import Access
 
-KINDS = ("file", "file-in-place", "status", "prometheus", "socket", "stdout")
-MODES = ("rename", "in-place")
-AT_EXIT = ("remove", "poison")
-MILLIDEGREES_LIMIT = 10**12
-"""Below it, an offset included, sign, digits and newline stay within the 15 bytes that such readers take at once."""
+_PACKAGE, _FUNCTION = "ambientd.publish", "publisher"
 
 
 class Spec(NamedTuple):
@@ -16,30 +13,33 @@ class Spec(NamedTuple):
 
     kind: str
     path: str = ""
-    mode: str = "rename"
-    """How a ``file`` changes: a new file renamed over the old, or the same file written in place."""
-    poison_millidegC: int | None = None
-    """What a ``file`` says instead of a value that is not trusted; None removes the file."""
-    offset_millidegC: int = 0
-    """What is added to the value in a ``file``, for a reader that knows no negative numbers; not to the poison."""
-    at_exit: str = "remove"
-    """Whether a ``file`` goes when the daemon ends, or stays and says the poison."""
     access: Access = Access()
+    options: Any = None
+    """The kind's own keys, as its module reads them; None where none is given."""
 
     def __str__(self) -> str:
-        kind = "file-in-place" if (self.kind, self.mode) == ("file", "in-place") else self.kind
-        return f"{kind}:{self.path}" if self.path else kind
+        return f"{self.kind}:{self.path}" if self.path else self.kind
+
+
+def kinds() -> list[str]:
+    """The names of all kinds. It imports them all: for messages and help only."""
+    return list(known(_PACKAGE, _FUNCTION))
+
+
+def kind_module(kind: str) -> Any:
+    """The module of a kind; raises ValueError, 'problem; hint', where there is none."""
+    module = module_of(_PACKAGE, kind, _FUNCTION)
+    if module is None:
+        raise ValueError(f"{kind!r} is no kind of publisher; known are {', '.join(kinds())}")
+    return module
 
 
 def parse(text: str) -> Spec:
-    """The publisher named by ``text``; raises ValueError, 'problem; mend', where it names none."""
+    """The publisher named by ``text``; raises ValueError, 'problem; hint', where it names none."""
     kind, _, path = text.partition(":")
-    if kind not in KINDS:
-        raise ValueError(f"{kind!r} is no kind of publisher; known are {', '.join(KINDS)}")
-    if kind == "stdout" and path:
-        raise ValueError(f"{text!r} has a path; stdout takes none")
-    if kind != "stdout" and not path:
+    takes_path = getattr(kind_module(kind), "TAKES_PATH", True)
+    if path and not takes_path:
+        raise ValueError(f"{text!r} has a path; {kind} takes none")
+    if takes_path and not path:
         raise ValueError(f"{text!r} has no path; write {kind}:PATH")
-    if kind == "file-in-place":
-        return Spec("file", path, mode="in-place")
-    return Spec(kind, path)
+    return Spec(kind.replace("_", "-"), path)

@@ -1,4 +1,4 @@
-"""The lines of the socket on standard output. A pipe that is full loses lines rather than delay the daemon."""
+"""The lines of the socket on standard output. A full pipe loses lines, and does not delay the daemon."""
 
 import os
 import select
@@ -8,6 +8,14 @@ from ambientd.publish.spec import Spec
 from ambientd.report import Report, as_json
 
 _STDOUT = 1
+
+
+TAKES_PATH = False
+
+
+def publisher(spec: Spec, patience_ms: int | None) -> "Stdout":
+    """Lines on standard output."""
+    return Stdout(patience_ms)
 
 
 class Stdout(Quiet):

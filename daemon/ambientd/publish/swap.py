@@ -1,4 +1,4 @@
-"""A published file changes by rename, so that a reader never sees half of it, nor what it may not see.
+"""A published file changes by rename, so that a reader never sees half of it, nor one that it may not see.
 
 Unlike a model or a trace it need not outlive a power cut, and is not flushed to the disk: ten flushes a second wear
 out the flash. Until the rename it is a neighbour, ``PATH.PID.part``, which stays behind only where the process is
@@ -37,7 +37,7 @@ def put(path: str, content: bytes, access: Access) -> int:
 
 
 def _created(path: str, mode: int) -> int:
-    """A file that is new: what lies there is someone's with this process's number who was killed, or no friend's."""
+    """A file that is new: what lies there is of a killed process with the same number, or hostile."""
     try:
         return os.open(path, _CREATE, mode)
     except FileExistsError:

@@ -1,19 +1,20 @@
-"""Which sensor carries which input: the model names a thermal zone, and a configuration may say otherwise."""
+"""Which sensor carries which input: the model names a thermal zone, and a configuration may override it."""
 
 from collections.abc import Callable
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.model import Input, Model
 from ambientd.config import Settings
-from ambientd.sources.sensor import Sensor, Source
+from ambientd.sources.sensor import Sensor
 from ambientd.sources.sensors import Sensors
-from ambientd.sources.spec import Hwmon, Location, PowerSupply, Zone
+from ambientd.sources.spec import Location
+from ambientd.sources.zone import Zone
 
 
 def open_sensors(settings: Settings, model: Model, note: Callable[[str], None]) -> Sensors:
     """The sensors of the model's inputs, ready to be read; raises :class:`Refused` as :func:`assigned_sensors` does.
 
-    ``note`` is told what goes and what returns.
+    ``note`` takes a message for each that fails or returns.
     """
     return Sensors(assigned_sensors(settings, model), settings.supervision, note)
 
@@ -39,35 +40,21 @@ def assigned_sensors(settings: Settings, model: Model) -> list[Sensor]:
     if faults:
         raise Refused(settings.source, faults)
     unread = [
-        Fault(f"input {each.name}", f"is in {each.unit}, and thermal zones give only degC", _mend(each))
+        Fault(f"input {each.name}", f"is in {each.unit}, and thermal zones give only degC", _hint(each))
         for each in model.main.inputs
         if location_of(settings, each).unit != each.unit
     ]
     if unread:
         raise Refused(settings.model, unread)
-    return [Sensor(each, _source(settings, location_of(settings, each))) for each in model.main.inputs]
+    return [Sensor(each, location_of(settings, each).source(settings)) for each in model.main.inputs]
 
 
 def location_of(settings: Settings, given: Input) -> Location:
-    """Where ``given`` is read: the configuration's word, else the model's zone."""
+    """Where ``given`` is read: as configured, else from the model's zone."""
     return settings.sensors.get(given.name) or Zone(settings.zones.get(given.name, given.zone))
 
 
-def _mend(given: Input) -> str:
+def _hint(given: Input) -> str:
     if given.unit in ("A", "V"):
         return f"name a power_supply for it, 'sensors.{given.name}' in a configuration, or fit a model without it"
     return "replay a trace that has it, or fit a model without it"
-
-
-def _source(settings: Settings, location: Location) -> Source:
-    if isinstance(location, Hwmon):
-        from ambientd.sources.hwmon import HwmonTemperature
-
-        return HwmonTemperature(location, settings.sysfs_root)
-    if isinstance(location, PowerSupply):
-        from ambientd.sources.power_supply import PowerSupplyProperty
-
-        return PowerSupplyProperty(location, settings.sysfs_root)
-    from ambientd.sources.zones import ZoneTemperature
-
-    return ZoneTemperature(location, settings.sysfs_root, settings.zones_by_name)

@@ -1,11 +1,11 @@
-"""What the kernel says in whole numbers becomes degC, A and V here and nowhere else; what is no number is missing."""
+"""Conversion of the kernel's integers to degC, A and V, here and nowhere else; what is no number is missing."""
 
 import math
 
 BUFFER_BYTES = 32
 """More than any attribute that holds one number; what fills it holds something else."""
 _ABSOLUTE_ZERO_DEGC = -273.15
-"""Drivers say -274000 or -32768000 for a sensor that has nothing to say."""
+"""Drivers give -274000 or -32768000 for a sensor without a value."""
 
 
 def degC_from_millidegrees(content: bytes) -> float | None:

@@ -1,6 +1,6 @@
-"""Sensors are read in a thread of their own: a read that hangs, in whatever state, is left behind and holds up no tick.
+"""Sensors are read in a thread of their own: a read that hangs is abandoned with its thread and delays no tick.
 
-A driver sleeps where no signal reaches it; only another thread goes on.
+A driver may sleep uninterruptibly, where no signal ends the read.
 """
 
 import _thread
@@ -15,7 +15,7 @@ PATIENCE_S = 0.25
 """A reading that takes longer is a failure; the clock stands still in a suspend."""
 
 Content = bytes | OSError | None
-"""What an attribute says, or its error; None where it said nothing in time."""
+"""An attribute's content, or its error; None where it did not answer in time."""
 
 
 class Reader:
@@ -25,7 +25,7 @@ class Reader:
         self._thread: _Thread | None = None
 
     def read(self, descriptors: Sequence[int]) -> list[Content]:
-        """What each says, in their order; one below 0 says nothing."""
+        """The content of each, in their order; None for one below 0."""
         contents: list[Content] = []
         while len(contents) < len(descriptors):
             if self._thread is None:
@@ -40,7 +40,7 @@ class Reader:
         return contents
 
     def close(self) -> None:
-        """Let the thread go."""
+        """End the thread."""
         if self._thread is not None:
             self._thread.leave()
             self._thread = None
@@ -53,7 +53,7 @@ class _Thread:
         self._descriptors: Sequence[int] = ()
         self._contents: list[Content] = []
         self._since_s = 0.0
-        """When it began what it is at."""
+        """When the current read began."""
         self._left = False
         self._asked = _thread.allocate_lock()
         self._answered = _thread.allocate_lock()
@@ -62,11 +62,11 @@ class _Thread:
         try:
             _thread.start_new_thread(self._serve, ())
             self._alone = False
-        except RuntimeError:  # none to spare: who asks has to read
+        except RuntimeError:  # none to spare: the caller reads
             self._alone = True
 
     def read(self, descriptors: Sequence[int]) -> tuple[list[Content], bool]:
-        """What the first of them say, and whether that is not all for one that hangs: then it is to be left."""
+        """The contents of the first of them, and whether the next one hangs: then the thread is to be left."""
         self._descriptors, self._contents = descriptors, []
         if self._alone:
             self._read()
@@ -84,7 +84,7 @@ class _Thread:
         """Let it end, at once or when what it reads has returned."""
         self._left = True
         if not self._alone:
-            with contextlib.suppress(RuntimeError):  # it has not even begun
+            with contextlib.suppress(RuntimeError):  # it has not begun
                 self._asked.release()
 
     def _serve(self) -> None:
@@ -95,7 +95,7 @@ class _Thread:
     def _read(self) -> None:
         contents = self._contents
         for descriptor in self._descriptors:
-            if self._left:  # what comes next belongs to another
+            if self._left:  # the rest belongs to another thread
                 return
             self._since_s = time.monotonic()
             try:

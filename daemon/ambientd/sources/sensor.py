@@ -1,6 +1,6 @@
 """An input and the attribute of sysfs that carries it: the descriptor is kept open, and a failure is a missing value.
 
-What the attribute means and where it lies is the business of its :class:`Source`.
+Its :class:`Source` knows what the attribute means and where it lies.
 """
 
 import errno
@@ -19,17 +19,17 @@ class Source(Protocol):
     """One kind of sensor."""
 
     unit: str
-    """Of what it gives."""
+    """The unit of its values."""
     absent: str
-    """What is to be said where it is not found."""
+    """The message where it is not found."""
 
     def find(self) -> list[str]:
-        """The paths of the attributes that answer to its name, the one to take first."""
+        """The paths of the attributes with its name, the one to read first."""
 
     def value(self, content: bytes) -> float | None:
-        """What the bytes of the attribute say, or None where they say nothing."""
+        """The value in the bytes of the attribute, or None."""
 
-    def mend(self) -> str:
+    def hint(self) -> str:
         """What to name instead, of what is here."""
 
 
@@ -69,7 +69,7 @@ class Sensor:
     def _is_quick(self) -> bool:
         if self._trial is not None:
             if self._trial.took_s is None:
-                return False  # it is still at it
+                return False  # it is still reading
             if self._trial.took_s <= PATIENCE_S:
                 self._slow, self._trial = False, None
                 return True
@@ -92,7 +92,7 @@ class Sensor:
             return None
         value = self.source.value(content)
         if value is None:
-            self.trouble = f"it says {content!r}"
+            self.trouble = f"its content is {content!r}"
         return value
 
     def close(self) -> None:

@@ -1,6 +1,6 @@
-"""All sensors of a model, read together: one that fails, or is not believed, is set aside and holds up no other.
+"""All sensors of a model, read together: one that fails, or is implausible, is set aside and delays no other.
 
-It is told of once when it goes and once when it returns, and looked up again, by name, less and less often.
+It is reported once when it fails and once when it returns, and searched for again, by name, less and less often.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
 
 
 class Sensors:
-    """Some sensors, in their order. ``note`` is told what goes and what returns, once each."""
+    """Some sensors, in their order. ``note`` takes a message for each that fails or returns."""
 
     def __init__(self, sensors: Sequence[Sensor], rules: Rules, note: Callable[[str], None]) -> None:
         self._sensors = sensors
@@ -24,17 +24,18 @@ class Sensors:
         for sensor in sensors:
             sensor.open()
             if len(sensor.paths) > 1:
-                note(f"sensor {sensor.name}: {len(sensor.paths)} answer to this name, taking {sensor.paths[0]}")
+                note(f"sensor {sensor.name}: {len(sensor.paths)} have this name, reading {sensor.paths[0]}")
 
     def read(self, now_s: float) -> list[float | None]:
         """One value per input in its unit, None where it is missing; ``now_s`` paces the search for what is lost.
 
-        A value outside its input's range is told of, and given: what it was is to be seen, and no estimate uses it.
+        A value outside its input's range is reported and returned, so that it is published as read; no estimate uses
+        it.
         """
         values = values_of(self._sensors, self._reader)
         if None in values:
             self._try_again(now_s, values)
-        doubts = self._supervision.judge(now_s, values)
+        doubts = self._supervision.doubts(now_s, values)
         for index, (sensor, notice) in enumerate(zip(self._sensors, self._notices)):
             value = values[index]
             if value is None:
@@ -49,7 +50,7 @@ class Sensors:
         return values
 
     def _try_again(self, now_s: float, values: list[float | None]) -> None:
-        """Look those up anew that gave no value, where it is time to, and put into ``values`` what they then say."""
+        """Look those up anew that gave no value, where it is time to, and put their values into ``values``."""
         places = [place for place, value in enumerate(values) if value is None and self._back_offs[place].due(now_s)]
         sensors = [self._sensors[place] for place in places]
         for sensor in sensors:
@@ -58,7 +59,7 @@ class Sensors:
             values[place] = value
 
     def close(self) -> None:
-        """Let all descriptors go."""
+        """Close all descriptors."""
         self._reader.close()
         for sensor in self._sensors:
             sensor.close()

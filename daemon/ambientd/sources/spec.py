@@ -1,106 +1,58 @@
-"""Where a configuration says that an input is read: one kind of sensor, under the name that outlives a new start."""
+"""Where a configuration names an input's sensor: one module a kind, imported when that kind is asked for.
+
+A new kind is one new module ``ambientd/sources/KIND.py``; ``sensors: {INPUT: {KIND: ...}}`` then reads from it. It has
+``location(place, value, fault)``, which returns the :class:`Location` of the mapping ``value``, or None with every
+reason given to ``fault``, and ``FORM``, that mapping as messages show it.
+"""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Protocol
 
+from ambientd.kinds import known, module_of
 from ambientd.sources.supervision import Rules
 
-_UNITS = {"temp": "degC", "current_now": "A", "voltage_now": "V"}
-_KEYS = {
-    "zone": ("zone",),
-    "hwmon": ("hwmon", "label"),
-    "power_supply": ("power_supply", "property", "sign"),
-}
+if TYPE_CHECKING:
+    from ambientd.config import Settings
+    from ambientd.sources.sensor import Source
+
+_PACKAGE, _FUNCTION = "ambientd.sources", "location"
+_MOST_KEYS = 8
 _RULE_RANGES = {"stuck_after_s": (60.0, 1e6), "stuck_within_K": (0.0, 1.0), "jump_K_per_s": (0.1, 1e6)}
-_FORMS = "{zone: TYPE}, {hwmon: CHIP, label: LABEL} or {power_supply: NAME, property: PROPERTY}"
 
 NoteFault = Callable[[str, str, str], None]
-"""Takes the place, the problem and the mend of a fault."""
+"""Takes the place, the problem and the hint of a fault."""
 
 
-class Zone(NamedTuple):
-    """The thermal zone of a type."""
-
-    type: str
+class Location(Protocol):
+    """One sensor, by a name that a reboot does not change; its text names it in messages."""
 
     @property
     def unit(self) -> str:
-        """The unit of what it gives."""
-        return "degC"
+        """The unit of its values."""
 
-    def __str__(self) -> str:
-        return f"zone {self.type}"
-
-
-class Hwmon(NamedTuple):
-    """The temperature with a label on the hwmon chip of a name."""
-
-    chip: str
-    label: str
-
-    @property
-    def unit(self) -> str:
-        """The unit of what it gives."""
-        return "degC"
-
-    def __str__(self) -> str:
-        return f"hwmon {self.chip} {self.label}"
-
-
-class PowerSupply(NamedTuple):
-    """A property of the power supply of a name; ``sign`` is -1 where this vendor counts a current the other way."""
-
-    supply: str
-    attribute: str
-    sign: int = 1
-
-    @property
-    def unit(self) -> str:
-        """The unit of what it gives."""
-        return _UNITS[self.attribute]
-
-    def __str__(self) -> str:
-        return f"power_supply {self.supply} {self.attribute}"
-
-
-Location = Zone | Hwmon | PowerSupply
+    def source(self, settings: "Settings") -> "Source":
+        """The source that reads it on the device of ``settings``."""
 
 
 def read_location(place: str, value: Any, fault: NoteFault) -> Location | None:
-    """The location that ``value`` says; None where it says none, with every reason told to ``fault``."""
-    kinds = [kind for kind in _KEYS if isinstance(value, dict) and kind in value]
-    if len(kinds) != 1:
-        fault(place, f"is {value!r}", f"one of {_FORMS} is wanted")
+    """The location in ``value``; None where there is none, with every reason given to ``fault``."""
+    few = isinstance(value, dict) and len(value) <= _MOST_KEYS
+    modules = [module for key in (value if few else ()) if (module := module_of(_PACKAGE, key, _FUNCTION))]
+    if len(modules) != 1:
+        forms = " or ".join(module.FORM for module in known(_PACKAGE, _FUNCTION).values())
+        fault(place, f"is {value!r}", f"one of {forms} is wanted")
         return None
-    known = _KEYS[kinds[0]]
-    strangers = [key for key in value if key not in known]
+    location: Location | None = modules[0].location(place, value, fault)
+    return location
+
+
+def read_texts(place: str, value: dict[str, Any], keys: tuple[str, ...], fault: NoteFault, *more: str) -> list[str]:
+    """The texts in ``value`` under ``keys``, empty where one is wrong; ``more`` keys are known beside them."""
+    strangers = [key for key in value if key not in (*keys, *more)]
     for key in strangers:
-        fault(f"{place}.{key}", "unknown key", f"known beside {kinds[0]!r} are {', '.join(known)}")
-    texts = [_text(f"{place}.{key}", value.get(key), fault) for key in known if key != "sign"]
-    if kinds[0] == "power_supply":
-        location = _power_supply(place, value, texts, fault)
-        return None if strangers else location
-    if strangers or not all(texts):
-        return None
-    return Zone(texts[0]) if kinds[0] == "zone" else Hwmon(texts[0], texts[1])
-
-
-def _power_supply(place: str, value: dict[str, Any], texts: list[str], fault: NoteFault) -> Location | None:
-    supply, wanted = texts
-    sign = value.get("sign", 1)
-    if "/" in supply or supply in (".", ".."):
-        fault(f"{place}.power_supply", f"is {supply!r}", "the name of a folder in class/power_supply is wanted")
-        supply = ""
-    if wanted and wanted not in _UNITS:
-        fault(f"{place}.property", f"is {wanted!r}", f"one of {', '.join(_UNITS)} is wanted")
-        wanted = ""
-    if type(sign) is not int or sign not in (1, -1):
-        fault(f"{place}.sign", f"is {sign!r}", "1 or -1 is wanted")
-        return None
-    if "sign" in value and wanted in ("temp", "voltage_now"):
-        fault(f"{place}.sign", f"says nothing for {wanted!r}", "only 'current_now' takes it: remove it")
-        return None
-    return PowerSupply(supply, wanted, sign) if supply and wanted else None
+        fault(f"{place}.{key}", "unknown key", f"known are {', '.join((*keys, *more))}")
+    texts = [_text(f"{place}.{key}", value.get(key), fault) for key in keys]
+    return [""] * len(keys) if strangers else texts
 
 
 def _text(place: str, value: Any, fault: NoteFault) -> str:
@@ -111,7 +63,7 @@ def _text(place: str, value: Any, fault: NoteFault) -> str:
 
 
 def read_rules(place: str, value: Any, fault: NoteFault) -> Rules:
-    """The rules of supervision that ``value`` says, with everything wrong in it told to ``fault``."""
+    """The rules of supervision in ``value``, with everything wrong in it given to ``fault``."""
     if not isinstance(value, dict):
         fault(place, f"is {value!r}", f"a mapping with {', '.join(_RULE_RANGES)} is wanted")
         return Rules()
@@ -126,5 +78,5 @@ def read_rules(place: str, value: Any, fault: NoteFault) -> Rules:
         else:
             rules = rules._replace(**{key: float(each)})
     if "stuck_within_K" in value and "stuck_after_s" not in value:
-        fault(f"{place}.stuck_within_K", "says nothing alone", "give stuck_after_s, too, or remove it")
+        fault(f"{place}.stuck_within_K", "has no effect alone", "give stuck_after_s, too, or remove it")
     return rules

@@ -1,6 +1,6 @@
-"""Which readings are believed: the rules for retrying, and for what sticks, jumps or leaves its range.
+"""Plausibility of readings: rules for retrying, and for what is stuck, jumps or leaves its range.
 
-It knows no clock: time comes in as an argument. What it does not believe is a missing value.
+It knows no clock: time comes in as an argument. An implausible reading is a missing value.
 """
 
 from collections.abc import Sequence
@@ -14,11 +14,11 @@ _FORGET_S = 2 * _LONGEST_WAIT_S
 _MOVED_K = 2.0
 _CALM_S = 10.0
 _UNWATCHED_S = 60.0
-"""No rate goes this slowly: what stood still meanwhile was not seen to, as after a suspend."""
+"""No rate is this slow: longer pauses are not observed, as in a suspend."""
 
 
 class Rules(NamedTuple):
-    """What makes a temperature unbelievable; None is off, for a quiet device is neither stuck nor broken."""
+    """What makes a temperature implausible; None is off, as a quiet device is neither stuck nor broken."""
 
     stuck_after_s: float | None = None
     """A reading that stands still for longer than this, while at least half of the other temperatures moved by 2 K."""
@@ -57,7 +57,7 @@ def outside(given: Input, value: float) -> str:
 
 
 class Supervision:
-    """Judges the temperatures among a model's inputs, one moment after the other."""
+    """Checks the temperatures among a model's inputs, sample by sample."""
 
     def __init__(self, inputs: Sequence[Input], rules: Rules) -> None:
         self._temperatures = [index for index, each in enumerate(inputs) if each.unit == "degC"]
@@ -66,17 +66,17 @@ class Supervision:
         self._stuck = None if after_s is None else _Stuck(len(self._temperatures), after_s, within_K)
         self._jumps = [] if limit_K_per_s is None else [_Jump(limit_K_per_s) for _ in self._temperatures]
 
-    def judge(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
-        """Why some of ``values`` (one per input, None where missing) are not to be believed, per index."""
+    def doubts(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
+        """Why some of ``values`` (one per input, None where missing) are implausible, per index."""
         reasons: dict[int, str] = {}
         for index, jump in zip(self._temperatures, self._jumps):
-            reason = jump.judge(now_s, values[index])
+            reason = jump.reason(now_s, values[index])
             if reason:
                 reasons[index] = reason
         if self._stuck is not None:
-            # one that is not believed is no witness against the others
-            witnesses = [None if index in reasons else self._in_range(index, values) for index in self._temperatures]
-            found = self._stuck.judge(now_s, witnesses)
+            # an implausible one is no evidence against the others
+            evidence = [None if index in reasons else self._in_range(index, values) for index in self._temperatures]
+            found = self._stuck.reasons(now_s, evidence)
             reasons.update((self._temperatures[place], reason) for place, reason in found.items())
         return reasons
 
@@ -92,10 +92,10 @@ class _Jump:
         self._limit_K_per_s = limit_K_per_s
         self._last: tuple[float, float] | None = None
         self._calm_s: float | None = None
-        """When it is believed again, where it is not."""
+        """When it is plausible again, where it is not."""
         self._reason = ""
 
-    def judge(self, now_s: float, value: float | None) -> str:
+    def reason(self, now_s: float, value: float | None) -> str:
         if value is None:
             return ""
         before, self._last = self._last, (now_s, value)
@@ -130,7 +130,7 @@ class _Stuck:
         self._stuck: set[int] = set()
         self._last_s = 0.0
 
-    def judge(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
+    def reasons(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
         reasons = {}
         if now_s - self._last_s > _UNWATCHED_S:
             self._stands = [each if index in self._stuck else None for index, each in enumerate(self._stands)]

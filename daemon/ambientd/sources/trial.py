@@ -1,4 +1,4 @@
-"""A reading in a thread of its own: whether an attribute answers in time again is found out without waiting for it."""
+"""A reading in a thread of its own: finds out whether an attribute answers in time again, without waiting for it."""
 
 import _thread
 import contextlib
@@ -7,18 +7,18 @@ import time
 
 
 def open_attribute(path: str) -> int:
-    """A descriptor to read the attribute with; raises OSError. A pipe in its place makes no one wait."""
+    """A descriptor to read the attribute with; raises OSError. A pipe in its place does not block."""
     return os.open(path, os.O_RDONLY | os.O_NONBLOCK)
 
 
 class Trial:
-    """Opens and reads the attribute at ``path`` once. A read that never returns holds up neither reader nor exit."""
+    """Opens and reads the attribute at ``path`` once. A read that never returns delays neither reader nor exit."""
 
     def __init__(self, path: str) -> None:
         self.took_s: float | None = None
-        """How long it took, value or error; None as long as it is at it."""
+        """How long it took, value or error; None while it reads."""
         self._path = path
-        # without a thread to spare it stays at it, and nothing is risked
+        # without a thread to spare it never finishes, and the attribute stays set aside
         with contextlib.suppress(RuntimeError):
             _thread.start_new_thread(self._read, ())
 

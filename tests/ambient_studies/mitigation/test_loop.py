@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_model.model import Guard
+from ambient_model.model import Secondary
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import FLOOR_W
 from ambient_studies.mitigation.loop import closed_loop, phone_zones
@@ -132,7 +132,7 @@ def test_the_loop_believes_the_recursion_and_not_the_air(saying, identified):
 @pytest.mark.parametrize(("guard_degC", "told_degC"), [(18.5, 17.0), (20.0, 18.5), (14.0, 15.5), (25.0, 25.0)])
 def test_the_loop_hears_the_guard_as_a_device_does(saying, identified, guard_degC, told_degC):
     """Up to 2 degC apart the main estimator alone is believed, 3 degC apart half of each, from 4 degC on the guard."""
-    model = saying(17.0)._replace(guard=Guard(saying(guard_degC).main, 2.0))
+    model = saying(17.0)._replace(secondary=Secondary(saying(guard_degC).main, 2.0))
     records = closed_loop(model, identified, replace(BRIEF, work_min=2.0), [Room((20.0,))], [1])
     [mine] = [each for each in records if each.case.told is Told.ESTIMATE]
     assert mine.trusted.all()

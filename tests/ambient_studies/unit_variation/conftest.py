@@ -9,7 +9,7 @@ import pytest
 
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Guard, Input, Model
+from ambient_model.model import Discrete, Estimator, Input, Model, Secondary
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
@@ -36,7 +36,7 @@ def mean_model(guarded: bool = True) -> Model:
         fallbacks={"usb": weighted(INPUTS[1:], (1.0,), -2.0)},
         provenance={"circuit": "mean"},
         conformance=conformance_of(main, ((20.0, 21.0), (30.0, 28.0))),
-        guard=Guard(weighted(INPUTS, (0.75, 0.25), 0.5), 1e3) if guarded else None,
+        secondary=Secondary(weighted(INPUTS, (0.75, 0.25), 0.5), 1e3) if guarded else None,
     )
     return decode(encode(model).encode(), "mean")
 

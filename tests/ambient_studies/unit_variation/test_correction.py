@@ -41,8 +41,8 @@ def test_the_corrected_file_is_right_on_average_and_otherwise_the_same(mean, kno
     assert after.metrics.sigma_degC == pytest.approx(before.metrics.sigma_degC, rel=1e-9)
     assert result.main.discrete == model.main.discrete
     assert result.main.interval == model.main.interval
-    assert result.guard.threshold_degC == model.guard.threshold_degC
-    alone = result._replace(main=result.fallbacks["usb"], fallbacks={}, guard=None)
+    assert result.secondary.threshold_degC == model.secondary.threshold_degC
+    alone = result._replace(main=result.fallbacks["usb"], fallbacks={}, secondary=None)
     assert evaluate_trace(alone, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
 
 
@@ -53,7 +53,7 @@ def test_the_file_stands_by_itself(mean, known):
     twice = corrected(once, correction(once, known(seed=1)), SOURCE)
     assert decode(encode(twice).encode(), "twice") == twice
     assert worst_difference_degC(twice) == 0.0
-    assert twice.guard is None
+    assert twice.secondary is None
     said = twice.provenance["corrections"]
     assert [each["trace"] for each in said] == ["known.csv", "known.csv"]
     assert model.main.offset + sum(each["offsets_degC"]["main"] for each in said) == pytest.approx(twice.main.offset)

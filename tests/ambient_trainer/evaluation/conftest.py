@@ -11,7 +11,7 @@ import pytest
 
 from ambient_model.codec import save_model
 from ambient_model.conformance import conformance_of
-from ambient_model.model import Discrete, Estimator, Guard, Input, Model, Spread, Term
+from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 from ambient_trainer.data.trace import Trace, save_trace
 
 INPUTS = (Input("usb", "degC", "usb-therm", -30.0, 90.0), Input("battery", "degC", "battery", -30.0, 90.0))
@@ -51,8 +51,8 @@ def guarded_model(periods_s: tuple[float, ...] = (1.0,)) -> Model:
         Term("guard", 60.0, 0.25),
         Term("guard", 9.0, 0.1),
     )
-    spread = Spread(0.04, terms, {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)})
-    return model._replace(guard=Guard(estimator, 1.5), spread=spread)
+    spread = ErrorVariance(0.04, terms, {50: (-0.6, 0.7), 90: (-1.5, 1.8), 98: (-2.4, 2.5)})
+    return model._replace(secondary=Secondary(estimator, 1.5), error_variance=spread)
 
 
 def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:

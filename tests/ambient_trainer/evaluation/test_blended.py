@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ambient_model.model import Model, Spread, Term
+from ambient_model.model import ErrorVariance, Model, Term
 from ambient_model.observer import Observer
 from ambient_model.tracking import Tracker
 from ambient_trainer.data.trace import Array
@@ -33,13 +33,16 @@ def by_device(model: Model, u: Array, period_s: float) -> tuple[Array, Array, li
 
 
 def check(model: Model, u: Array, period_s: float) -> None:
-    alone = [model._replace(main=each, guard=None, spread=None) for each in (model.main, model.guard.estimator)]
+    alone = [
+        model._replace(main=each, secondary=None, error_variance=None)
+        for each in (model.main, model.secondary.estimator)
+    ]
     main, secondary = (by_device(each, u, period_s)[0] for each in alone)
-    found = blended(main, secondary, model.guard.threshold_degC)
+    found = blended(main, secondary, model.secondary.threshold_degC)
     ambient, sigma, status = by_device(model, u, period_s)
     np.testing.assert_allclose(found.ambient_degC, ambient, rtol=0, atol=1e-9)
     assert np.array_equal(np.array(status) == "degraded", found.weight > 0)
-    scale = sigma_degC(model.spread, found.ambient_degC, found.apart_degC, period_s)
+    scale = sigma_degC(model.error_variance, found.ambient_degC, found.apart_degC, period_s)
     # a root magnifies what rounding leaves where a long lag has almost nothing left
     np.testing.assert_allclose(scale**2, sigma**2, rtol=1e-9, atol=1e-9)
 
@@ -56,6 +59,6 @@ def test_any_variance_and_threshold(
     guarded_of: ModelOf, drawn: list[Term], constant: float, threshold: float, seed: int
 ) -> None:
     whole = guarded_of()
-    spread = Spread(constant, tuple(drawn), whole.spread.quantiles)
-    model = whole._replace(guard=whole.guard._replace(threshold_degC=threshold), spread=spread)
+    spread = ErrorVariance(constant, tuple(drawn), whole.error_variance.quantiles)
+    model = whole._replace(secondary=whole.secondary._replace(threshold_degC=threshold), error_variance=spread)
     check(model, 25 + 5 * np.random.default_rng(seed).normal(size=(2, 80)), 1.0)

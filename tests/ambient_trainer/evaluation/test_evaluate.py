@@ -64,9 +64,9 @@ def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace
 
     found = evaluate_trace(model, trace)
 
-    both = (recursed(model._replace(main=each), trace, 0) for each in (model.main, model.guard.estimator))
+    both = (recursed(model._replace(main=each), trace, 0) for each in (model.main, model.secondary.estimator))
     said = blended(*both, 1.5)
-    scale = sigma_degC(model.spread, said.ambient_degC, said.apart_degC, 1.0)
+    scale = sigma_degC(model.error_variance, said.ambient_degC, said.apart_degC, 1.0)
     assert found.estimate_degC == pytest.approx(said.ambient_degC, abs=1e-9)
     assert found.low_degC == pytest.approx(said.ambient_degC - 1.5 * scale, abs=1e-9)
     assert found.high_degC == pytest.approx(said.ambient_degC + 1.8 * scale, abs=1e-9)

@@ -72,7 +72,7 @@ def test_any_text_is_an_effect_or_refused(text):
         assert _read(hidden_text(effect)) == effect
         return
     assert refused.faults
-    assert all(fault.place and fault.problem and fault.mend for fault in refused.faults)
+    assert all(fault.place and fault.problem and fault.hint for fault in refused.faults)
 
 
 def test_what_is_left_out_is_drawn_from_the_seed():

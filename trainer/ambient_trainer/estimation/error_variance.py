@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from ambient_model.model import LEVELS_PERCENT, Spread, Term
+from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Term
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Moment(NamedTuple):
     reference_degC: Array
 
 
-def fit_spread(moments: Sequence[Moment], period_s: float) -> Spread:
+def fit_spread(moments: Sequence[Moment], period_s: float) -> ErrorVariance:
     """The spread that the errors call for."""
     samples = max(len(each.estimate_degC) for each in moments)
     lags = [periods for periods in _LAGS_PERIODS if periods * _LAGS_IN_DATA <= samples] or [1]
@@ -46,13 +46,13 @@ def fit_spread(moments: Sequence[Moment], period_s: float) -> Spread:
     known = ~np.isnan(errors)
     constant, *weights = _likeliest(errors[known], table[:, known])
     terms = tuple(term._replace(weight=weight) for term, weight in zip(wanted, weights) if weight > 0)
-    unscaled = Spread(constant, terms, {})
+    unscaled = ErrorVariance(constant, terms, {})
     off = np.concatenate([_sigmas_off(unscaled, each, period_s) for each in moments])
     bands = {level: float(np.nanpercentile(off, level)) for level in LEVELS_PERCENT}
     return unscaled._replace(quantiles={level: (-reach, reach) for level, reach in bands.items()})
 
 
-def half_widths(spread: Spread, moments: Sequence[Moment], period_s: float) -> dict[str, float]:
+def half_widths(spread: ErrorVariance, moments: Sequence[Moment], period_s: float) -> dict[str, float]:
     """Half the width of the 90 % interval in degC, by the percentage of samples over which it is narrower."""
     sigmas = np.concatenate([_sigma(spread, each.estimate_degC, period_s) for each in moments])
     halves = np.percentile(sigmas * spread.quantiles[_INTERVAL][1], _SHOWN_PERCENT)
@@ -86,15 +86,15 @@ def _unrest(terms: Sequence[Term], estimate: Array, period_s: float) -> Array:
     return np.vstack([np.ones_like(estimate), *rows])
 
 
-def _sigmas_off(spread: Spread, moment: Moment, period_s: float) -> Array:
+def _sigmas_off(spread: ErrorVariance, moment: Moment, period_s: float) -> Array:
     return np.abs(moment.reference_degC - moment.estimate_degC) / _sigma(spread, moment.estimate_degC, period_s)
 
 
-def _sigma(spread: Spread, estimate: Array, period_s: float) -> Array:
+def _sigma(spread: ErrorVariance, estimate: Array, period_s: float) -> Array:
     return sigma_degC(spread, estimate, np.zeros_like(estimate), period_s)
 
 
-def sigma_degC(spread: Spread, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
+def sigma_degC(spread: ErrorVariance, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
     """The standard deviation that ``spread`` gives the published estimate, the main one being ``apart_degC`` off the
     guard's.
     """

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_model.model import LEVELS_PERCENT, Quantiles, Spread
+from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Progress
@@ -185,7 +185,7 @@ class Fit:
     input_ranges: tuple[tuple[float, float], ...]
     fallbacks: Mapping[str, Fit] = field(default_factory=dict)
     secondary: Secondary | None = None
-    spread: Spread | None = None
+    spread: ErrorVariance | None = None
     """The error variance model: how large an error to expect at each sample."""
     notes: tuple[str, ...] = ()
     """Remarks of this kind of estimator, a line each."""

@@ -44,7 +44,7 @@ class Blended(NamedTuple):
 
 
 def blended(main_degC: Array, secondary_degC: Array, threshold_degC: float) -> Blended:
-    """The rule of ``ambient_model.guard`` over arrays."""
+    """The rule of ``ambient_model.blend`` over arrays."""
     apart = main_degC - secondary_degC
     weight = np.clip((np.abs(apart) - threshold_degC) / threshold_degC, 0.0, 1.0)
     return Blended(main_degC - weight * apart, weight, np.clip(apart, -threshold_degC, threshold_degC))

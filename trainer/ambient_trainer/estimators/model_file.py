@@ -15,7 +15,7 @@ from ambient_model import __version__
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
-from ambient_model.model import Discrete, Estimator, Guard, Input, Matrix, Model
+from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, Secondary
 from ambient_model.trace import split_column
 from ambient_trainer.data.digest import sha256_of
 from ambient_trainer.data.trace import Trace
@@ -54,8 +54,8 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         fallbacks={without: _estimator(each, inputs) for without, each in fit.fallbacks.items()},
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
-        guard=fit.secondary and Guard(_estimator(fit.secondary.fit, inputs), fit.secondary.threshold_degC),
-        spread=fit.spread,
+        secondary=fit.secondary and Secondary(_estimator(fit.secondary.fit, inputs), fit.secondary.threshold_degC),
+        error_variance=fit.spread,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
     return decode(encode(model).encode(), fit.circuit)

@@ -50,8 +50,8 @@ def known_between(trace: Trace, from_s: float | None, to_s: float | None) -> Tra
 def correction(model: Model, trace: Trace) -> Correction:
     """The correction that ``trace`` asks for; raises :class:`Refused` where a column or the ambient is missing."""
     estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
-    if model.guard is not None:
-        estimators[GUARD] = model.guard.estimator
+    if model.secondary is not None:
+        estimators[GUARD] = model.secondary.estimator
     errors = {name: _errors_degC(model, each, trace) for name, each in estimators.items()}
     own = errors[MAIN]
     standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))
@@ -72,7 +72,8 @@ def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Mod
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
         main=main,
         fallbacks={name: _moved(each, added[f"without {name}"]) for name, each in model.fallbacks.items()},
-        guard=model.guard and model.guard._replace(estimator=_moved(model.guard.estimator, added[GUARD])),
+        secondary=model.secondary
+        and model.secondary._replace(estimator=_moved(model.secondary.estimator, added[GUARD])),
         provenance={**model.provenance, "corrections": [*model.provenance.get("corrections", []), said]},
         conformance=conformance_of(main, model.conformance.inputs),
     )
@@ -81,7 +82,7 @@ def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Mod
 
 
 def _errors_degC(model: Model, estimator: Estimator, trace: Trace) -> Array:
-    alone = model._replace(main=estimator, fallbacks={}, guard=None, spread=None, provenance={})
+    alone = model._replace(main=estimator, fallbacks={}, secondary=None, error_variance=None, provenance={})
     error = evaluate_trace(alone, trace).error_degC
     return error[np.isfinite(error)]
 

@@ -219,9 +219,9 @@ def _track(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> _T
 
 def _coverage(model: Model, error_degC: Array, sigma_degC: Array) -> dict[int, float]:
     """Of the interval that is published: the spread's, or the constant one."""
-    if model.spread is None:
+    if model.error_variance is None:
         return coverage(error_degC, model.main.interval)
-    return coverage(error_degC, model.spread.quantiles, sigma_degC)
+    return coverage(error_degC, model.error_variance.quantiles, sigma_degC)
 
 
 def _baseline(model: Model, tracked: _Tracked, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:

@@ -77,10 +77,10 @@ def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
 
 def _published(model: Model) -> str:
     quantiles, unit = model.main.interval, "°C"
-    if model.spread is not None:
-        quantiles, unit = model.spread.quantiles, "sigma"
+    if model.error_variance is not None:
+        quantiles, unit = model.error_variance.quantiles, "sigma"
     told = ", ".join(f"{level} %: {low:+.2f} to {high:+.2f} {unit}" for level, (low, high) in quantiles.items())
-    return told if model.spread is None else f"{told}; sigma grows with the estimate's unrest"
+    return told if model.error_variance is None else f"{told}; sigma grows with the estimate's unrest"
 
 
 def _note(evaluation: Evaluation) -> str:

@@ -54,19 +54,19 @@ def test_the_file_holds_all_that_a_device_needs(fitted, model):
     assert set(model.fallbacks) == {"chip", "board", "shell"}
     for name, fallback in model.fallbacks.items():
         assert name not in [each.name for each in fallback.inputs]
-    everyone = [model.main, model.guard.estimator, *model.fallbacks.values()]
+    everyone = [model.main, model.secondary.estimator, *model.fallbacks.values()]
     assert all(len(each.states) == 4 for each in everyone)
     assert all([one.period_s for one in each.discrete] == [0.1, 0.2, 0.5, 1.0, 5.0] for each in everyone)
-    assert model.guard.threshold_degC == fit.secondary.threshold_degC
-    assert [(term.of, term.lag_s) for term in model.spread.terms] == [("movement", 300.0), ("guard", 60.0)]
-    low, high = model.spread.quantiles[90]
+    assert model.secondary.threshold_degC == fit.secondary.threshold_degC
+    assert [(term.of, term.lag_s) for term in model.error_variance.terms] == [("movement", 300.0), ("guard", 60.0)]
+    low, high = model.error_variance.quantiles[90]
     assert low == -high < 0
 
 
 def test_the_file_says_how_it_was_made(model):
     told = model.provenance["fit"]
     assert told["main"]["noise_gain"] > 0
-    assert told["threshold_degC"] == model.guard.threshold_degC
+    assert told["threshold_degC"] == model.secondary.threshold_degC
     assert told["declared"]["unlogged"]["patterns"]["charge"]["watts"] == [{"board": 1.0}, {"board": 0.7, "shell": 0.3}]
     assert told["declared"]["weights"]["main"]["logged"] == 1
     assert set(told["forward_circuit"]["misfit_degC"]) == {"chip", "board", "shell"}
@@ -125,7 +125,7 @@ def test_heat_that_nobody_logs_is_seen_by_the_guard(model, free, brick_logged):
     """A watt into the board that no log tells of: filters that never saw such heat take it for the ambient."""
     odd = brick_logged(14, 4.0, unlogged_W=1.0)
     guarded = evaluate_trace(model, odd)
-    for each in (model._replace(guard=None, spread=None), free):
+    for each in (model._replace(secondary=None, error_variance=None), free):
         assert guarded.metrics.rmse_degC < 0.3 * evaluate_trace(each, odd).metrics.rmse_degC
     assert "degraded" in guarded.status
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ambient_model.guard import guarded
+from ambient_model.blend import blended
 from ambient_trainer.estimators.blended.filters import Filters
 from ambient_trainer.estimators.blended.interval import fit_variance, weighted_quantile
 
@@ -23,9 +23,9 @@ def test_the_bank_over_arrays_is_the_device_s():
     sensors = np.random.default_rng(2).normal(20, 2, (2, 1000))
     bank = Filters(Says(0), Says(1), 0.8, {})  # type: ignore[arg-type]
     said, _, apart = bank.published(sensors)
-    device = [guarded(main, guard, 0.8) for main, guard in sensors.T.tolist()]
+    device = [blended(main, guard, 0.8) for main, guard in sensors.T.tolist()]
     assert said == pytest.approx([each.ambient_degC for each in device], abs=1e-12)
-    assert apart == pytest.approx(np.clip([each.apart_degC for each in device], -0.8, 0.8), abs=1e-12)
+    assert apart == pytest.approx(np.clip([each.difference_degC for each in device], -0.8, 0.8), abs=1e-12)
     assert {0.0, 1.0} < {each.weight for each in device}
 
 

@@ -1,8 +1,8 @@
 """Fits the error variance: it grows with the estimate's rate of change and with its distance from the secondary one.
 
-The terms are those of ``ambient_model.spread``; their weights, none negative, are found by least squares of the squared
-errors, each over the variance found before (iterated non-negative least squares: Lawson and Hanson 1974, chapter 23).
-The quantiles are of the error in units of its standard deviation.
+The terms are those of ``ambient_model.error_variance``; their weights, none negative, are found by least squares of the
+squared errors, each over the variance found before (iterated non-negative least squares: Lawson and Hanson 1974,
+chapter 23). The quantiles are of the error in units of its standard deviation.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from ambient_model.model import LEVELS_PERCENT, Spread, Term
+from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Term
 from ambient_trainer.estimation.error_variance import unrest_degC2
 from ambient_trainer.estimators.blended.filters import Filters
 from ambient_trainer.estimators.blended.recipe import Recipe
@@ -24,7 +24,7 @@ _LEAST_VARIANCE_DEGC2 = 1e-4
 _EVERY_S = 11.0
 
 
-def fit_spread(recipe: Recipe, filters: Filters, runs: TrainingSet) -> Spread:
+def fit_spread(recipe: Recipe, filters: Filters, runs: TrainingSet) -> ErrorVariance:
     """The error variance model of ``filters`` over ``runs``, weighed by the recipe."""
     period_s, lags = filters.main.period_s, recipe.spread
     kinds = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.guard_lag_s, 1.0))
@@ -42,7 +42,7 @@ def fit_spread(recipe: Recipe, filters: Filters, runs: TrainingSet) -> Spread:
     reach = np.abs(error) / np.sqrt(np.maximum(found @ table, _LEAST_VARIANCE_DEGC2))
     quantiles = {level: weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT}
     constant, *factors = found.tolist()
-    return Spread(
+    return ErrorVariance(
         constant_degC2=max(constant, _LEAST_VARIANCE_DEGC2),
         terms=tuple(kind._replace(weight=factor) for kind, factor in zip(kinds, factors)),
         quantiles={level: (-each, each) for level, each in quantiles.items()},

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_model.model import Spread
+from ambient_model.model import ErrorVariance
 from ambient_trainer.estimators.blended.filters import Filters
 from ambient_trainer.estimators.blended.forward_fit import ForwardFit
 from ambient_trainer.estimators.blended.recipe import Recipe
@@ -23,7 +23,7 @@ def details(
     recipe: Recipe,
     filters: Filters,
     circuit: ForwardFit,
-    spread: Spread,
+    spread: ErrorVariance,
     sigmas_degC: NDArray[np.float64],
     fallback_rmses_degC: Mapping[str, float],
 ) -> dict[str, Any]:

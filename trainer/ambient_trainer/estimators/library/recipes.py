@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
-from ambient_model.model import Spread
+from ambient_model.model import ErrorVariance
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
@@ -137,7 +137,12 @@ def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
 
 
 def _fit_of(
-    recipe: Recipe, filters: Filters, circuit: ForwardFit, spread: Spread, records: Sequence[Record], effort: Effort
+    recipe: Recipe,
+    filters: Filters,
+    circuit: ForwardFit,
+    spread: ErrorVariance,
+    records: Sequence[Record],
+    effort: Effort,
 ) -> Fit:
     """The main filter's fit with all that belongs to it; its errors are those of the blended estimate."""
     published = [filters.published(each.sensors_degC) for each in records]

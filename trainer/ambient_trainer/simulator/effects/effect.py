@@ -110,7 +110,7 @@ def run_faults(effects: Sequence[Hidden], duration_s: float) -> list[Fault]:
     for index, effect in enumerate(effects):
         where = f"effect {index + 1} ({effect.cause})"
         outside = outside_faults(effect.onset_s, effect.end_s, duration_s)
-        found += [Fault(f"{where}, {fault.place}", fault.problem, fault.mend) for fault in outside]
+        found += [Fault(f"{where}, {fault.place}", fault.problem, fault.hint) for fault in outside]
         if effect.signal is not None:
             window = (effect.onset_s, effect.end_s)
             if windows.setdefault(effect.signal, window) != window:

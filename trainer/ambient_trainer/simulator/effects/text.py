@@ -126,7 +126,7 @@ def _granted(wish: Wish, random: np.random.Generator, duration_s: float) -> tupl
 
 
 def _placed(text: str, fault: Fault) -> Fault:
-    return Fault(f"{text!r}, {fault.place}", fault.problem, fault.mend)
+    return Fault(f"{text!r}, {fault.place}", fault.problem, fault.hint)
 
 
 def _place(text: str, _: str) -> str | None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_model.guard import guarded
+from ambient_model.blend import blended
 
 temperatures_degC = st.floats(-100, 100)
 thresholds_degC = st.floats(0.01, 20)
@@ -24,12 +24,12 @@ thresholds_degC = st.floats(0.01, 20)
     ],
 )
 def test_a_threshold_of_2_degC(main: float, guard: float, said: float, weight: float) -> None:
-    assert guarded(main, guard, 2.0) == (said, main - guard, weight)
+    assert blended(main, guard, 2.0) == (said, main - guard, weight)
 
 
 @given(temperatures_degC, temperatures_degC, thresholds_degC)
 def test_the_estimate_lies_between_the_two(main: float, guard: float, threshold: float) -> None:
-    found = guarded(main, guard, threshold)
+    found = blended(main, guard, threshold)
     assert min(main, guard) - 1e-9 <= found.ambient_degC <= max(main, guard) + 1e-9
     assert 0 <= found.weight <= 1
     assert (found.weight == 0) == (abs(main - guard) <= threshold)
@@ -40,7 +40,7 @@ def test_the_estimate_lies_between_the_two(main: float, guard: float, threshold:
 @given(temperatures_degC, temperatures_degC, temperatures_degC, thresholds_degC)
 def test_nothing_jumps(main: float, other: float, guard: float, threshold: float) -> None:
     """The estimate follows the main one by at most twice, the guard by at most three times what they move by."""
-    before, after = guarded(main, guard, threshold), guarded(other, guard, threshold)
+    before, after = blended(main, guard, threshold), blended(other, guard, threshold)
     assert abs(after.ambient_degC - before.ambient_degC) <= 2 * abs(other - main) + 1e-9
-    before, after = guarded(guard, main, threshold), guarded(guard, other, threshold)
+    before, after = blended(guard, main, threshold), blended(guard, other, threshold)
     assert abs(after.ambient_degC - before.ambient_degC) <= 3 * abs(other - main) + 1e-9

@@ -1,10 +1,40 @@
-"""A thermal zone is known by its type: its number changes from boot to boot."""
+"""A thermal zone, identified by its type: its number changes from boot to boot."""
 
 import os
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambientd.sources.listing import first_line, numbered
 from ambientd.sources.quantities import degC_from_millidegrees
-from ambientd.sources.spec import Zone
+from ambientd.sources.spec import NoteFault, read_texts
+
+if TYPE_CHECKING:
+    from ambientd.config import Settings
+
+FORM = "{zone: TYPE}"
+
+
+class Zone(NamedTuple):
+    """The thermal zone of a type."""
+
+    type: str
+
+    @property
+    def unit(self) -> str:
+        """The unit of its values."""
+        return "degC"
+
+    def __str__(self) -> str:
+        return f"zone {self.type}"
+
+    def source(self, settings: "Settings") -> "ZoneTemperature":
+        """The source that reads it."""
+        return ZoneTemperature(self, settings.sysfs_root, settings.zones_by_name)
+
+
+def location(place: str, value: dict[str, Any], fault: NoteFault) -> Zone | None:
+    """The zone that a configuration names."""
+    [kind] = read_texts(place, value, ("zone",), fault)
+    return Zone(kind) if kind else None
 
 
 def find_zones(root: str) -> dict[str, list[str]]:
@@ -21,7 +51,7 @@ class ZoneTemperature:
     """The temperature of the thermal zone ``zone`` under ``root``, in degC.
 
     ``by_name`` is a folder with links from types to zones, as Android keeps one. A link is followed only where it
-    leads to a zone of the type under ``root``; else all zones are looked through.
+    leads to a zone of the type under ``root``; else all zones are searched.
     """
 
     unit = "degC"
@@ -33,7 +63,7 @@ class ZoneTemperature:
         self.absent = f"no thermal zone of type '{zone.type}'"
 
     def find(self) -> list[str]:
-        """The paths of the attributes that answer to its name, the one to take first."""
+        """The paths of the attributes with its name, the one to read first."""
         linked = self._linked()
         folders = [linked] if linked else find_zones(self._root).get(self._zone.type, [])
         return [os.path.join(folder, "temp") for folder in folders]
@@ -50,7 +80,7 @@ class ZoneTemperature:
         """The temperature in degC, or None."""
         return degC_from_millidegrees(content)
 
-    def mend(self) -> str:
+    def hint(self) -> str:
         """What to name instead, of what is here."""
         types = ", ".join(sorted(find_zones(self._root))) or "none"
         return f"types here are {types}: name one of them under 'zones' in a configuration"

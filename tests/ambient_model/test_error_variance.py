@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_model.model import Spread, Term
-from ambient_model.spread import at_rest, followed, gains, sigma_degC
+from ambient_model.error_variance import advanced, gains, initial_state, sigma_degC
+from ambient_model.model import ErrorVariance, Term
 
 QUANTILES = {50: (-0.7, 0.7), 90: (-1.6, 1.6), 98: (-2.3, 2.3)}
-PHONE = Spread(
+PHONE = ErrorVariance(
     0.25, (Term("movement", 300.0, 0.5), Term("movement", 60.0, 12.0), Term("guard", 120.0, 0.125)), QUANTILES
 )
 
@@ -24,7 +24,7 @@ def low_pass(z: np.ndarray, time_s: np.ndarray, lag_s: float) -> np.ndarray:
     return np.tril(kept * entered) @ z
 
 
-def sigmas(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> np.ndarray:
+def sigmas(spread: ErrorVariance, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> np.ndarray:
     variance = np.full(len(y), spread.constant_degC2)
     for term in spread.terms:
         z = {
@@ -35,21 +35,21 @@ def sigmas(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> 
     return np.sqrt(variance)
 
 
-def followed_through(spread: Spread, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> list[float]:
-    unrest = at_rest(spread, y[0], d[0])
+def followed_through(spread: ErrorVariance, time_s: np.ndarray, y: np.ndarray, d: np.ndarray) -> list[float]:
+    unrest = initial_state(spread, y[0], d[0])
     said = [sigma_degC(spread, unrest)]
     for (before_s, now_s), ambient, apart in zip(itertools.pairwise(time_s.tolist()), y.tolist()[1:], d.tolist()[1:]):
-        unrest = followed(spread, unrest, gains(spread, now_s - before_s), ambient, apart)
+        unrest = advanced(spread, unrest, gains(spread, now_s - before_s), ambient, apart)
         said.append(sigma_degC(spread, unrest))
     return said
 
 
 terms = st.builds(Term, st.sampled_from(["movement", "guard"]), st.floats(0.1, 1e4), st.floats(0, 20))
-spreads = st.builds(Spread, st.floats(0, 4), st.lists(terms, max_size=5).map(tuple), st.just(QUANTILES))
+spreads = st.builds(ErrorVariance, st.floats(0, 4), st.lists(terms, max_size=5).map(tuple), st.just(QUANTILES))
 
 
 @given(spreads, st.integers(1, 60), st.integers(0, 2**32 - 1))
-def test_any_spread_over_any_sequence(spread: Spread, count: int, seed: int) -> None:
+def test_any_spread_over_any_sequence(spread: ErrorVariance, count: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     time_s = np.cumsum(random.choice([0.1, 1.0, 1.0, 25.0], count))
     y, d = random.normal(20, 5, count), random.normal(0, 2, count)
@@ -57,26 +57,26 @@ def test_any_spread_over_any_sequence(spread: Spread, count: int, seed: int) -> 
 
 
 def test_rest_is_the_constant_alone() -> None:
-    unrest = at_rest(PHONE, 21.0, 0.0)
+    unrest = initial_state(PHONE, 21.0, 0.0)
     for _ in range(100):
-        unrest = followed(PHONE, unrest, gains(PHONE, 1.0), 21.0, 0.0)
+        unrest = advanced(PHONE, unrest, gains(PHONE, 1.0), 21.0, 0.0)
     assert sigma_degC(PHONE, unrest) == 0.5
 
 
 def test_the_guard_alone_counts_from_the_first_sample() -> None:
-    assert sigma_degC(PHONE, at_rest(PHONE, 21.0, 4.0)) == pytest.approx(np.sqrt(0.25 + 0.125 * 16))
+    assert sigma_degC(PHONE, initial_state(PHONE, 21.0, 4.0)) == pytest.approx(np.sqrt(0.25 + 0.125 * 16))
 
 
 def test_no_time_passes_within_a_period_and_all_of_it_in_a_long_pause() -> None:
-    start = at_rest(PHONE, 20.0, 0.0)
-    assert followed(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0) == start
-    late = followed(PHONE, start, gains(PHONE, 1e9), 30.0, 7.0)
+    start = initial_state(PHONE, 20.0, 0.0)
+    assert advanced(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0) == start
+    late = advanced(PHONE, start, gains(PHONE, 1e9), 30.0, 7.0)
     assert late.means_degC == (30.0,) * 3
     assert late.squares_degC2 == (0.0, 0.0, 49.0)
 
 
 def test_a_pause_takes_each_term_as_far_as_its_own_lag_says() -> None:
-    halves = followed(PHONE, at_rest(PHONE, 20.0, 0.0), gains(PHONE, 60 * math.log(2)), 30.0, 7.0)
+    halves = advanced(PHONE, initial_state(PHONE, 20.0, 0.0), gains(PHONE, 60 * math.log(2)), 30.0, 7.0)
     left = (0.5**0.2, 0.5, 0.5**0.5)
     assert halves.means_degC == pytest.approx([30 - 10 * each for each in left])
     squares = [(10 * left[0]) ** 2, 5.0**2, 7.0**2]

@@ -1,0 +1,102 @@
+"""A file like :mod:`ambientd.publish.file`, written in place in a single write: for readers that keep it open."""
+
+import contextlib
+import os
+
+from ambientd.publish import Quiet
+from ambientd.publish.access import grant
+from ambientd.publish.file import KEYS, configured, content, options_of, overwrite, poison
+from ambientd.publish.spec import Spec
+from ambientd.publish.swap import put, remove, sweep
+from ambientd.report import Report
+
+__all__ = ["KEYS", "InPlaceFile", "configured", "publisher"]
+
+
+def publisher(spec: Spec, patience_ms: int | None) -> "InPlaceFile":
+    """A file that is written in place."""
+    return InPlaceFile(spec)
+
+
+class InPlaceFile(Quiet):
+    """One file, written in place."""
+
+    def __init__(self, spec: Spec) -> None:
+        self._spec = spec
+        self._descriptor = -1
+        self._identity = (0, 0)
+        self._length = 0
+        sweep(spec.path)
+
+    def adapt(self, spec: Spec) -> None:
+        """Use ``spec`` from the next value on."""
+        self._spec = spec
+        self._release()
+
+    def publish(self, report: Report) -> None:
+        """Write the value or the poison, or remove the file; raises OSError."""
+        self._become(content(report, self._spec))
+
+    def _become(self, value: bytes | None) -> None:
+        if value is None:
+            return self._remove()
+        try:
+            self._write(value)
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._remove()
+            raise
+
+    def _write(self, value: bytes) -> None:
+        if self._descriptor >= 0 and not self._in_place():
+            self._write_poison()
+            self._release()
+        if self._descriptor < 0 and self._open(value):
+            return
+        overwrite(self._descriptor, value, self._length)
+        self._length = len(value)
+
+    def _in_place(self) -> bool:
+        """Whether the open file is still the one at the path: a write into another would reach no reader."""
+        try:
+            found = os.stat(self._spec.path)
+        except FileNotFoundError:
+            return False
+        return (found.st_dev, found.st_ino) == self._identity
+
+    def _open(self, value: bytes) -> bool:
+        """Keep a file that is there, so that its readers stay; else make one that is never empty. True where made."""
+        path, access = self._spec.path, self._spec.access
+        kept = os.path.isfile(path) and os.path.getsize(path) > 0
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC) if kept else put(path, value, access)
+        if kept:
+            grant(self._descriptor, access)
+        found = os.fstat(self._descriptor)
+        self._identity = (found.st_dev, found.st_ino)
+        self._length = found.st_size
+        return not kept
+
+    def _write_poison(self) -> None:
+        """Replace the last value by the poison, if any, for readers that keep the file open."""
+        instead = poison(self._spec)
+        if self._descriptor >= 0 and instead is not None:
+            with contextlib.suppress(OSError):
+                overwrite(self._descriptor, instead, self._length)
+                self._length = len(instead)
+
+    def _release(self) -> None:
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _remove(self) -> None:
+        self._release()
+        remove(self._spec.path)
+
+    def close(self) -> None:
+        """Leave the poison in the file, or remove it; a reader that keeps it open reads the poison, if any."""
+        self._write_poison()
+        if options_of(self._spec).at_exit != "poison":
+            return self._remove()
+        self._become(poison(self._spec))
+        self._release()

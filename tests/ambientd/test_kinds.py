@@ -1,0 +1,138 @@
+"""A publisher or a source is one new file: added to a copy of the package, it is used by name, and nothing else
+changes."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ambientd
+
+PUBLISHER = """
+from ambientd.publish import Quiet
+
+KEYS = ("tag",)
+
+def publisher(spec, patience_ms):
+    return Appending(spec)
+
+def configured(spec, place, data, fault):
+    if not isinstance(data.get("tag", ""), str):
+        fault(place + ".tag", "is no text", "give a text")
+    return spec._replace(options=data.get("tag"))
+
+class Appending(Quiet):
+    def __init__(self, spec):
+        self.spec = spec
+
+    def publish(self, report):
+        with open(self.spec.path, "a") as stream:
+            print(self.spec.options, round(report.estimate.ambient_degC, 3), file=stream)
+
+    def adapt(self, spec):
+        self.spec = spec
+
+    def close(self):
+        pass
+"""
+SOURCE = """
+from typing import NamedTuple
+
+FORM = "{constant: DEGC}"
+
+def location(place, value, fault):
+    return Constant(value["constant"])
+
+class Constant(NamedTuple):
+    degC: float
+    unit = "degC"
+    absent = "never"
+
+    def source(self, settings):
+        return self
+
+    def find(self):
+        return ["/dev/null"]
+
+    def value(self, content):
+        return self.degC
+
+    def hint(self):
+        return "-"
+"""
+
+
+@pytest.fixture
+def copied(tmp_path):
+    """Copy the package, add files to it, and run it with a configuration."""
+    folder = tmp_path / "copied"
+    shutil.copytree(Path(ambientd.__file__).parent, folder / "ambientd")
+    before = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.py")}
+
+    def run(configuration, *arguments, **added):
+        for name, text in added.items():
+            (folder / "ambientd" / name.replace("__", "/")).with_suffix(".py").write_text(text)
+        assert {path: (folder / path).read_bytes() for path in before} == before
+        (tmp_path / "c.json").write_text(json.dumps(configuration))
+        paths = [str(folder), *(each for each in sys.path if each.endswith("shared"))]
+        call = [sys.executable, "-m", "ambientd", *arguments, "--config", str(tmp_path / "c.json")]
+        env = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        return subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=30)
+
+    return run
+
+
+def test_a_new_publisher(copied, model_file, trace_file, tmp_path):
+    publish = [{"kind": "append-to", "path": "a", "tag": "mine"}, "append-to:b"]
+    done = copied(
+        {"model": model_file, "publish": publish},
+        *("run", "--replay", trace_file, "--speed", "0"),
+        publish__append_to=PUBLISHER,
+    )
+    assert (done.returncode, done.stdout) == (0, "")
+    lines = (tmp_path / "a").read_text().splitlines()
+    assert (len(lines), lines[0]) == (600, "mine 23.0")
+    assert (tmp_path / "b").read_text().startswith("None 23.0")
+    assert "append-to" in copied({}, "run", "--help").stdout
+    done = copied({"model": model_file, "publish": [{"kind": "append-to", "path": "a", "tag": 3, "mode": 1}]}, "check")
+    assert done.returncode == 1
+    assert [line.split(":")[0].strip() for line in done.stderr.splitlines()[1:]] == [
+        "publish[0].mode",
+        "publish[0].tag",
+    ]
+
+
+def test_a_new_source(copied, model_file, phone):
+    configuration = {"model": model_file, "sysfs_root": str(phone.root), "sensors": {"usb": {"constant": 12.5}}}
+    done = copied(configuration, "check", sources__constant=SOURCE)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "sensor       usb, /dev/null: 12.5 degC" in done.stdout
+    done = copied({**configuration, "sensors": {"usb": {"variable": 1}}}, "check")
+    assert done.returncode == 1
+    assert "{constant: DEGC}" in done.stderr
+
+
+@pytest.mark.parametrize("kind", ["access", "spec", "nothing", "os.path", "", "__init__", "Stdout", "../x", "file\n"])
+def test_a_helper_or_a_stranger_is_no_kind(kind):
+    from ambientd.publish.spec import parse
+
+    with pytest.raises(ValueError, match="known are file, file-in-place, prometheus, socket, status, stdout$"):
+        parse(f"{kind}:path")
+
+
+def test_only_what_a_configuration_uses_is_imported(model_file, phone, tmp_path):
+    configuration = {"model": model_file, "sysfs_root": str(phone.root), "publish": ["status:s"]}
+    (tmp_path / "c.json").write_text(json.dumps(configuration))
+    code = (
+        "import sys; from ambientd.cli import call; status = call(sys.argv[1:]); assert status == 0;"
+        "print(*(name for name in sys.modules if name.startswith('ambientd.publish.') or name == 'pkgutil'),"
+        "*(name for name in sys.modules if name in ('ambientd.sources.hwmon', 'ambientd.sources.power_supply')))"
+    )
+    call = [sys.executable, "-c", code, "check", "--config", str(tmp_path / "c.json")]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=30)
+    loaded = {name.rpartition(".")[2] for name in done.stdout.splitlines()[-1].split()}
+    assert loaded == {"spec", "access", "status", "swap"}, done.stderr
