@@ -120,7 +120,7 @@ def test_a_new_source(copied, model_file, phone):
 def test_a_helper_or_a_stranger_is_no_kind(kind):
     from ambientd.publish.spec import parse
 
-    with pytest.raises(ValueError, match="known are file, file-in-place, prometheus, socket, status, stdout$"):
+    with pytest.raises(ValueError, match=r"known are file, file-in-place, prometheus, socket, status, stdout$"):
         parse(f"{kind}:path")
 
 
