@@ -1,15 +1,20 @@
-"""A trace in memory: times and one array a column, NaN where a value is missing."""
+"""A trace in memory: times and one array a column, NaN where a value is missing; from a file or a DataFrame."""
 
 from __future__ import annotations
 
 import itertools
+import os
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE, TraceReader, write_trace
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -38,6 +43,12 @@ class Trace:
             )
         return self.columns[name]
 
+    def to_frame(self) -> pd.DataFrame:
+        """The columns as a DataFrame indexed by ``time_s``, the notes as its ``attrs``."""
+        from ambient_trainer.data.frame import frame_of  # imports this module
+
+        return frame_of(self)
+
     @property
     def reference(self) -> Array:
         """The ambient in degC."""
@@ -56,8 +67,29 @@ class Trace:
         return replace(self, time_s=self.time_s[start:stop], columns=kept)
 
 
-def load_trace(path: str) -> Trace:
-    """The trace in the file at ``path``; raises :class:`Refused`, naming line and column, for anything not allowed."""
+def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
+    """Trace in a file or in a DataFrame.
+
+    Parameters
+    ----------
+    source : str, path or pandas.DataFrame
+        A CSV file, ``.gz`` too, or a frame with columns ``<name>_<unit>`` and the time in s as the column ``time_s``
+        or as the index.
+
+    Returns
+    -------
+    Trace
+
+    Raises
+    ------
+    Refused
+        Naming line or row and column, for anything that the contract does not allow.
+    """
+    if not isinstance(source, (str, os.PathLike)):
+        from ambient_trainer.data.frame import trace_of  # imports this module
+
+        return trace_of(source)
+    path = os.fspath(source)
     with TraceReader(path) as reader:
         names = reader.header.columns
         flat = itertools.chain.from_iterable(
