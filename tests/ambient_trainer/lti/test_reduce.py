@@ -5,9 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from ambient_trainer.lti.noise_gain import noise_gain
-from ambient_trainer.lti.reduce import at_rest, reduced
+from ambient_trainer.lti.reduce import reduced
 from ambient_trainer.lti.response import response_degC
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 
 def system(A, B, C):
@@ -42,7 +42,7 @@ def test_gains_at_rest_stay_and_the_error_is_bounded():
     found = reduced(whole, 4)
     assert found.A.shape == (4, 4)
     assert np.linalg.eigvals(found.A).real.max() < 0
-    np.testing.assert_allclose(at_rest(found), at_rest(whole), rtol=1e-10)
+    np.testing.assert_allclose(dc_gain(found), dc_gain(whole), rtol=1e-10)
     frequencies = np.geomspace(1e-3, 1e3, 200)
     off = max(np.abs(response(found, each) - response(whole, each)).max() for each in frequencies)
     # Glover 1984: twice the sum of what is left out; once more for what acts at once instead

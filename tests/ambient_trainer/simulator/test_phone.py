@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace, save_trace
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.calibrated import constants_text, load_constants, rounded
-from ambient_trainer.simulator.chamber import coloured, lagged, ramped, wobble
+from ambient_trainer.simulator.chamber import coloured, ramped, wobble
 from ambient_trainer.simulator.constants import NODES, Activity
 from ambient_trainer.simulator.device import Chamber, Phone, with_values
 from ambient_trainer.simulator.instruments import probe_reading, zone_reading

@@ -16,6 +16,7 @@ from ambient_studies.calibration.published import CONSTANT_SCENARIOS, Errors, pu
 from ambient_studies.thesis.parameters import published_parameters
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.lti.statespace import dc_gain
 from ambient_trainer.simulator.device import from_values
 from ambient_trainer.simulator.instruments import felt
 from ambient_trainer.simulator.run import Driven, integrate, prepare
@@ -91,9 +92,8 @@ def formula_errors(recorded: Mapping[str, Recorded]) -> dict[tuple[str, str], Er
 def _at_rest(model: str) -> Formula:
     circuit = load_circuit(model)
     system = assemble(circuit, published_parameters()[model].corrected).value
-    at_rest = system.D - system.C @ np.linalg.solve(system.A, system.B)
     gains = np.zeros(len(_SENSORS))
-    for column, gain in zip(circuit.inputs, at_rest[0].tolist()):
+    for column, gain in zip(circuit.inputs, dc_gain(system)[0].tolist()):
         gains[_SENSORS.index(column.removesuffix("_degC"))] = gain
     return Formula(gains, float(system.offset[0]))
 

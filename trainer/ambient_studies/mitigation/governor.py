@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Identified:
     @property
     def rest_gains(self) -> tuple[float, float]:
         """The skin's change at rest per K of the sensor, and per K of the ambient."""
-        sensor, ambient = (self.skin.D - self.skin.C @ np.linalg.solve(self.skin.A, self.skin.B))[0].tolist()
+        sensor, ambient = dc_gain(self.skin)[0].tolist()
         return sensor, ambient
 
     def trip_degC(self, limit_degC: float, ambient_degC: float) -> float:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator.chamber import lag_weights
+from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator.constants import NODES
 from ambient_trainer.simulator.heat import SOC, Demand, HeatBalance
 from ambient_trainer.simulator.instruments import felt_weights, reported
@@ -44,7 +44,7 @@ class Plant:
         self._zones = tuple(zones)
         self._period_s = period_s
         self._weights = np.array([[felt_weights(zone, run.phone) for zone in zones] for run in runs])
-        self._kept, self._gained = np.array([lag_weights(zone.lag_s, period_s) for zone in zones]).T
+        self._lag = lag_weights([zone.lag_s for zone in zones], period_s)
         self._noise = _noise(seeds, zones, len(self._air))
         self._sample = 0
         resting = self._balance.demand(self._activity[0], np.ones(len(runs)))
@@ -74,8 +74,7 @@ class Plant:
         self.nodes_degC = advanced(self._balance, self.nodes_degC, self._demand(cap_W), air, self._period_s)
         self._sample += 1
         touched = self._mixed()
-        followed = (1.0 - self._gained) * touched + (self._gained - self._kept) * self._touched
-        self._felt = self._kept * self._felt + followed
+        self._felt = self._lag.step(self._felt, self._touched, touched)
         self._touched = touched
 
     def _demand(self, cap_W: Array) -> Demand:

@@ -1,10 +1,6 @@
-"""The first-order response 1/(1 + tau s) to samples at any times, which are joined by straight lines.
+"""The first-order lag of samples at any times, from equilibrium with the first and after each gap.
 
-With h = dt / tau and e = exp(-h) it is exactly
-
-    x[k+1] = e x[k] + (1 - e) u[k] + (1 - (1 - e)/h) (u[k+1] - u[k]),
-
-from the equilibrium x[0] = u[0]; after a gap longer than a device bridges it starts again from equilibrium.
+A gap is one that is longer than a device bridges.
 """
 
 from __future__ import annotations
@@ -16,14 +12,14 @@ import numpy as np
 from ambient_model.tracking import bridge_limit_s
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array
+from ambient_trainer.lti.lag import lag_weights
 
 
 def lagged(time_s: Array, values: Array, time_constant_s: float) -> Array:
     """The response to ``values`` (n,), none missing, at ``time_s`` (n,), n >= 1; same unit and shape."""
     steps_s = np.diff(time_s)
-    h = steps_s / time_constant_s
-    decay, gain = np.exp(-h), -np.expm1(-h)
-    push = gain * values[:-1] + (1.0 - gain / h) * np.diff(values)
+    decay, before, now = lag_weights(time_constant_s, steps_s)
+    push = before * values[:-1] + now * values[1:]
     period_s = sampling_period_s(time_s)
     afresh = np.floor(steps_s / period_s + 0.5) > round(bridge_limit_s(period_s) / period_s)
     decay[afresh], push[afresh] = 0.0, values[1:][afresh]

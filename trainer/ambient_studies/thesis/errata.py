@@ -19,7 +19,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 _TRUTH_DEGC = 20.0
 """Of the scenarios whose sensors' means are known."""
@@ -248,7 +248,7 @@ def implied_display_degC(gains: Mapping[str, float], scenario: str) -> float:
 
 def _gains(system: StateSpace) -> Array:
     """The gain of each input to the output at rest."""
-    return np.asarray((system.D - system.C @ np.linalg.solve(system.A, system.B))[0])
+    return dc_gain(system)[0]
 
 
 def _symmetric(result: Result) -> bool:

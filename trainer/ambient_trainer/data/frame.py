@@ -87,4 +87,3 @@ def _numbers(source: str, values: pd.Series, name: str) -> Array:
         problem = f"{found[beyond[0]]:g} is no finite measurement"
         raise refuse(source, f"row {beyond[0]}, {name}", problem, "make it NaN for a missing value")
     return found
-

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.terms import HeatTerm, lag_weights
+from ambient_trainer.diagnosis.terms import HeatTerm
+from ambient_trainer.lti.lag import lag_weights
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.lti.modes import passive_modes
+from ambient_trainer.lti.lag import lag_weights
+from ambient_trainer.lti.modes import modal_response, passive_modes
 
 Array = NDArray[np.float64]
 
@@ -85,22 +85,12 @@ class Plant:
 
     def modal_weights(self) -> tuple[Array, Array, Array]:
         """Per mode: a = exp(lambda T), and the shares of a sample and of the next in the first-order hold."""
-        ratio = self.rates * self.period_s
-        a = np.exp(ratio)
-        # expm1 keeps slow modes exact
-        whole = np.expm1(ratio) / self.rates
-        later = (whole - self.period_s) / ratio
-        return a, whole - later, later
+        kept, before, now = lag_weights(-1 / self.rates, self.period_s)
+        return kept, -before / self.rates, -now / self.rates
 
     def modal(self, drive: Array) -> Array:
         """Modal states (..., n, N) that start at rest, under ``drive`` (..., n, N): each mode's input in K/s."""
-        a, now, later = self.modal_weights()
-        result = np.empty_like(drive)
-        for m in range(len(a)):
-            own = drive[..., m, :]
-            start = -later[m] * own[..., :1]
-            result[..., m, :], _ = lfilter([later[m], now[m]], [1.0, -a[m]], own, zi=start)
-        return result
+        return modal_response(self.rates, drive, self.period_s, 0.0)
 
     def respond(self, node: int, heat_W: Array) -> Array:
         """All nodes (n, N) from rest under ``heat_W`` (N,) into one node."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.lti.lag import lagged
 
 Array = NDArray[np.float64]
 
@@ -39,10 +39,10 @@ class HeatTerm:
         if self.lag_s is None:
             return value
         if onset is None:
-            return value - lag(value, self.lag_s, period_s)
+            return value - lagged(value, self.lag_s, period_s)
         result = np.zeros_like(value)
         apart = self.apart(nodes_degC.shape[0], ambient_degC)[:, onset, None]
-        result[:, onset:] = value[:, onset:] - lag(value[:, onset:], self.lag_s, period_s, apart)
+        result[:, onset:] = value[:, onset:] - lagged(value[:, onset:], self.lag_s, period_s, apart)
         return result
 
     def apart(self, count: int, ambient_degC: Array) -> Array:
@@ -81,24 +81,6 @@ def into(node: int, count: int, law: Law) -> Law:
         return value
 
     return placed
-
-
-def lag(values: Array, time_constant_s: float, period_s: float, start: Array | None = None) -> Array:
-    """``values`` (..., N) behind a first-order lag, exact where they run straight.
-
-    It begins at ``start`` (..., 1), or settled at the first of them.
-    """
-    kept, early, late = lag_weights(time_constant_s, period_s)
-    first = values[..., :1] if start is None else start
-    result, _ = lfilter([late, early], [1.0, -kept], values, zi=first - late * values[..., :1])
-    return np.asarray(result)
-
-
-def lag_weights(time_constant_s: float, period_s: float) -> tuple[float, float, float]:
-    """What a lag keeps of itself in a period, and takes of the sample before and of its own, straight in between."""
-    ratio = period_s / time_constant_s
-    kept, gained = float(np.exp(-ratio)), float(-np.expm1(-ratio) / ratio)
-    return kept, gained - kept, 1.0 - gained
 
 
 def beginning(view: View, term: Term, onsets_s: Sequence[float | None]) -> Array:
@@ -171,7 +153,7 @@ def _warming_up(view: View, term: HeatTerm, lag_s: float, onsets: Sequence[int])
     plant, count, air = view.plant, view.record.samples, view.ambient_degC
     result = np.zeros((len(onsets), len(plant.reads), count))
     value = term.law(view.nodes_degC, air)
-    missing = lag(value, lag_s, plant.period_s) - term.apart(len(value), air)
+    missing = lagged(value, lag_s, plant.period_s) - term.apart(len(value), air)
     decay = np.exp(-plant.period_s * np.arange(count) / lag_s)
     powers = plant.modal_decay(count)
     unit = plant.modal(np.broadcast_to(decay, powers.shape)) + plant.modal_weights()[2][:, None] * powers

@@ -20,8 +20,7 @@ from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.static_linear import StaticLinear
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.reduce import at_rest
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 
 Array = NDArray[np.float64]
 
@@ -200,7 +199,7 @@ class Fit:
     @property
     def dc_gains(self) -> tuple[float, ...]:
         """Per input the DC gain to the first output: D - C A^-1 B."""
-        return tuple(at_rest(self.system)[0].tolist())
+        return tuple(dc_gain(self.system)[0].tolist())
 
     @property
     def interval_degC(self) -> Quantiles:

@@ -15,8 +15,8 @@ from ambient_model.tracking import Tracker
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.response import initial_matrix, response_degC
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.lti.response import response_degC
+from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
 
 
 def estimate_degC(system: StateSpace, hold: Hold, inputs: Sequence[str], trace: Trace) -> Array:
@@ -51,7 +51,7 @@ def blended(main_degC: Array, secondary_degC: Array, threshold_degC: float) -> B
 
 
 def _tracked(system: StateSpace, hold: Hold, columns: Sequence[str], trace: Trace, period_s: float) -> Array:
-    found, initial = discretised(system, period_s, hold), initial_matrix(system)
+    found, initial = discretised(system, period_s, hold), equilibrium(system)
     discrete = Discrete(period_s, *(matrix(each) for each in (found.A, found.B, found.C[:1], found.D[:1])))
     inputs = tuple(Input(*split_column(name), split_column(name)[0], -math.inf, math.inf) for name in columns)
     names = tuple(f"x{index}" for index in range(len(initial)))

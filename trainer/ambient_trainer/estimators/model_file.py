@@ -22,7 +22,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 from ambient_trainer.estimators.base import Fit
 from ambient_trainer.estimators.estimate import matrix
-from ambient_trainer.lti.response import initial_matrix
+from ambient_trainer.lti.statespace import equilibrium
 
 DEFAULT_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 _MARGIN_K = 30.0
@@ -73,7 +73,7 @@ def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
         states=fit.states,
         discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
         offset=float(fit.system.offset[0]),
-        initial=matrix(initial_matrix(fit.system)),
+        initial=matrix(equilibrium(fit.system)),
         interval=fit.interval_degC,
     )
 

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from ambient_trainer.lti.lag import lagged
+
 Array = NDArray[np.float64]
 
 _CLOSE = 1e-3
@@ -36,6 +38,15 @@ def passive_modes(A: Array, capacitance: Array) -> tuple[Array, Array, Array]:
     root = np.sqrt(capacitance)
     rates, Q = np.linalg.eigh(A * root[:, None] / root)
     return rates, Q / root[:, None], Q.T * root
+
+
+def modal_response(rates: Array, drive: Array, period_s: float, start: float | None = None) -> Array:
+    """Modes x (..., n, N) of dx/dt = rate x + drive, which runs straight between samples; ``rates`` (n,) below 0.
+
+    They begin at ``start``, or settled at the first sample.
+    """
+    modes = [lagged(drive[..., m, :] / -rate, -1 / rate, period_s, start) for m, rate in enumerate(rates.tolist())]
+    return np.stack(modes, axis=-2)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 In balanced coordinates a state that is hard to drive is as hard to see (Moore 1981, IEEE Trans. Autom. Control 26(1));
 the weakest are left out, by the square-root method (Tombs and Postlethwaite 1987, Int. J. Control 46(4)). What they
-contributed at rest acts at once instead, so that the gains at rest stay what they are.
+contributed in steady state acts at once instead, so that the DC gains stay what they are.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 Array = NDArray[np.float64]
 
@@ -26,13 +26,7 @@ def reduced(system: StateSpace, most_states: int) -> StateSpace:
     kept = np.sqrt(strength[:most_states])
     to_kept, from_kept = (U[:, :most_states] / kept).T @ left.T, right @ Vt[:most_states].T / kept
     A, B, C = to_kept @ system.A @ from_kept, to_kept @ system.B, system.C @ from_kept
-    return StateSpace(A, B, C, at_rest(system) + C @ np.linalg.solve(A, B), system.offset)
-
-
-def at_rest(system: StateSpace) -> Array:
-    """The gains (q, m) to constant inputs."""
-    found: Array = system.D - system.C @ np.linalg.solve(system.A, system.B)
-    return found
+    return StateSpace(A, B, C, dc_gain(system) + C @ np.linalg.solve(A, B), system.offset)
 
 
 def _root(gramian: Array) -> Array:

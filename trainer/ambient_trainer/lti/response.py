@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def response_degC(system: StateSpace, hold: Hold, u: Array, period_s: float) -> 
     """The same over uniform inputs ``u`` (m, N) without gaps: shape (N,)."""
     discrete = discretised(system, period_s, hold)
     with np.errstate(over="ignore", invalid="ignore"):
-        x = states(discrete.A, discrete.B @ u, initial_matrix(system) @ u[:, 0])
+        x = states(discrete.A, discrete.B @ u, equilibrium(system) @ u[:, 0])
         y = (discrete.C @ x + discrete.D @ u)[0] + discrete.offset[0]
         return np.where(np.abs(y) < _DIVERGED_DEGC, y, np.nan)
 
@@ -81,8 +81,3 @@ def states(A: Array, drive: Array, start: Array) -> Array:
         x[:, stride:] += power @ x[:, :-stride]
         power, stride = power @ power, 2 * stride
     return x
-
-
-def initial_matrix(system: StateSpace) -> Array:
-    """X0: thermal equilibrium with inputs u is X0 u."""
-    return np.asarray(-np.linalg.solve(system.A, system.B), dtype=np.float64)

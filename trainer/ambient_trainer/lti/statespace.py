@@ -25,3 +25,26 @@ class StateSpace:
     C: Array
     D: Array
     offset: Array
+
+
+def equilibrium(system: StateSpace) -> Array:
+    """Steady state per unit of each constant input, -A^-1 B, shape (n, m): the X0 of a model file."""
+    found: Array = -np.linalg.solve(system.A, system.B)
+    return found
+
+
+def dc_gain(system: StateSpace) -> Array:
+    """Steady-state gain from each input to each output.
+
+    Parameters
+    ----------
+    system : StateSpace
+        Stable and continuous.
+
+    Returns
+    -------
+    array (q, m)
+        D - C A^-1 B.
+    """
+    found: Array = system.D + system.C @ equilibrium(system)
+    return found

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from ambient_trainer.lti.discretise import first_order_hold
+from ambient_trainer.lti.lag import lag_weights, lagged
 from ambient_trainer.lti.statespace import StateSpace
 
 Array = NDArray[np.float64]
@@ -39,12 +38,7 @@ def banks(order: int, period_s: float, longest_s: float) -> list[tuple[float, ..
 
 def low_passes(readings: Array, poles_s: Sequence[float], period_s: float) -> Array:
     """The bank over ``readings`` (m, N): shape (m, 1 + K, N), the reading itself first."""
-    first = readings[:, :1]
-    rows = [readings]
-    for tau_s in poles_s:
-        a, now, before = _lag(tau_s, period_s)
-        rows.append(lfilter([now, before], [1.0, -a], readings - first, axis=-1) + first)
-    return np.stack(rows, axis=1)
+    return np.stack([readings, *(lagged(readings, tau_s, period_s) for tau_s in poles_s)], axis=1)
 
 
 def noise_gram(poles_s: Sequence[float], period_s: float) -> Array:
@@ -53,7 +47,7 @@ def noise_gram(poles_s: Sequence[float], period_s: float) -> Array:
     h_i is n_i at first and then c_i a_i^k with c_i = n_i a_i + p_i, so <h_i, h_j> = n_i n_j + c_i c_j / (1 - a_i a_j);
     the reading itself is n = 1, c = 0.
     """
-    a, now, before = np.array([(0.0, 1.0, 0.0), *(_lag(tau_s, period_s) for tau_s in poles_s)]).T
+    a, before, now = np.array([(0.0, 0.0, 1.0), *(lag_weights(tau_s, period_s) for tau_s in poles_s)]).T
     after = now * a + before
     gram: Array = np.outer(now, now) + np.outer(after, after) / (1 - np.outer(a, a))
     return gram
@@ -69,10 +63,3 @@ def bank_system(poles_s: Sequence[float], gains: Array, offset_degC: float) -> S
         D=gains[:, :1].T,
         offset=np.array([offset_degC]),
     )
-
-
-def _lag(tau_s: float, period_s: float) -> tuple[float, float, float]:
-    """a, n, p of l[k] = a l[k-1] + n u[k] + p u[k-1], the lag between samples that lie on straight lines."""
-    held = first_order_hold(bank_system([tau_s], np.array([[0.0, 1.0]]), 0.0), period_s)
-    a, now = float(held.A[0, 0]), float(held.D[0, 0])
-    return a, now, float((held.C @ held.B)[0, 0]) - a * now

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator import constants as c
 from ambient_trainer.simulator.device import Chamber
 
@@ -38,18 +39,3 @@ def coloured(count: int, period_s: float, memory_s: float, random: np.random.Gen
     white = random.standard_normal(count)
     white[1:] *= math.sqrt(1.0 - kept * kept)
     return np.asarray(lfilter([1.0], [1.0, -kept], white))
-
-
-def lagged(values: Array, lag_s: float, period_s: float) -> Array:
-    """``values``, shape (..., n), behind a first-order lag: exact where they run straight between samples."""
-    kept, gained = lag_weights(lag_s, period_s)
-    start = gained * values[..., :1]  # settled
-    result, _ = lfilter([1.0 - gained, gained - kept], [1.0, -kept], values, zi=start)
-    return np.asarray(result)
-
-
-def lag_weights(lag_s: float, period_s: float) -> tuple[float, float]:
-    """(kept, gained) of a lag's next value: kept last + (1 - gained) input now + (gained - kept) input before."""
-    ratio = period_s / lag_s
-    kept = math.exp(-ratio)
-    return kept, (1.0 - kept) / ratio

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.chamber import lagged
 from ambient_trainer.simulator.device import Phone
 from ambient_trainer.simulator.zones import Zone, weights
 

@@ -10,7 +10,8 @@ from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.closed_loop import closed_loop
 from ambient_trainer.diagnosis.model import Effect, heat_parts, view
 from ambient_trainer.diagnosis.setting import setting_of
-from ambient_trainer.diagnosis.terms import DriftTerm, HeatTerm, SensorTerm, beginning, ending, into, lag, responses
+from ambient_trainer.diagnosis.terms import DriftTerm, HeatTerm, SensorTerm, beginning, ending, into, responses
+from ambient_trainer.lti.lag import lagged
 
 N = 160
 TIME_S = 10.0 * np.arange(N)
@@ -108,7 +109,7 @@ def test_a_drift_grows_from_its_onset(seen) -> None:
 @pytest.mark.parametrize("time_constant_s", [0.5, 15.0, 400.0, 1e6])
 def test_lag_is_exact_where_the_signal_runs_straight(time_constant_s: float) -> None:
     values = np.random.default_rng(3).normal(25, 2, 40)
-    found = lag(values, time_constant_s, 10.0)
+    found = lagged(values, time_constant_s, 10.0)
     state = values[0]
     for k in range(39):
         solved = solve_ivp(

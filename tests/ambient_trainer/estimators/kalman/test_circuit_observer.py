@@ -19,7 +19,7 @@ from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.summary import as_json, facts
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.lti.reduce import at_rest
+from ambient_trainer.lti.statespace import dc_gain
 
 ONE = Effort(starts=1)
 
@@ -92,7 +92,7 @@ def test_a_fallback_an_input(fit, model, simulated):
         assert [each.name for each in fallback.inputs] == [each for each in "abc" if each != name]
         assert set(fallback.inputs) < set(model.main.inputs)
         smaller = fit.fallbacks[name]
-        assert at_rest(smaller.system).sum() == pytest.approx(1.0, abs=1e-9)
+        assert dc_gain(smaller.system).sum() == pytest.approx(1.0, abs=1e-9)
         assert fit.rmse_degC < smaller.rmse_degC < 2 * fit.rmse_degC
 
 

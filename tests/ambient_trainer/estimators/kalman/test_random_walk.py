@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.lti.reduce import at_rest
+from ambient_trainer.lti.statespace import dc_gain
 
 SENSORS = ("a_degC", "b_degC", "c_degC")
 
@@ -34,7 +34,7 @@ def test_unknowns_are_named_with_units(circuit):
 
 def test_a_degree_more_everywhere_is_a_degree_more(circuit, theta):
     found = circuit.filter(theta)
-    assert at_rest(found.system)[0].sum() == pytest.approx(1.0, abs=1e-12)
+    assert dc_gain(found.system)[0].sum() == pytest.approx(1.0, abs=1e-12)
     assert np.linalg.eigvals(found.A).real.max() < 0
 
 

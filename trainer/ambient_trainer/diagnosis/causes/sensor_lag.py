@@ -10,8 +10,9 @@ import numpy as np
 from ambient_trainer.diagnosis.candidate import DELTA_95, Candidate, CauseKind, Estimate, Setting, Span
 from ambient_trainer.diagnosis.causes._sensor import faulty
 from ambient_trainer.diagnosis.result import Magnitude
-from ambient_trainer.diagnosis.terms import SensorTerm, lag
+from ambient_trainer.diagnosis.terms import SensorTerm
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.lti.lag import lagged
 
 _LONGEST_S = 3600.0
 _SHAPES = 6
@@ -27,7 +28,7 @@ def _candidates(setting: Setting) -> Iterator[Candidate]:
 
 def _late(sensor: int, name: str, lag_s: float) -> Candidate:
     def terms(view: View) -> tuple[SensorTerm, ...]:
-        return (SensorTerm(sensor, lambda reading: lag(reading, lag_s, view.plant.period_s) - reading),)
+        return (SensorTerm(sensor, lambda reading: lagged(reading, lag_s, view.plant.period_s) - reading),)
 
     def magnitude(estimate: Estimate) -> Magnitude:
         spread = DELTA_95 * estimate.deviation(1)

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ambient_trainer.estimators.blended.recipe import Loss
+from ambient_trainer.lti.lag import lagged
+from ambient_trainer.lti.modes import modal_response
 
 Array = NDArray[np.float64]
 
@@ -66,20 +67,10 @@ def simulate(plant: Plant, loss: Loss, ambient_degC: Array, heat_W: Array, perio
             rise = nodes[surfaces] - ambient_degC
             bent = factor(rise, (nodes[surfaces] + ambient_degC) / 2, plant.rho, loss)
             extra[surfaces] = -plant.to_ambient[surfaces, None] * rise * (bent - 1)
-    return np.vstack([_first_order(nodes[n], 1 / lag, period_s) for n, lag in zip(plant.sensor_nodes, plant.lags_s)])
+    return np.vstack([lagged(nodes[n], lag, period_s) for n, lag in zip(plant.sensor_nodes, plant.lags_s)])
 
 
 def linear_nodes(plant: Plant, ambient_degC: Array, heat_W: Array, period_s: float) -> Array:
     """The nodes' temperatures (n, N) with a loss of G dT."""
     drive = plant.left @ ((plant.to_ambient[:, None] * ambient_degC + heat_W) / plant.capacitance[:, None])
-    modes = [_first_order(row / -rate, -rate, period_s) for rate, row in zip(plant.rates.tolist(), drive)]
-    return np.asarray(plant.right @ np.vstack(modes))
-
-
-def _first_order(values: Array, rate: float, period_s: float) -> Array:
-    """dx/dt = rate (values - x), exact where ``values`` run straight between the samples, settled at the first."""
-    kept = np.exp(-rate * period_s)
-    gained = (1 - kept) / (rate * period_s)
-    start = values[0]
-    moved: Array = lfilter([1 - gained, gained - kept], [1.0, -kept], values - start)
-    return moved + start
+    return np.asarray(plant.right @ modal_response(plant.rates, drive, period_s))

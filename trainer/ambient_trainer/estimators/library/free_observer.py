@@ -20,8 +20,7 @@ from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, Sele
 from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance, without
 from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, with_uncertainty
 from ambient_trainer.estimators.training import estimator_data, require_enough
-from ambient_trainer.lti.reduce import at_rest
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 NAMES = ("free_observer",)
 _FALLBACK_STARTS = 2
@@ -98,7 +97,7 @@ def _fit_of(
 
 def _of_unit_dc_gain(system: StateSpace) -> StateSpace:
     """The system whose DC gains add up to one exactly, which the search does nearly."""
-    lacking = 1.0 - float(at_rest(system)[0].sum())
+    lacking = 1.0 - float(dc_gain(system)[0].sum())
     return replace(system, D=system.D + lacking / system.D.shape[1])
 
 

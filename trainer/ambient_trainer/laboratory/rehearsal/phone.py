@@ -20,7 +20,7 @@ import numpy as np
 
 from ambient_trainer.laboratory.campaign import PowerSupply
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.simulator.chamber import lag_weights
+from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator.constants import NODES, Activity
 from ambient_trainer.simulator.device import Phone
 from ambient_trainer.simulator.heat import Demand, HeatBalance
@@ -92,7 +92,7 @@ class SimulatedPhone:
         self._balance = HeatBalance([self._phone])
         self._noise = [stream(seed, f"zone {zone.name}") for zone in self._zones]
         self._weights = np.array([felt_weights(zone, self._phone) for zone in self._zones])
-        self._kept, self._gained = np.array([lag_weights(zone.lag_s, _STEP_S) for zone in self._zones]).T
+        self._lag = lag_weights([zone.lag_s for zone in self._zones], _STEP_S)
         self._seconds = 0
         self._burst_block = np.ones(0)
         air = np.array([air_degC(self._began_s)])
@@ -214,8 +214,7 @@ class SimulatedPhone:
         air = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
         self._nodes = advanced(self._balance, self._nodes, demand, air, _STEP_S)
         touched = self._weights @ self._nodes[0]
-        followed = (1.0 - self._gained) * touched + (self._gained - self._kept) * self._touched
-        self._felt, self._touched = self._kept * self._felt + followed, touched
+        self._felt, self._touched = self._lag.step(self._felt, self._touched, touched), touched
         self._current_A = self._drawn_A(demand)
         self._readings = self._read()
         self._seconds += 1

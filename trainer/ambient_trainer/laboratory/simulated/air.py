@@ -11,8 +11,8 @@ import threading
 
 import numpy as np
 
+from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.chamber import lag_weights
 from ambient_trainer.simulator.device import Chamber
 
 _STEP_S = 1.0
@@ -70,8 +70,8 @@ class Air:
             up_K = min(self._up_K_min, self._dynamics.heating_K_min) / 60.0 * _STEP_S
             down_K = min(self._down_K_min, self._dynamics.cooling_K_min) / 60.0 * _STEP_S
             self._ramp_degC += min(max(self._wanted_degC - before_degC, -down_K), up_K)
-        kept, gained = lag_weights(c.CHAMBER_SETTLING_S, _STEP_S)
-        self._mean_degC = kept * self._mean_degC + (1.0 - gained) * self._ramp_degC + (gained - kept) * before_degC
+        settling = lag_weights(c.CHAMBER_SETTLING_S, _STEP_S)
+        self._mean_degC = settling.step(self._mean_degC, before_degC, self._ramp_degC)
         stirred = 0.0 if self._wanted_degC is None else 1.0
         self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / c.CHAMBER_SETTLING_S)
         kept = math.exp(-_STEP_S / c.CHAMBER_DRAUGHT_S)

@@ -11,8 +11,8 @@ import numpy as np
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.protocols import agilent
 from ambient_trainer.laboratory.simulated.terminal import XOFF, XON, SimulatedInstrument, Work
+from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.chamber import lag_weights
 
 _BAUD = 57600
 _IDENTITY = b"HEWLETT-PACKARD,34970A,0,13-2-2\r\n"
@@ -168,10 +168,10 @@ class _Probe:
         step_s = (at_s - last_s) / steps
         if step_s <= 0.0:
             return felt_degC
-        kept, gained = lag_weights(c.PROBE_LAG_S, step_s)
+        lag = lag_weights(c.PROBE_LAG_S, step_s)
         for step in range(1, steps + 1):
             before_degC, air_degC = air_degC, self._ambient(last_s + step * step_s)
-            felt_degC = kept * felt_degC + (1.0 - gained) * air_degC + (gained - kept) * before_degC
+            felt_degC = lag.step(felt_degC, before_degC, air_degC)
         self._felt = (at_s, air_degC, felt_degC)
         return felt_degC
 

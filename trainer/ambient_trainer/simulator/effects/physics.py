@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.additions import AIR, Added, Body, Link, Term
-from ambient_trainer.simulator.chamber import coloured, lagged
+from ambient_trainer.simulator.chamber import coloured
 from ambient_trainer.simulator.constants import NODES, SURFACE_M2
 from ambient_trainer.simulator.effects.effect import Hidden
 from ambient_trainer.simulator.effects.signals import FULL_SUN_W_M2, FULL_WIND_M_S

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator.chamber import lagged
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.effects.effect import Hidden
 from ambient_trainer.simulator.effects.physics import Setting
 from ambient_trainer.simulator.instruments import Sound

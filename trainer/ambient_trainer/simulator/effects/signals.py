@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator.chamber import coloured, lagged
+from ambient_trainer.lti.lag import lagged
+from ambient_trainer.simulator.chamber import coloured
 
 Array = NDArray[np.float64]
 

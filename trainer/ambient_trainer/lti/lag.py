@@ -1,0 +1,74 @@
+"""The first-order lag 1/(tau s + 1), exact where its input runs straight between samples (first-order hold).
+
+With a = exp(-T/tau) and g = (1 - a) tau/T,
+
+    x[k+1] = a x[k] + (g - a) u[k] + (1 - g) u[k+1].
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+
+class LagWeights(NamedTuple):
+    """What the next value of a lag takes of its last one, and of the input before and now."""
+
+    kept: Any
+    before: Any
+    now: Any
+
+    def step(self, last: Any, before: Any, now: Any) -> Any:
+        """The next value after ``last``, the input going from ``before`` to ``now``."""
+        return self.kept * last + self.now * now + self.before * before
+
+
+def lag_weights(lag_s: ArrayLike, period_s: ArrayLike) -> LagWeights:
+    """Weights of a lag's recursion.
+
+    Parameters
+    ----------
+    lag_s : array_like
+        Time constant tau, above 0; infinity holds the value.
+    period_s : array_like
+        Time from one sample to the next.
+
+    Returns
+    -------
+    LagWeights
+        Numbers, or arrays of the common shape.
+    """
+    ratio = np.asarray(period_s, dtype=float) / np.asarray(lag_s, dtype=float)
+    kept = np.exp(-ratio)
+    gained = np.where(ratio > 0, -np.expm1(-ratio) / np.where(ratio > 0, ratio, 1.0), 1.0)
+    return LagWeights(*(each if each.shape else float(each) for each in (kept, gained - kept, 1.0 - gained)))
+
+
+def lagged(values: Array, lag_s: float, period_s: float, start: Array | float | None = None) -> Array:
+    """Response of a lag to uniform samples.
+
+    Parameters
+    ----------
+    values : array (..., N)
+        The input.
+    lag_s, period_s : float
+        Time constant and sampling period.
+    start : array_like (..., 1), optional
+        First value of the response; by default it is settled at the first of ``values``.
+
+    Returns
+    -------
+    array (..., N)
+        In the unit of ``values``.
+    """
+    kept, before, now = lag_weights(lag_s, period_s)
+    first = values[..., :1]
+    if start is None:
+        return np.asarray(lfilter([now, before], [1.0, -kept], values - first, axis=-1) + first)
+    result, _ = lfilter([now, before], [1.0, -kept], values, axis=-1, zi=start - now * first)
+    return np.asarray(result)
