@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
-from ambient_model.trace import REFERENCE, TraceReader, write_trace
+from ambient_model.trace import LARGEST, REFERENCE, TIME, TraceReader, split_column, write_trace
 
 if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
+
+FRAME = "DataFrame"
+"""What messages and provenance call a trace that came from no file."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +48,11 @@ class Trace:
 
     def to_frame(self) -> pd.DataFrame:
         """The columns as a DataFrame indexed by ``time_s``, the notes as its ``attrs``."""
-        from ambient_trainer.data.frame import frame_of  # imports this module
+        import pandas as pd  # half a second: asked for where a frame is
 
-        return frame_of(self)
+        frame = pd.DataFrame(self.columns, index=pd.Index(self.time_s, name=TIME))
+        frame.attrs.update(self.notes)
+        return frame
 
     @property
     def reference(self) -> Array:
@@ -73,8 +78,9 @@ def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
     Parameters
     ----------
     source : str, path or pandas.DataFrame
-        A CSV file, ``.gz`` too, or a frame with columns ``<name>_<unit>`` and the time in s as the column ``time_s``
-        or as the index.
+        A CSV file, ``.gz`` too; or a frame with columns ``<name>_<unit>``, NaN for a missing value, and the time as the
+        column ``time_s`` or the index: in s, or dates or durations, which count from the first row. String entries of
+        ``DataFrame.attrs`` become the notes.
 
     Returns
     -------
@@ -86,9 +92,7 @@ def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
         Naming line or row and column, for anything that the contract does not allow.
     """
     if not isinstance(source, (str, os.PathLike)):
-        from ambient_trainer.data.frame import trace_of  # imports this module
-
-        return trace_of(source)
+        return _of_frame(source)
     path = os.fspath(source)
     with TraceReader(path) as reader:
         names = reader.header.columns
@@ -100,6 +104,40 @@ def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
             raise refuse(path, "", "no samples under the header", "log something first")
         columns = {name: np.ascontiguousarray(table[:, index + 1]) for index, name in enumerate(names)}
         return Trace(path, np.ascontiguousarray(table[:, 0]), columns, reader.header.notes)
+
+
+def _of_frame(frame: pd.DataFrame, source: str = FRAME) -> Trace:
+    """The trace in a DataFrame, with arrays of its own."""
+    names = [str(name) for name in frame.columns]
+    for name in names:
+        if split_column(name) == ("", ""):
+            raise refuse(source, f"column {name!r}", "names no unit", "name it <name>_<unit>, such as usb_degC")
+        if names.count(name) > 1:
+            raise refuse(source, f"column {name!r}", "stands twice", "rename or remove one")
+    if not len(frame):
+        raise refuse(source, "", "no rows", "log something first")
+    time_s = _numbers(source, frame.index.to_series() if TIME not in names else frame[TIME], TIME)
+    late = np.flatnonzero(~(np.diff(time_s, prepend=-np.inf) > 0))
+    if len(late):
+        problem = f"{time_s[late[0]]:.15g} s does not come after the row before"
+        raise refuse(source, f"row {late[0]}, {TIME}", problem, "sort the rows and drop doubles: time must increase")
+    columns = {name: _numbers(source, frame[name], name) for name in frame.columns if name != TIME}
+    notes = {key: value for key, value in frame.attrs.items() if isinstance(key, str) and isinstance(value, str)}
+    return Trace(source, time_s, columns, notes)
+
+
+def _numbers(source: str, values: pd.Series, name: str) -> Array:
+    if values.dtype.kind in "mM":
+        values = (values - values.iloc[0]).dt.total_seconds()
+    try:
+        found = values.to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
+    except (TypeError, ValueError) as error:
+        raise refuse(source, f"column {name}", f"holds no numbers ({error})", "convert it, or leave it out") from error
+    beyond = np.flatnonzero(~(np.abs(found) <= LARGEST) & ~(np.isnan(found) & (name != TIME)))
+    if len(beyond):
+        problem = f"{found[beyond[0]]:g} is no finite measurement"
+        raise refuse(source, f"row {beyond[0]}, {name}", problem, "make it NaN for a missing value")
+    return found
 
 
 def save_trace(path: str, trace: Trace) -> None:
