@@ -29,8 +29,7 @@ class StateSpace:
 
 def equilibrium(system: StateSpace) -> Array:
     """Steady state per unit of each constant input, -A^-1 B, shape (n, m): the X0 of a model file."""
-    found: Array = -np.linalg.solve(system.A, system.B)
-    return found
+    return np.asarray(-np.linalg.solve(system.A, system.B), dtype=np.float64)
 
 
 def dc_gain(system: StateSpace) -> Array:
