@@ -11,8 +11,8 @@ from joblib import parallel_config
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.report import as_data
 from ambient_trainer.diagnosis.result import Cause
-from ambient_trainer.diagnosis.summary import as_json
 from ambient_trainer.simulator.effects.effect import Hidden
 from ambient_trainer.simulator.effects.runs import simulate_hidden
 from ambient_trainer.simulator.effects.signals import SIGNALS
@@ -57,6 +57,6 @@ def test_seven_hours_at_1_hz(known_good, runs, benchmark, noted):
     noted(TASK, method, benchmark.stats.stats.min, result)
     assert stages[:2] == ["teach", "step 1"]
     assert found.next_experiment
-    assert as_json(found)["residuals"]["tests"]
+    assert as_data(found)["residuals"]["tests"]
     if known_good:
         assert found.verdict_cause == Cause("heat_source", "usb", DRIVING)

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
-from ambient_studies.discovery.outcome import Outcome
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.residual_tests import residual_tests
 from ambient_trainer.diagnosis.result import Cause, Diagnosis, Gain, Magnitude, Misfit, Ranked, Step
@@ -19,7 +18,7 @@ SAMPLES, PERIOD_S = 720, 10.0
 BOX_SAMPLES, BOX_PERIOD_S = 1080, 10.0
 
 
-def _diagnosis(**changes: object) -> Diagnosis:
+def made_diagnosis(**changes: object) -> Diagnosis:
     random = np.random.default_rng(3)
     time_s = PERIOD_S * np.arange(SAMPLES)
     camera = ((time_s > 3600) & (time_s < 5400)) * 1.0
@@ -73,34 +72,8 @@ def _diagnosis(**changes: object) -> Diagnosis:
 @pytest.fixture(scope="session")
 def made() -> Callable[..., Diagnosis]:
     """A diagnosis of two effects, with whatever is given changed."""
-    whole = _diagnosis()
+    whole = made_diagnosis()
     return lambda **changes: replace(whole, **changes)
-
-
-def _outcomes() -> list[Outcome]:
-    random = np.random.default_rng(4)
-    causes = [CAMERA, CASE, Cause("contact"), Cause("sensor_bias", "usb"), Cause("clock_offset"), Cause("path", "a-b")]
-    outcomes = []
-    for _ in range(300):
-        cause, size = causes[random.integers(len(causes))], float(np.exp(random.uniform(-1.5, 3.5)))
-        right = bool(random.random() < 1 / (1 + (1.5 / size) ** 2))
-        wrong = () if random.random() < 0.6 else (causes[random.integers(len(causes))],)
-        found = (cause,) if right else wrong
-        outcomes.append(
-            Outcome((cause,), size, found, found == (cause,), 0.1 if right else None, 20.0 if right else None,
-                    (0.01, 0.2) if found else None, 4.0)
-        )  # fmt: skip
-    outcomes += [Outcome((), 0.0, (), True, None, None, None, 2.0)] * 58
-    outcomes += [Outcome((), 0.0, (Cause("unknown"),), False, None, None, (0.001, 0.1), 3.0)] * 2
-    outcomes += [Outcome((CAMERA, CASE), 6.0, (CASE, CAMERA), True, 0.05, 10.0, (0.1, 0.2), 8.0)] * 30
-    outcomes += [Outcome((CAMERA, CASE), 6.0, (CASE,), False, 0.05, 10.0, (0.1, 0.2), 8.0)] * 10
-    return outcomes
-
-
-@pytest.fixture(scope="session")
-def outcomes() -> list[Outcome]:
-    """A benchmark of 400 cases."""
-    return _outcomes()
 
 
 @pytest.fixture(scope="session")

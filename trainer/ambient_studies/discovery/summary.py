@@ -22,7 +22,7 @@ from ambient_studies.discovery.figures import (
     pairs_found,
 )
 from ambient_studies.discovery.outcome import Outcome
-from ambient_trainer.diagnosis.words import duration, figures
+from ambient_trainer.diagnosis.words import digits, duration
 from ambient_trainer.report.table import Table, for_terminal
 
 
@@ -140,7 +140,7 @@ def _gains(outcomes: Sequence[Outcome]) -> str:
 
 
 def _percent(part: float) -> str:
-    return f"{figures(100 * part, 2)} %" if math.isfinite(part) else "-"
+    return f"{digits(100 * part, 2)} %" if math.isfinite(part) else "-"
 
 
 def _share_data(share: Share) -> dict[str, Any]:

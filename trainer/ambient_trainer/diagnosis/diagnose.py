@@ -25,7 +25,7 @@ from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ra
 from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial, known_good_model, select_effects
 from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines, train_on_diagnosed
 from ambient_trainer.diagnosis.view import conductances_to_ambient
-from ambient_trainer.diagnosis.words import figures, window
+from ambient_trainer.diagnosis.words import digits, window
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
@@ -155,8 +155,8 @@ def _step(choice: SelectionStep, trial: Trial, effect: Effect, chosen: Selection
     gain = trial.gain
     parameters = effect.candidate.parameters(found)
     sentence = (
-        f"{effect.candidate.cause}: {magnitude.meaning} {figures(magnitude.value)} {magnitude.unit}"
-        f" ({figures(magnitude.ci95[0])} to {figures(magnitude.ci95[1])}), {window(effect.onset_s, effect.end_s)};"
+        f"{effect.candidate.cause}: {magnitude.meaning} {digits(magnitude.value)} {magnitude.unit}"
+        f" ({digits(magnitude.ci95[0])} to {digits(magnitude.ci95[1])}), {window(effect.onset_s, effect.end_s)};"
         f" on held-out data {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
     )
     return Step(

@@ -28,11 +28,11 @@ def duration(span_s: float) -> str:
     """A span in the unit that fits it, to two figures: ``12 s``, ``4.5 min``, ``2.1 h``."""
     for unit_s, unit in ((3600.0, "h"), (60.0, "min")):
         if span_s >= 2 * unit_s:
-            return f"{figures(span_s / unit_s, 2)} {unit}"
-    return f"{figures(span_s, 2)} s"
+            return f"{digits(span_s / unit_s, 2)} {unit}"
+    return f"{digits(span_s, 2)} s"
 
 
-def figures(value: float, count: int = 3) -> str:
+def digits(value: float, count: int = 3) -> str:
     """``value`` to ``count`` significant figures, without an exponent where it can be read so."""
     if not math.isfinite(value):
         return "-"
@@ -58,4 +58,4 @@ def share(part: float) -> str:
 
 def chance(p_value: float) -> str:
     """A probability as people read it: ``p = 0.03``, ``p < 0.001``."""
-    return "p < 0.001" if p_value < 0.001 else f"p = {figures(p_value, 2)}"
+    return "p < 0.001" if p_value < 0.001 else f"p = {digits(p_value, 2)}"

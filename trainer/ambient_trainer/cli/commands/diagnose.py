@@ -6,7 +6,6 @@ import click
 
 from ambient_trainer.cli.options import circuit_option, jobs_option, output_options, period_option, window_options
 from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.data.trace import load_trace
 
@@ -39,14 +38,14 @@ def command(
 ) -> None:
     """Show where TRACE and the simulated circuit part, name the cause, and measure what adding it gains.
 
-    The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is trained by
+    The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is fitted to
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.
     """
     from joblib import parallel_config
 
     from ambient_trainer.circuits.write import save_circuit
     from ambient_trainer.diagnosis.diagnose import diagnose
-    from ambient_trainer.diagnosis.summary import as_json, show
+    from ambient_trainer.diagnosis.report import report_of
     from ambient_trainer.estimators.registry import thermal_circuit
 
     output.check([*trace_paths, *baseline_paths, circuit], [extended_path])
@@ -55,17 +54,10 @@ def command(
     baselines = [load_trace(path) for path in baseline_paths]
     with staged_progress() as progress, parallel_config(n_jobs=jobs):
         found = diagnose(thermal, traces, baselines, progress, period_s)
-    console = printer()
-    show(console, found)
-    if output.json_path is not None:
-        write_figures(output.json_path, as_json(found))
+    output.show(report_of(found))
     if extended_path is not None:
         if found.extended is None:
             click.echo("Nothing was found that a circuit can hold: no circuit is written.")
         else:
             save_circuit(extended_path, found.extended)
             click.echo(f"Circuit: {extended_path}")
-    if output.report_folder is not None:
-        from ambient_trainer.diagnosis.page import diagnosis_page
-
-        write_page(output.report_folder, diagnosis_page(found))

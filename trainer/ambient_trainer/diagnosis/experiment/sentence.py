@@ -9,7 +9,7 @@ from itertools import pairwise
 from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import ALWAYS, NEVER, Bench, Plan, Switch
 from ambient_trainer.diagnosis.model import Effect
-from ambient_trainer.diagnosis.words import figures, unit_of, window
+from ambient_trainer.diagnosis.words import digits, unit_of, window
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Wording:
         more = f" It does not tell whether {' or '.join([first, *open_still])}." if open_still else ""
         return (
             f"{self._done(found)}: {_when(found)} {self._look(found)} reads {', '.join(before)}, and {last}"
-            f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC).{more}"
+            f" (3 sigma is {digits(found.three_sigma_degC, 2)} degC).{more}"
         )
 
     def not_distinguished(self, found: Difference, longest_s: float) -> str:
@@ -46,8 +46,8 @@ class Wording:
             return f"{none}: {all_of_them} predict the same readings throughout."
         done = self._done(found)
         return (
-            f"{none}. The most that {any_two} differ by is about {figures(differ_degC, 2)} degC on {self._look(found)}"
-            f" (3 sigma is {figures(found.three_sigma_degC, 2)} degC), {_when(found)}: {_lower(done)}."
+            f"{none}. The most that {any_two} differ by is about {digits(differ_degC, 2)} degC on {self._look(found)}"
+            f" (3 sigma is {digits(found.three_sigma_degC, 2)} degC), {_when(found)}: {_lower(done)}."
         )
 
     def _look(self, found: Difference) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ambient_trainer.diagnosis.experiment.plan import bench_of
 from ambient_trainer.diagnosis.experiment.sentence import listed, rest, span, switching
 from ambient_trainer.diagnosis.selection import Selection
-from ambient_trainer.diagnosis.words import figures
+from ambient_trainer.diagnosis.words import digits
 
 _CONSTANTS = 3.0
 _SHORTEST_S, _LONGEST_S = 600.0, 4 * 3600.0
@@ -30,7 +30,7 @@ def survey(chosen: Selection) -> str:
     steps += [switching(name, level, level + 10.0) for name, level in bench.temperatures_degC.items()]
     return (
         f"{rest(bench)}. Then, one at a time and back again, for {span(each_s)} each, {listed(steps)}, and log what"
-        f" else goes on at `{plant.sensors[worst]}`, where {figures(off_degC[worst], 2)} degC are unexplained: what"
+        f" else goes on at `{plant.sensors[worst]}`, where {digits(off_degC[worst], 2)} degC are unexplained: what"
         " is wrong at rest already is an instrument or an unlogged source, what comes with one switch goes with it."
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ambient_trainer.diagnosis.residual_tests.dependence import Dependence
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
-from ambient_trainer.diagnosis.words import clock, duration, figures
+from ambient_trainer.diagnosis.words import clock, digits, duration
 
 _ALONG = {
     "ambient difference": "the node's difference to the ambient",
@@ -38,7 +38,7 @@ def sentence(found: Dependence, significant: bool, grid: Grid) -> str:
     delay_s = found.delay_steps * grid.step_s
     delay = f" with a delay of about {duration(delay_s)}" if delay_s else " at once"
     return (
-        f"{found.sensor}: the residual follows {what}{delay}, by {figures(found.size, 2)} degC over its range"
+        f"{found.sensor}: the residual follows {what}{delay}, by {digits(found.size, 2)} degC over its range"
         f"{_HINT[found.test]}."
     )
 
@@ -47,7 +47,7 @@ def _drift(found: Dependence, significant: bool, grid: Grid) -> str:
     if not significant:
         return f"{found.sensor}: the residual does not drift more than its memory explains."
     span = duration(grid.samples * grid.step_s)
-    return f"{found.sensor}: the residual drifts by {figures(found.size, 2)} degC over {span}."
+    return f"{found.sensor}: the residual drifts by {digits(found.size, 2)} degC over {span}."
 
 
 def _change(found: Dependence, significant: bool, grid: Grid) -> str:
@@ -56,7 +56,7 @@ def _change(found: Dependence, significant: bool, grid: Grid) -> str:
         return f"{found.sensor}: {what} keeps its level."
     times = " and ".join(clock(grid.time_s[turn]) for turn in found.turns)
     how = "rises" if found.size > 0 else "falls"
-    unit = f" by {figures(abs(found.size), 2)} degC" if found.test == "change" else ""
+    unit = f" by {digits(abs(found.size), 2)} degC" if found.test == "change" else ""
     turns = (
         f"{how}{unit} at about {times}" if len(found.turns) == 1 else f"{how}{unit} and comes back, at about {times}"
     )

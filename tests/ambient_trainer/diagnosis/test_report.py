@@ -1,0 +1,151 @@
+"""What a machine and a reader get of a diagnosis: the contract's keys, no NaN, every figure in its place."""
+
+import io
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from ambient_trainer.diagnosis import figures
+from ambient_trainer.diagnosis.report import as_data, headline, report_of, residual_tests_table
+from ambient_trainer.diagnosis.result import Cause, Gain
+from ambient_trainer.diagnosis.words import chance, clock, digits, duration, share, window
+from ambient_trainer.report.terminal import print_report
+
+STEP = {
+    "cause", "location", "signal", "onset_s", "end_s", "magnitude", "confidence", "gain", "indistinguishable_from",
+}  # fmt: skip
+
+
+def shown(diagnosis):
+    console = Console(width=200, file=io.StringIO())
+    print_report(console, report_of(diagnosis))
+    return console.file.getvalue()
+
+
+def data_of(diagnosis):
+    return json.loads(json.dumps(report_of(diagnosis).data, allow_nan=False))
+
+
+def test_the_contract_is_met(made):
+    data = data_of(made())
+    assert {"steps", "verdict", "ranking", "residuals", "next_experiment"} <= set(data)
+    first, second = data["steps"]
+    assert data["verdict"] == first
+    assert set(first) >= STEP
+    assert (first["cause"], first["location"], first["signal"]) == ("heat_source", "flash", "camera_on")
+    assert (first["onset_s"], first["end_s"], second["end_s"]) == (3600.0, 5400.0, None)
+    assert first["magnitude"].items() >= {"value": 0.82, "unit": "W", "ci95": [0.78, 0.86]}.items()
+    assert first["gain"] == {
+        "rmse_before_degC": 0.91, "rmse_after_degC": 0.43, "ci95_degC": [0.4, 0.55], "p_value": 2e-5, "held_out": True,
+    }  # fmt: skip
+    assert first["indistinguishable_from"] == [{"cause": "contact", "location": "flash", "signal": None}]
+    assert data["ranking"][0]["remark"] == "taken"
+    assert data["ranking"][2]["magnitude"] is None
+
+
+def test_nothing_missing_has_the_same_keys(made):
+    data = data_of(made(steps=(), verdict=None))
+    assert data["steps"] == []
+    assert data["verdict"]["cause"] == "none"
+    assert set(data["verdict"]) == set(as_data(made())["verdict"])
+    assert data["verdict"]["gain"] is data["verdict"]["confidence"] is None
+
+
+def test_the_residuals_are_every_sensors(made):
+    diagnosis = made()
+    data = data_of(diagnosis)["residuals"]
+    assert list(data["sensors"]) == ["flash", "battery"]
+    battery = diagnosis.misfit.residual_degC[1]
+    known = battery[~np.isnan(battery)]
+    assert data["sensors"]["battery"]["rmse_degC"] == pytest.approx(math.sqrt(np.mean(known**2)))
+    assert data["sensors"]["battery"]["std_degC"] == pytest.approx(np.std(known))
+    assert data["sensors"]["flash"]["memory_s"] > 100
+    assert len(data["tests"]) == len(diagnosis.misfit.tests) > 10
+    assert data["heat_unit"] == "K/s"
+
+
+def test_what_is_no_number_is_null(made):
+    diagnosis = made()
+    misfit = replace(diagnosis.misfit, measured_degC=np.full_like(diagnosis.misfit.measured_degC, np.nan))
+    step = replace(diagnosis.steps[0], gain=Gain(1.0, 0.5, (math.nan, math.inf), math.nan), confidence=math.nan)
+    empty = made(misfit=misfit, steps=(step,), verdict=step)
+    data = data_of(empty)
+    assert data["verdict"]["gain"]["ci95_degC"] == [None, None]
+    assert data["verdict"]["gain"]["p_value"] is None
+    assert data["residuals"]["sensors"]["flash"] == {"rmse_degC": None, "std_degC": None, "memory_s": None}
+    assert "flash" in shown(empty)
+
+
+def test_the_headline_holds_cause_window_size_and_gain(made):
+    size = replace(made().steps[0].magnitude, qualifier="growing in the cold by 3.0 % per K")
+    step = replace(made().steps[0], magnitude=size)
+    text = headline(made(steps=(step, *made().steps[1:]), verdict=step))
+    for fact in ("at flash", "driven by camera_on", "from 1:00:00 to 1:30:00", "0.820 W (0.780 to 0.860 W)",
+                 "growing in the cold by 3.0 % per K", "0.910 to 0.430 degC", "0.400 to 0.550 degC", "p < 0.001",
+                 "1 more effect"):  # fmt: skip
+        assert fact in text
+    nothing = headline(made(steps=(), verdict=None))
+    assert "57 candidates" in nothing
+    assert "two_nodes" in nothing
+    unknown = replace(made().steps[0], cause=Cause("unknown"), sentence="The simulation is 0.91 degC off.")
+    assert "0.91 degC off" in headline(made(steps=(unknown,), verdict=unknown))
+
+
+def test_the_terminal_shows_steps_remarks_and_what_the_residual_follows(made):
+    text = shown(made())
+    words = " ".join(text.split())
+    for fact in ("0:33:20", "-0.310 (-0.360 to -0.270)", "0.910 → 0.430", "explains the same with more",
+                 "contact at flash", "switch camera_on on for 20 min", "The first 10 min"):  # fmt: skip
+        assert fact in words
+    lines = text.splitlines()
+    first = next(at for at, line in enumerate(lines) if "tests of the residual are beyond chance" in line)
+    tests = [line.split(":")[0] for line in lines[first + 1 : first + 9]]
+    white = [name in ("whiteness", "periodogram", "memory") for name in tests]
+    assert white == sorted(white)
+    assert not white[0]
+    assert str(int(lines[first].split()[0]) - 8) in lines[first + 9]
+
+
+def test_significant_tests_come_first(made):
+    verdicts = [row[-1] for row in residual_tests_table(made().misfit.tests).rows]
+    assert verdicts == sorted(verdicts, reverse=True)
+    assert set(verdicts) == {"yes", "no"}
+
+
+def test_beneath_the_heat_is_what_drives_the_causes_or_all_that_varies(made):
+    def panels(diagnosis):
+        return {each.name for each in figures.heat(diagnosis).data}
+
+    assert "camera_on" in panels(made())
+    assert "cpu_load_frac" not in panels(made())
+    first, second = made().steps
+    step = replace(first, cause=Cause("contact", "flash"))
+    idle = {**made().signals, "charging_on": 0 * made().time_s}
+    free = panels(made(steps=(step, second), verdict=step, signals=idle))
+    assert "cpu_load_frac" in free
+    assert "charging_on" not in free
+
+
+def test_a_window_is_shaded_in_every_plot_over_time(made):
+    for draw in (figures.simulated, figures.heat, figures.residuals, figures.ambient):
+        assert any((each.x0, each.x1) == (60.0, 90.0) for each in draw(made()).layout.shapes)  # in minutes
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (clock(3725.4), "1:02:05"), (clock(0.0), "0:00:00"), (clock(-61), "-0:01:01"), (clock(-0.2), "0:00:00"),
+        (clock(360_000), "100:00:00"), (clock(59.5), "0:01:00"),
+        (duration(12.34), "12 s"), (duration(119), "120 s"), (duration(300), "5.0 min"), (duration(7200), "2.0 h"),
+        (digits(0.8249), "0.825"), (digits(-12.35, 2), "-12"), (digits(9.999), "10.0"), (digits(0), "0"),
+        (digits(12345.6), "12300"), (digits(1e-7), "1.00e-07"), (digits(math.nan), "-"),
+        (share(0.5), "50 %"), (share(0.004), "0.4 %"), (chance(0.0004), "p < 0.001"), (chance(0.034), "p = 0.034"),
+        (window(None, None), "all the time"), (window(None, 60), "from the start to 0:01:00"),
+    ],
+)  # fmt: skip
+def test_numbers_as_text(text, expected):
+    assert text == expected

@@ -1,0 +1,175 @@
+"""The plots of a diagnosis: measured and simulated, the heat that would explain the difference, residuals, gains."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ambient_model.trace import split_column
+from ambient_trainer.diagnosis.result import Array, Diagnosis, Step
+from ambient_trainer.diagnosis.words import chance
+from ambient_trainer.report.palette import (
+    BASELINE,
+    BLUE,
+    ERROR,
+    EXTENDED,
+    MEASURED,
+    SENSOR_COLOURS,
+    SHADE_COLOURS,
+    SIMULATED,
+    SKY,
+    STEP_COLOURS,
+)
+from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure, with_legend_above
+from ambient_trainer.report.units import written
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+_SMOOTH_FRAC = 1 / 150
+
+
+def _shades(diagnosis: Diagnosis) -> list[Shade]:
+    """The windows of the steps that last for a part of the trace only."""
+    first, last = float(diagnosis.time_s[0]), float(diagnosis.time_s[-1])
+    return [
+        Shade(
+            str(step.cause),
+            colour,
+            [(first if step.onset_s is None else step.onset_s, last if step.end_s is None else step.end_s)],
+        )
+        for step, colour in zip(diagnosis.explained, itertools.cycle(SHADE_COLOURS))
+        if step.onset_s is not None or step.end_s is not None
+    ]
+
+
+def simulated(diagnosis: Diagnosis) -> go.Figure:
+    """A panel a sensor: measured, simulated by the circuit as given, and by the circuit with every step."""
+    misfit = diagnosis.misfit
+    last = diagnosis.explained[-1] if diagnosis.explained else None
+    panels = []
+    for number, (sensor, measured, given) in enumerate(
+        zip(misfit.sensors, misfit.measured_degC, misfit.simulated_degC)
+    ):
+        lines = [Line("measured", measured, MEASURED, 1.4), Line("simulated, circuit as given", given, SIMULATED, 1.4)]
+        if last is not None:
+            lines.append(Line("simulated with the causes", measured - last.residual_degC[number], EXTENDED, 1.4))
+        panels.append(Panel(f"{sensor} [°C]", lines, height_px=170))
+    return stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
+
+
+def heat(diagnosis: Diagnosis) -> go.Figure:
+    """The residual heat of each node, the first step's on top; beneath it the signals that drive the steps, or all."""
+    misfit = diagnosis.misfit
+    located = [_sensor_of(step, misfit.sensors) for step in diagnosis.explained]
+    order = dict.fromkeys([*(each for each in located if each), *misfit.sensors])
+    window_samples = max(1, round(len(diagnosis.time_s) * _SMOOTH_FRAC))
+    panels = []
+    for sensor in order:
+        flow = misfit.heat[misfit.sensors.index(sensor)]
+        lines = [
+            Line("as it is", flow, SKY, 0.8),
+            Line(f"mean of {window_samples} samples", _running_mean(flow, window_samples), BLUE, 1.8),
+        ]
+        panels.append(Panel(f"{sensor} [{misfit.heat_unit}]", lines, height_px=170 if sensor in located else 120))
+    signals = driving(diagnosis) or [name for name, row in diagnosis.signals.items() if _varies(name, row)]
+    for name, colour in zip(signals, itertools.cycle(SENSOR_COLOURS[1:])):
+        panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=110))
+    figure = stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
+    for row, sensor in enumerate(order, start=1):
+        flow = misfit.heat[misfit.sensors.index(sensor)]
+        if np.isfinite(flow).any():
+            # a few spikes must not flatten what lasts
+            figure.update_yaxes(range=_range(flow, window_samples), row=row, col=1)
+    return figure
+
+
+def driving(diagnosis: Diagnosis) -> list[str]:
+    """The logged signals that drive the steps."""
+    named = dict.fromkeys(step.cause.signal for step in diagnosis.explained)
+    return [name for name in diagnosis.signals if name in named]
+
+
+def _varies(signal: str, row: Array) -> bool:
+    known = row[np.isfinite(row)]
+    return split_column(signal)[1] != "degC" and bool((known != known[:1]).any())
+
+
+def residuals(diagnosis: Diagnosis) -> go.Figure:
+    """A panel a sensor: the residual of the circuit as given, and after each step."""
+    panels = []
+    for number, (sensor, residual) in enumerate(zip(diagnosis.misfit.sensors, diagnosis.misfit.residual_degC)):
+        lines = [Line("circuit as given", residual, SIMULATED, 1.2)]
+        lines += [
+            Line(f"with {'' if k == 1 else 'also '}{step.cause}", step.residual_degC[number], colour, 1.2)
+            for k, (step, colour) in enumerate(zip(diagnosis.explained, itertools.cycle(STEP_COLOURS)), start=1)
+        ]
+        panels.append(Panel(f"{sensor} [°C]", lines, height_px=150))
+    return stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
+
+
+def ambient(diagnosis: Diagnosis) -> go.Figure:
+    """The error of the ambient that the circuit gives when read backward."""
+    error = np.asarray(diagnosis.misfit.ambient_error_degC)
+    panel = Panel("true − estimate [°C]", [Line("error of the ambient", error, ERROR, 1.2)], height_px=190)
+    return stacked_figure(diagnosis.time_s, [panel], _shades(diagnosis))
+
+
+def gains(diagnosis: Diagnosis) -> go.Figure:
+    """The held-out error without and with each step, a pair of bars a step, and the gain's interval in words."""
+    names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.explained, start=1)][::-1]
+    steps = diagnosis.explained[::-1]
+    figure = panel_figure("held-out RMSE over all sensors [°C]", "", height_px=100 + 115 * len(steps))
+    for name, colour, values in (
+        ("with it", EXTENDED, [step.gain.rmse_after_degC for step in steps]),
+        ("without", BASELINE, [step.gain.rmse_before_degC for step in steps]),
+    ):
+        figure.add_bar(
+            y=names,
+            x=values,
+            name=name,
+            orientation="h",
+            marker_color=colour,
+            text=[f"{value:.3f} °C" for value in values],
+            textposition="auto",
+            insidetextanchor="start",
+        )
+    for name, step in zip(names, steps):
+        low, high = step.gain.ci95_degC
+        figure.add_annotation(
+            x=0, y=name, xref="paper", xanchor="left", yshift=46, showarrow=False, align="left",
+            text=f"<b>{name}</b><br>gain {low:.3f} to {high:.3f} °C, {chance(step.gain.p_value).replace('<', '&lt;')}",
+        )  # fmt: skip
+    figure.update_yaxes(showticklabels=False)
+    figure.update_layout(bargap=0.6, legend_traceorder="reversed", margin_l=12)
+    return with_legend_above(figure)
+
+
+def _sensor_of(step: Step, sensors: tuple[str, ...]) -> str | None:
+    """The sensor at the node where the step is, if it is at one."""
+    places = (step.cause.location or "").split("-")
+    return next((sensor for sensor in sensors if sensor in places), None)
+
+
+def _label(signal: str) -> str:
+    """``cpu_load_frac`` as ``cpu_load`` above ``[fraction]``: a panel is not as high as both are long."""
+    name, unit = split_column(signal)
+    return f"{name}\n[{written(unit)}]"
+
+
+def _running_mean(values: Array, samples: int) -> Array:
+    known = np.isfinite(values)
+    kernel = np.ones(samples)
+    counts = np.convolve(known, kernel, mode="same")
+    sums = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
+    return np.asarray(np.where(counts > 0, sums / np.maximum(counts, 1), np.nan))
+
+
+def _range(heat: Array, samples: int) -> tuple[float, float]:
+    mean = _running_mean(heat, samples)
+    low, high = np.nanpercentile(heat, [2, 98])
+    low, high = min(low, np.nanmin(mean), 0.0), max(high, np.nanmax(mean), 0.0)
+    room = 0.08 * (high - low) or 1.0
+    return float(low - room), float(high + room)

@@ -1,0 +1,352 @@
+"""The report of a diagnosis: verdict, steps, candidates and residual tests, the same for terminal, page and machine."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ambient_trainer.diagnosis import figures
+from ambient_trainer.diagnosis.causes import noun
+from ambient_trainer.diagnosis.residual_tests.autoregression import autoregression_of
+from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time
+from ambient_trainer.diagnosis.result import (
+    NONE,
+    UNKNOWN,
+    Array,
+    Cause,
+    Diagnosis,
+    Gain,
+    Magnitude,
+    Ranked,
+    Step,
+    Tested,
+)
+from ambient_trainer.diagnosis.words import chance, clock, digits, duration, window
+from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Table
+
+SHOWN_RANKED = 8
+_OF_WHITENESS = ("whiteness", "periodogram", "memory")
+
+
+def report_of(diagnosis: Diagnosis) -> Report:
+    """The report of a diagnosis.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What :func:`ambient_trainer.diagnosis.diagnose` returned.
+
+    Returns
+    -------
+    Report
+        For :mod:`ambient_trainer.report`; ``data`` is the content of ``diagnose --json``.
+    """
+    known = diagnosis.verdict_cause.name not in (NONE, UNKNOWN)
+    lead: list[Block] = [
+        Finding(headline(diagnosis), "result" if known else "plain", diagnosis.verdict_cause.name),
+        _facts(diagnosis),
+    ]
+    sections = [_causes(diagnosis), *_plots(diagnosis), _candidates(diagnosis), _tests(diagnosis), _method(diagnosis)]
+    subject = f"Diagnosis of {os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
+    return Report(_title(diagnosis), lead, [each for each in sections if each], as_data(diagnosis), subject)
+
+
+def _title(diagnosis: Diagnosis) -> str:
+    step, subject = diagnosis.verdict, f"{os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
+    if step is None:
+        return f"{subject}: nothing is missing"
+    if step.cause.name == UNKNOWN:
+        return f"{subject}: {step.gain.rmse_before_degC:.2f} degC off, of unknown cause"
+    last = diagnosis.explained[-1].gain.rmse_after_degC
+    return f"{subject}: {step.cause}, {step.gain.rmse_before_degC:.2f} to {last:.2f} degC on held-out data"
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    step = diagnosis.verdict
+    tried = f"{diagnosis.candidates_tried:,} candidates tried, each a cause at a place and an onset,"
+    if step is None:
+        return (
+            f"Nothing is missing: of the {tried} none makes {diagnosis.circuit} predict data it was not fitted to "
+            "surely better, and by enough to matter."
+        )
+    if step.cause.name == UNKNOWN:
+        return f"Something is missing that none of the {tried} explains. {step.sentence}"
+    gain, (low, high) = step.gain, step.gain.ci95_degC
+    name = noun(step.cause)
+    what = [name[0].upper() + name[1:], window(step.onset_s, step.end_s)]
+    if step.magnitude is not None:
+        what += [magnitude_text(step.magnitude), *filter(None, [step.magnitude.qualifier])]
+    others = len(diagnosis.steps) - 1
+    more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found after it."
+    return (
+        f"{', '.join(what)}: with it, the error on held-out data falls from {_degrees(gain.rmse_before_degC)} to "
+        f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC, "
+        f"{chance(gain.p_value)}).{more}"
+    )
+
+
+def magnitude_text(magnitude: Magnitude | None) -> str:
+    """``0.8 W (0.7 to 0.9 W)``."""
+    if magnitude is None:
+        return "-"
+    low, high = magnitude.ci95
+    unit = "" if magnitude.unit in ("", "1") else f" {magnitude.unit}"
+    return f"{digits(magnitude.value)}{unit} ({digits(low)} to {digits(high)}{unit})"
+
+
+def _facts(diagnosis: Diagnosis) -> Facts:
+    time_s = diagnosis.time_s
+    span = f"{clock(time_s[0])} to {clock(time_s[-1])}"
+    every = duration(float(np.median(np.diff(time_s))))
+    pairs: list[tuple[str, str | list[str]]] = [
+        ("trace", diagnosis.trace),
+        ("circuit", diagnosis.circuit),
+        ("time", f"{span}, {len(time_s):,} samples, one every {every}"),
+        ("sensors", ", ".join(diagnosis.misfit.sensors)),
+        ("baseline", list(diagnosis.baselines) or "none: the question is what the circuit lacks"),
+    ]
+    for step in diagnosis.explained[:1]:
+        pairs.append(("when", window(step.onset_s, step.end_s)))
+        if step.magnitude is not None:
+            pairs.append(("how much", f"{magnitude_text(step.magnitude)}: {step.magnitude.meaning}"))
+        pairs.append(("confidence", f"{100 * step.confidence:.1f} %"))
+    return Facts(pairs)
+
+
+def _causes(diagnosis: Diagnosis) -> Section | None:
+    remarks = [
+        f"{step.cause} is not distinguishable from {', '.join(map(str, step.indistinguishable_from))} by these data."
+        for step in diagnosis.steps
+        if step.indistinguishable_from
+    ]
+    if diagnosis.next_experiment:
+        remarks.append(f"Next experiment: {diagnosis.next_experiment}")
+    more = [Finding(each) for each in (*remarks, *diagnosis.notes)]
+    if not diagnosis.explained:
+        return Section("What would show more", more) if more else None
+    return Section(
+        "The causes, and the gain of each",
+        [
+            *(step.sentence for step in diagnosis.explained),
+            Figure(partial(figures.gains, diagnosis)),
+            steps_table(diagnosis),
+            Section("What the data do not distinguish, and what would", more) if more else None,
+        ],
+    )
+
+
+def _plots(diagnosis: Diagnosis) -> list[Section]:
+    misfit = diagnosis.misfit
+    in_W = misfit.heat_unit == "W"
+    scale = "" if in_W else ": temperatures alone do not give the scale in W, and no logged power sets it"
+    beneath = "what drives the causes" if figures.driving(diagnosis) else "what was logged besides and varies"
+    simulated = "The circuit is simulated forward from the logged ambient and signals; each panel is a sensor."
+    shaded = " A shaded stretch is when a cause acted." if diagnosis.explained else ""
+    heat = "What flows into each node beyond the circuit's own flows, C dT/dt less every modelled flow, in "
+    residual = "The residual, measured minus simulated, of the circuit as given and after each cause was added."
+    sections = [
+        Section("Measured and simulated", [simulated + shaded, Figure(partial(figures.simulated, diagnosis))]),
+        Section(
+            "The heat that would explain the difference",
+            [f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}.", Figure(partial(figures.heat, diagnosis))],
+        ),
+        Section("Residuals", [residual, Figure(partial(figures.residuals, diagnosis)), residuals_table(diagnosis)]),
+    ]
+    if misfit.ambient_error_degC is not None:
+        backward = "Sensors in, ambient out: the effect of the misfit on the estimate of the ambient."
+        sections.append(
+            Section("The same circuit read backward", [backward, Figure(partial(figures.ambient, diagnosis))])
+        )
+    return sections
+
+
+def _candidates(diagnosis: Diagnosis) -> Section | None:
+    return Section("Candidates for the first effect", [ranking_table(diagnosis)]) if diagnosis.ranking else None
+
+
+def _tests(diagnosis: Diagnosis) -> Section:
+    tests = diagnosis.misfit.tests
+    # any misfit leaves a residual that is not white: what it follows says more
+    beyond = sorted((each for each in tests if each.significant), key=lambda each: each.name in _OF_WHITENESS)
+    blocks: list[Block] = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance.")]
+    blocks += [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
+    if len(beyond) > SHOWN_RANKED:
+        blocks.append(Finding(f"And {len(beyond) - SHOWN_RANKED} more: --report or --json shows them all."))
+    every = Section("Every test", [residual_tests_table(tests)], detail=True, fold="closed")
+    return Section("Tests of the residual", [*blocks, every])
+
+
+def _method(diagnosis: Diagnosis) -> Section:
+    numbers = []
+    for step in diagnosis.explained:
+        values = [f"{name} = {value:.4g} {unit}".removesuffix(" 1") for name, (value, unit) in step.parameters.items()]
+        numbers.append(f"{step.cause}: {', '.join(values)}." if values else "")
+    return Section("How it was computed", [_METHOD, *numbers], detail=True)
+
+
+_METHOD = (
+    "Every candidate is a small extension of the circuit, fitted to one part of the data and scored on blocks of time, "
+    "or whole traces, that it was not fitted to. Effects are added one after the other until none gains. p-values are "
+    "corrected for the number of candidates tried and for the residual's autocorrelation; where two candidates explain "
+    "the data alike, the simpler one is taken and the other named."
+)
+
+
+def steps_table(diagnosis: Diagnosis) -> Table:
+    """One row a step."""
+    caption = (
+        "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
+        "without and with the cause; the interval (95 %) is of their difference. p is corrected for the "
+        f"{diagnosis.candidates_tried:,} candidates tried."
+    )
+    rows = [
+        (f"{number}. {step.cause}", *_effect_cells(step), f"{100 * step.confidence:.1f} %")
+        for number, step in enumerate(diagnosis.explained, start=1)
+    ]
+    return Table(caption, ("cause", *_EFFECT, "confidence"), rows, labels=2)
+
+
+def ranking_table(diagnosis: Diagnosis) -> Table:
+    """The best candidates for the first step, and why each was not selected."""
+    shown = diagnosis.ranking[:SHOWN_RANKED]
+    caption = f"The best {len(shown)} of {diagnosis.candidates_tried:,} candidates for the first effect; RMSE in degC."
+    rows = [(str(each.cause), each.remark or "-", *_effect_cells(each)) for each in shown]
+    return Table(caption, ("candidate", "remark", *_EFFECT), rows, labels=3)
+
+
+_EFFECT = ("when", "magnitude (95 %)", "held-out RMSE", "gain (95 %)", "p")
+
+
+def _effect_cells(each: Step | Ranked) -> tuple[str, ...]:
+    gain, (low, high) = each.gain, each.gain.ci95_degC
+    return (
+        window(each.onset_s, each.end_s),
+        magnitude_text(each.magnitude),
+        f"{_degrees(gain.rmse_before_degC)} → {_degrees(gain.rmse_after_degC)}",
+        f"{_degrees(low)} to {_degrees(high)}",
+        chance(gain.p_value).removeprefix("p ").removeprefix("= "),
+    )
+
+
+def residual_tests_table(tests: Sequence[Tested]) -> Table:
+    """One row a test, the significant ones first."""
+    caption = (
+        "Thresholds: for whiteness and periodogram the textbook's; all others but memory are calibrated on simulated "
+        "residuals of the same autocorrelation, so that without any effect one report in 20 has any of them beyond "
+        "chance."
+    )
+    rows = [
+        (each.name, each.subject, each.sentence, digits(each.statistic), digits(each.threshold), _yes(each.significant))
+        for each in sorted(tests, key=lambda each: not each.significant)
+    ]
+    return Table(caption, ("test", "subject", "result", "statistic", "threshold", "beyond chance"), rows, labels=3)
+
+
+def _yes(significant: bool) -> str:
+    return "yes" if significant else "no"
+
+
+def residuals_table(diagnosis: Diagnosis) -> Table:
+    """One row a sensor: what the circuit as given leaves, and what it leaves with every step."""
+    last = [step.residual_degC for step in diagnosis.explained[-1:]]
+    rows = []
+    for number, (sensor, before) in enumerate(_residuals(diagnosis)):
+        own = _figures(diagnosis, before)
+        after = [_degrees(_figures(diagnosis, each[number])["rmse_degC"]) for each in last]
+        memory = duration(own["memory_s"]) if math.isfinite(own["memory_s"]) else "-"
+        rows.append((sensor, _degrees(own["rmse_degC"]), *after, _degrees(own["std_degC"]), memory))
+    caption = "In degC, over the whole trace. Memory: time until the residual's autocorrelation is 1/e."
+    return Table(caption, ("sensor", "RMSE", *["RMSE with every step"] * len(last), "std", "memory"), rows)
+
+
+def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The content of ``diagnose --json``; a number that is not finite is null."""
+    steps = [_step_data(step) for step in diagnosis.steps]
+    data = {
+        "trace": diagnosis.trace,
+        "circuit": diagnosis.circuit,
+        "baselines": diagnosis.baselines,
+        "steps": steps,
+        "verdict": steps[0] if steps else _nothing(diagnosis),
+        "ranking": [{**_effect_data(each), "remark": each.remark} for each in diagnosis.ranking],
+        "residuals": {
+            "sensors": {sensor: _figures(diagnosis, values) for sensor, values in _residuals(diagnosis)},
+            "heat_unit": diagnosis.misfit.heat_unit,
+            "tests": [asdict(each) for each in diagnosis.misfit.tests],
+        },
+        "next_experiment": diagnosis.next_experiment,
+        "candidates_tried": diagnosis.candidates_tried,
+        "notes": diagnosis.notes,
+    }
+    found: dict[str, Any] = _finite(data)
+    return found
+
+
+def _effect_data(each: Step | Ranked) -> dict[str, Any]:
+    return {
+        **_cause_data(each.cause),
+        "onset_s": each.onset_s,
+        "end_s": each.end_s,
+        "magnitude": None if each.magnitude is None else asdict(each.magnitude),
+        "gain": {**asdict(each.gain), "held_out": True},
+    }
+
+
+def _step_data(step: Step) -> dict[str, Any]:
+    return {
+        **_effect_data(step),
+        "confidence": step.confidence,
+        "indistinguishable_from": [_cause_data(each) for each in step.indistinguishable_from],
+        "sentence": step.sentence,
+        "parameters": {name: {"value": value, "unit": unit} for name, (value, unit) in step.parameters.items()},
+    }
+
+
+def _nothing(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The verdict where nothing is missing, with the keys that every step has."""
+    empty = Step(Cause(NONE), None, None, None, math.nan, Gain(0.0, 0.0, (0.0, 0.0), 1.0), (), "", {}, np.zeros((0, 0)))
+    return {**_step_data(empty), "gain": None, "sentence": headline(diagnosis)}
+
+
+def _cause_data(cause: Cause) -> dict[str, Any]:
+    return {"cause": cause.name, "location": cause.location, "signal": cause.signal}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def _degrees(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else "-"
+
+
+def _residuals(diagnosis: Diagnosis) -> list[tuple[str, Array]]:
+    return list(zip(diagnosis.misfit.sensors, diagnosis.misfit.residual_degC))
+
+
+def _figures(diagnosis: Diagnosis, values: Array) -> dict[str, float]:
+    """Root mean square, standard deviation and autocorrelation time of a residual (N,); NaN where nothing is known."""
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return dict.fromkeys(("rmse_degC", "std_degC", "memory_s"), math.nan)
+    grid = Grid.over(diagnosis.time_s)
+    series = grid.means(values)
+    usable = autoregression_of(series) is not None
+    memory_s = autocorrelation_time(series, "", grid.step_s).statistic if usable else math.nan
+    return {"rmse_degC": float(np.sqrt((known**2).mean())), "std_degC": float(known.std()), "memory_s": memory_s}
