@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.data.importers.benchlink import import_benchlink
+from ambient_trainer.data.importers.benchlink import import_file
 
 _TIMES = ["02/02/2000 23:59:55:402", "02/03/2000 00:00:05:400"]
 
@@ -26,13 +26,13 @@ def _export(*channels, rows=(("+1.0E+01",), ("+2.0E+01",))):
 
 def _message(path, map_path=None):
     with pytest.raises(Refused) as refused:
-        import_benchlink(path, map_path)
+        import_file(path, map_path)
     return str(refused.value)
 
 
 def test_every_channel_comes_in_without_a_map(write):
     path = write("a.csv", _export("Chan 101 (C)", "Chan 102 (F)", "Chan 203 (K)"))
-    trace = import_benchlink(path).trace
+    trace = import_file(path).trace
     assert trace.time_s.tolist() == [0.0, 9.998]
     assert {name: values.tolist() for name, values in trace.columns.items()} == {
         "ch101_degC": [10.0, 20.0],
@@ -50,7 +50,7 @@ def test_a_map_chooses_renames_combines_and_calibrates(write):
         "m.yaml",
         "columns:\n  ambient_degC: {from: [101, 102], combine: mean, offset: 0.5}\n  usb_degC: Chan 103 (F)\n",
     )
-    trace = import_benchlink(path, mapped).trace
+    trace = import_file(path, mapped).trace
     assert {name: values.tolist() for name, values in trace.columns.items()} == {
         "ambient_degC": [2.5, 3.5],
         "usb_degC": [10.0, 20.0],
@@ -59,7 +59,7 @@ def test_a_map_chooses_renames_combines_and_calibrates(write):
 
 def test_an_open_thermocouple_is_missing(write):
     path = write("a.csv", _export("Chan 101 (C)", "Chan 102 (F)", rows=(("+9.90000000E+37",) * 2, ("-9.9E+37", "50"))))
-    columns = import_benchlink(path).trace.columns
+    columns = import_file(path).trace.columns
     assert np.isnan(columns["ch101_degC"]).all()
     assert columns["ch102_degC"].tolist() == pytest.approx([np.nan, 10.0], nan_ok=True)
 
@@ -75,7 +75,7 @@ def test_lines_above_the_header_are_skipped_and_counted(write):
 @pytest.mark.parametrize("delimiter", [";", "\t"])
 def test_the_header_tells_the_delimiter(write, delimiter):
     path = write("a.csv", _export("Chan 101 (C)").replace(",", delimiter))
-    assert import_benchlink(path).trace.columns["ch101_degC"].tolist() == [10.0, 20.0]
+    assert import_file(path).trace.columns["ch101_degC"].tolist() == [10.0, 20.0]
 
 
 def test_a_voltage_is_refused_unless_left_out_or_explained(write):
@@ -85,11 +85,11 @@ def test_a_voltage_is_refused_unless_left_out_or_explained(write):
         "give its 'unit' or 'scale' in a map, or choose other channels in it"
     )
     left_out = write("out.yaml", "columns: {a_degC: 101}")
-    assert list(import_benchlink(path, left_out).trace.columns) == ["a_degC"]
+    assert list(import_file(path, left_out).trace.columns) == ["a_degC"]
     shunt = write("shunt.yaml", "columns: {battery_current_A: {from: 102, scale: 100}}")
-    assert import_benchlink(path, shunt).trace.columns["battery_current_A"].tolist() == [1000.0, 2000.0]
+    assert import_file(path, shunt).trace.columns["battery_current_A"].tolist() == [1000.0, 2000.0]
     volts = write("volts.yaml", "columns: {battery_V: {from: 102, unit: mV}}")
-    assert import_benchlink(path, volts).trace.columns["battery_V"].tolist() == [0.01, 0.02]
+    assert import_file(path, volts).trace.columns["battery_V"].tolist() == [0.01, 0.02]
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_repeated_sweeps_may_be_dropped(write):
     path = write("a.csv", text + f"3,{_TIMES[0]},7\r\n")
     assert "line 4, column Time: 02/02/2000 23:59:55:402 does not come after" in _message(path)
     mapped = write("m.yaml", "time: {not_increasing: drop}\ncolumns: {a_degC: 101}")
-    assert import_benchlink(path, mapped).dropped_rows == 1
+    assert import_file(path, mapped).dropped_rows == 1
 
 
 def test_another_file_is_refused(write):
@@ -135,7 +135,7 @@ def test_a_map_that_is_no_mapping_is_refused(write, text):
 
 def test_a_measured_export_comes_in(measured, maps):
     path = measured / "thermal-shock-chamber" / "dat00002.csv"
-    trace = import_benchlink(str(path), str(maps / "thermal-shock-chamber-thesis-names.map.yaml")).trace
+    trace = import_file(str(path), str(maps / "thermal-shock-chamber-thesis-names.map.yaml")).trace
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)[:, 2:]
     raw[np.abs(raw) > 1e37] = np.nan
     channels = {"flash": 102, "battery": 112, "usb": 105, "display": 110, "soc": 108, "ambient": 101}
@@ -150,14 +150,14 @@ def test_a_measured_export_comes_in(measured, maps):
 
 @pytest.mark.parametrize(("name", "count"), [("dat00003.csv", 6), ("opentcs.csv", 1)])
 def test_other_measured_exports_come_in_without_a_map(measured, name, count):
-    trace = import_benchlink(str(measured / "thermal-shock-chamber" / name)).trace
+    trace = import_file(str(measured / "thermal-shock-chamber" / name)).trace
     assert len(trace.columns) == count
     assert np.median(np.diff(trace.time_s)) == pytest.approx(10.0, abs=0.1)
 
 
 def test_the_other_map_fits_the_measured_file(measured, maps):
     path = measured / "thermal-shock-chamber" / "dat00002.csv"
-    trace = import_benchlink(str(path), str(maps / "thermal-shock-chamber.map.yaml")).trace
+    trace = import_file(str(path), str(maps / "thermal-shock-chamber.map.yaml")).trace
     assert list(trace.columns) == ["ch102_degC", "ch105_degC", "ch110_degC", "ch112_degC", "ambient_degC"]
 
 
@@ -166,6 +166,6 @@ def test_any_bytes_under_the_header_are_read_or_refused(tmp_path_factory, raw):
     path = tmp_path_factory.getbasetemp() / "any-export.csv"
     path.write_bytes(_export("Chan 101 (C)").encode() + raw)
     try:
-        assert len(import_benchlink(str(path)).trace.time_s) >= 2
+        assert len(import_file(str(path)).trace.time_s) >= 2
     except Refused:
         return

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.data.importers.column_map import ColumnMap, load_map, parse_map
-from ambient_trainer.data.strict_yaml import parse_yaml
+from ambient_trainer.data.importers._column_map import ColumnMap, parse_map
+from ambient_trainer.data.strict_yaml import load_yaml, parse_yaml
 
 _GOOD = "time: {column: t, unit: s}\ncolumns:\n  usb_degC: T_usb\n"
 
@@ -158,7 +158,7 @@ columns:
 
 def test_a_map_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(Refused, match="cannot be read"):
-        load_map(str(tmp_path / "none.yaml"))
+        parse_map(load_yaml(str(tmp_path / "none.yaml")), "m")
 
 
 @given(st.binary(max_size=200))
@@ -166,7 +166,7 @@ def test_any_bytes_are_a_map_or_refused(tmp_path_factory, raw):
     path = tmp_path_factory.getbasetemp() / "any.yaml"
     path.write_bytes(raw)
     with pytest.raises(Refused):
-        load_map(str(path))
+        parse_map(load_yaml(str(path)), "m")
 
 
 _leaf = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.data.importers.column_map import load_map, parse_map
-from ambient_trainer.data.importers.csv_import import import_csv
+from ambient_trainer.data.importers._column_map import parse_map
+from ambient_trainer.data.importers._table import import_table
+from ambient_trainer.data.importers.csv import import_file
 from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.data.units import UNITS
 
@@ -20,7 +21,7 @@ _DESCRIBE = "correct or remove the row, or describe the time otherwise in the ma
 
 
 def _imported(path, columns, time=_TIME, **layout):
-    return import_csv(path, parse_map({"time": time, "columns": columns, **layout}, "m.yaml"), "m.yaml")
+    return import_table(path, parse_map({"time": time, "columns": columns, **layout}, "m.yaml"), "m.yaml")
 
 
 def _columns(path, columns, **layout):
@@ -295,7 +296,7 @@ def test_bytes_in_another_encoding_are_refused_by_line(tmp_path):
 
 def test_a_phones_zones_come_in(measured, maps, tmp_path):
     path = measured / "s25plus-zones" / "s25_zones_tidy.csv"
-    imported = import_csv(str(path), load_map(str(maps / "s25plus-zones.map.yaml")), "map")
+    imported = import_file(str(path), str(maps / "s25plus-zones.map.yaml"))
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)
     clock = raw[:, 0]
     kept = np.array([k == 0 or clock[k] > clock[:k].max() for k in range(len(clock)) if k < 3000])

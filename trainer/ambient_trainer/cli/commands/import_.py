@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
 from ambient_trainer.cli.output import check_outputs
-from ambient_trainer.data.importers.benchlink import import_benchlink
-from ambient_trainer.data.importers.column_map import load_map
-from ambient_trainer.data.importers.csv_import import Imported, import_csv
+from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.report.table import Table, for_terminal
 
+if TYPE_CHECKING:
+    from ambient_trainer.data.importers._table import Imported
+
+IMPORTERS = "ambient_trainer.data.importers"
 _FILE = click.Path(exists=True, dir_okay=False)
 
 
-@click.command("import")
+class _WithFormats(click.Command):
+    """A command whose help lists the importers, which ``ambient-trainer --help`` should not wait for."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Formats"):
+            formatter.write_dl([(name, f"{plugin(IMPORTERS, name).HELP}.") for name in plugin_names(IMPORTERS)])
+
+
+@click.command("import", cls=_WithFormats)
 @click.argument("src", type=_FILE)
 @click.option(
     "--format",
     "kind",
-    type=click.Choice(["benchlink", "csv"]),
+    type=click.Choice(list(plugin_names(IMPORTERS))),
     required=True,
-    help="benchlink: the export of a 34970A multiplexer's logging software; csv: any other table, through a map.",
+    help="How SRC is written; see Formats.",
 )
 @click.option("--map", "map_path", type=_FILE, help="YAML: which columns to take, their names and units.")
 @click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The trace; .gz compresses it.")
@@ -45,12 +57,10 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
       drop_rows: {Status: [STOP]}      # rows to leave out; bad_rows: drop for unreadable ones
     """
     check_outputs([output], [src, *([map_path] if map_path else [])])
-    if kind == "benchlink":
-        imported = import_benchlink(src, map_path)
-    elif map_path is None:
-        raise click.UsageError("--format csv needs --map MAP.yaml; see 'ambient-trainer import --help' for one.")
-    else:
-        imported = import_csv(src, load_map(map_path), map_path)
+    importer = plugin(IMPORTERS, kind)
+    if map_path is None and getattr(importer, "NEEDS_MAP", False):
+        raise click.UsageError(f"--format {kind} needs --map MAP.yaml; see 'ambient-trainer import --help' for one.")
+    imported = importer.import_file(src, map_path)
     save_trace(output, imported.trace)
     _show(imported, output)
 

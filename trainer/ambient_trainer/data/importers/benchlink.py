@@ -1,4 +1,4 @@
-"""A multiplexer's export: ``Sweep #,Time,Chan 101 (C),...``; the header says the units, +-9.9E+37 an open thermocouple.
+"""A multiplexer's export: ``Sweep #,Time,Chan 101 (C),...``, its header with units; +-9.9E+37 is an open thermocouple.
 
 A map may choose, rename and combine the channels; it names one by its number (``101``) or by its whole header.
 Without a map every channel comes in as ``ch101_degC``.
@@ -12,9 +12,8 @@ import re
 from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused, refuse
-from ambient_trainer.data.importers.column_map import ColumnMap, ColumnSource, parse_map
-from ambient_trainer.data.importers.csv_import import Imported, import_csv
-from ambient_trainer.data.importers.csv_table import decoded
+from ambient_trainer.data.importers._column_map import ColumnMap, ColumnSource, parse_map
+from ambient_trainer.data.importers._table import Imported, decoded, import_table
 from ambient_trainer.data.strict_yaml import load_yaml
 from ambient_trainer.data.units import target_unit
 
@@ -37,10 +36,23 @@ class _Header(NamedTuple):
     channels: tuple[_Channel, ...]
 
 
-def import_benchlink(path: str, map_path: str | None = None) -> Imported:
-    """The trace in the export at ``path``, through the map at ``map_path`` where there is one.
+HELP = "the export of a 34970A multiplexer's logging software"
 
-    Raises :class:`~ambient_model.faults.Refused` with every fault of the map, or the first of each column.
+
+def import_file(path: str, map_path: str | None = None) -> Imported:
+    """Trace in a multiplexer's export.
+
+    Parameters
+    ----------
+    path : str
+        The export.
+    map_path : str, optional
+        A column map; without one, every channel becomes a column.
+
+    Raises
+    ------
+    Refused
+        With every fault of the map, or the first of each column.
     """
     data = load_yaml(map_path) if map_path is not None else {}
     encoding = data.get("encoding") if isinstance(data, dict) else None
@@ -49,7 +61,7 @@ def import_benchlink(path: str, map_path: str | None = None) -> Imported:
         data = {"columns": {f"ch{channel.number}_degC": channel.header for channel in header.channels}}
     source = map_path or path
     presets = {"time": _TIME, "skip_rows": header.rows_above, "delimiter": header.delimiter}
-    return import_csv(path, _with_channels(parse_map(data, source, presets), header, source), source)
+    return import_table(path, _with_channels(parse_map(data, source, presets), header, source), source)
 
 
 def _find_header(path: str, encoding: str | None) -> _Header:
@@ -102,6 +114,6 @@ def _unit_fault(name: str, column: ColumnSource, units: set[str]) -> Fault | Non
     if unit in _UNITS and target_unit(name) != "degC":
         return Fault(place, f"the channel is in {unit}", "end the column's name in _degC")
     if unit not in _UNITS and "scale" not in column.model_fields_set:
-        mend = "give its 'unit' or 'scale' in a map, or choose other channels in it"
-        return Fault(place, f"the channel is in {unit}, no temperature", mend)
+        hint = "give its 'unit' or 'scale' in a map, or choose other channels in it"
+        return Fault(place, f"the channel is in {unit}, no temperature", hint)
     return None

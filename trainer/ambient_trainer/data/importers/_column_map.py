@@ -29,14 +29,13 @@ Without names, ``header: false``, its columns are called 1, 2, 3, ...
 from __future__ import annotations
 
 import codecs
-from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
 
 from ambient_model.faults import Fault
 from ambient_model.trace import LARGEST, split_column
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, validated, wrong
 from ambient_trainer.data.units import UNITS, target_unit, units_of
 
 
@@ -112,7 +111,7 @@ class ColumnSource(Strict):
 WHITESPACE = "whitespace"
 """The delimiter of a table whose cells are parted by runs of blanks."""
 OWN_NOTES = ("source", "start", "dropped_rows", "assumed")
-"""What the import itself says in a trace's notes."""
+"""The notes that an import itself writes into a trace."""
 _NO_DELIMITERS = ('"', "\r", "\n", "\0")
 
 
@@ -133,6 +132,14 @@ class ColumnMap(Strict):
     notes: dict[Text, Text] = Field(default_factory=dict)
     comment: str | None = Field(None, min_length=1)
     encoding: str | None = None
+
+    def asked(self) -> dict[str, str]:
+        """The columns of the table that are read, by the place in the map that asks for each."""
+        asked = {"time.column": self.time.column}
+        for name, source in self.columns.items():
+            for index, each in enumerate(source.sources):
+                asked[f"columns.{name}.from[{index}]" if len(source.sources) > 1 else f"columns.{name}.from"] = each
+        return asked | {f"drop_rows.{name}": name for name in self.drop_rows}
 
     @field_validator("columns", mode="before")
     @classmethod
@@ -178,52 +185,54 @@ class ColumnMap(Strict):
         return notes
 
     @model_validator(mode="after")
-    def _under_a_header(self) -> ColumnMap:
+    def _consistent(self) -> ColumnMap:
         if self.skip_under_header and not self.header:
             raise wrong("'skip_under_header' without a header", "count those lines in 'skip_rows'")
-        return self
-
-    @model_validator(mode="after")
-    def _distinct(self) -> ColumnMap:
         if self.delimiter == self.decimal:
             raise wrong(f"{self.decimal!r} is both delimiter and decimal", "give 'delimiter: \";\"'")
         return self
 
 
-def load_map(path: str, presets: dict[str, Any] | None = None) -> ColumnMap:
-    """The map in the YAML file at ``path``; what the file leaves unsaid comes from ``presets``.
-
-    Raises :class:`~ambient_model.faults.Refused` with every fault and its place, such as ``columns.usb_degC.scale``.
-    """
-    return parse_map(load_yaml(path), path, presets)
-
-
 def parse_map(data: Any, source: str, presets: dict[str, Any] | None = None) -> ColumnMap:
-    """The map that ``data`` describes; ``source`` names it in messages. Raises as :func:`load_map` does."""
+    """Column map of what a YAML file holds.
+
+    Parameters
+    ----------
+    data : object
+        What the file holds.
+    source : str
+        Names the map in messages.
+    presets : dict, optional
+        Taken for what ``data`` leaves out.
+
+    Raises
+    ------
+    Refused
+        With every fault and its place, such as ``columns.usb_degC.scale``.
+    """
     if isinstance(data, dict):
-        data = _over(presets or {}, data)
-    return validated(ColumnMap, data, source, list(_target_faults(data)))
-
-
-def _over(presets: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
-    merged = presets | data
-    for key, preset in presets.items():
-        if isinstance(preset, dict) and isinstance(data.get(key), dict):
-            merged[key] = preset | data[key]
-    return merged
+        merged = {**(presets or {}), **data}
+        for key, preset in (presets or {}).items():
+            if isinstance(preset, dict) and isinstance(data.get(key), dict):
+                merged[key] = preset | data[key]
+        data = merged
+    return validated(ColumnMap, data, source, _target_faults(data))
 
 
 def _target_faults(data: Any) -> list[Fault]:
     """What is wrong between a trace column's name and its source's unit, in a map that may be wrong otherwise."""
     faults = []
-    for section, name, entry in _targets(data):
+    sections = {key: data.get(key) for key in ("columns", "constants")} if isinstance(data, dict) else {}
+    entries = {key: each for key, each in sections.items() if isinstance(each, dict)}
+    for section, name, entry in [(key, *item) for key, each in entries.items() for item in each.items()]:
         place = f"{section}.{name}"
-        if not _is_column_name(str(name)):
+        text = str(name)
+        if not (text.isascii() and text.isidentifier()) or split_column(text) == ("", ""):
             faults.append(Fault(place, "is no column's name", "name it <name>_<unit>, such as usb_degC"))
             continue
         if name == "time_s":
             faults.append(Fault(place, "the time is not mapped here", "describe it under 'time'"))
-        if section == "constants" and name in [other for where, other, _ in _targets(data) if where == "columns"]:
+        if section == "constants" and name in entries.get("columns", {}):
             faults.append(Fault(place, "stands under 'columns' too", "remove one"))
         unit = entry.get("unit") if isinstance(entry, dict) else None
         target = target_unit(name)
@@ -231,15 +240,3 @@ def _target_faults(data: Any) -> list[Fault]:
             mend = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{UNITS[unit].base}"
             faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", mend))
     return faults
-
-
-def _targets(data: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Section, name and entry of every trace column that a map, which may be wrong otherwise, makes."""
-    for section in ("columns", "constants"):
-        entries = data.get(section) if isinstance(data, dict) else None
-        for name, entry in entries.items() if isinstance(entries, dict) else ():
-            yield section, name, entry
-
-
-def _is_column_name(name: str) -> bool:
-    return name.isascii() and name.isidentifier() and split_column(name) != ("", "")

@@ -1,0 +1,28 @@
+"""Any text table, through a column map."""
+
+from __future__ import annotations
+
+from ambient_trainer.data.importers._column_map import parse_map
+from ambient_trainer.data.importers._table import Imported, import_table
+from ambient_trainer.data.strict_yaml import load_yaml
+
+HELP = "any other table, through a map"
+NEEDS_MAP = True
+
+
+def import_file(path: str, map_path: str) -> Imported:
+    """Trace that a column map makes of a text table.
+
+    Parameters
+    ----------
+    path : str
+        The table.
+    map_path : str
+        The column map.
+
+    Raises
+    ------
+    Refused
+        With every fault of the map, or the first of each column.
+    """
+    return import_table(path, parse_map(load_yaml(map_path), map_path), map_path)
