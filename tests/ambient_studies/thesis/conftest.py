@@ -1,50 +1,22 @@
-"""A phone of five first-order nodes: enough for every model of the thesis to have something to fit."""
+"""Every method, trained once on a simulated phone; synthetic sensors that move independently; the thesis's text."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.ndimage import gaussian_filter1d
 from threadpoolctl import threadpool_limits
 
+from ambient_studies.thesis.reproduction import Runs, all_methods
 from ambient_trainer.data.trace import Trace
+from ambient_trainer.simulator.phone import simulate
 
 SHARED = Path(__file__).parents[4] / "shared" / "thesis"
-PERIOD_S = 5.0
-
-_CAPACITANCE_J_K = np.array([8.0, 20.0, 45.0, 12.0, 30.0])
-_SENSORS = ("soc", "flash", "battery", "usb", "display")
-_BETWEEN = {(0, 1): 0.25, (0, 2): 0.12, (0, 4): 0.2, (1, 4): 0.05, (2, 3): 0.08, (2, 4): 0.1, (3, 4): 0.02}
-_TO_AIR_W_K = np.array([0.0, 0.03, 0.05, 0.09, 0.1])
-
-
-def phone_run(minutes: float, seed: int) -> Trace:
-    """A simulated run: the air steps every 40 minutes or so and is filtered, the SoC is loaded off and on."""
-    random = np.random.default_rng(seed)
-    count = round(minutes * 60 / PERIOD_S)
-    air = np.zeros(count)
-    wanted = np.repeat(random.uniform(-10, 50, count // 480 + 1), 480)[:count]
-    air[0] = wanted[0]
-    for k in range(1, count):
-        air[k] = air[k - 1] + (wanted[k] - air[k - 1]) * PERIOD_S / 150
-    power = np.repeat(random.choice([0.3, 0.4, 3.0, 1.5], count // 120 + 1), 120)[:count]
-    G = np.diag(_TO_AIR_W_K)
-    for (a, b), conductance in _BETWEEN.items():
-        G[[a, b], [a, b]] += conductance
-        G[[a, b], [b, a]] -= conductance
-    A = -G / _CAPACITANCE_J_K[:, None]
-    drive = np.column_stack([_TO_AIR_W_K, np.eye(5)[0]]) / _CAPACITANCE_J_K[:, None]
-    E = expm(A * PERIOD_S)
-    held = np.linalg.solve(A, (E - np.eye(5)) @ drive)
-    T = np.empty((5, count))
-    T[:, 0] = np.linalg.solve(-A, drive @ [air[0], power[0]])
-    for k in range(count - 1):
-        T[:, k + 1] = E @ T[:, k] + held @ [air[k], power[k]]
-    columns = {f"{name}_degC": row + random.normal(0, 0.02, count) for name, row in zip(_SENSORS, T)}
-    columns["ambient_degC"] = air
-    return Trace("made.csv", np.arange(count) * PERIOD_S, columns)
+PERIOD_S = 20.0
+"""Ten times slower than a phone logs: what is trained only has to be trained, not to be good."""
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -55,13 +27,44 @@ def _one_thread():
 
 
 @pytest.fixture(scope="session")
-def training():
-    return phone_run(360, seed=1)
+def runs():
+    scenarios = ("2.1", "2.2", "3")
+    return Runs(
+        simulate("5", seed=11, period_s=PERIOD_S),
+        simulate("1", seed=12, period_s=PERIOD_S),
+        {name: simulate(name, seed=13, period_s=PERIOD_S) for name in scenarios},
+    )
 
 
 @pytest.fixture(scope="session")
-def unseen():
-    return phone_run(90, seed=2)
+def methods(runs):
+    """By name and variant."""
+    found = all_methods(runs, lambda what, done, total: None)
+    assert len({(each.name, each.variant) for each in found}) == len(found)
+    return {(each.name, each.variant): each for each in found}
+
+
+def wandering(samples: int, seed: int, period_s: float = 5.0) -> Trace:
+    """Five smooth, independent temperatures about 25 degC, a battery current up to 2 A out of it, an idle half."""
+    rng = np.random.default_rng(seed)
+
+    def smooth(width: float) -> np.ndarray:
+        found = gaussian_filter1d(rng.standard_normal(samples), width, mode="wrap")
+        return found / found.std()
+
+    sensors = ("soc_degC", "flash_degC", "battery_degC", "usb_degC", "display_degC")
+    columns = {name: 25.0 + 8.0 * smooth(4.0 + 3.0 * index) for index, name in enumerate(sensors)}
+    busy = (np.arange(samples) // (samples // 8)) % 2
+    columns["ambient_degC"] = 20.0 + 5.0 * smooth(20.0)
+    columns["cpu_load_frac"] = np.where(busy == 1, 0.8, 0.02)
+    columns["charging_on"] = np.zeros(samples)
+    columns["battery_current_A"] = -np.abs(smooth(5.0))
+    return Trace(f"synthetic {seed}", np.arange(samples) * period_s, columns)
+
+
+@pytest.fixture(scope="session")
+def synthetic() -> Callable[..., Trace]:
+    return wandering
 
 
 @pytest.fixture

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from ambient_studies.thesis.errata import computed_errata, evaluation_errata, implied_display_degC, text_errata
+from ambient_studies.thesis.errata import computed_errata, implied_display_degC, text_errata
 from ambient_studies.thesis.published import sensor_statistics
 
 
@@ -13,10 +12,10 @@ from ambient_studies.thesis.published import sensor_statistics
 def figures():
     """By number, then by label, the value; labels are unique within an erratum."""
     found = {}
-    for each in (*text_errata(), *evaluation_errata()):
-        found[each.number] = [value for _, value, _ in each.figures]
+    for each in text_errata():
+        found[each.number] = [figure.value for figure in each.figures]
         assert all(type(value) in (int, float) for value in found[each.number])
-        assert {unit for _, _, unit in each.figures} <= {"", "degC", "1/s", "rad/s"}
+        assert {figure.unit for figure in each.figures} <= {"", "degC", "1/s", "rad/s"}
         assert each.title
         assert each.statement.endswith(".")
     return found
@@ -87,11 +86,10 @@ def test_11_two_figures_for_one_error(figures):
     assert figures[11] == [0.90, 0.92, 6]
 
 
-def test_8_the_missing_term_measured(training, unseen):
-    found = {each.number: each for each in computed_errata(training, unseen)}
+def test_8_the_missing_term_measured(runs):
+    found = {each.number: each for each in computed_errata(runs.training, runs.evaluated["3"])}
     assert list(found) == [1, 2, 3, 5, 6, 7, 8, 9, 10, 11]
-    without, with_term, without_trained, with_trained = [value for _, value, _ in found[8].figures]
-    assert np.isfinite([without, with_term, without_trained, with_trained]).all()
-    # this air moves, and the made phone stores C dT/dt
+    without, with_term, without_trained, with_trained = [figure.value for figure in found[8].figures]
+    # this air moves, and the simulated phone stores C dT/dt
     assert with_term < without
     assert with_trained < without_trained

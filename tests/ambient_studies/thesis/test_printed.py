@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ambient_studies.thesis.parameters import published_parameters
 from ambient_studies.thesis.printed import PRINTED
+from ambient_studies.thesis.published import published_parameters
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 
@@ -32,24 +32,19 @@ def test_only_row_2_of_b_differs_and_by_the_sign_of_the_exchange(model):
     )
 
 
-def test_equation_4_9_with_table_4_2():
-    """Row 2 by hand: 1/0.47 (1/1.60 - 1/0.53), -1/(1.60 0.47), 1/(0.53 0.47)."""
+def test_the_printed_equations_with_their_tables_by_hand():
+    """Rows of equations 4.9, 4.14, 4.25 and 4.27 with tables 4.2, 4.3 and 4.5."""
+    # 1/0.47 (1/1.60 - 1/0.53), -1/(1.60 0.47), 1/(0.53 0.47)
     np.testing.assert_allclose(_printed("model1_ss").B[1], [0, -2.684666, -1.329787, 4.014452], rtol=1e-6)
-
-
-def test_equation_4_25_with_table_4_5():
-    """Rows 2 and 3 by hand: 1/0.13 (1/2.26 - 1/2.33), -1/2.26 without C_batt; 1/(2.26 3.26)."""
-    found = _printed("model2_ss_single_input")
-    np.testing.assert_allclose(found.A[1:, 1:], [[0.102256, -0.442478], [0.135729, -0.135729]], rtol=1e-5)
-    # G_f, G_u, G_b = 0.452489, 0.952381, 10 of 11.404869
-    np.testing.assert_allclose(found.C, [[0.039675, 0.083507, 0.876818]], rtol=1e-5)
-
-
-def test_equation_4_14_with_table_4_3():
-    found = _printed("model1_ss_single_input")
     A22, exchange, usb = (-1 / 2.59 + 1 / 5176) / 199.9, -1 / (5176 * 199.9), 1 / (5176 * 5172)
-    np.testing.assert_allclose(found.A, [[-1 / 1.1e4, 0, 0], [0, A22, exchange], [0, usb, -usb]], rtol=1e-14)
-    np.testing.assert_allclose(found.B, [[1 / 1.1e4], [1 / (2.59 * 199.9)], [0]], rtol=1e-14)
+    first = _printed("model1_ss_single_input")
+    np.testing.assert_allclose(first.A, [[-1 / 1.1e4, 0, 0], [0, A22, exchange], [0, usb, -usb]], rtol=1e-14)
+    np.testing.assert_allclose(first.B, [[1 / 1.1e4], [1 / (2.59 * 199.9)], [0]], rtol=1e-14)
+    # 1/0.13 (1/2.26 - 1/2.33), -1/2.26 without C_batt; 1/(2.26 3.26)
+    second = _printed("model2_ss_single_input")
+    np.testing.assert_allclose(second.A[1:, 1:], [[0.102256, -0.442478], [0.135729, -0.135729]], rtol=1e-5)
+    # G_f, G_u, G_b = 0.452489, 0.952381, 10 of 11.404869
+    np.testing.assert_allclose(second.C, [[0.039675, 0.083507, 0.876818]], rtol=1e-5)
 
 
 def test_equation_4_34_gives_the_coefficients_to_usb_battery_and_flash():
@@ -57,12 +52,3 @@ def test_equation_4_34_gives_the_coefficients_to_usb_battery_and_flash():
     assert load_circuit("linear_combined").inputs == ("battery_degC", "usb_degC", "flash_degC")
     np.testing.assert_array_equal(_printed("linear_combined").D, _corrected("linear_combined").D)
     np.testing.assert_array_equal(_printed("linear_combined").offset, [-0.38])
-
-
-def test_what_no_erratum_touches_is_not_printed_again():
-    assert set(published_parameters()) - set(PRINTED) == {
-        "model1_kirchhoff",
-        "linear_battery",
-        "linear_usb",
-        "linear_flash",
-    }

@@ -29,9 +29,8 @@ def command(output: str, seed: int, budget: int) -> None:
     Prints how far the raw sensors' means and standard deviations are from the thesis's, and how the ranks of the
     models' errors agree. The same call gives the same file.
     """
-    from ambient_studies.calibration.fit import calibrate
-    from ambient_studies.calibration.outcome import outcome_table, outcomes
-    from ambient_studies.calibration.rank import rank_table, ranked
+    from ambient_studies.thesis.calibration import calibrate
+    from ambient_studies.thesis.outcome import outcome_table, outcomes, rank_table, ranked
     from ambient_trainer.simulator.calibrated import constants_text, load_constants, rounded
     from ambient_trainer.simulator.device import from_values
 
@@ -56,6 +55,5 @@ def command(output: str, seed: int, budget: int) -> None:
     phone, chamber = from_values(values)
     console.print(for_terminal(outcome_table(outcomes(phone, chamber, seed))))
     with counted_progress() as progress:
-        what = "fitting the thesis's models to the simulated phone"
-        rows = ranked(phone, chamber, seed, lambda model, done, total: progress(what, done, total))
+        rows = ranked(phone, chamber, seed, progress)
     console.print(for_terminal(rank_table(rows)))

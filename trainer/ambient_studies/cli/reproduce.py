@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import click
 from rich.text import Text
 
-from ambient_studies.reproduce.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
-from ambient_studies.reproduce.tables import overview_table, scenario_tables
 from ambient_studies.thesis.errata import Erratum
 from ambient_studies.thesis.published import published_results
+from ambient_studies.thesis.reproduction import Reproduction, all_methods, as_json, errata_of, reproduce
+from ambient_studies.thesis.tables import overview_table, scenario_tables
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
@@ -41,7 +41,7 @@ def command(json_path: str | None, report_folder: str | None, seed: int) -> None
 
 def _page(found: Reproduction, errata: Sequence[Erratum]) -> str:
     # plotly takes half a second to import: only a report should wait for it
-    from ambient_studies.reproduce.page import reproduction_page
+    from ambient_studies.thesis.page import reproduction_page
 
     return reproduction_page(found, errata)
 

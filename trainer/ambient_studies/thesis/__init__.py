@@ -1,1 +1,1 @@
-"""The thesis's ten models, its published parameters and results, and its errata, computed."""
+"""The thesis: its models, parameters, results and errata, its related methods, and all of it on a simulated phone."""

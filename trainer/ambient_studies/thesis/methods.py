@@ -1,41 +1,31 @@
-"""The thesis's ten models, ready to estimate: fitted, as printed, with the published parameters, and non-causally.
+"""The thesis's models and our two observers, trained: as corrected, as printed, with published parameters, non-causal.
 
-A causal estimate starts from equilibrium with the first sensor sample and never sees the reference.
+A causal estimate starts from equilibrium with the first sensor sample and never uses the reference.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
 from ambient_model.trace import REFERENCE
-from ambient_studies.thesis.parameters import published_parameters
 from ambient_studies.thesis.printed import PRINTED
+from ambient_studies.thesis.published import MODELS, NONCAUSAL, published_parameters
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.fit import Effort, Fit, fit_circuit
-from ambient_trainer.estimators.method import Method
+from ambient_trainer.estimators.kalman.circuit_observer import fit_circuit_observer
+from ambient_trainer.estimators.kalman.free_observer import fit_free_observer
 from ambient_trainer.lti.statespace import Hold, StateSpace
 
-MODELS = (
-    "model1_kirchhoff",
-    "model1_ss",
-    "model1_ss_single_input",
-    "model2_ss",
-    "model2_ss_single_input",
-    "model2_ss_free_cd",
-    "linear_battery",
-    "linear_usb",
-    "linear_flash",
-    "linear_combined",
-)
-"""In the order of the thesis's tables."""
-
-NONCAUSAL = "model1_ss_single_input"
+Variant = Literal["corrected", "as_printed", "noncausal", "published_parameters", "ours"]
 
 EFFORT = Effort(starts=1)
 """One search from the thesis's own initial values, as there.
@@ -44,24 +34,79 @@ More starts find deeper optima for model1_ss and model2_ss and leave errors that
 so does fitting in pieces.
 """
 
+_OBSERVED = ("soc_degC", "flash_degC", "battery_degC", "usb_degC", "display_degC")
+_OBSERVER_PERIOD_S = 5.0
+"""No time constant of a phone's sensors is shorter; it makes the fits of the observers faster."""
+
 Progress = Callable[[str, int, int], None]
-"""Told the model that is being fitted, the number of models done and of all."""
+"""Called with what is under way, how much of it is done, and of how much."""
 
 
-def thesis_methods(training: Trace, progress: Progress | None = None) -> list[Method]:
-    """Every model in every variant that applies; ``corrected`` and ``noncausal`` are fitted to ``training``.
+@dataclass(frozen=True)
+class Method:
+    """A trained method under the name it has in the tables.
 
-    Raises :class:`Refused` where ``training`` lacks a sensor or the reference.
+    ``estimate`` gives the ambient in degC, shape (n,), NaN where it has none, from the sensors of a trace; only the
+    variant ``noncausal`` uses the reference. ``about`` says in a line what the method is.
+    """
+
+    name: str
+    variant: Variant
+    estimate: Callable[[Trace], Array]
+    about: str
+
+
+def thesis_methods(training: Trace, progress: Progress) -> list[Method]:
+    """Train every model of the thesis in every variant that applies.
+
+    Parameters
+    ----------
+    training : Trace
+        The run to which ``corrected`` and ``noncausal`` are fitted.
+    progress : callable
+        Called before each fit.
+
+    Returns
+    -------
+    list of Method
+        The variants ``corrected`` (ten), ``noncausal`` (one), ``published_parameters`` (ten), ``as_printed`` (six).
+
+    Raises
+    ------
+    Refused
+        Where ``training`` lacks a sensor or the reference.
     """
     methods = []
     for done, model in enumerate(MODELS):
-        if progress is not None:
-            progress(model, done, len(MODELS))
+        progress(f"fitting {model}", done, len(MODELS))
         fit = fit_model(model, training)
         methods.append(fitted_method(fit))
         if model == NONCAUSAL:
             methods.append(noncausal_method(fit))
     return [*methods, *map(published_method, MODELS), *map(printed_method, PRINTED)]
+
+
+def observer_methods(training: Trace, progress: Progress) -> list[Method]:
+    """``circuit_observer`` and ``free_observer``, fitted to ``training`` over the thesis's five sensors."""
+    period_s = max(_OBSERVER_PERIOD_S, sampling_period_s(training.time_s))
+    progress("fitting circuit_observer", 0, 2)
+    circuit = fit_circuit_observer([training], EFFORT, None, period_s, _OBSERVED)
+    progress("fitting free_observer", 1, 2)
+    free = fit_free_observer([training], EFFORT, None, period_s, _OBSERVED)
+    return [
+        Method(
+            circuit.circuit,
+            "ours",
+            _estimate_of(circuit.system, circuit.hold, circuit.inputs),
+            "the nodes that the sensors read, each exchanging heat with the ambient, which is a random walk",
+        ),
+        Method(
+            free.circuit,
+            "ours",
+            _estimate_of(free.system, free.hold, free.inputs),
+            "a free linear filter whose DC gains add up to one, its order selected on the training run",
+        ),
+    ]
 
 
 def fit_model(model: str, training: Trace) -> Fit:
@@ -70,9 +115,9 @@ def fit_model(model: str, training: Trace) -> Fit:
 
 
 def fitted_method(fit: Fit) -> Method:
-    """The corrected equations with the parameters that were found."""
-    estimate = _estimate_of(fit.system, fit.hold, fit.inputs)
-    return Method(fit.circuit, "corrected", estimate, f"{load_circuit(fit.circuit).about}; fitted to the training run")
+    """The corrected equations with the fitted parameters."""
+    about = f"{load_circuit(fit.circuit).about}; fitted to the training run"
+    return Method(fit.circuit, "corrected", _estimate_of(fit.system, fit.hold, fit.inputs), about)
 
 
 def noncausal_method(fit: Fit) -> Method:
@@ -80,16 +125,15 @@ def noncausal_method(fit: Fit) -> Method:
     causal = _estimate_of(fit.system, fit.hold, fit.inputs)
 
     def estimate(trace: Trace) -> Array:
-        said = causal(trace)
-        return said + np.nanmean(trace.column(REFERENCE) - said)
+        found = causal(trace)
+        return found + np.nanmean(trace.column(REFERENCE) - found)
 
-    return Method(
-        fit.circuit, "noncausal", estimate, "as fitted, plus the offset that makes each run's mean error zero"
-    )
+    about = "as fitted, plus the offset that makes each run's mean error zero"
+    return Method(fit.circuit, "noncausal", estimate, about)
 
 
 def published_method(model: str) -> Method:
-    """The corrected equations with the parameters of tables 4.1 to 4.8, errata applied; they were found for a phone."""
+    """The corrected equations with the parameters of tables 4.1 to 4.8, errata applied."""
     circuit, published = load_circuit(model), published_parameters()[model]
     estimate = _estimate_of(assemble(circuit, published.corrected).value, circuit.hold, circuit.inputs)
     about = f"{circuit.about}; parameters of table {published.table}, found on the thesis's phone"
@@ -97,7 +141,7 @@ def published_method(model: str) -> Method:
 
 
 def printed_method(model: str) -> Method:
-    """The equations and the parameters as printed, errors included; for the models of ``PRINTED``."""
+    """Equations and parameters as printed, errors included; for the models of ``PRINTED``."""
     printed, published = PRINTED[model], published_parameters()[model]
     estimate = _estimate_of(printed.system(published.printed), "first-order", printed.inputs)
     return Method(model, "as_printed", estimate, f"{printed.about}, parameters of table {published.table} as printed")

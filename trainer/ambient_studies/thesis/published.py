@@ -1,4 +1,4 @@
-"""What the thesis published of its results (tables 5.1 to 5.12), and what its errors tell of the raw sensors."""
+"""What the thesis published: parameters (tables 4.1 to 4.8), errors (tables 5.1 to 5.12), and what follows from both."""
 
 from __future__ import annotations
 
@@ -8,7 +8,38 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
+import yaml
+
 from ambient_model.model import LEVELS_PERCENT, Quantiles
+
+MODELS = {
+    "model1_kirchhoff": "Model 1 Kirchhoff",
+    "model1_ss": "Model 1 state-space",
+    "model1_ss_single_input": "Model 1 state-space single input",
+    "model2_ss": "Model 2 state-space",
+    "model2_ss_single_input": "Model 2 state-space single input",
+    "model2_ss_free_cd": "Model 2 state-space random C & D",
+    "linear_battery": "Linear battery",
+    "linear_usb": "Linear USB",
+    "linear_flash": "Linear flash",
+    "linear_combined": "Linear combined",
+}
+"""Circuit names and the thesis's own, in the order of its tables."""
+
+NONCAUSAL = "model1_ss_single_input"
+"""Its published errors can only come from an estimate that used the reference (erratum 9)."""
+
+CONSTANT_SCENARIOS = ("1", "2.1", "2.3", "2.4")
+"""At 20 degC; the statistics of the raw sensors can be recovered for these."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """One model's parameters in the units of its circuit file: as printed, and with the values of the errata."""
+
+    table: str
+    printed: Mapping[str, float]
+    corrected: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -23,30 +54,42 @@ class Result:
 
 @dataclass(frozen=True)
 class SensorStatistics:
-    """A raw sensor over a scenario at 20 degC, recovered from published errors; the display's spread is not known."""
+    """A raw sensor over a scenario at 20 degC, recovered from published errors; the display's deviation is unknown."""
 
     mean_degC: float
     std_degC: float | None
 
 
+Results = Mapping[tuple[str, str], Result]
+"""By scenario and model."""
+
+
 @cache
-def published_results() -> Mapping[tuple[str, str], Result]:
-    """The errors by scenario and model."""
+def published_parameters() -> Mapping[str, Parameters]:
+    """Tables 4.1 to 4.8 by model, in the order of the thesis."""
+    models = yaml.safe_load(_text("parameters.yaml"))["models"]
+    return {
+        name: Parameters(each["table"], each["printed"], {**each["printed"], **each.get("corrected", {})})
+        for name, each in models.items()
+    }
+
+
+@cache
+def published_results() -> Results:
+    """Tables 5.1 to 5.12."""
     return {(row["scenario"], row["model"]): _result(row) for row in _rows("results.csv")}
 
 
 @cache
 def sensor_statistics() -> Mapping[tuple[str, str], SensorStatistics]:
-    """Battery, USB, flash and display by scenario (1, 2.1, 2.3, 2.4) and sensor."""
-    known = {
-        (row["scenario"], row["sensor"]): SensorStatistics(float(row["mean_degC"]), float(row["std_degC"]))
-        for row in _rows("sensor_statistics.csv")
+    """Battery, USB, flash and display by constant scenario and sensor."""
+    rows = [*_rows("sensor_statistics.csv"), *({**row, "sensor": "display"} for row in _rows("display_mean.csv"))]
+    return {
+        (row["scenario"], row["sensor"]): SensorStatistics(
+            float(row["mean_degC"]), float(row["std_degC"]) if "std_degC" in row else None
+        )
+        for row in rows
     }
-    display = {
-        (row["scenario"], "display"): SensorStatistics(float(row["mean_degC"]), None)
-        for row in _rows("display_mean.csv")
-    }
-    return {**known, **display}
 
 
 def _result(row: Mapping[str, str]) -> Result:
@@ -55,4 +98,8 @@ def _result(row: Mapping[str, str]) -> Result:
 
 
 def _rows(name: str) -> list[dict[str, str]]:
-    return list(csv.DictReader((resources.files(__package__) / name).read_text().splitlines()))
+    return list(csv.DictReader(_text(name).splitlines()))
+
+
+def _text(name: str) -> str:
+    return (resources.files(__package__) / name).read_text()

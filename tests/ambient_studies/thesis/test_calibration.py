@@ -1,0 +1,114 @@
+"""The shipped phone meets the published figures; the search lowers the cost of its guess; the command says how well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+
+from ambient_studies.cli.calibrate_phone import BUDGET
+from ambient_studies.thesis import calibration
+from ambient_studies.thesis.calibration import calibrate, residuals
+from ambient_studies.thesis.candidates import FORMULAS, SCENARIOS, formula_errors, formulas, record, statistics
+from ambient_studies.thesis.outcome import Outcome, outcome_table, outcomes
+from ambient_studies.thesis.published import published_results, sensor_statistics
+from ambient_trainer.simulator.calibrated import load_constants, shipped_values
+from ambient_trainer.simulator.device import Chamber, Phone
+from ambient_trainer.simulator.phone import simulate
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return record([shipped_values()], 0)[0]
+
+
+def test_the_published_formulas_give_the_published_errors_from_the_recovered_means():
+    names = ("flash", "battery", "usb", "display")
+    for scenario in ("1", "2.1", "2.3", "2.4"):
+        sensors = np.array([0.0, *(sensor_statistics()[scenario, name].mean_degC for name in names)])
+        for model in set(FORMULAS) - {"linear_combined"}:  # whose coefficients are rounded to what is 0.4 degC
+            gains, offset = formulas()[model]
+            published = published_results()[scenario, model].mbe_degC
+            assert 20 - gains @ sensors - offset == pytest.approx(published, abs=0.05)
+
+
+def test_every_shipped_mean_and_standard_deviation_is_within_its_bar():
+    found = outcomes(Phone.shipped(), Chamber.shipped(), 5)
+    assert len(found) == 28
+    assert [each for each in found if not each.within] == []
+    # of the trace that is written
+    values = simulate("2.1", seed=5).column("flash_degC")
+    flash = [each.simulated_degC for each in found if (each.scenario, each.sensor) == ("2.1", "flash")]
+    assert flash == [values.mean(), values.std()]
+
+
+def test_the_bars_are_a_degree_and_thirty_percent():
+    assert Outcome("1", "usb", "mean", 20.0, 20.99).within
+    assert not Outcome("1", "usb", "mean", 20.0, 18.99).within
+    assert Outcome("1", "usb", "std", 2.0, 2.59).within
+    table = outcome_table([Outcome("1", "usb", "std", 2.0, 1.39)])
+    assert table.rows == (("1", "usb", "std", "2.00", "1.39", "-0.61", "NO"),)
+
+
+def test_what_candidates_feel_is_the_trace_without_noise(shipped):
+    found = statistics(shipped)["2.3", "battery"]
+    values = simulate("2.3", seed=0).column("battery_degC")
+    assert values.mean() == pytest.approx(found.mean_degC, abs=0.02)
+    assert values.std() == pytest.approx(found.std_degC, abs=0.02)
+    assert len(formula_errors(shipped)) == len(SCENARIOS) * len(FORMULAS)
+
+
+def test_a_candidate_does_not_depend_on_its_batch(shipped):
+    other = {**shipped_values(), "conductance_W_K.usb-frame": 0.2}
+    batch = record([other, shipped_values()], 0)
+    assert batch[1]["3"].sensors_degC == pytest.approx(shipped["3"].sensors_degC, abs=1e-8)
+    assert abs(batch[0]["3"].sensors_degC - shipped["3"].sensors_degC).max() > 0.5
+
+
+def test_a_perfect_candidate_has_no_residuals(shipped, monkeypatch):
+    assert np.abs(residuals(shipped)).max() > 0.1
+    found, errors = statistics(shipped), formula_errors(shipped)
+    monkeypatch.setattr(calibration, "sensor_statistics", lambda: found)
+    monkeypatch.setattr(calibration, "published_results", lambda: errors)
+    assert np.abs(residuals(shipped)).max() < 1e-12
+
+
+@pytest.mark.slow
+def test_the_search_lowers_the_cost_of_its_guess_within_the_bounds():
+    some = ("conductance_W_K.usb-frame", "power_W.streaming.soc", "chamber.wobble_degC")
+    constants = {
+        name: each if name in some else each.model_copy(update={"start": each.value})
+        for name, each in load_constants().items()
+    }
+    seen = []
+    first = calibrate(constants, 2, 0, lambda evaluations, cost: seen.append((evaluations, cost)))
+    assert first.cost < 0.7 * first.cost_before
+    assert (seen[0], seen[-1]) == ((1, first.cost_before), (first.evaluations, first.cost))
+    assert all(constants[name].low <= value <= constants[name].high for name, value in first.values.items())
+
+
+@pytest.mark.slow
+def test_the_command_prints_how_well_the_phone_is_calibrated(trainer):
+    status, out, _ = trainer("calibrate-phone", "--budget", 0, "--seed", 1)
+    assert status == 0
+    assert "28 of 28" in out
+    assert float(out.split("correlation:")[1].strip().rstrip(".")) >= 0.85
+
+
+def test_the_command_writes_a_constants_file(trainer, tmp_path, monkeypatch):
+    monkeypatch.setattr("ambient_studies.thesis.outcome.ranked", lambda *_: [])
+    path = tmp_path / "phone.yaml"
+    status, out, err = trainer("calibrate-phone", "--budget", 1, "-o", path)
+    assert (status, err) == (0, "")
+    read = load_constants(path)
+    assert list(read) == list(load_constants())
+    # one evaluation is that of the guesses
+    assert all(each.value == pytest.approx(each.start, rel=1e-3) for each in read.values())
+    assert "NO" in out
+    assert yaml.safe_load(path.read_text())["burst_frac"]["unit"] == "1"
+
+
+@pytest.mark.slow
+def test_the_shipped_constants_are_what_the_command_finds():
+    found = calibrate(load_constants(), BUDGET)
+    assert found.values == pytest.approx(shipped_values(), rel=2e-3)

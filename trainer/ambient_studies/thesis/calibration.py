@@ -1,0 +1,127 @@
+"""Calibration of the simulated phone: bounded least squares in the logarithms of its constants.
+
+Every Jacobian is one batch of simulations. Where the published figures do not determine a constant, its prior does:
+the engineer's guess, with a standard deviation of one in the logarithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
+
+from ambient_studies.thesis.candidates import Recorded, formula_errors, record, statistics
+from ambient_studies.thesis.published import CONSTANT_SCENARIOS, published_results, sensor_statistics
+from ambient_trainer.data.trace import Array
+from ambient_trainer.simulator.calibrated import Constant
+
+Progress = Callable[[int, float], None]
+"""Called with the number of evaluations and the lowest cost so far."""
+
+# the misfits that count as one; the bars of the outcome are 1 degC and 30 %
+MEAN_DEGC = 0.3
+STD_FRAC = 0.1
+PRIOR_LOG = 1.0  # a constant that differs from its guess by a factor of 2.7
+RMSE_FRAC, MAE_FRAC, MBE_DEGC, MBE_FRAC = 0.2, 0.25, 0.3, 0.15
+FORMULA_WEIGHT = 0.5  # where the statistics of raw sensors hold most of the same information
+
+_STEP = 1e-3
+_INSIDE = 1e-6
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The fitted values by name, the cost at the guesses and at the end, and the number of evaluations."""
+
+    values: dict[str, float]
+    cost_before: float
+    cost: float
+    evaluations: int
+
+
+def residuals(recorded: Mapping[str, Recorded]) -> Array:
+    """The misfits of a candidate's recordings to the published figures, in the units above."""
+    misfits = []
+    simulated = statistics(recorded)
+    for key, published in sensor_statistics().items():
+        misfits.append((simulated[key].mean_degC - published.mean_degC) / MEAN_DEGC)
+        if published.std_degC is not None:
+            misfits.append(np.log((simulated[key].std_degC or np.nan) / published.std_degC) / STD_FRAC)
+    for (scenario, model), errors in formula_errors(recorded).items():
+        wanted = published_results()[scenario, model]
+        weight = FORMULA_WEIGHT if scenario in CONSTANT_SCENARIOS else 1.0
+        misfits += [
+            weight * np.log(errors.rmse_degC / wanted.rmse_degC) / RMSE_FRAC,
+            weight * np.log(errors.mae_degC / wanted.mae_degC) / MAE_FRAC,
+            weight * (errors.mbe_degC - wanted.mbe_degC) / (MBE_DEGC + MBE_FRAC * wanted.rmse_degC),
+        ]
+    return np.array(misfits)
+
+
+def calibrate(
+    constants: Mapping[str, Constant], budget: int, seed: int = 0, progress: Progress | None = None
+) -> Calibration:
+    """Fit the constants to the published figures.
+
+    Parameters
+    ----------
+    constants : mapping of str to Constant
+        Guess and bounds of each.
+    budget : int
+        Evaluations at most.
+    seed : int
+        Of weather and noise; the same arguments give the same values.
+    progress : callable, optional
+        Called after each evaluation.
+
+    Returns
+    -------
+    Calibration
+        The values of least cost.
+
+    Notes
+    -----
+    Minimises |r(c)|^2 / 2 + |log(c / guess) / PRIOR_LOG|^2 / 2 over log c within the bounds (trust region reflective,
+    ``scipy.optimize.least_squares``), with r of :func:`residuals` and forward differences.
+    """
+    with threadpool_limits(1):
+        search = _Search(constants, seed, progress)
+        start = np.clip(search.guess, search.low + _INSIDE, search.high - _INSIDE)
+        found = least_squares(
+            search.at, start, search.jacobian, (search.low, search.high), max_nfev=budget, xtol=1e-4, ftol=1e-4
+        )
+    return Calibration(search.values(found.x), search.costs[0], float(found.cost), int(found.nfev))
+
+
+class _Search:
+    def __init__(self, constants: Mapping[str, Constant], seed: int, progress: Progress | None) -> None:
+        self.names = tuple(constants)
+        self.guess, self.low, self.high = (
+            np.log([getattr(each, name) for each in constants.values()]) for name in ("start", "low", "high")
+        )
+        self.costs: list[float] = []
+        self._seed = seed
+        self._progress = progress
+
+    def values(self, theta: Array) -> dict[str, float]:
+        return dict(zip(self.names, np.exp(theta).tolist()))
+
+    def at(self, theta: Array) -> Array:
+        found = self._batch([theta])[0]
+        self.costs.append(0.5 * float(found @ found))
+        if self._progress:
+            self._progress(len(self.costs), min(self.costs))
+        return found
+
+    def jacobian(self, theta: Array) -> Array:
+        steps = np.where(theta + _STEP < self.high, _STEP, -_STEP)
+        base, *moved = self._batch([theta, *(theta + np.diag(steps))])
+        return np.stack([(each - base) / step for each, step in zip(moved, steps)], axis=1)
+
+    def _batch(self, thetas: list[Array]) -> list[Array]:
+        recorded = record([self.values(theta) for theta in thetas], self._seed)
+        prior = ((theta - self.guess) / PRIOR_LOG for theta in thetas)
+        return [np.concatenate([residuals(each), one]) for each, one in zip(recorded, prior)]

@@ -1,0 +1,97 @@
+"""How well the simulated phone meets the published figures, from the traces that it writes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits
+
+from ambient_studies.thesis.methods import Progress, thesis_methods
+from ambient_studies.thesis.published import CONSTANT_SCENARIOS, MODELS, published_results, sensor_statistics
+from ambient_studies.thesis.rows import Row, evaluate, like_published, spearman
+from ambient_trainer.report.table import Table
+from ambient_trainer.simulator.device import Chamber, Phone
+from ambient_trainer.simulator.phone import simulate_many
+
+MEAN_BAR_DEGC = 1.0
+STD_BAR_FRAC = 0.3
+_RANKED = ("1", "2.1", "2.3", "2.4", "3", "4")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One recovered figure beside the simulated one, in degC."""
+
+    scenario: str
+    sensor: str
+    figure: str
+    published_degC: float
+    simulated_degC: float
+
+    @property
+    def difference_degC(self) -> float:
+        """Simulated minus published."""
+        return self.simulated_degC - self.published_degC
+
+    @property
+    def within(self) -> bool:
+        """Whether it is within the bar: 1 degC for a mean, 30 % for a standard deviation."""
+        bar = MEAN_BAR_DEGC if self.figure == "mean" else STD_BAR_FRAC * self.published_degC
+        return abs(self.difference_degC) <= bar
+
+
+def outcomes(phone: Phone, chamber: Chamber, seed: int) -> list[Outcome]:
+    """Every published statistic of a raw sensor beside that of the simulated phone's trace."""
+    runs = [(name, seed) for name in CONSTANT_SCENARIOS]
+    traces = dict(zip(CONSTANT_SCENARIOS, simulate_many(runs, phone=phone, chamber=chamber)))
+    found = []
+    for (scenario, sensor), published in sensor_statistics().items():
+        values = traces[scenario].column(f"{sensor}_degC")
+        found.append(Outcome(scenario, sensor, "mean", published.mean_degC, float(values.mean())))
+        if published.std_degC is not None:
+            found.append(Outcome(scenario, sensor, "std", published.std_degC, float(values.std())))
+    return found
+
+
+def outcome_table(found: Sequence[Outcome]) -> Table:
+    """The residuals of the calibration, one a row."""
+    rows = tuple(
+        (
+            each.scenario,
+            each.sensor,
+            each.figure,
+            f"{each.published_degC:.2f}",
+            f"{each.simulated_degC:.2f}",
+            f"{each.difference_degC:+.2f}",
+            "yes" if each.within else "NO",
+        )
+        for each in found
+    )
+    caption = (
+        f"degC. Within the bar ({MEAN_BAR_DEGC:g} degC for a mean, {STD_BAR_FRAC:.0%} for a standard deviation): "
+        f"{sum(each.within for each in found)} of {len(found)}."
+    )
+    return Table(caption, ("scenario", "sensor", "figure", "published", "simulated", "difference", "within"), rows)
+
+
+def ranked(phone: Phone, chamber: Chamber, seed: int, progress: Progress) -> list[Row]:
+    """The thesis's 60 errors, simulated: trained on scenario 5 with ``seed``, evaluated with the one after it."""
+    runs = [("5", seed), *((name, seed + 1) for name in _RANKED)]
+    training, *evaluated = simulate_many(runs, phone=phone, chamber=chamber)
+    with threadpool_limits(1):
+        methods = thesis_methods(training, progress)
+    compared = [each for each in methods if each.variant in ("corrected", "noncausal")]
+    return like_published(evaluate(compared, dict(zip(_RANKED, evaluated)), published_results(), progress).rows)
+
+
+def rank_table(rows: Sequence[Row]) -> Table:
+    """Models by scenarios: published / simulated RMSE in degC."""
+    cells = {
+        (row.model, row.scenario): f"{row.published.rmse_degC:.2f} / {row.reproduced.rmse_degC:.2f}"
+        for row in rows
+        if row.published and row.reproduced
+    }
+    caption = f"RMSE in degC, published / simulated. Spearman's rank correlation: {spearman(rows) or 0.0:.3f}."
+    body = tuple((model, *(cells.get((model, scenario), "-") for scenario in _RANKED)) for model in MODELS)
+    return Table(caption, ("model", *_RANKED), body)

@@ -1,0 +1,71 @@
+"""The samples that a method uses hold every column it reads; at any other it has no estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.trace import REFERENCE
+from ambient_model.tracking import bridge_limit_s
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace
+
+
+class Samples(NamedTuple):
+    """Times in s (n,), one row a column (m, n) without gaps, the ambient in degC (n,), NaN where unknown."""
+
+    time_s: Array
+    rows: Array
+    ambient_degC: Array
+
+
+def estimated(trace: Trace, columns: Sequence[str], estimate: Callable[[Array, Array], Array]) -> Array:
+    """``estimate(time_s, rows)`` of the samples that hold all ``columns``, NaN at the others; shape (n,)."""
+    rows, complete = _complete(trace, columns)
+    result = np.full(len(trace.time_s), np.nan)
+    if complete.any():
+        result[complete] = estimate(trace.time_s[complete], rows[:, complete])
+    return result
+
+
+def training_samples(trace: Trace, columns: Sequence[str], at_least: int = 1) -> Samples:
+    """The samples that hold all ``columns``; raises :class:`Refused` where too few have a reference too."""
+    rows, complete = _complete(trace, columns, REFERENCE)
+    ambient = trace.reference[complete]
+    known = int(np.count_nonzero(~np.isnan(ambient)))
+    if known < at_least:
+        problem = f"{known} samples hold {', '.join(columns)} and {REFERENCE}, the least is {at_least}"
+        raise refuse(trace.path, "", problem, "log them together, and longer")
+    return Samples(trace.time_s[complete], rows[:, complete], ambient)
+
+
+def lagged(time_s: Array, values: Array, time_constant_s: float) -> Array:
+    """Exact first-order response 1/(1 + tau s) to samples at any times, which are joined by straight lines.
+
+    With h = dt / tau and e = exp(-h): x[k+1] = e x[k] + (1 - e) u[k] + (1 - (1 - e)/h) (u[k+1] - u[k]), from
+    equilibrium, x[0] = u[0]; after a gap longer than a device bridges it starts again from equilibrium.
+    """
+    steps_s = np.diff(time_s)
+    h = steps_s / time_constant_s
+    decay, gain = np.exp(-h), -np.expm1(-h)
+    push = gain * values[:-1] + (1.0 - gain / h) * np.diff(values)
+    period_s = sampling_period_s(time_s)
+    restarted = np.floor(steps_s / period_s + 0.5) > round(bridge_limit_s(period_s) / period_s)
+    decay[restarted], push[restarted] = 0.0, values[1:][restarted]
+    steps = zip(decay.tolist(), push.tolist())
+    states = accumulate(steps, lambda x, step: step[0] * x + step[1], initial=float(values[0]))
+    return np.fromiter(states, dtype=np.float64, count=len(values))
+
+
+def _complete(trace: Trace, columns: Sequence[str], *others: str) -> tuple[Array, Array]:
+    """The rows of ``columns`` and which samples hold them all; every missing column is named in one message."""
+    missing = [name for name in (*columns, *others) if name not in trace.columns]
+    if missing:
+        hint = f"the trace has {', '.join(trace.columns)}; log it or map it on import"
+        raise Refused(trace.path, [Fault("line 1", f"no column '{name}'", hint) for name in missing])
+    rows = np.vstack([trace.columns[name] for name in columns])
+    return rows, ~np.isnan(rows).any(axis=0)

@@ -1,0 +1,110 @@
+"""The thesis's evaluation on a simulated phone: simulate, train on scenario 5, evaluate on all others, compare.
+
+No two runs share a seed, so none has another's weather or noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from ambient_studies.thesis.errata import Erratum, computed_errata
+from ambient_studies.thesis.methods import Method, Progress, observer_methods, thesis_methods
+from ambient_studies.thesis.published import Results
+from ambient_studies.thesis.rows import Evaluated, evaluate
+from ambient_studies.thesis.verdict import Verdict, verdict
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.simulator.phone import simulate_many
+
+TRAINING = "5"
+IDLE = "1"
+EVALUATED = ("1", "2.1", "2.2", "2.3", "2.4", "2.5", "3", "4")
+"""Every scenario but the training's, in the thesis's order."""
+
+
+@dataclass(frozen=True)
+class Runs:
+    """Simulated runs: what methods are trained on, and what they are evaluated on by the scenario's name."""
+
+    training: Trace
+    idle: Trace
+    evaluated: dict[str, Trace]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Everything that tables, page and JSON are made of."""
+
+    seed: int
+    runs: Runs
+    methods: Sequence[Method]
+    evaluated: Evaluated
+    verdict: Verdict
+
+
+def reproduce(
+    seed: int, train: Callable[[Runs, Progress], Sequence[Method]], published: Results, progress: Progress
+) -> Reproduction:
+    """Run the thesis's protocol on a simulated phone.
+
+    Parameters
+    ----------
+    seed : int
+        Of weather and noise; each run draws its own from it.
+    train : callable
+        Trains the methods to compare on the runs: :func:`all_methods`.
+    published : mapping of (str, str) to Result
+        Published errors by scenario and model.
+    progress : callable
+        Called with what is under way, how much of it is done, and of how much.
+
+    Returns
+    -------
+    Reproduction
+        The runs, the trained methods, their errors in every scenario, and the verdict.
+    """
+    runs = simulated_runs(seed, progress)
+    methods = train(runs, progress)
+    evaluated = evaluate(methods, runs.evaluated, published, progress)
+    return Reproduction(seed, runs, methods, evaluated, verdict(evaluated.rows))
+
+
+def simulated_runs(seed: int, progress: Progress) -> Runs:
+    """Simulate every run, each with a seed of its own that follows from ``seed``."""
+    names = (TRAINING, IDLE, *EVALUATED)
+    first = seed * len(names)
+    training, idle, *evaluated = simulate_many(
+        [(name, first + index) for index, name in enumerate(names)],
+        progress=lambda done, total: progress("simulating the scenarios", done, total),
+    )
+    return Runs(training, idle, dict(zip(EVALUATED, evaluated)))
+
+
+def all_methods(runs: Runs, progress: Progress) -> list[Method]:
+    """The thesis's ten models in all their variants, the four related methods and our observers, trained."""
+    from ambient_studies.thesis.related import related_methods  # scikit-learn takes a second to import
+
+    thesis = thesis_methods(runs.training, progress)
+    progress("fitting the related methods", 0, 1)
+    return [*thesis, *related_methods(runs.training, runs.idle), *observer_methods(runs.training, progress)]
+
+
+def errata_of(runs: Runs, progress: Progress) -> list[Erratum]:
+    """The errors of the thesis's text, computed from its tables and from ``runs``."""
+    progress("computing the errata", 0, 1)
+    return computed_errata(runs.training, runs.evaluated["3"])
+
+
+def as_json(reproduction: Reproduction, errata: Sequence[Erratum]) -> dict[str, Any]:
+    """The content of ``reproduce --json``."""
+    return {
+        "simulated": True,
+        "seed": reproduction.seed,
+        **asdict(reproduction.verdict),
+        "rows": [asdict(row) for row in reproduction.evaluated.rows],
+        "errata": [asdict(each) for each in errata],
+        "methods": [
+            {"model": each.name, "variant": each.variant, "about": each.about} for each in reproduction.methods
+        ],
+    }

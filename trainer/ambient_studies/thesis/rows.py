@@ -1,0 +1,120 @@
+"""Errors of a method in a scenario: the published figures, where there are any, beside those of a simulated run.
+
+An error is true minus estimate. Samples without an estimate are counted and not scored; a figure that is not finite is
+None.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import spearmanr
+
+from ambient_studies.thesis.methods import Method, Progress, Variant
+from ambient_studies.thesis.published import NONCAUSAL, Result, Results
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.evaluation.metrics import score
+
+
+@dataclass(frozen=True)
+class Row:
+    """``published`` is None where the thesis gives no figures, ``reproduced`` where there is no finite one."""
+
+    scenario: str
+    model: str
+    variant: Variant
+    published: Result | None
+    reproduced: Result | None
+    samples: int
+    """With an estimate and a reference."""
+    without_estimate: int
+
+    @property
+    def ratio(self) -> float | None:
+        """Reproduced over published RMSE, where both are known."""
+        if self.published is None or self.reproduced is None:
+            return None
+        return self.reproduced.rmse_degC / self.published.rmse_degC
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The rows, and every estimate by (scenario, model, variant) in degC, shape (n,)."""
+
+    rows: tuple[Row, ...]
+    estimates: Mapping[tuple[str, str, str], Array]
+
+
+def evaluate(
+    methods: Sequence[Method], traces: Mapping[str, Trace], published: Results, progress: Progress
+) -> Evaluated:
+    """Score each method on each trace.
+
+    Parameters
+    ----------
+    methods : sequence of Method
+        Trained methods.
+    traces : mapping of str to Trace
+        Runs by the scenario's name.
+    published : mapping of (str, str) to Result
+        Published errors by scenario and model.
+    progress : callable
+        Called with what is under way, how much of it is done, and of how much.
+
+    Returns
+    -------
+    Evaluated
+        One row for each pair of trace and method, and the estimates.
+    """
+    rows: list[Row] = []
+    estimates: dict[tuple[str, str, str], Array] = {}
+    for scenario, trace in traces.items():
+        for method in methods:
+            progress("evaluating", len(rows), len(traces) * len(methods))
+            # a method that diverges, as one with a misprint does, may overflow on its way
+            with np.errstate(over="ignore", invalid="ignore"):
+                estimate = method.estimate(trace)
+                rows.append(_row(scenario, method, estimate, trace.reference, published))
+            estimates[scenario, method.name, method.variant] = estimate
+    return Evaluated(tuple(rows), estimates)
+
+
+def like_published(rows: Sequence[Row]) -> list[Row]:
+    """The rows that compare with the thesis's tables (ten models, six scenarios), each in the variant it published."""
+    return [
+        row
+        for row in rows
+        if row.published is not None and row.variant == ("noncausal" if row.model == NONCAUSAL else "corrected")
+    ]
+
+
+def spearman(rows: Sequence[Row]) -> float | None:
+    """Rank correlation of published and reproduced RMSE over the rows that have both; None for fewer than three."""
+    pairs = [(row.published.rmse_degC, row.reproduced.rmse_degC) for row in rows if row.published and row.reproduced]
+    correlation = float(spearmanr(*zip(*pairs)).statistic) if len(pairs) > 2 else math.nan
+    return correlation if math.isfinite(correlation) else None
+
+
+def _row(scenario: str, method: Method, estimate: Array, reference: Array, published: Results) -> Row:
+    error = reference - estimate
+    known = np.isfinite(error)
+    samples = int(np.count_nonzero(known))
+    return Row(
+        scenario=scenario,
+        model=method.name,
+        variant=method.variant,
+        published=published.get((scenario, method.name)),
+        reproduced=_result(error[known]) if samples >= 2 else None,
+        samples=samples,
+        without_estimate=int(np.count_nonzero(~np.isfinite(estimate))),
+    )
+
+
+def _result(error_degC: Array) -> Result | None:
+    found = score(error_degC)
+    if not all(map(math.isfinite, (found.rmse_degC, found.mae_degC, found.mbe_degC, found.sigma_degC))):
+        return None
+    return Result(found.rmse_degC, found.mae_degC, found.mbe_degC, found.interval_degC)
