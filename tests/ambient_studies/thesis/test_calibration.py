@@ -95,6 +95,7 @@ def test_the_command_prints_how_well_the_phone_is_calibrated(trainer):
     assert float(out.split("correlation:")[1].strip().rstrip(".")) >= 0.85
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_constants_file(trainer, tmp_path, monkeypatch):
     monkeypatch.setattr("ambient_studies.thesis.outcome.ranked", lambda *_: [])
     path = tmp_path / "phone.yaml"

@@ -1,4 +1,4 @@
-"""What the thesis published: parameters (tables 4.1 to 4.8), errors (tables 5.1 to 5.12), and what follows from both."""
+"""What the thesis published: parameters (tables 4.1 to 4.8) and errors (tables 5.1 to 5.12), with what they imply."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE
@@ -61,11 +62,11 @@ def lagged(time_s: Array, values: Array, time_constant_s: float) -> Array:
     return np.fromiter(states, dtype=np.float64, count=len(values))
 
 
-def _complete(trace: Trace, columns: Sequence[str], *others: str) -> tuple[Array, Array]:
+def _complete(trace: Trace, columns: Sequence[str], *others: str) -> tuple[Array, NDArray[np.bool_]]:
     """The rows of ``columns`` and which samples hold them all; every missing column is named in one message."""
     missing = [name for name in (*columns, *others) if name not in trace.columns]
     if missing:
         hint = f"the trace has {', '.join(trace.columns)}; log it or map it on import"
         raise Refused(trace.path, [Fault("line 1", f"no column '{name}'", hint) for name in missing])
     rows = np.vstack([trace.columns[name] for name in columns])
-    return rows, ~np.isnan(rows).any(axis=0)
+    return rows, np.asarray(~np.isnan(rows).any(axis=0))
