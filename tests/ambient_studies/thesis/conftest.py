@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from ambient_studies.thesis.reproduction import Runs, all_methods
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.budget import Budget
-from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.simulator.phone import simulate
 
 SHARED = Path(__file__).parents[4] / "shared" / "thesis"

@@ -11,9 +11,9 @@ from scipy.signal import lsim
 from ambient_model.faults import Refused
 from ambient_studies.thesis.methods import fit_model, fitted_method, published_method, thesis_methods
 from ambient_studies.thesis.published import MODELS, published_parameters
-from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 
 
@@ -35,7 +35,7 @@ def test_a_fit_recovers_the_output_of_the_same_model(runs, model):
     training = runs.training
     own = fitted_method(fit_model(model, training)).estimate(training)
     synthetic = replace(training, columns={**training.columns, "ambient_degC": own})
-    again = fit_circuit(load_circuit(model), [synthetic], Effort(starts=6))
+    again = estimator(model).fit([synthetic], Effort(starts=6))
     assert again.rmse_degC < 0.01
     np.testing.assert_allclose(fitted_method(again).estimate(training), own, atol=0.1)
 

@@ -5,7 +5,7 @@ A causal estimate starts from equilibrium with the first sensor sample and never
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -19,11 +19,9 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.estimators.fit import Effort, Fit, fit_circuit
-from ambient_trainer.estimators.kalman.circuit_observer import fit_circuit_observer
-from ambient_trainer.estimators.kalman.free_observer import fit_free_observer
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.estimators.registry import estimator
 
 Variant = Literal["corrected", "as_printed", "noncausal", "published_parameters", "ours"]
 
@@ -34,6 +32,10 @@ More starts find deeper optima for model1_ss and model2_ss and leave errors that
 so does fitting in pieces.
 """
 
+_OBSERVERS = {
+    "circuit_observer": "the nodes that the sensors read, each exchanging heat with the ambient, a random walk",
+    "free_observer": "a free linear filter whose DC gains add up to one, its order selected on the training run",
+}
 _OBSERVED = ("soc_degC", "flash_degC", "battery_degC", "usb_degC", "display_degC")
 _OBSERVER_PERIOD_S = 5.0
 """No time constant of a phone's sensors is shorter; it makes the fits of the observers faster."""
@@ -89,43 +91,30 @@ def thesis_methods(training: Trace, progress: Progress) -> list[Method]:
 def observer_methods(training: Trace, progress: Progress) -> list[Method]:
     """``circuit_observer`` and ``free_observer``, fitted to ``training`` over the thesis's five sensors."""
     period_s = max(_OBSERVER_PERIOD_S, sampling_period_s(training.time_s))
-    progress("fitting circuit_observer", 0, 2)
-    circuit = fit_circuit_observer([training], EFFORT, None, period_s, _OBSERVED)
-    progress("fitting free_observer", 1, 2)
-    free = fit_free_observer([training], EFFORT, None, period_s, _OBSERVED)
-    return [
-        Method(
-            circuit.circuit,
-            "ours",
-            _estimate_of(circuit.system, circuit.hold, circuit.inputs),
-            "the nodes that the sensors read, each exchanging heat with the ambient, which is a random walk",
-        ),
-        Method(
-            free.circuit,
-            "ours",
-            _estimate_of(free.system, free.hold, free.inputs),
-            "a free linear filter whose DC gains add up to one, its order selected on the training run",
-        ),
-    ]
+    methods = []
+    for done, (name, about) in enumerate(_OBSERVERS.items()):
+        progress(f"fitting {name}", done, len(_OBSERVERS))
+        fit = estimator(name).fit([training], EFFORT, None, period_s, _OBSERVED)
+        methods.append(Method(name, "ours", fit.estimate_degC, about))
+    return methods
 
 
 def fit_model(model: str, training: Trace) -> Fit:
     """The circuit of that name fitted to ``training`` from equilibrium with its first sample."""
-    return fit_circuit(load_circuit(model), [training], EFFORT)
+    return estimator(model).fit([training], EFFORT)
 
 
 def fitted_method(fit: Fit) -> Method:
     """The corrected equations with the fitted parameters."""
     about = f"{load_circuit(fit.circuit).about}; fitted to the training run"
-    return Method(fit.circuit, "corrected", _estimate_of(fit.system, fit.hold, fit.inputs), about)
+    return Method(fit.circuit, "corrected", fit.estimate_degC, about)
 
 
 def noncausal_method(fit: Fit) -> Method:
     """The same with an offset that is fitted to the reference of the very run under evaluation (erratum 9)."""
-    causal = _estimate_of(fit.system, fit.hold, fit.inputs)
 
     def estimate(trace: Trace) -> Array:
-        found = causal(trace)
+        found = fit.estimate_degC(trace)
         return found + np.nanmean(trace.column(REFERENCE) - found)
 
     about = "as fitted, plus the offset that makes each run's mean error zero"
@@ -135,17 +124,15 @@ def noncausal_method(fit: Fit) -> Method:
 def published_method(model: str) -> Method:
     """The corrected equations with the parameters of tables 4.1 to 4.8, errata applied."""
     circuit, published = load_circuit(model), published_parameters()[model]
-    estimate = _estimate_of(assemble(circuit, published.corrected).value, circuit.hold, circuit.inputs)
+    system = assemble(circuit, published.corrected).value
     about = f"{circuit.about}; parameters of table {published.table}, found on the thesis's phone"
+    estimate = partial(estimate_degC, system, circuit.hold, circuit.inputs)
     return Method(model, "published_parameters", estimate, about)
 
 
 def printed_method(model: str) -> Method:
     """Equations and parameters as printed, errors included; for the models of ``PRINTED``."""
     printed, published = PRINTED[model], published_parameters()[model]
-    estimate = _estimate_of(printed.system(published.printed), "first-order", printed.inputs)
-    return Method(model, "as_printed", estimate, f"{printed.about}, parameters of table {published.table} as printed")
-
-
-def _estimate_of(system: StateSpace, hold: Hold, inputs: Sequence[str]) -> Callable[[Trace], Array]:
-    return partial(estimate_degC, system, hold, inputs)
+    about = f"{printed.about}, parameters of table {published.table} as printed"
+    estimate = partial(estimate_degC, printed.system(published.printed), "first-order", printed.inputs)
+    return Method(model, "as_printed", estimate, about)

@@ -1,13 +1,19 @@
-"""Related methods, one module each, found by their place: a module has NAME, ABOUT, TRAINED_ON and ``fit``.
+"""Related methods, one module each, found by their place: a module (``ESTIMATOR``) keeps the contract of estimators.
 
-What a paper leaves open is filled in; ABOUT says what was given and what was filled in.
+What a paper leaves open is filled in; an estimator's ``about`` says what was given and what was filled in.
 """
 
 from __future__ import annotations
 
 from ambient_studies.thesis.methods import Method
+from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Trace
+
+
+def related_estimators() -> list[RelatedEstimator]:
+    """Every related method, by the name of its module."""
+    return [plugin(__name__, name).ESTIMATOR for name in plugin_names(__name__)]
 
 
 def related_methods(training: Trace, idle: Trace) -> list[Method]:
@@ -21,7 +27,7 @@ def related_methods(training: Trace, idle: Trace) -> list[Method]:
     Returns
     -------
     list of Method
-        In the order of the modules' names.
+        In the order of :func:`related_estimators`.
 
     Raises
     ------
@@ -30,8 +36,7 @@ def related_methods(training: Trace, idle: Trace) -> list[Method]:
     """
     traces = {"5": training, "1": idle}
     methods = []
-    for name in plugin_names(__name__):
-        module = plugin(__name__, name)
-        estimator = module.fit([traces[scenario] for scenario in module.TRAINED_ON])
-        methods.append(Method(module.NAME, "corrected", estimator.estimate, module.ABOUT))
+    for each in related_estimators():
+        fit = each.fit([traces[scenario] for scenario in each.trained_on])
+        methods.append(Method(each.name, "corrected", fit.estimate_degC, each.about))
     return methods

@@ -21,16 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
-from ambient_studies.thesis.related._samples import estimated, training_samples
+from ambient_studies.thesis.related._estimator import RelatedEstimator
+from ambient_studies.thesis.related._samples import training_samples
 from ambient_trainer.data.trace import Array, Trace
-
-NAME = "chau_linear_battery"
-ABOUT = (
-    "Chau 2019: a line of the battery temperature, out of a pocket. Given: the regression, the idle phone. Filled in: "
-    "when a phone counts as idle"
-)
-TRAINED_ON = ("5", "1")
-"""Scenarios."""
 
 SENSORS = ("battery_degC",)
 DRIVES = ("cpu_load_frac", "charging_on")
@@ -47,12 +40,14 @@ class Line:
     slope: float
     offset_degC: float
 
-    def estimate(self, trace: Trace) -> Array:
-        """The ambient in degC, shape (n,), NaN where the battery's temperature is missing."""
-        return estimated(trace, SENSORS, lambda _, rows: self.slope * rows[0] + self.offset_degC)
+    identifiable = True  # otherwise the fit is refused
+
+    def ambient_degC(self, time_s: Array, rows: Array) -> Array:
+        """The estimate, shape (n,), from the battery's temperature (1, n)."""
+        return self.slope * rows[0] + self.offset_degC
 
 
-def fit(traces: Sequence[Trace]) -> Line:
+def train(traces: Sequence[Trace]) -> Line:
     """Least-squares line through the idle, stable samples; :class:`Refused` where they are missing or at one value."""
     found = [_idle(trace) for trace in traces]
     battery, ambient = np.concatenate(found, axis=1)
@@ -79,3 +74,13 @@ def stable(time_s: Array, battery_degC: Array, idle: NDArray[np.bool_]) -> NDArr
     moved = np.abs(battery_degC - battery_degC[np.maximum(before, 0)])
     last_busy_s = np.maximum.accumulate(np.where(idle, -np.inf, time_s))
     return np.asarray((before >= 0) & (moved < _STABLE_K) & (time_s - last_busy_s > _STABLE_FOR_S))
+
+
+ESTIMATOR = RelatedEstimator(
+    "chau_linear_battery",
+    "Chau 2019: a line of the battery temperature, out of a pocket. Given: the regression, the idle phone. Filled in: "
+    "when a phone counts as idle",
+    SENSORS,
+    train,
+    ("5", "1"),
+)

@@ -25,16 +25,9 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVR
 
-from ambient_studies.thesis.related._samples import estimated, training_samples
+from ambient_studies.thesis.related._estimator import RelatedEstimator
+from ambient_studies.thesis.related._samples import training_samples
 from ambient_trainer.data.trace import Array, Trace
-
-NAME = "he_svr"
-ABOUT = (
-    "He, Lee, Shin 2020: support vector regression of battery temperature and discharge current. Given: inputs, "
-    "quadratic kernel. Filled in: scaling, C and epsilon by blocked cross-validation"
-)
-TRAINED_ON = ("5",)
-"""Scenarios."""
 
 SENSORS = ("battery_degC", "battery_current_A")
 
@@ -50,9 +43,11 @@ class Regression:
 
     pipeline: Pipeline
 
-    def estimate(self, trace: Trace) -> Array:
-        """The ambient in degC, shape (n,), NaN where temperature or current is missing."""
-        return estimated(trace, SENSORS, lambda _, rows: np.asarray(self.pipeline.predict(features(rows))))
+    identifiable = True  # the minimum of a strictly convex problem
+
+    def ambient_degC(self, time_s: Array, rows: Array) -> Array:
+        """The estimate, shape (n,), from the columns of ``SENSORS`` (2, n)."""
+        return np.asarray(self.pipeline.predict(features(rows)))
 
 
 def features(rows: Array) -> Array:
@@ -60,7 +55,7 @@ def features(rows: Array) -> Array:
     return np.column_stack([rows[0], np.maximum(-rows[1], 0.0)])
 
 
-def fit(traces: Sequence[Trace]) -> Regression:
+def train(traces: Sequence[Trace]) -> Regression:
     """The regression of one trace; raises :class:`Refused` where it is too short."""
     (training,) = traces
     samples = training_samples(training, SENSORS, at_least=2 * _BLOCKS)
@@ -76,3 +71,12 @@ def fit(traces: Sequence[Trace]) -> Regression:
     )
     search.fit(features(samples.rows[:, chosen]), samples.ambient_degC[chosen])
     return Regression(search.best_estimator_)
+
+
+ESTIMATOR = RelatedEstimator(
+    "he_svr",
+    "He, Lee, Shin 2020: support vector regression of battery temperature and discharge current. Given: inputs, "
+    "quadratic kernel. Filled in: scaling, C and epsilon by blocked cross-validation",
+    SENSORS,
+    train,
+)

@@ -34,19 +34,12 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
+from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_studies.thesis.related._ratios import FirstOrderRatios
-from ambient_studies.thesis.related._samples import estimated, lagged, training_samples
+from ambient_studies.thesis.related._samples import lagged, training_samples
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.search import search
-
-NAME = "ishii_transfer_functions"
-ABOUT = (
-    "Ishii, Nakashima 2017: heat sources by a steady linear model, the ambient through first-order responses. Given: "
-    "the two models. Filled in: which sensors, and least squares with positive resistances and time constants"
-)
-TRAINED_ON = ("5",)
-"""Scenarios."""
 
 SENSORS = ("usb_degC", "soc_degC", "flash_degC", "battery_degC", "display_degC")
 """The reference sensor, then the sources', strongest first."""
@@ -70,18 +63,20 @@ class TransferFunctions:
     time_constant_s: Array
     offset_degC: float
 
-    def estimate(self, trace: Trace) -> Array:
-        """The ambient in degC, shape (n,), NaN where a sensor is missing."""
-        return estimated(trace, SENSORS, self._ambient)
+    @property
+    def identifiable(self) -> bool:
+        """Whether every response has a share: without one its time constant is open."""
+        return bool(((self.gain != 0) | (self.direct != 0)).all())
 
-    def _ambient(self, time_s: Array, rows: Array) -> Array:
+    def ambient_degC(self, time_s: Array, rows: Array) -> Array:
+        """The estimate, shape (n,), from the sensors (5, n)."""
         sources = self.separation @ rows
         slow = np.vstack([lagged(time_s, source, tau) for source, tau in zip(sources, self.time_constant_s)])
         ambient: Array = self.offset_degC + self.direct @ (sources - slow) + self.gain @ slow
         return ambient
 
 
-def fit(traces: Sequence[Trace]) -> TransferFunctions:
+def train(traces: Sequence[Trace]) -> TransferFunctions:
     """Both models of one trace; raises :class:`Refused` where the sources cannot be separated."""
     (training,) = traces
     separation = separated(training)
@@ -109,3 +104,12 @@ def separated(training: Trace) -> Array:
         raise refuse(training.path, "", problem, "log a run in which each moves by itself") from None
     H = root / np.diag(root)
     return np.vstack([rises[:1], np.linalg.solve(H, rises[1:])])
+
+
+ESTIMATOR = RelatedEstimator(
+    "ishii_transfer_functions",
+    "Ishii, Nakashima 2017: heat sources by a steady linear model, the ambient through first-order responses. Given: "
+    "the two models. Filled in: which sensors, and least squares with positive resistances and time constants",
+    SENSORS,
+    train,
+)

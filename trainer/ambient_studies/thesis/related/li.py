@@ -32,16 +32,9 @@ from dataclasses import astuple, dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from ambient_studies.thesis.related._samples import Samples, estimated, lagged, training_samples
+from ambient_studies.thesis.related._estimator import RelatedEstimator
+from ambient_studies.thesis.related._samples import Samples, lagged, training_samples
 from ambient_trainer.data.trace import Array, Trace
-
-NAME = "li_fixed_point"
-ABOUT = (
-    "Li et al. 2020: a thermal circuit solved for the ambient by fixed-point iteration. Given: that. Filled in: the "
-    "circuit (a surface between USB port and display, natural convection) and its fit"
-)
-TRAINED_ON = ("5",)
-"""Scenarios."""
 
 SENSORS = ("usb_degC", "display_degC", "battery_degC", "flash_degC", "soc_degC")
 
@@ -70,11 +63,14 @@ class Surface:
     lag_s: float
     """tau of the derivative."""
 
-    def estimate(self, trace: Trace) -> Array:
-        """The ambient in degC, shape (n,), NaN where a sensor is missing."""
-        return estimated(trace, SENSORS, self._ambient)
+    @property
+    def identifiable(self) -> bool:
+        """Whether no parameter lies at its bound."""
+        values, low, high = (np.array(astuple(each)) for each in (self, _LOW, _HIGH))
+        return bool(((low < values) & (values < high)).all())
 
-    def _ambient(self, time_s: Array, rows: Array) -> Array:
+    def ambient_degC(self, time_s: Array, rows: Array) -> Array:
+        """The estimate, shape (n,), from the sensors (5, n)."""
         surface, heat = self.balance(time_s, rows)
         return fixed_point(surface, heat, self.convection)
 
@@ -109,7 +105,7 @@ _LOW = Surface(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 5.0)
 _HIGH = Surface(1.0, 10.0, 10.0, 10.0, 10.0, 5000.0, 5.0, 600.0)
 
 
-def fit(traces: Sequence[Trace]) -> Surface:
+def train(traces: Sequence[Trace]) -> Surface:
     """The circuit of one trace; raises :class:`Refused` where it is too short."""
     (training,) = traces
     samples = training_samples(training, SENSORS, _LEAST_SAMPLES)
@@ -129,3 +125,12 @@ def _errors(parameters: Array, samples: Samples, compared: Array) -> Array:
     circuit = Surface(*parameters.tolist())
     surface, heat = circuit.balance(samples.time_s, samples.rows)
     return samples.ambient_degC[compared] - fixed_point(surface[compared], heat[compared], circuit.convection)
+
+
+ESTIMATOR = RelatedEstimator(
+    "li_fixed_point",
+    "Li et al. 2020: a thermal circuit solved for the ambient by fixed-point iteration. Given: that. Filled in: the "
+    "circuit (a surface between USB port and display, natural convection) and its fit",
+    SENSORS,
+    train,
+)
