@@ -17,8 +17,8 @@ from ambient_trainer.estimators.base import Effort
 from ambient_trainer.simulator.phone import simulate
 
 SHARED = Path(__file__).parents[4] / "shared" / "thesis"
-PERIOD_S = 20.0
-"""Ten times slower than a phone logs: what is trained only has to be trained, not to be good."""
+PERIOD_S = 60.0
+"""Slower than a phone logs: what is trained only has to be trained, not to be good."""
 
 
 @pytest.fixture(autouse=True, scope="session")

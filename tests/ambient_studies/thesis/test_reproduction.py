@@ -2,68 +2,41 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from ambient_studies.thesis import reproduction
-from ambient_studies.thesis.errata import Erratum, Figure
+from ambient_studies.thesis.errata import Erratum, Figure, text_errata
 from ambient_studies.thesis.methods import Method
-from ambient_studies.thesis.names import OURS, RELATED, TABLES
-from ambient_studies.thesis.published import MODELS, NONCAUSAL, Result
-from ambient_studies.thesis.reproduction import EVALUATED, Runs, as_json, reproduce, simulated_runs
+from ambient_studies.thesis.names import TABLES
+from ambient_studies.thesis.published import MODELS, NONCAUSAL
+from ambient_studies.thesis.report import report_of
+from ambient_studies.thesis.reproduction import EVALUATED, as_json, simulated_runs
 from ambient_studies.thesis.rows import evaluate, like_published, spearman
 from ambient_studies.thesis.tables import overview_table, scenario_tables
 from ambient_studies.thesis.verdict import verdict
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.report.terminal import print_report
+
+from .synthetic import off_by, published_as, run_of, synthetic_reproduction
 
 
 def quiet(what, done, total):
     assert 0 <= done < total
 
 
-def run(scenario, samples=60):
-    """Sensors that rise over a constant ambient of 20 degC."""
-    time_s = np.arange(samples) * 1.0
-    names = ("usb", "display", "battery", "flash", "soc")
-    sensors = {f"{name}_degC": 21.0 + time_s / 60 * k for k, name in enumerate(names, start=1)}
-    return Trace(f"scenario {scenario}", time_s, {**sensors, "ambient_degC": np.full(samples, 20.0)})
-
-
-def off_by(name, error_degC, variant="corrected"):
-    """A method whose error is ``error_degC`` in the first half and zero in the second."""
-
-    def estimate(trace):
-        return 20.0 - error_degC * (np.arange(len(trace.time_s)) < len(trace.time_s) // 2)
-
-    return Method(name, variant, estimate, f"{name}, synthetic")
-
-
-def result(rmse_degC):
-    bands = dict.fromkeys((50, 90, 98), (-rmse_degC, rmse_degC))
-    return Result(rmse_degC, 0.8 * rmse_degC, 0.1 * rmse_degC, bands)
-
-
 @pytest.fixture
-def done(monkeypatch):
-    """Ten models and related methods, each worse than the one before, as published; ours; one that saw the truth."""
-    monkeypatch.setattr(
-        reproduction,
-        "simulated_runs",
-        lambda seed, progress: Runs(run("5"), run("1"), {name: run(name) for name in EVALUATED}),
-    )
-    methods = [off_by(name, 0.1 * (index + 1)) for index, name in enumerate((*MODELS, *RELATED))]
-    methods += [off_by(name, 0.02, "ours") for name in OURS]
-    methods.append(off_by(NONCAUSAL, 0.05, "noncausal"))
-    published = {(each, name): result(0.1 * (index + 1)) for each in TABLES for index, name in enumerate(MODELS)}
-    return reproduce(3, lambda runs, progress: methods, published, quiet)
+def done():
+    return synthetic_reproduction()
 
 
 def test_a_row_has_the_errors_of_its_method():
-    found = evaluate([off_by("a", 2.0)], {"3": run("3"), "4": run("4")}, {("3", "a"): result(1.0)}, quiet)
+    found = evaluate([off_by("a", 2.0)], {"3": run_of("3"), "4": run_of("4")}, {("3", "a"): published_as(1.0)}, quiet)
     third, fourth = found.rows
     assert (third.scenario, third.model, third.variant) == ("3", "a", "corrected")
     assert third.reproduced.rmse_degC == pytest.approx(math.sqrt(2))
@@ -77,13 +50,13 @@ def test_a_row_has_the_errors_of_its_method():
 @pytest.mark.parametrize("wild", [np.nan, np.inf, 1e200])
 def test_what_is_not_finite_is_no_figure(wild):
     method = Method("a", "as_printed", lambda trace: np.full(len(trace.time_s), wild), "wild")
-    (row,) = evaluate([method], {"4": run("4")}, {("4", "a"): result(1.0)}, quiet).rows
+    (row,) = evaluate([method], {"4": run_of("4")}, {("4", "a"): published_as(1.0)}, quiet).rows
     assert row.reproduced is row.ratio is None
 
 
 def test_samples_without_an_estimate_are_counted_and_not_scored():
     late = Method("a", "corrected", lambda trace: np.where(trace.time_s < 10, np.nan, 19.0), "late")
-    (row,) = evaluate([late], {"4": run("4")}, {}, quiet).rows
+    (row,) = evaluate([late], {"4": run_of("4")}, {}, quiet).rows
     assert (row.samples, row.without_estimate) == (50, 10)
     assert row.reproduced.mbe_degC == pytest.approx(1.0)
 
@@ -160,7 +133,7 @@ def test_the_verdict_names_what_differs(done):
     before = verdict(rows)
     assert before.compared == 60
     index = next(k for k, row in enumerate(rows) if (row.scenario, row.model) == ("4", "linear_usb"))
-    rows[index] = replace(rows[index], published=result(30.0))
+    rows[index] = replace(rows[index], published=published_as(30.0))
     worse = verdict(rows)
     assert worse.within_factor_two == before.within_factor_two - 1
     (stray,) = set(worse.shortfalls) - set(before.shortfalls) - {worse.shortfalls[0]}
@@ -171,9 +144,23 @@ def test_the_verdict_names_what_differs(done):
 
 def test_a_bad_correlation_is_not_hidden(done):
     rows = [
-        row if row.published is None else replace(row, published=result(1 / row.published.rmse_degC))
+        row if row.published is None else replace(row, published=published_as(1 / row.published.rmse_degC))
         for row in done.evaluated.rows
     ]
     found = verdict(rows)
     assert found.spearman < 0
     assert f"{found.spearman:.2f}" in found.shortfalls[0]
+
+
+def test_the_report_says_on_a_terminal_what_differs_and_holds_every_table_and_figure(done):
+    report = report_of(done, text_errata(), [])
+    console = Console(record=True, width=200, file=io.StringIO())
+    print_report(console, report)
+    shown = console.export_text()
+    for line in done.verdict.shortfalls:
+        assert line in shown
+    for number in range(1, 13):
+        assert f"Table 5.{number}: " in shown
+    figures = next(each for each in report.sections if each.title == "The thesis's figures")
+    assert [each.title.split()[1] for each in figures.blocks] == ["4.1:", "4.5:", *(f"5.{k}:" for k in range(1, 10))]
+    assert report.data["headline"] == done.verdict.headline

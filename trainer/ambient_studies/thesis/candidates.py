@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambient_studies.thesis.errata import dc_gains
 from ambient_studies.thesis.published import (
     CONSTANT_SCENARIOS,
     SensorStatistics,
@@ -23,6 +22,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.evaluation.metrics import Metrics, score
+from ambient_trainer.lti.statespace import dc_gain
 from ambient_trainer.simulator.device import from_values
 from ambient_trainer.simulator.instruments import felt
 from ambient_trainer.simulator.run import Driven, integrate, prepare
@@ -93,7 +93,7 @@ def _steady_state(model: str) -> Formula:
     circuit = load_circuit(model)
     system = assemble(circuit, published_parameters()[model].corrected).value
     gains = np.zeros(len(_SENSORS))
-    gains[[_SENSORS.index(column.removesuffix("_degC")) for column in circuit.inputs]] = dc_gains(system)
+    gains[[_SENSORS.index(column.removesuffix("_degC")) for column in circuit.inputs]] = dc_gain(system)[0]
     return Formula(gains, float(system.offset[0]))
 
 

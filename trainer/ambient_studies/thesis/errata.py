@@ -25,7 +25,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 _TRUTH_DEGC = 20.0
 """The ambient of the constant scenarios."""
@@ -98,11 +98,6 @@ def implied_display_degC(gains: Mapping[str, float], scenario: str) -> float:
     return (estimate - others) / gains["display"]
 
 
-def dc_gains(system: StateSpace) -> Array:
-    """The DC gain of each input to the output, (m,)."""
-    return np.asarray((system.D - system.C @ np.linalg.solve(system.A, system.B))[0])
-
-
 @cache
 def _texts() -> Mapping[int, Mapping[str, str]]:
     texts: Mapping[int, Mapping[str, str]] = yaml.safe_load((resources.files(__package__) / "errata.yaml").read_text())
@@ -128,8 +123,8 @@ def _moving_ambient(training: Trace, ambient_change: Trace) -> list[Figure]:
 def _sign() -> list[Figure]:
     values = published_parameters()["model2_ss_free_cd"].corrected
     sensors = [column.removesuffix("_degC") for column in load_circuit("model2_ss_free_cd").inputs]
-    printed = dc_gains(PRINTED["model2_ss_free_cd"].system(values))
-    corrected = dc_gains(_corrected("model2_ss_free_cd", values))
+    printed = dc_gain(PRINTED["model2_ss_free_cd"].system(values))[0]
+    corrected = dc_gain(_corrected("model2_ss_free_cd", values))[0]
     figures = []
     for what, gains in (("printed", printed), ("corrected", corrected)):
         figures += [Figure(f"DC gain of {name}, {what}", float(gain), "") for name, gain in zip(sensors, gains)]
@@ -188,7 +183,7 @@ def _weight() -> list[Figure]:
     sensors = [column.removesuffix("_degC") for column in load_circuit("model2_ss").inputs]
     figures = []
     for what, values in (("printed", published.printed), ("corrected", published.corrected)):
-        idle = float(dc_gains(_corrected("model2_ss", values)) @ _means("1", sensors))
+        idle = float(dc_gain(_corrected("model2_ss", values))[0] @ _means("1", sensors))
         figures += [
             Figure(f"w1, {what}", values["w1"], ""),
             Figure(f"sum of the weights, {what}", values["w1"] + values["w2"] + values["w3"], ""),
@@ -219,7 +214,7 @@ def _offset() -> list[Figure]:
 
 def _missing_loss() -> list[Figure]:
     model = "model2_ss_single_input"
-    gain = float(dc_gains(_corrected(model, published_parameters()[model].corrected))[0])
+    gain = float(dc_gain(_corrected(model, published_parameters()[model].corrected))[0][0])
     idle = _TRUTH_DEGC - gain * sensor_statistics()["1", "display"].mean_degC
     return [
         Figure("DC gain of the display in Model 2 single input", gain, ""),

@@ -72,7 +72,14 @@ def report_of(reproduction: Reproduction, errata: Sequence[Erratum], calibration
                 [_CALIBRATION, outcome_table(calibration)] if calibration else [],
                 detail=True,
             ),
-            Section("The methods", [_methods(reproduction)], detail=True),
+            Section(
+                "The methods",
+                [
+                    Finding(each.about, label=f"{method_name(each.name)}, {VARIANTS[each.variant]}")
+                    for each in reproduction.methods
+                ],
+                detail=True,
+            ),
         ],
         data=as_json(reproduction, errata),
     )
@@ -93,7 +100,3 @@ def _erratum(erratum: Erratum) -> Section:
     rows = [(each.what, f"{each.value:.4g} {each.unit}") for each in erratum.figures]
     table = Table("", ("figure", "value"), rows)
     return Section(f"Erratum {erratum.number}: {erratum.title}", [erratum.statement, table])
-
-
-def _methods(reproduction: Reproduction) -> Facts:
-    return Facts([(f"{method_name(each.name)}, {VARIANTS[each.variant]}", each.about) for each in reproduction.methods])

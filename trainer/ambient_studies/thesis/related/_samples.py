@@ -14,6 +14,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import bridge_limit_s
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.lti.lag import lag_weights
 
 
 class Samples(NamedTuple):
@@ -45,15 +46,10 @@ def training_samples(trace: Trace, columns: Sequence[str], at_least: int = 1) ->
 
 
 def lagged(time_s: Array, values: Array, time_constant_s: float) -> Array:
-    """Exact first-order response 1/(1 + tau s) to samples at any times, which are joined by straight lines.
-
-    With h = dt / tau and e = exp(-h): x[k+1] = e x[k] + (1 - e) u[k] + (1 - (1 - e)/h) (u[k+1] - u[k]), from
-    equilibrium, x[0] = u[0]; after a gap longer than a device bridges it starts again from equilibrium.
-    """
+    """First-order lag of samples at any times, from equilibrium with the first and after a gap too long to bridge."""
     steps_s = np.diff(time_s)
-    h = steps_s / time_constant_s
-    decay, gain = np.exp(-h), -np.expm1(-h)
-    push = gain * values[:-1] + (1.0 - gain / h) * np.diff(values)
+    decay, before, now = lag_weights(time_constant_s, steps_s)
+    push = before * values[:-1] + now * values[1:]
     period_s = sampling_period_s(time_s)
     restarted = np.floor(steps_s / period_s + 0.5) > round(bridge_limit_s(period_s) / period_s)
     decay[restarted], push[restarted] = 0.0, values[1:][restarted]
