@@ -13,11 +13,11 @@ import pytest
 import yaml
 
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import RealClock
-from ambient_trainer.laboratory.collect import Job, Watching, collect
-from ambient_trainer.laboratory.conductor import Conductor
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.collect import Job, collect
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Sample
-from ambient_trainer.laboratory.rehearsal.laboratory import Rehearsal, rehearsal
+from ambient_trainer.laboratory.run import Run, Supervision
+from ambient_trainer.laboratory.simulation.laboratory import SimulatedLaboratory, simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
 
 RUN_MIN = 0.75
@@ -27,27 +27,27 @@ MOST_S = 0.05
 """What issue and README promise."""
 
 
-class _Eyes:
-    """Nobody looks."""
+class _Silent:
+    """A monitor that shows nothing."""
 
-    def look(self, conductor: Conductor) -> None:
+    def update(self, run: Run) -> None:
         """Nothing."""
 
-    def say(self, at_s: float, text: str) -> None:
+    def event(self, at_s: float, text: str) -> None:
         """Nothing."""
 
 
-def _chamber(there: Rehearsal) -> None:
+def _chamber(there: SimulatedLaboratory) -> None:
     for _ in range(200):
-        there.chamber.twist(lambda reply: [(SLOW_S, reply)])
+        there.chamber.distort(lambda reply: [(SLOW_S, reply)])
 
 
-def _multiplexer(there: Rehearsal) -> None:
+def _multiplexer(there: SimulatedLaboratory) -> None:
     for _ in range(200):
-        there.multiplexer.twist(lambda reply: [(SLOW_S, reply)])
+        there.multiplexer.distort(lambda reply: [(SLOW_S, reply)])
 
 
-def _none(there: Rehearsal) -> None:
+def _none(there: SimulatedLaboratory) -> None:
     """All answer as they do."""
 
 
@@ -83,17 +83,17 @@ def test_lateness(
     tmp_path: Path,
     noted: Callable[[str, str, float, str], None],
     slow: str,
-    slow_down: Callable[[Rehearsal], None],
+    slow_down: Callable[[SimulatedLaboratory], None],
     others: tuple[str, ...],
 ) -> None:
     loaded = load_campaign(_campaign(tmp_path), ports=False)
 
     def run() -> list[Sample]:
-        clock = RealClock()
-        with rehearsal(loaded, clock) as there:
-            job = Job(there.loaded, str(tmp_path / "trace.csv"), clock, 1.0, True, there.environment)
-            eyes = _Late(there, slow_down)
-            collected = collect(job, Watching(eyes, lambda: None, lambda: False))
+        clock = Clock()
+        with simulated_laboratory(loaded, clock) as there:
+            job = Job(there.loaded, str(tmp_path / "trace.csv"), clock, True, there.environment)
+            monitor = _Late(there, slow_down)
+            collected = collect(job, Supervision(monitor, lambda: None, lambda: False))
         return [entry for entry in collected.record.entries if isinstance(entry, Sample)]
 
     samples = benchmark.pedantic(run, rounds=1, iterations=1)
@@ -108,14 +108,14 @@ def test_lateness(
     assert left_out == 0
 
 
-class _Late(_Eyes):
+class _Late(_Silent):
     """Slows an instrument down once the run has begun."""
 
-    def __init__(self, there: Rehearsal, slow_down: Callable[[Rehearsal], None]) -> None:
+    def __init__(self, there: SimulatedLaboratory, slow_down: Callable[[SimulatedLaboratory], None]) -> None:
         self._there = there
-        self._slow_down: Callable[[Rehearsal], None] | None = slow_down
+        self._slow_down: Callable[[SimulatedLaboratory], None] | None = slow_down
 
-    def look(self, conductor: Conductor) -> None:
+    def update(self, run: Run) -> None:
         """The first look is the beginning."""
         if self._slow_down is not None:
             self._slow_down(self._there)

@@ -106,10 +106,9 @@ def test_a_simulated_run_prints_lines_and_a_summary(short, tmp_path):
     assert re.search(
         r"0:00:0\d  step 1 of 2: 25 degC, ambient (-|[\d.]+) degC, 0:0\d:\d\d left, \d+ samples on disk", done.stdout
     )
-    assert "the program is over" in done.stdout
     assert re.search(r"ambient_degC +\d+ +\d+ +\d+ +2\d\.\d{3}", done.stdout)
-    assert done.stdout.splitlines()[-1].startswith(f"360 rows in {output}, what the instruments said in ")
-    assert done.stdout.rstrip().endswith("All of it is simulated.")
+    assert f"360 rows in {output}" in done.stdout
+    assert "All of it is simulated." in done.stdout
     assert sorted(os.listdir(tmp_path)) == ["lab.yaml", "short.yaml", "t.csv", "t.laboratory.csv"]
     assert len(load_trace(str(output)).time_s) == 360
 

@@ -8,31 +8,32 @@ import signal
 import sys
 
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import FastClock
-from ambient_trainer.laboratory.collect import Job, Watching, collect, resume
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.collect import Job, collect, resume
+from ambient_trainer.laboratory.run import Supervision
 
 
-class Eyes:
+class Printer:
     def __init__(self):
-        self.told = 0
+        self.printed = 0
 
-    def look(self, conductor):
-        count = conductor.journal.samples_on_disk
-        if count != self.told:
-            self.told = count
+    def update(self, run):
+        count = run.journal.samples_on_disk
+        if count != self.printed:
+            self.printed = count
             print("disk", count, flush=True)
 
-    def say(self, at_s, text):
-        print("said", f"{at_s:.0f}", text, flush=True)
+    def event(self, at_s, text):
+        print("event", f"{at_s:.0f}", text, flush=True)
 
 
 def main():
     path, output, speed, *words = sys.argv[1:]
     asked = []
     signal.signal(signal.SIGTERM, lambda number, _: asked.append(number))
-    job = Job(load_campaign(path), output, FastClock(float(speed)), float(speed))
-    watching = Watching(Eyes(), lambda: "stopped" if asked else None, lambda: False)
-    outcome = (resume if words == ["resume"] else collect)(job, watching).outcome
+    job = Job(load_campaign(path), output, Clock(float(speed)))
+    supervision = Supervision(Printer(), lambda: "stopped" if asked else None, lambda: False)
+    outcome = (resume if words == ["resume"] else collect)(job, supervision).outcome
     print("end", outcome.ending.value, outcome.safe, flush=True)
 
 

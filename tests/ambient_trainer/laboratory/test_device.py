@@ -11,17 +11,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import Device, PowerSupply
-from ambient_trainer.laboratory.clock import RealClock
-from ambient_trainer.laboratory.device import DeviceUnderTest, Misfit
-from ambient_trainer.laboratory.line import Silent, Unplugged
-from ambient_trainer.laboratory.shell import Shell, Way, way_to
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.device.device_under_test import DeviceUnderTest
+from ambient_trainer.laboratory.device.kernel_units import degrees_from_millidegrees
+from ambient_trainer.laboratory.device.shell import Connection, Shell, connection_to
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET
+from ambient_trainer.laboratory.reading import Disconnected, InstrumentError, NoResponse
 
 ZONES = {"xo-therm": "board_degC", "battery": "battery_degC"}
 
 
-def device_of(phone, zones=None, supply=None, timeout_s=10.0, connect="adb SERIAL7"):
+def device_of(phone, zones=None, supply=None, timeout_s=10.0, connect="adb SERIAL7", clock=None):
     described = Device(connect=connect, root=phone.root, zones=zones or ZONES, power_supply=supply, timeout_s=timeout_s)
-    return DeviceUnderTest(described, way_to(connect, phone.environment), RealClock())
+    return DeviceUnderTest(described, connection_to(connect, phone.environment), clock or Clock())
+
+
+def values(device):
+    """A sample without the clock offset."""
+    reading = device.read().values
+    return {name: value for name, value in reading.items() if name != CLOCK_OFFSET}
 
 
 @pytest.fixture
@@ -38,7 +46,7 @@ def test_zones_and_gauge_in_the_units_of_their_columns(zones):
     columns = {"temp": "pack_degC", "current_now": "battery_current_A", "voltage_now": "battery_V"}
     supply = PowerSupply(name="battery", columns=columns)
     device = device_of(zones, supply=supply)
-    assert device.read().values == {
+    assert values(device) == {
         "board_degC": -1.25,
         "battery_degC": 28.3,
         "pack_degC": 28.3,
@@ -68,7 +76,7 @@ def test_adb_is_called_as_adb_is(zones):
     ],
 )
 def test_ways(connect, argv):
-    assert way_to(connect).argv == argv
+    assert connection_to(connect).argv == argv
 
 
 def test_ssh_is_a_shell_too(zones):
@@ -76,26 +84,27 @@ def test_ssh_is_a_shell_too(zones):
     ssh.write_text('#!/bin/sh\nfor last; do :; done\nexec "$last"\n')
     ssh.chmod(0o755)
     device = device_of(zones, connect="ssh root@board")
-    assert device.read().values == {"board_degC": -1.25, "battery_degC": 28.3}
+    assert values(device) == {"board_degC": -1.25, "battery_degC": 28.3}
     assert device.port == "ssh root@board"
     device.close()
 
 
 def test_ssh_never_asks_for_a_password():
-    argv = way_to("ssh root@board").argv
+    argv = connection_to("ssh root@board").argv
     assert argv[:2] == ("ssh", "-T")
     assert argv[-2:] == ("root@board", "sh")
     assert "BatchMode=yes" in argv
 
 
 def test_the_clock_offset_is_known_to_half_the_delay(zones):
-    device = device_of(zones)
+    clock = Clock()
+    device = device_of(zones, clock=clock)
     readings = [device.read() for _ in range(5)]
-    true_s = time.clock_gettime(time.CLOCK_BOOTTIME) - time.monotonic()
+    true_s = time.clock_gettime(time.CLOCK_BOOTTIME) - clock.now_s()
     for reading in readings:
         doubt_s = 0.5 * (reading.answered_s - reading.asked_s) + 0.011  # an uptime has hundredths
-        assert abs(reading.clock_offset_s - true_s) <= doubt_s
-    assert not any(reading.rebooted for reading in readings)
+        assert abs(reading.values[CLOCK_OFFSET] - true_s) <= doubt_s
+    assert [reading.note for reading in readings] == [None] * 5
     device.close()
 
 
@@ -105,14 +114,14 @@ def test_what_a_zone_does_not_say_is_missing(zones):
     battery = zones.folder / "sys/class/thermal/thermal_zone3/temp"
     for content in ("", "nothing\n", "-274000\n", "-32768000\n", "2147483647\n", "28.3\n"):
         battery.write_text(content)
-        assert device.read().values == {"board_degC": -1.25, "battery_degC": None}
+        assert values(device) == {"board_degC": -1.25, "battery_degC": None}
     battery.unlink()
-    assert device.read().values == {"board_degC": -1.25, "battery_degC": None}
+    assert values(device) == {"board_degC": -1.25, "battery_degC": None}
     battery.mkdir()  # reading it is an error, as of a sensor that is asleep
-    assert device.read().values == {"board_degC": -1.25, "battery_degC": None}
+    assert values(device) == {"board_degC": -1.25, "battery_degC": None}
     battery.rmdir()
     battery.write_text("0\n")
-    assert device.read().values == {"board_degC": -1.25, "battery_degC": 0.0}
+    assert values(device) == {"board_degC": -1.25, "battery_degC": 0.0}
     device.close()
 
 
@@ -120,13 +129,13 @@ def test_a_pulled_cable_is_said_and_recovered_from(zones):
     device = device_of(zones)
     device.read()
     zones.pull()
-    with pytest.raises(Unplugged, match=r"device on adb SERIAL7: expected an answer, got the end of the shell"):
+    with pytest.raises(Disconnected, match=r"device on adb SERIAL7: expected an answer, got the end of the shell"):
         device.read()
     # the first may have seen only the end
-    with pytest.raises(Unplugged, match="no devices/emulators found"):
+    with pytest.raises(Disconnected, match="no devices/emulators found"):
         device.read()
     zones.plug()
-    assert device.read().values == {"board_degC": -1.25, "battery_degC": 28.3}
+    assert values(device) == {"board_degC": -1.25, "battery_degC": 28.3}
     device.close()
 
 
@@ -138,13 +147,13 @@ def test_a_reboot_numbers_the_zones_anew(zones):
     zones.zone(3, "cpu0", "61000\n")
     zones.zone(0, "battery", "30000\n")
     zones.up(12.0)
-    with contextlib.suppress(Unplugged):  # unless its end was seen before
+    with contextlib.suppress(Disconnected):  # unless its end was seen before
         device.read()
     zones.plug()
     reading = device.read()
-    assert reading.values == {"board_degC": -1.25, "battery_degC": 30.0}
-    assert reading.rebooted
-    assert not device.read().rebooted
+    assert {name: reading.values[name] for name in ZONES.values()} == {"board_degC": -1.25, "battery_degC": 30.0}
+    assert reading.note == "was started anew"
+    assert device.read().note is None
     device.close()
 
 
@@ -152,7 +161,7 @@ def test_a_shell_that_hangs_is_given_up_and_replaced(zones):
     device = device_of(zones, timeout_s=0.3)
     device.read()
     zones.kill(signal.SIGSTOP)
-    with pytest.raises(Silent, match=r"got nothing in 0\.3 s"):
+    with pytest.raises(NoResponse, match=r"got nothing in 0\.3 s"):
         device.read()
     assert device.read().values["battery_degC"] == 28.3
     device.close()
@@ -172,31 +181,31 @@ def test_a_zone_that_comes_late_is_found(zones):
 def test_two_zones_of_one_type_are_refused(zones):
     zones.zone(41, "battery", "20000\n")
     device = device_of(zones)
-    with pytest.raises(Misfit, match="expected one zone of type battery, got '2 of them'"):
+    with pytest.raises(InstrumentError, match="expected one zone of type battery, got '2 of them'"):
         device.read()
     device.close()
 
 
 def test_no_shell_at_all():
-    device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Way(("no-such-program",), "adb", {}), RealClock())
+    device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Connection(("no-such-program",), "adb", {}), Clock())
     message = "device on adb: expected to start no-such-program, got No such file or directory; install it"
-    with pytest.raises(Unplugged, match=message):
+    with pytest.raises(Disconnected, match=message):
         device.read()
 
 
 def test_this_machine_s_own_files_are_read(tmp_path):
-    device = DeviceUnderTest(Device(connect="local", zones=ZONES), way_to("local"), RealClock())
+    device = DeviceUnderTest(Device(connect="local", zones=ZONES), connection_to("local"), Clock())
     reading = device.read()
-    assert set(reading.values) == set(ZONES.values())
+    assert set(reading.values) == {*ZONES.values(), CLOCK_OFFSET}
     assert reading.asked_s <= reading.answered_s
     device.close()
 
 
 def test_actions_cannot_eat_what_comes_after_them(one_phone):
-    shell = Shell(way_to("adb", one_phone.environment), RealClock(), 10.0)
-    assert shell.ask("cat; echo noise; answer=first").text == "first"
-    assert shell.ask("(exit 3)").status == 3
-    assert shell.ask("echo '=99 0 lie'; answer='a b'").text == "a b"
+    shell = Shell(connection_to("adb", one_phone.environment), Clock(), 10.0)
+    assert shell.run("cat; echo noise; answer=first").text == "first"
+    assert shell.run("(exit 3)").status == 3
+    assert shell.run("echo '=99 0 lie'; answer='a b'").text == "a b"
     shell.close()
 
 
@@ -204,15 +213,15 @@ def test_a_terminal_that_echoes_is_not_taken_for_an_answer(one_phone, tmp_path):
     """An old adb has no -T, and gives a terminal: what is typed comes back, and lines end in CR LF."""
     script = tmp_path / "terminal.py"
     script.write_text("import pty\npty.spawn(['sh'])\n")
-    shell = Shell(Way(("python3", str(script)), "old adb", dict(os.environ)), RealClock(), 10.0)
-    assert shell.ask("answer=28").text == "28"
-    assert shell.ask("answer=29").text == "29"
+    shell = Shell(Connection(("python3", str(script)), "old adb", dict(os.environ)), Clock(), 10.0)
+    assert shell.run("answer=28").text == "28"
+    assert shell.run("answer=29").text == "29"
     shell.close()
 
 
 def test_a_shell_s_children_end_with_it(one_phone, tmp_path):
-    shell = Shell(way_to("adb", one_phone.environment), RealClock(), 10.0)
-    shell.ask(f"sleep 1000 & echo $! >{tmp_path}/pid")
+    shell = Shell(connection_to("adb", one_phone.environment), Clock(), 10.0)
+    shell.run(f"sleep 1000 & echo $! >{tmp_path}/pid")
     pid = int((tmp_path / "pid").read_text())
     os.kill(pid, 0)
     shell.close()
@@ -230,9 +239,7 @@ def _ended(pid):
         return True
 
 
-@given(st.text(alphabet=st.characters(exclude_characters="|\n"), max_size=20))
-def test_no_text_of_a_zone_is_more_than_a_number_or_missing(text):
-    device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Way(("sh",), "adb", {}), RealClock())
-    device._files = {"battery_degC": "/sys/class/thermal/thermal_zone0/temp"}
-    value = device._value("battery_degC", text)
+@given(st.text(max_size=20) | st.integers().map(str))
+def test_a_text_is_a_plausible_number_or_missing(text):
+    value = degrees_from_millidegrees(text)
     assert value is None or (-60.0 <= value <= 250.0 and value * 1000 == pytest.approx(int(text)))

@@ -19,10 +19,10 @@ import yaml
 
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import FastClock
+from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Sample
-from ambient_trainer.laboratory.rehearsal.laboratory import rehearsal
+from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
 SPEED = 60.0
 SAFE_DEGC = 20.0
@@ -74,11 +74,15 @@ class Outages:
         return [(a + margin_s, b - margin_s) for a, b in spans if b - a > 2 * margin_s]
 
 
+def _mute(there, muted):
+    there.chamber.muted = muted
+
+
 def _away(there, what, duration_s, outages):
     """Take something away for a while of the laboratory's time."""
     deeds = {
         "chamber": (there.chamber.unplug, there.chamber.plug),
-        "chamber's voice": (there.chamber.mute, there.chamber.unmute),
+        "chamber's answers": (lambda: _mute(there, True), lambda: _mute(there, False)),
         "multiplexer": (there.multiplexer.unplug, there.multiplexer.plug),
         "phone": (there.phone.pull_cable, there.phone.plug_cable),
         "phone's power": (there.phone.reboot, there.phone.plug_cable),
@@ -121,7 +125,7 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
     outages = Outages()
     trace, journal = tmp_path / "trace.csv", tmp_path / "trace.csv.part"
     kept = []
-    with rehearsal(loaded, FastClock(SPEED), seed) as there:
+    with simulated_laboratory(loaded, Clock(SPEED), seed) as there:
         path = _campaign(there, tmp_path)
         collector = Collector(path, trace, there.environment)
         while not journal.exists():
@@ -150,7 +154,7 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
 def _live_through(there, draw, count, outages):
     """Some of the time undisturbed, then one thing after the other away."""
     time.sleep(draw.uniform(1.5, 2.5))
-    for what in draw.sample(["chamber", "chamber's voice", "multiplexer", "phone", "phone's power"], count):
+    for what in draw.sample(["chamber", "chamber's answers", "multiplexer", "phone", "phone's power"], count):
         _away(there, what, draw.uniform(20.0, 70.0), outages)
         time.sleep(draw.uniform(0.1, 0.7))
 
@@ -199,7 +203,7 @@ def test_nights_with_many(campaign_file, tmp_path, seed):
 def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_path):
     """The set point is sent until the chamber confirms it: the process does not leave before."""
     loaded = load_campaign(campaign_file([{"duration_min": 60, "chamber_degC": 40}]), ports=False)
-    with rehearsal(loaded, FastClock(SPEED), 2) as there:
+    with simulated_laboratory(loaded, Clock(SPEED), 2) as there:
         collector = Collector(_campaign(there, tmp_path), tmp_path / "t.csv", there.environment)
         _until(lambda: there.chamber.held_degC == 40.0)
         there.chamber.unplug()
@@ -213,12 +217,12 @@ def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_pa
     assert collector.lines[-1] == "end stopped True"
 
 
-def test_a_farewell_leaves_the_guard_nothing_to_do(campaign_file, tmp_path):
+def test_a_release_leaves_the_watchdog_nothing_to_do(campaign_file, tmp_path):
     loaded = load_campaign(campaign_file([{"duration_min": 1, "chamber_degC": 40}]), ports=False)
-    with rehearsal(loaded, FastClock(SPEED), 2) as there:
+    with simulated_laboratory(loaded, Clock(SPEED), 2) as there:
         path = _campaign(there, tmp_path)
         collector = Collector(path, tmp_path / "t.csv", there.environment)
         assert collector.wait() == 0, collector.lines
-        there.chamber._put((33.0, 0.0, 0.0, 0.0, 0.0), (False, True, False, True, *(False,) * 12))
+        there.chamber.put((33.0, 0.0, 0.0, 0.0, 0.0), (False, True, False, True, *(False,) * 12))
         time.sleep(1.0)
         assert there.chamber.held_degC == 33.0

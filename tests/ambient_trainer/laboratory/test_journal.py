@@ -11,17 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.laboratory.journal import (
-    Began,
-    End,
-    Head,
-    Identity,
-    Journal,
-    Note,
-    Record,
-    read_journal,
-)
-from ambient_trainer.laboratory.messages import Doing, Sample, Trouble
+from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
+from ambient_trainer.laboratory.messages import End, Failure, Identity, LoadState, Note, Sample, StepBegan
 
 HEAD = Head("5", "ab" * 32, 1.7e9, 1.0, False)
 
@@ -30,9 +21,9 @@ texts = st.text(max_size=20)
 values = st.dictionaries(st.text(string.ascii_letters, min_size=1, max_size=5), st.none() | st.floats(-300, 300))
 entries = st.one_of(
     st.builds(Sample, texts, times, times, values, st.none() | texts),
-    st.builds(Trouble, texts, times, texts),
-    st.builds(Doing, times, st.none() | st.lists(texts, max_size=3).map(tuple)),
-    st.builds(Began, times, st.integers(0, 50), times),
+    st.builds(Failure, texts, times, texts),
+    st.builds(LoadState, times, st.none() | st.lists(texts, max_size=3).map(tuple)),
+    st.builds(StepBegan, times, st.integers(0, 50), times),
     st.builds(Note, times, texts),
     st.builds(Identity, texts, texts),
     st.builds(End, times, texts),
@@ -57,7 +48,7 @@ def test_what_is_added_is_read(added):
 
 def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
     added = [
-        Began(0.0, 0, 0.0),
+        StepBegan(0.0, 0, 0.0),
         *(Sample("device", k, k + 0.1, {"a_degC": k / 3}) for k in range(6)),
         Note(7.0, "grüße"),
     ]
@@ -96,7 +87,7 @@ def test_a_full_disk_is_noticed_and_nothing_is_written_after_it(tmp_path, monkey
     write = os.write
     monkeypatch.setattr(os, "write", lambda file, data: _full(write, file, data))
     journal.add(Note(1.0, "cut in the middle"))
-    journal._flush()
+    journal.flush()
     monkeypatch.setattr(os, "write", write)
     assert journal.failure is not None
     assert journal.failure.errno == errno.ENOSPC
@@ -114,15 +105,15 @@ def _full(write, file, data):
 @pytest.mark.parametrize(
     ("added", "left"),
     [
-        ([], Began(0.0, 0, 0.0)),
-        ([Began(0.0, 0, 0.0), Note(30.0, "")], Began(30.0, 0, 30.0)),
-        ([Began(0.0, 0, 0.0), Began(60.0, 1, 0.0), Sample("a", 99, 100, {})], Began(100.0, 1, 40.0)),
+        ([], StepBegan(0.0, 0, 0.0)),
+        ([StepBegan(0.0, 0, 0.0), Note(30.0, "")], StepBegan(30.0, 0, 30.0)),
+        ([StepBegan(0.0, 0, 0.0), StepBegan(60.0, 1, 0.0), Sample("a", 99, 100, {})], StepBegan(100.0, 1, 40.0)),
         # stopped at 100: what comes then saw to safety
-        ([Began(60.0, 1, 0.0), End(100.0, "stopped"), Note(130.0, "")], Began(100.0, 1, 40.0)),
+        ([StepBegan(60.0, 1, 0.0), End(100.0, "stopped"), Note(130.0, "")], StepBegan(100.0, 1, 40.0)),
         # resumed at 500, 40 s into the step, and killed at 520
         (
-            [Began(60.0, 1, 0.0), End(100.0, "stopped"), Began(500.0, 1, 40.0), Note(520.0, "")],
-            Began(520.0, 1, 60.0),
+            [StepBegan(60.0, 1, 0.0), End(100.0, "stopped"), StepBegan(500.0, 1, 40.0), Note(520.0, "")],
+            StepBegan(520.0, 1, 60.0),
         ),
     ],
 )
@@ -175,7 +166,7 @@ def test_nothing_is_acknowledged_before_the_disk_has_it(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "write", lambda file, data: calls.append("write") or write(file, data))
     monkeypatch.setattr(os, "fsync", lambda file: calls.append(f"sync, {journal.samples_on_disk} told") or fsync(file))
     journal.add(Sample("device", 1.0, 1.0, {}))
-    journal._flush()
+    journal.flush()
     assert calls == ["write", "sync, 0 told"]
     assert journal.samples_on_disk == 1
     journal.close()

@@ -21,7 +21,7 @@ def run(program, until_s, ambient, zones=lambda t: {}, every_s=1.0):
     """What begins when, asked every so often."""
     found, now_s = [], 0.0
     while now_s <= until_s and not program.over:
-        program.hear(now_s, ambient(now_s), zones(now_s))
+        program.update(now_s, ambient(now_s), zones(now_s))
         found += program.advance(now_s)
         now_s += every_s
     return found

@@ -11,33 +11,34 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import FastClock
-from ambient_trainer.laboratory.collect import Job, Watching, collect, resume
-from ambient_trainer.laboratory.conductor import Ending
-from ambient_trainer.laboratory.rehearsal.laboratory import rehearsal
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.collect import Job, collect, resume
+from ambient_trainer.laboratory.device.device_under_test import DeviceUnderTest
+from ambient_trainer.laboratory.run import Ending, Supervision
+from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
 SPEED = 150.0
 
 
-class Eyes:
-    """Keeps what is said, and does something when the run's time has come."""
+class Recorder:
+    """A monitor that keeps the events, and does something when the run's time has come."""
 
     def __init__(self, deeds=()):
-        self.said = []
+        self.events = []
         self.deeds = list(deeds)
         self.stop = None
         self.held = []
 
-    def look(self, conductor):
-        while self.deeds and conductor.timebase.now_s() >= self.deeds[0][0]:
+    def update(self, run):
+        while self.deeds and run.timebase.now_s() >= self.deeds[0][0]:
             self.deeds.pop(0)[1](self)
 
-    def say(self, at_s, text):
-        self.said.append(text)
+    def event(self, at_s, text):
+        self.events.append(text)
 
     @property
-    def watching(self):
-        return Watching(self, lambda: self.stop, lambda: False)
+    def supervision(self):
+        return Supervision(self, lambda: self.stop, lambda: False)
 
 
 class Night:
@@ -48,14 +49,16 @@ class Night:
         self.output = str(output)
 
     def run(self, deeds=(), work=collect, giving_up=False):
-        clock = FastClock(SPEED)
-        with rehearsal(self.loaded, clock, seed=3) as there:
-            eyes = Eyes([(at_s, lambda eyes, deed=deed: deed(there, eyes)) for at_s, deed in deeds])
-            job = Job(there.loaded, self.output, clock, SPEED, True, there.environment)
-            self.collected = work(job, eyes.watching._replace(giving_up=lambda: giving_up and bool(eyes.stop)))
+        clock = Clock(SPEED)
+        with simulated_laboratory(self.loaded, clock, seed=3) as there:
+            recorder = Recorder([(at_s, lambda recorder, deed=deed: deed(there, recorder)) for at_s, deed in deeds])
+            job = Job(there.loaded, self.output, clock, True, there.environment)
+            self.collected = work(
+                job, recorder.supervision._replace(giving_up=lambda: giving_up and bool(recorder.stop))
+            )
             self.held_degC = there.chamber.held_degC
             self.does = (Path(there.phone.root) / "activity").read_text().strip()
-        return eyes
+        return recorder
 
     @property
     def trace(self):
@@ -110,14 +113,14 @@ def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
 
 
 def test_a_stop_comes_to_safety_first_and_goes_on_later(night):
-    def stop(there, eyes):
-        eyes.held.append(there.chamber.held_degC)
-        eyes.stop = "stopped by SIGINT"
+    def stop(there, recorder):
+        recorder.held.append(there.chamber.held_degC)
+        recorder.stop = "stopped by SIGINT"
 
     lab = night(minutes((3, 25), (6, 30, ["charging"]), (1, 25)))
-    eyes = lab.run([(480.0, stop)])
-    assert (eyes.held, lab.held_degC) == ([30.0], 20.0)
-    assert eyes.said[-1] == "stopped by SIGINT"
+    recorder = lab.run([(480.0, stop)])
+    assert (recorder.held, lab.held_degC) == ([30.0], 20.0)
+    assert recorder.events[-1] == "stopped by SIGINT"
     assert lab.collected.outcome.ending is Ending.STOPPED
     first = lab.trace
     assert first.notes["complete"] == "no: stopped by SIGINT"
@@ -142,10 +145,12 @@ def test_a_stop_comes_to_safety_first_and_goes_on_later(night):
 @pytest.mark.parametrize(
     ("deed", "why"),
     [
-        (lambda there, eyes: there.multiplexer.unplug(), r"ambient: no probe said anything for 1\d\d s"),
+        (lambda there, recorder: there.multiplexer.unplug(), r"ambient: no probe answered for 1\d\d s"),
         (
-            lambda there, eyes: [there.multiplexer.open_circuit(channel) for channel in (101, 102, 103)],
-            r"ambient: no probe said anything for 1\d\d s",
+            lambda there, recorder: [
+                there.multiplexer.probes[channel].__setattr__("open", True) for channel in (101, 102, 103)
+            ],
+            r"ambient: no probe answered for 1\d\d s",
         ),
     ],
 )
@@ -170,22 +175,24 @@ def test_a_hot_device_ends_the_run_safely(night):
 def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     lab = night(minutes((3, 40), (4, 45, ["cpu_100"])))
 
-    def acknowledge(there, eyes):
-        there.chamber.clear_alarm()
-        there.chamber._answer("Q")
+    def acknowledge(there, recorder):
+        there.chamber.repair()
+        there.chamber.answer("Q")
 
-    eyes = lab.run(
+    recorder = lab.run(
         [
-            (60.0, lambda there, eyes: there.chamber.raise_alarm(7, "overtemperature")),
+            (60.0, lambda there, recorder: there.chamber.raise_alarm(7, "overtemperature")),
             (150.0, acknowledge),
-            (300.0, lambda there, eyes: eyes.held.append(there.chamber.held_degC)),
+            (300.0, lambda there, recorder: recorder.held.append(there.chamber.held_degC)),
         ]
     )
-    assert eyes.held == [None], "what had an alarm is started by people"
+    assert recorder.held == [None], "what had an alarm is started by people"
     assert lab.collected.outcome.ending is Ending.FINISHED
     assert lab.collected.outcome.alarm == "07 overtemperature"
     assert lab.held_degC is None
-    assert "the chamber raised an alarm (07 overtemperature): it was stopped, and the logging goes on" in eyes.said
+    assert (
+        "the chamber raised an alarm (07 overtemperature): it was stopped, and the logging goes on" in recorder.events
+    )
     assert len(lab.trace.time_s) == 420
     assert np.isfinite(lab.trace.column("ambient_degC")[300:]).sum() > 60
     assert np.nanmax(lab.trace.column("cpu_load_frac")) == 0.02
@@ -194,13 +201,13 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
 def test_a_rebooted_phone_goes_on_with_what_it_did(night):
     lab = night(minutes((2, 20), (10, 20, ["cpu_100"])))
 
-    def reboot(there, eyes):
+    def reboot(there, recorder):
         there.phone.reboot()
         threading.Timer(60.0 / SPEED, there.phone.plug_cable).start()
 
-    eyes = lab.run([(240.0, reboot)])
+    recorder = lab.run([(240.0, reboot)])
     assert lab.collected.outcome.ending is Ending.FINISHED
-    assert "device: was started anew" in eyes.said
+    assert "device: was started anew" in recorder.events
     load = lab.trace.column("cpu_load_frac")
     away = np.flatnonzero(np.isnan(load[130:])) + 130
     assert away[0] > 235
@@ -209,23 +216,21 @@ def test_a_rebooted_phone_goes_on_with_what_it_did(night):
 
 
 def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch):
-    from ambient_trainer.laboratory import conductor
-
     def broken(*_):
         raise ZeroDivisionError("a mistake")
 
     lab = night(minutes((20, 40)))
-    eyes = lab.run([(60.0, lambda there, eyes: monkeypatch.setattr(conductor, "device_sample", broken))])
+    recorder = lab.run([(60.0, lambda there, recorder: monkeypatch.setattr(DeviceUnderTest, "read", broken))])
     assert lab.collected.outcome.ending is Ending.FAILED
     assert lab.collected.outcome.why == "ZeroDivisionError: a mistake"
-    assert eyes.said[-1] == "ZeroDivisionError: a mistake"
+    assert recorder.events[-1] == "ZeroDivisionError: a mistake"
     assert lab.held_degC == 20.0
 
 
 def test_a_second_ctrl_c_does_not_wait_for_a_chamber_that_is_away(night):
-    def leave(there, eyes):
+    def leave(there, recorder):
         there.chamber.unplug()
-        eyes.stop = "stopped by SIGINT"
+        recorder.stop = "stopped by SIGINT"
 
     lab = night(minutes((20, 40)))
     lab.run([(30.0, leave)], giving_up=True)
@@ -234,12 +239,12 @@ def test_a_second_ctrl_c_does_not_wait_for_a_chamber_that_is_away(night):
 
 def test_a_run_that_only_lacks_its_trace_is_brought_to_its_end(night, tmp_path):
     lab = night(minutes((1, 22)))
-    lab.run([(5.0, lambda there, eyes: os.link(part(lab), tmp_path / "kept"))])
+    lab.run([(5.0, lambda there, recorder: os.link(part(lab), tmp_path / "kept"))])
     whole = Path(lab.output).read_bytes()
     os.rename(tmp_path / "kept", part(lab))
     os.unlink(lab.output)
-    eyes = lab.run(work=resume)
-    assert eyes.said == []
+    recorder = lab.run(work=resume)
+    assert recorder.events == []
     assert lab.held_degC is None, "nothing was moved"
     assert Path(lab.output).read_bytes() == whole
     assert not part(lab).exists()
@@ -248,15 +253,15 @@ def test_a_run_that_only_lacks_its_trace_is_brought_to_its_end(night, tmp_path):
 def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
     link = {"kind": "greisinger-easybus", "port": "/dev/ttyUSB2", "period_s": 2}
     lab = night(minutes((10, 22)), {"instruments.thermometer": link})
-    eyes = lab.run(
+    recorder = lab.run(
         [
-            (60.0, lambda there, eyes: there.thermometer.switch_off()),
-            (140.0, lambda there, eyes: there.thermometer.switch_on()),
+            (60.0, lambda there, recorder: there.thermometer.switch_off()),
+            (140.0, lambda there, recorder: there.thermometer.switch_on()),
         ]
     )
     assert lab.collected.outcome.ending is Ending.FINISHED
-    assert any(text.startswith("thermometer on ") and text.endswith("switch it on") for text in eyes.said)
-    assert any(text.startswith("thermometer is back after ") for text in eyes.said)
+    assert any(text.startswith("thermometer on ") and text.endswith("switch it on") for text in recorder.events)
+    assert any(text.startswith("thermometer is back after ") for text in recorder.events)
     beside = load_trace(lab.output.replace(".csv", ".laboratory.csv"))
     reading = beside.column("thermometer_degC")
     assert np.nanmean(reading) == pytest.approx(np.nanmean(lab.trace.reference), abs=1.0)
@@ -265,38 +270,38 @@ def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
 
 def test_a_chamber_in_alarm_is_not_begun_with(night):
     lab = night(minutes((2, 22)))
-    with rehearsal(lab.loaded, clock := FastClock(SPEED)) as there:
+    with simulated_laboratory(lab.loaded, clock := Clock(SPEED)) as there:
         there.chamber.raise_alarm(7, "overtemperature")
-        job = Job(there.loaded, lab.output, clock, SPEED, True, there.environment)
+        job = Job(there.loaded, lab.output, clock, True, there.environment)
         with pytest.raises(
             Refused, match="expected no alarm, got 07 overtemperature; see to it, and acknowledge it at"
         ):
-            collect(job, Eyes().watching)
+            collect(job, Recorder().supervision)
 
 
-def test_eyes_that_fail_are_no_reason_to_stop(night):
-    class Broken(Eyes):
-        def look(self, conductor):
+def test_a_monitor_that_fails_is_no_reason_to_stop(night):
+    class Broken(Recorder):
+        def update(self, *_):
             raise BrokenPipeError
 
-        say = look
+        event = update
 
     lab = night(minutes((2, 22)))
-    with rehearsal(lab.loaded, clock := FastClock(SPEED)) as there:
-        job = Job(there.loaded, lab.output, clock, SPEED, True, there.environment)
-        outcome = collect(job, Broken().watching).outcome
+    with simulated_laboratory(lab.loaded, clock := Clock(SPEED)) as there:
+        job = Job(there.loaded, lab.output, clock, True, there.environment)
+        outcome = collect(job, Broken().supervision).outcome
     assert outcome.ending is Ending.FINISHED
 
 
 def test_what_is_not_ready_is_named_and_nothing_moves(night):
     lab = night(minutes((2, 22)))
-    with rehearsal(lab.loaded, clock := FastClock(SPEED)) as there:
-        there.multiplexer.open_circuit(102)
+    with simulated_laboratory(lab.loaded, clock := Clock(SPEED)) as there:
+        there.multiplexer.probes[102].open = True
         there.phone.pull_cable()
         there.chamber.unplug()
-        job = Job(there.loaded, lab.output, clock, SPEED, True, there.environment)
+        job = Job(there.loaded, lab.output, clock, True, there.environment)
         with pytest.raises(Refused) as refused:
-            collect(job, Eyes().watching)
+            collect(job, Recorder().supervision)
         assert there.chamber.held_degC is None
     text = str(refused.value)
     assert text.startswith("the laboratory is not ready, and nothing was moved: 3 faults\n")
@@ -308,7 +313,7 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
 
 def test_another_campaign_does_not_go_on_with_it(night, campaign_file):
     lab = night(minutes((2, 22)))
-    lab.run([(30.0, lambda there, eyes: setattr(eyes, "stop", "enough"))])
+    lab.run([(30.0, lambda there, recorder: setattr(recorder, "stop", "enough"))])
     other = Night(campaign_file(minutes((2, 23))), lab.output)
     with pytest.raises(
         Refused, match=r"holds a run of campaign 'night' as it was with SHA-256 .* give the one that it"

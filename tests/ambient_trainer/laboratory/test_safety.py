@@ -3,7 +3,7 @@
 import pytest
 
 from ambient_trainer.laboratory.campaign import ChamberLimits, Safety
-from ambient_trainer.laboratory.safety import Watch
+from ambient_trainer.laboratory.safety import SafetyLimits
 
 SAFETY = Safety(
     set_point_degC=20.0,
@@ -15,15 +15,15 @@ SAFETY = Safety(
 
 @pytest.fixture
 def watch():
-    return Watch(SAFETY, 1000.0)
+    return SafetyLimits(SAFETY, 1000.0)
 
 
 def test_nothing_is_wrong(watch):
-    watch.hear({"chamber_degC": 62.9, "chamber_set_degC": 900.0})
-    watch.hear({"chamber_degC": -22.9})
-    watch.hear({"battery_degC": 50.0, "soc_degC": None, "usb_degC": 900.0})
-    watch.hear_ambient(1100.0, 62.9)
-    assert watch.verdict(1219.0) is None
+    watch.check({"chamber_degC": 62.9, "chamber_set_degC": 900.0})
+    watch.check({"chamber_degC": -22.9})
+    watch.check({"battery_degC": 50.0, "soc_degC": None, "usb_degC": 900.0})
+    watch.check_ambient(1100.0, 62.9)
+    assert watch.violation(1219.0) is None
 
 
 @pytest.mark.parametrize(
@@ -36,25 +36,25 @@ def test_nothing_is_wrong(watch):
     ],
 )
 def test_a_limit_that_is_crossed_once_is_crossed(values, verdict, watch):
-    watch.hear(values)
-    watch.hear(dict.fromkeys(values, 25.0))
-    assert watch.verdict(1001.0) == verdict
+    watch.check(values)
+    watch.check(dict.fromkeys(values, 25.0))
+    assert watch.violation(1001.0) == verdict
 
 
 def test_the_probes_watch_the_chamber_too(watch):
-    watch.hear_ambient(1001.0, 64.0)
-    assert watch.verdict(1001.0) == "ambient: 64.0 degC is above the limit of 60 degC"
+    watch.check_ambient(1001.0, 64.0)
+    assert watch.violation(1001.0) == "ambient: 64.0 degC is above the limit of 60 degC"
 
 
 def test_probes_that_are_lost(watch):
-    watch.hear_ambient(1050.0, 20.0)
-    watch.hear_ambient(1100.0, None)
-    assert watch.verdict(1170.0) is None
-    assert watch.verdict(1171.0) == "ambient: no probe said anything for 121 s"
-    watch.hear_ambient(1172.0, 20.0)
-    assert watch.verdict(1173.0) is None
+    watch.check_ambient(1050.0, 20.0)
+    watch.check_ambient(1100.0, None)
+    assert watch.violation(1170.0) is None
+    assert watch.violation(1171.0) == "ambient: no probe answered for 121 s"
+    watch.check_ambient(1172.0, 20.0)
+    assert watch.violation(1173.0) is None
 
 
 def test_probes_that_never_answered(watch):
-    assert watch.verdict(1120.0) is None
-    assert watch.verdict(1121.0) is not None
+    assert watch.violation(1120.0) is None
+    assert watch.violation(1121.0) is not None

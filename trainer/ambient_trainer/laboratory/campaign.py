@@ -1,7 +1,7 @@
 """A campaign is data: a laboratory, and a program of steps that it runs through; refused whole, with every fault.
 
 A laboratory is set up once and serves many programs: ``laboratory`` holds it, or names the file that does, beside the
-campaign's own.
+campaign's own. The settings of an instrument are those of its kind.
 """
 
 from __future__ import annotations
@@ -12,101 +12,127 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, create_model, field_validator, model_validator
 
-from ambient_model.faults import Refused, refuse
-from ambient_model.trace import REFERENCE
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated
-from ambient_trainer.laboratory.campaign_checks import faults_between, offset_faults
-from ambient_trainer.laboratory.instruments.offsets import ProbeOffset, load_offsets
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.trace import REFERENCE, split_column
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_trainer.laboratory.campaign_checks import faults_between
+from ambient_trainer.laboratory.instruments import (
+    ROLES,
+    ChamberSettings,
+    MultiplexerSettings,
+    Name,
+    NotNegative,
+    Positive,
+    ThermometerSettings,
+    probe_column,
+    settings_by_kind,
+)
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.simulator.scenario import Scenario
 
-_Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
-_Positive = Annotated[float, Field(gt=0)]
-_NotNegative = Annotated[float, Field(ge=0)]
+_SUPPLY_UNITS = {"temp": "degC", "current_now": "A", "voltage_now": "V"}
+
+
+def _column(column: str, unit: str = "") -> str:
+    """The column; raises for one that is no ``<name>_<unit>``, or of another unit."""
+    name, has = split_column(column)
+    if not name or not column.isprintable() or "," in column or '"' in column:
+        raise wrong(f"{column!r} names no unit", "name it <name>_<unit>, such as usb_degC")
+    if unit and has != unit:
+        raise wrong(f"{column!r} is in {has}", f"it comes in {unit}: name it {name}_{unit}")
+    return column
+
+
 _Temperature = Annotated[float, Field(ge=-60, le=200)]
 _Signal = Annotated[float, Field(ge=-1e6, le=1e6)]
-
-
-class ChamberLink(Strict):
-    """The climate chamber on its serial line."""
-
-    kind: Literal["voetsch-vt4004"]
-    port: str
-    period_s: _Positive = 10.0
-    """Of its readings; what the trace takes as ambient comes from the probes."""
-    pause_s: _NotNegative = 0.0
-    """Least time between two strings; a later controller needs 5 s."""
-    timeout_s: _Positive = 2.0
-    heating_K_min: _Positive = 2.0
-    """How fast its air gets warmer, for the estimate of the schedule."""
-    cooling_K_min: _Positive = 1.5
-
-
-class MultiplexerLink(Strict):
-    """The multiplexer with the probes."""
-
-    kind: Literal["agilent-34970a"]
-    port: str
-    baud: Literal[57600, 115200] = 57600
-    period_s: _Positive = 1.0
-    timeout_s: _Positive = 5.0
-    thermocouple: Literal["B", "E", "J", "K", "N", "R", "S", "T"] = "K"
-    probes: Annotated[dict[_Name, Annotated[int, Field(ge=101, le=340)]], Field(min_length=1)]
-    """Name to channel."""
-
-
-class ThermometerLink(Strict):
-    """The reference thermometer."""
-
-    kind: Literal["greisinger-easybus"]
-    port: str
-    address: Annotated[int, Field(ge=0, le=255)] = 1
-    period_s: _Positive = 10.0
-    timeout_s: _Positive = 1.0
+_Column = Annotated[str, AfterValidator(_column)]
+_TemperatureColumn = Annotated[str, AfterValidator(lambda column: _column(column, "degC"))]
 
 
 class Instruments(Strict):
-    """What hangs on serial lines."""
+    """The instruments on serial lines."""
 
-    chamber: ChamberLink
-    multiplexer: MultiplexerLink
-    thermometer: ThermometerLink | None = None
+    chamber: ChamberSettings
+    multiplexer: MultiplexerSettings
+    thermometer: ThermometerSettings | None = None
 
 
 class Ambient(Strict):
-    """The ambient is the mean of several probes in the chamber's middle, as in the thesis."""
+    """The ambient is the mean of several probes in the chamber's middle, as in the thesis.
 
-    probes: Annotated[tuple[_Name, ...], Field(min_length=1)]
+    Attributes
+    ----------
+    probes : tuple of str
+        Their names.
+    at_least : int
+        With fewer probes that answer, the ambient is missing.
+    offsets : str or None
+        The file that ``ambient-trainer calibrate`` wrote, beside the file that names it.
+    """
+
+    probes: Annotated[tuple[Name, ...], Field(min_length=1)]
     at_least: Annotated[int, Field(ge=1)] = 1
-    """With fewer probes that answer, the ambient is missing."""
     offsets: str | None = None
-    """The file that ``ambient-trainer calibrate`` wrote, beside the file that names it."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Ambient:
+        if twice := [name for index, name in enumerate(self.probes) if name in self.probes[:index]]:
+            raise wrong(f"{twice[0]!r} stands twice", "name each probe once")
+        if self.at_least > len(self.probes):
+            problem = f"'at_least' asks for {self.at_least} of {len(self.probes)} probes"
+            raise wrong(problem, "ask for as many as there are, or fewer")
+        return self
+
+    def mean_degC(self, values: Mapping[str, float | None]) -> float | None:
+        """The mean of the probes that answered, to the digits of a probe; None where they are too few."""
+        known = [value for name in self.probes if (value := values.get(probe_column(name))) is not None]
+        return round(sum(known) / len(known), 4) if len(known) >= self.at_least else None
 
 
 class PowerSupply(Strict):
-    """The battery's gauge: attribute to column."""
+    """The battery's gauge: attribute to column.
 
-    name: _Name
-    columns: Annotated[dict[Literal["temp", "current_now", "voltage_now"], str], Field(min_length=1)]
+    ``charging_is`` says what this vendor means by a positive current; a trace's is positive into the battery.
+    """
+
+    name: Name
+    columns: Annotated[dict[Literal["temp", "current_now", "voltage_now"], _Column], Field(min_length=1)]
     charging_is: Literal["positive", "negative"] = "positive"
-    """What this vendor means by a positive current; a trace's is positive into the battery."""
+
+    @field_validator("columns")
+    @classmethod
+    def _in_their_units(cls, columns: dict[str, str]) -> dict[str, str]:
+        return {attribute: _column(column, _SUPPLY_UNITS[attribute]) for attribute, column in columns.items()}
 
 
 class Device(Strict):
-    """The device under test."""
+    """The device under test.
+
+    Attributes
+    ----------
+    connect : str
+        ``adb``, ``adb SERIAL``, ``ssh HOST``, or ``local`` for this machine.
+    root : str
+        The folder before ``/sys`` and ``/proc``.
+    period_s, timeout_s : float
+        Of its samples, and the longest wait for one.
+    zones : dict of str to str
+        A thermal zone's type to the trace's column.
+    power_supply : PowerSupply or None
+        The battery's gauge.
+    setup : str
+        Shell text for every connection, such as functions that actions use; it starts nothing.
+    """
 
     connect: Annotated[str, Field(pattern=r"^(adb|adb [A-Za-z0-9_.:-]+|ssh [A-Za-z0-9_][A-Za-z0-9_.@:-]*|local)$")]
-    """``adb``, ``adb SERIAL``, ``ssh HOST``, or ``local`` for this machine."""
     root: Annotated[str, Field(pattern=r"^(/[A-Za-z0-9_./-]*)?$")] = ""
-    """What stands before ``/sys`` and ``/proc``."""
-    period_s: _Positive = 1.0
-    timeout_s: _Positive = 5.0
-    zones: Annotated[dict[str, str], Field(min_length=1)]
-    """A thermal zone's type to the trace's column."""
+    period_s: Positive = 1.0
+    timeout_s: Positive = 5.0
+    zones: Annotated[dict[str, _TemperatureColumn], Field(min_length=1)]
     power_supply: PowerSupply | None = None
     setup: str = ""
-    """Shell text for every connection, such as functions that actions use; it starts nothing."""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -115,49 +141,64 @@ class Device(Strict):
 
 
 class Action(Strict):
-    """Something that the device is made to do, by shell commands; both may be run when it already is as they want."""
+    """A load of the device, by shell commands that may be run in either state, and its values of signal columns."""
 
     start: str
     stop: str
     signals: dict[str, _Signal]
-    """What the trace's signal columns say while it lasts."""
 
 
 class ChamberLimits(Strict):
-    """What set points may not leave, and its air by no more than a margin."""
+    """The limits of set points; the chamber's air may leave them by no more than ``margin_K``."""
 
     low_degC: Annotated[float, Field(ge=-45, le=185)]
     high_degC: Annotated[float, Field(ge=-45, le=185)]
-    margin_K: _NotNegative = 3.0
-    """How far the air may swing past the limits."""
+    margin_K: NotNegative = 3.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ChamberLimits:
+        if not self.low_degC < self.high_degC:
+            raise wrong(f"{self.low_degC:g} to {self.high_degC:g} degC holds nothing", "low lies below high")
+        return self
 
 
 class Safety(Strict):
-    """Where the chamber goes when something is wrong, and what is."""
+    """Where the chamber goes at the end of a run or when something is wrong, and what is wrong.
+
+    Attributes
+    ----------
+    set_point_degC : float
+        The safe set point.
+    chamber : ChamberLimits
+        The limits of set points and air.
+    device_high_degC : dict of str to float
+        The highest temperature by column of the device.
+    ambient_lost_s : float
+        The longest time without an ambient while the chamber works.
+    """
 
     set_point_degC: _Temperature
-    """The safe set point: also where a run ends."""
     chamber: ChamberLimits
     device_high_degC: dict[str, _Temperature] = Field(default_factory=dict)
-    """By column of the device."""
-    ambient_lost_s: _Positive = 120.0
-    """How long there may be no ambient while the chamber works."""
+    ambient_lost_s: Positive = 120.0
 
 
 class Laboratory(Strict):
-    """Instruments, a device, what it can be made to do, and what must not happen."""
+    """Instruments, a device, its loads, the signal columns with their values while no action lasts, and limits."""
 
     instruments: Instruments
     ambient: Ambient
     device: Device
-    signals: dict[str, _Signal] = Field(default_factory=dict)
-    """Signal columns, with what they say while no action lasts."""
-    actions: dict[_Name, Action] = Field(default_factory=dict)
+    signals: dict[_Column, _Signal] = Field(default_factory=dict)
+    actions: dict[Name, Action] = Field(default_factory=dict)
     safety: Safety
 
 
 class Campaign(Scenario):
-    """A laboratory and the program that it runs through."""
+    """A laboratory and the program that it runs through.
+
+    The trace has a row each ``period_s``. It begins after the steps of ``before``, which are logged beside it.
+    """
 
     format: Literal["ambient-campaign"]
     version: Literal[1]
@@ -168,24 +209,42 @@ class Campaign(Scenario):
         """The trace's, without ``time_s``."""
         return (*self.laboratory.device.columns, REFERENCE, *self.laboratory.signals)
 
+    def step_name(self, index: int) -> str:
+        """A step of the program for a table: its number, from 1 on, in ``before`` or in the recording."""
+        count = len(self.before)
+        return f"before {index + 1}" if index < count else str(index - count + 1)
 
-class Loaded(NamedTuple):
-    """A campaign as it stands in its files."""
+
+class LoadedCampaign(NamedTuple):
+    """A campaign as it stands in its ``files``, its own first; ``sha256`` is of all of them."""
 
     name: str
     path: str
     campaign: Campaign
     offsets: Mapping[str, ProbeOffset]
     sha256: str
-    """Of the files that make it,"""
     files: tuple[str, ...]
-    """its own first."""
 
 
-def load_campaign(path: str, ports: bool = True) -> Loaded:
-    """The campaign in the file at ``path``; raises :class:`Refused` with every fault in it.
+def load_campaign(path: str, ports: bool = True) -> LoadedCampaign:
+    """The campaign in a file.
 
-    ``ports`` says whether a port that is not there is one of them.
+    Parameters
+    ----------
+    path : str
+        A YAML file.
+    ports : bool
+        Whether a port that is not there is a fault.
+
+    Returns
+    -------
+    LoadedCampaign
+        The campaign, with the offsets of its probes.
+
+    Raises
+    ------
+    Refused
+        With every fault in it.
     """
     data = load_yaml(path)
     if not isinstance(data, dict):
@@ -196,28 +255,36 @@ def load_campaign(path: str, ports: bool = True) -> Loaded:
         files.append(os.path.join(folder, data["laboratory"]))
         data = {**data, "laboratory": load_yaml(files[-1])}
     offsets: Mapping[str, ProbeOffset] = {}
-    faults = list(faults_between(data, ports))
-    if named := _offsets_file(data):
+    model, faults = _model_for(data)
+    if isinstance(named := _at(data, "laboratory", "ambient", "offsets"), str):
         files.append(os.path.join(folder, named))
         try:
             offsets = load_offsets(files[-1])
-            faults += offset_faults(data, offsets)
         except Refused as refused:
             faults += [fault._replace(place=f"laboratory.ambient.offsets {fault.place}") for fault in refused.faults]
-    campaign = validated(Campaign, data, path, faults)
+    campaign = validated(model, data, path, [*faults, *faults_between(data, ports, offsets)])
     name = os.path.basename(path).removesuffix(".yaml").removesuffix(".yml")
-    return Loaded(name, path, campaign, offsets, _digest(files), tuple(files))
+    digests = (hashlib.sha256(Path(each).read_bytes()).digest() for each in files)
+    return LoadedCampaign(name, path, campaign, offsets, hashlib.sha256(b"".join(digests)).hexdigest(), tuple(files))
 
 
-def _offsets_file(data: Any) -> str | None:
-    for key in ("laboratory", "ambient", "offsets"):
+def _model_for(data: Any) -> tuple[type[Campaign], list[Fault]]:
+    """The campaign whose instruments have the settings of their kinds, and a fault for each kind that is unknown."""
+    settings: dict[str, Any] = {}
+    faults = []
+    for role in ROLES:
+        kind, known = _at(data, "laboratory", "instruments", role, "kind"), settings_by_kind(role)
+        if isinstance(kind, str):
+            settings[role] = (known.get(kind, Any), ...)
+            if kind not in known:
+                place, hint = f"laboratory.instruments.{role}.kind", f"known are {', '.join(known)}"
+                faults.append(Fault(place, f"no {role} is of kind {kind!r}", hint))
+    instruments = create_model("Instruments", __base__=Instruments, **settings)
+    laboratory = create_model("Laboratory", __base__=Laboratory, instruments=(instruments, ...))
+    return create_model("Campaign", __base__=Campaign, laboratory=(laboratory, ...)), faults
+
+
+def _at(data: Any, *keys: str) -> Any:
+    for key in keys:
         data = data.get(key) if isinstance(data, dict) else None
-    return data if isinstance(data, str) else None
-
-
-def _digest(files: list[str]) -> str:
-    """Of all the files, in order."""
-    whole = hashlib.sha256()
-    for path in files:
-        whole.update(hashlib.sha256(Path(path).read_bytes()).digest())
-    return whole.hexdigest()
+    return data

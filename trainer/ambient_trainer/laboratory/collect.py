@@ -1,6 +1,6 @@
 """A campaign from its file to its trace: a new run, or one that goes on where it was stopped.
 
-The journal beside the trace holds the run until the trace is written whole. What was said before the stop stays as it
+The journal beside the trace holds the run until the trace is written whole. What was read before the stop stays as it
 is; the time in between is a gap, and the program goes on with the step, and the time in the step, where it was.
 """
 
@@ -9,59 +9,58 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from datetime import datetime, timezone
 from typing import NamedTuple
 
 from ambient_model.faults import refuse
 from ambient_model.trace import write_trace
-from ambient_trainer.laboratory.bench import CLOCK_OFFSET, Bench, bench_of, identities
-from ambient_trainer.laboratory.campaign import Loaded
+from ambient_trainer.laboratory.campaign import LoadedCampaign
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.conductor import Conductor, Ending, Eyes, Outcome
-from ambient_trainer.laboratory.guard import Guard
-from ambient_trainer.laboratory.journal import (
-    Head,
-    Identity,
-    Journal,
-    Note,
-    Record,
-    read_journal,
-)
-from ambient_trainer.laboratory.messages import DEVICE, Doing, Sample, Timebase
+from ambient_trainer.laboratory.equipment import Equipment, equipment_of, identify
+from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Identity, LoadState, Note, Timebase
 from ambient_trainer.laboratory.program import Program
-from ambient_trainer.laboratory.rows import Rows, grid_of, laboratory_rows, trace_rows
+from ambient_trainer.laboratory.run import Ending, Outcome, Run, Supervision
+from ambient_trainer.laboratory.trace_rows import Rows, grid_of, laboratory_rows, trace_rows
+from ambient_trainer.laboratory.watchdog import Watchdog
 
 
 class Job(NamedTuple):
-    """What is to be run, and how."""
+    """A campaign to run into a trace.
 
-    loaded: Loaded
+    Attributes
+    ----------
+    loaded : LoadedCampaign
+        The campaign.
+    output : str
+        The trace's path.
+    clock : Clock
+        The run's.
+    simulated : bool
+        Whether the instruments are.
+    environment : mapping or None
+        Added to that of the device's shells.
+    """
+
+    loaded: LoadedCampaign
     output: str
     clock: Clock
-    speed: float = 1.0
-    """Of the clock."""
     simulated: bool = False
     environment: Mapping[str, str] | None = None
-    """Added to that of the device's shells."""
 
-
-class Watching(NamedTuple):
-    """Who looks at a run, and may end it."""
-
-    eyes: Eyes
-    stopping: Callable[[], str | None]
-    giving_up: Callable[[], bool]
+    @property
+    def journal_path(self) -> str:
+        """Where the run's journal is."""
+        return journal_path(self.output)
 
 
 class Collected(NamedTuple):
-    """What came of a run."""
+    """What came of a run; ``trace`` is None where the recording had not begun."""
 
     outcome: Outcome
     record: Record
     trace: Rows | None
-    """None where the recording had not begun."""
-    laboratory_path: str
 
 
 def journal_path(output: str) -> str:
@@ -70,135 +69,126 @@ def journal_path(output: str) -> str:
 
 
 def laboratory_path(output: str) -> str:
-    """Where what the instruments said themselves goes."""
+    """Where the instruments' own readings go."""
     for ending in (".csv.gz", ".csv"):
         if output.endswith(ending):
             return f"{output.removesuffix(ending)}.laboratory{ending}"
     return f"{output}.laboratory.csv"
 
 
-def collect(job: Job, watching: Watching) -> Collected:
+def collect(job: Job, supervision: Supervision) -> Collected:
     """Run the campaign from its beginning; raises :class:`Refused` before anything moves."""
-    if os.path.exists(journal_path(job.output)):
-        Journal(journal_path(job.output), _head(job))  # says what to do about it
-    bench = bench_of(job.loaded, job.clock, job.environment)
+    if os.path.exists(job.journal_path):
+        Journal(job.journal_path, _head(job))  # its refusal says what to do about it
+    equipment = equipment_of(job.loaded, job.clock, job.environment)
     try:
-        found = identities(bench)
+        identities = identify(equipment, job.loaded)
     except BaseException:
-        bench.close()
+        equipment.close()
         raise
     timebase = Timebase(job.clock, job.clock.now_s())
-    journal = Journal(journal_path(job.output), _head(job))
-    for identity in found:
+    journal = Journal(job.journal_path, _head(job))
+    for identity in identities:
         journal.add(Identity(*identity))
-    return _run(job, bench, journal, timebase, Program(job.loaded.campaign.program, 0.0), watching)
+    return _run(job, equipment, journal, timebase, Program(job.loaded.campaign.program, 0.0), supervision)
 
 
-def resume(job: Job, watching: Watching) -> Collected:
+def resume(job: Job, supervision: Supervision) -> Collected:
     """Go on with the run whose journal is there; raises :class:`Refused` where it is another campaign's."""
-    path = journal_path(job.output)
-    record = read_journal(path)
-    _check_same(job, record, path)
+    record = read_journal(job.journal_path)
+    _check_same(job, record)
     campaign = job.loaded.campaign
     last_s, left = record.last_s, record.left
-    if left.step >= len(campaign.program):  # all was done but the trace
+    if left.step >= len(campaign.program):  # only the trace is missing
         return _written(job, Outcome(Ending.FINISHED, "finished", None, True))
-    journal = Journal(path)
+    journal = Journal(job.journal_path)
     # the calendar may have been set back in between: time goes on all the same
     now_s = max((time.time() - record.head.began_unix_s) * record.head.speed, last_s + campaign.period_s)
     timebase = Timebase(job.clock, job.clock.now_s() - now_s)
-    journal.add(Doing(last_s, None))
+    journal.add(LoadState(last_s, None))
     journal.add(Note(now_s, f"resumed after {now_s - last_s:.0f} s"))
     program = Program(campaign.program, now_s, left.step, left.elapsed_s)
-    bench = bench_of(job.loaded, job.clock, job.environment)
-    return _run(job, bench, journal, timebase, program, watching)
+    equipment = equipment_of(job.loaded, job.clock, job.environment)
+    return _run(job, equipment, journal, timebase, program, supervision)
 
 
 def _run(
-    job: Job, bench: Bench, journal: Journal, timebase: Timebase, program: Program, watching: Watching
+    job: Job, equipment: Equipment, journal: Journal, timebase: Timebase, program: Program, supervision: Supervision
 ) -> Collected:
-    laboratory = job.loaded.campaign.laboratory
-    link = laboratory.instruments.chamber
-    guard = Guard(link.port, laboratory.safety.set_point_degC, link.pause_s, link.timeout_s)
+    campaign = job.loaded.campaign
+    watchdog = Watchdog(campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC)
     with contextlib.ExitStack() as stack:
         stack.callback(journal.close)
         if not job.simulated:  # a simulated chamber ends with this process
-            stack.enter_context(guard)
-        outcome = Conductor(bench, timebase, journal, program, *watching).conduct()
+            stack.enter_context(watchdog)
+        outcome = Run(campaign, equipment, timebase, journal, program, supervision).conduct()
         if not outcome.safe:
-            guard.take_over()
+            watchdog.take_over()
     return _written(job, outcome)
 
 
 def _written(job: Job, outcome: Outcome) -> Collected:
-    """The trace, whole, of what there is; a journal that has come to its end goes."""
-    record = read_journal(journal_path(job.output))
+    """The trace, whole, of what there is; a journal that has come to its end is removed."""
+    record = read_journal(job.journal_path)
     campaign = job.loaded.campaign
     grid = grid_of(record, campaign)
-    beside = laboratory_path(job.output)
     trace = None
     if grid is not None:
         notes = _notes(job, record, outcome)
         trace = trace_rows(record, campaign, grid)
-        write_trace(job.output, trace.columns, trace.rows, notes)
-        further = laboratory_rows(record, campaign, grid)
-        write_trace(beside, further.columns, further.rows, notes)
-    if outcome.ending is Ending.FINISHED:
-        os.unlink(journal_path(job.output))
-    return Collected(outcome, record, trace, beside)
+        write_trace(job.output, *trace, notes)
+        write_trace(laboratory_path(job.output), *laboratory_rows(record, campaign, grid), notes)
+    if outcome.finished:
+        os.unlink(job.journal_path)
+    return Collected(outcome, record, trace)
 
 
 def _head(job: Job) -> Head:
-    return Head(job.loaded.name, job.loaded.sha256, time.time(), job.speed, job.simulated)
+    return Head(job.loaded.name, job.loaded.sha256, time.time(), job.clock.speed, job.simulated)
 
 
-def _check_same(job: Job, record: Record, path: str) -> None:
-    if record.head.sha256 != job.loaded.sha256:
-        problem = f"holds a run of campaign {record.head.campaign!r} as it was with SHA-256 {record.head.sha256[:12]}"
-        mend = f"{job.loaded.path} is another, or was changed since: give the one that it began with"
-        raise refuse(path, "", problem, mend)
-    if (record.head.simulated, record.head.speed) != (job.simulated, job.speed):
-        began = f"--simulate --speed {record.head.speed:g}" if record.head.simulated else "real instruments"
-        raise refuse(path, "", f"holds a run that began with {began}", "resume it the same way")
+def _check_same(job: Job, record: Record) -> None:
+    head = record.head
+    if head.sha256 != job.loaded.sha256:
+        problem = f"holds a run of campaign {head.campaign!r} as it was with SHA-256 {head.sha256[:12]}"
+        hint = f"{job.loaded.path} is another, or was changed since: give the one that it began with"
+        raise refuse(job.journal_path, "", problem, hint)
+    if (head.simulated, head.speed) != (job.simulated, job.clock.speed):
+        began = f"--simulate --speed {head.speed:g}" if head.simulated else "real instruments"
+        raise refuse(job.journal_path, "", f"holds a run that began with {began}", "resume it the same way")
 
 
 def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
     """What a reader of the trace has to know."""
+    loaded = job.loaded
     began = datetime.fromtimestamp(record.head.began_unix_s, timezone.utc)
     notes = {
-        "campaign": job.loaded.name,
-        "campaign_sha256": job.loaded.sha256,
+        "campaign": loaded.name,
+        "campaign_sha256": loaded.sha256,
         "simulated": "yes" if job.simulated else "no",
         "program_began": began.isoformat(timespec="seconds"),
-        "complete": "yes" if outcome.ending is Ending.FINISHED else f"no: {outcome.why}",
+        "complete": "yes" if outcome.finished else f"no: {outcome.why}",
     }
     notes.update({entry.source: entry.text for entry in record.entries if isinstance(entry, Identity)})
-    probes = job.loaded.campaign.laboratory.ambient.probes
-    offsets = [f"{name} {_points(job, name)}" for name in probes if name in job.loaded.offsets]
-    notes["offsets"] = "; ".join(offsets) or "none"
-    notes.update(_delays(record))
-    return notes
-
-
-def _points(job: Job, name: str) -> str:
-    return ", ".join(f"{offset_K:+.3f} K at {reading:g} degC" for reading, offset_K in job.loaded.offsets[name].points)
+    probes = [name for name in loaded.campaign.laboratory.ambient.probes if name in loaded.offsets]
+    notes["offsets"] = "; ".join(f"{name} {loaded.offsets[name]}" for name in probes) or "none"
+    return {**notes, **_delays(record)}
 
 
 def _delays(record: Record) -> dict[str, str]:
     """How long answers took, and what the device's clock was ahead of the run's."""
-    samples = [entry for entry in record.entries if isinstance(entry, Sample)]
+    samples = record.samples
     notes = {}
     for source in dict.fromkeys(sample.source for sample in samples):
         delays = sorted(each.answered_s - each.asked_s for each in samples if each.source == source)
         notes[f"{source}_delay_s"] = f"median {delays[len(delays) // 2]:.4f}, worst {delays[-1]:.4f}"
-    heard = [each for each in samples if each.source == DEVICE and each.values.get(CLOCK_OFFSET) is not None]
-    if heard:
-        # the quickest answers leave the least doubt
-        best = min(heard, key=lambda each: each.answered_s - each.asked_s)
-        doubt_s = 0.5 * (best.answered_s - best.asked_s)
-        ends = [each.values[CLOCK_OFFSET] for each in (heard[0], heard[-1])]
-        first, last = (value or 0.0 for value in ends)
-        notes["device_clock"] = (
-            f"uptime {best.values[CLOCK_OFFSET]} s ahead (+-{doubt_s:.4f} s), {last - first:+.4f} s more at the end"
-        )
+    offsets = [
+        (each.answered_s - each.asked_s, offset_s)
+        for each in samples
+        if each.source == DEVICE and (offset_s := each.values.get(CLOCK_OFFSET)) is not None
+    ]
+    if offsets:
+        delay_s, offset_s = min(offsets)  # the quickest answer leaves the least doubt
+        drift_s = offsets[-1][1] - offsets[0][1]
+        notes["device_clock"] = f"uptime {offset_s} s ahead (+-{0.5 * delay_s:.4f} s), {drift_s:+.4f} s more at the end"
     return notes

@@ -1,7 +1,4 @@
-"""What the threads of a run tell its conductor, with the run's own time; nothing else passes between them.
-
-The run's time is that of its clock, less where the run began: see :class:`Timebase`.
-"""
+"""What happens in a run, each with the run's own time: what its threads post, and what its journal keeps."""
 
 from __future__ import annotations
 
@@ -9,36 +6,38 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.reading import Reading
 
 CHAMBER, MULTIPLEXER, THERMOMETER, DEVICE = "chamber", "multiplexer", "thermometer", "device"
+CLOCK_OFFSET = "device_clock_offset_s"
+"""Column of the device: its uptime less the time here."""
 
 
 class Sample(NamedTuple):
-    """One instrument's reading, by column; None where it had nothing to say."""
+    """One instrument's reading, in the run's time."""
 
     source: str
     asked_s: float
     answered_s: float
     values: Mapping[str, float | None]
     note: str | None = None
-    """What else it said: the chamber's alarm, or that the device was started anew."""
 
     @property
     def at_s(self) -> float:
-        """The time that it is of: the middle of asking and answering."""
+        """The time of the sample: the middle of asking and answering."""
         return 0.5 * (self.asked_s + self.answered_s)
 
 
-class Trouble(NamedTuple):
-    """Something did not work; it is tried again."""
+class Failure(NamedTuple):
+    """An instrument did not do what it was asked for; it is tried again."""
 
     source: str
     at_s: float
     text: str
 
 
-class Doing(NamedTuple):
-    """The actions that the device is known to do from now on, or None: not known."""
+class LoadState(NamedTuple):
+    """The actions of the device from now on; None where they are not known."""
 
     at_s: float
     actions: tuple[str, ...] | None
@@ -51,21 +50,53 @@ class Crash(NamedTuple):
     error: BaseException
 
 
-Message = Sample | Trouble | Doing | Crash
+class StepBegan(NamedTuple):
+    """The program is in a step from now on, ``elapsed_s`` into it."""
+
+    at_s: float
+    step: int
+    elapsed_s: float
+
+
+class Note(NamedTuple):
+    """An event for the summary."""
+
+    at_s: float
+    text: str
+
+
+class Identity(NamedTuple):
+    """What an instrument says that it is."""
+
+    source: str
+    text: str
+
+
+class End(NamedTuple):
+    """The program was left at ``at_s``; what comes after it saw to safety, or is a resumption."""
+
+    at_s: float
+    why: str
+
+
+Message = Sample | Failure | LoadState | Crash
+Entry = Message | StepBegan | Note | Identity | End
 Post = Callable[[Message], None]
 
 
 class Timebase(NamedTuple):
-    """One time for all of a run's instruments, also over a stop and a new start."""
+    """One time for all of a run's instruments, also over a stop and a new start; ``zero_s`` is the clock's at its 0."""
 
     clock: Clock
     zero_s: float
-    """What the clock said when the run's time was 0."""
 
     def now_s(self) -> float:
         """The run's time."""
         return self.clock.now_s() - self.zero_s
 
-    def of(self, clock_s: float) -> float:
-        """The run's time when the clock said ``clock_s``."""
-        return clock_s - self.zero_s
+    def sample(self, source: str, reading: Reading) -> Sample:
+        """``reading`` in the run's time, in which the device's clock offset counts, too."""
+        values = dict(reading.values)
+        if (offset_s := values.get(CLOCK_OFFSET)) is not None:
+            values[CLOCK_OFFSET] = round(offset_s + self.zero_s, 4)
+        return Sample(source, reading.asked_s - self.zero_s, reading.answered_s - self.zero_s, values, reading.note)

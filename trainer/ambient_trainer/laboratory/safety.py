@@ -1,6 +1,7 @@
 """What ends a run: air or device beyond a limit, or no ambient for too long while the chamber works.
 
-No clock and no instrument here: samples and times come in. What it says is told after the chamber was sent to safety.
+No clock and no instrument here: samples and times come in. The chamber is sent to its safe set point before the reason
+is shown.
 """
 
 from __future__ import annotations
@@ -8,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ambient_trainer.laboratory.campaign import Safety
-from ambient_trainer.laboratory.keeper import ACTUAL
+from ambient_trainer.laboratory.instruments import AIR
 
 
-class Watch:
+class SafetyLimits:
     """The limits of a laboratory, from ``now_s`` on."""
 
     def __init__(self, safety: Safety, now_s: float) -> None:
@@ -19,30 +20,29 @@ class Watch:
         self._ambient_s = now_s
         self._crossed: str | None = None
 
-    def hear_ambient(self, now_s: float, ambient_degC: float | None) -> None:
-        """Take in the mean of the probes; None where too few answered."""
+    def check_ambient(self, now_s: float, ambient_degC: float | None) -> None:
+        """Compare the mean of the probes; None where too few answered."""
         if ambient_degC is not None:
             self._ambient_s = now_s
-            self._air("ambient", ambient_degC)
+            self._check_air("ambient", ambient_degC)
 
-    def hear(self, values: Mapping[str, float | None]) -> None:
-        """Take in what the chamber or the device says, by column."""
-        actual_degC = values.get(ACTUAL)
-        if actual_degC is not None:
-            self._air("chamber", actual_degC)
+    def check(self, values: Mapping[str, float | None]) -> None:
+        """Compare what the chamber or the device reads, by column."""
+        if (air_degC := values.get(AIR)) is not None:
+            self._check_air("chamber", air_degC)
         for column, high_degC in self._safety.device_high_degC.items():
             value = values.get(column)
             if value is not None and value > high_degC:
                 self._crossed = f"device: {column} is {value:g}, above its limit of {high_degC:g} degC"
 
-    def verdict(self, now_s: float) -> str | None:
-        """Why the run has to end, or None."""
+    def violation(self, now_s: float) -> str | None:
+        """Why the run has to end, or None; a limit that was crossed once stays crossed."""
         silent_s = now_s - self._ambient_s
         if self._crossed is None and silent_s > self._safety.ambient_lost_s:
-            return f"ambient: no probe said anything for {silent_s:.0f} s"
+            return f"ambient: no probe answered for {silent_s:.0f} s"
         return self._crossed
 
-    def _air(self, what: str, temp_degC: float) -> None:
+    def _check_air(self, what: str, temp_degC: float) -> None:
         limits = self._safety.chamber
         if temp_degC > limits.high_degC + limits.margin_K:
             self._crossed = f"{what}: {temp_degC:.1f} degC is above the limit of {limits.high_degC:g} degC"

@@ -1,35 +1,34 @@
-"""What a program will take, before it runs: ramps at the chamber's usual rates, and rest as long as steps ask for."""
+"""How long a program takes, estimated: ramps at the chamber's usual rates, and the settling that is asked for."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.campaign import Campaign, ChamberLink
-from ambient_trainer.report.table import Table
-from ambient_trainer.simulator.scenario import Step
+from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
+from ambient_trainer.report import Block, Finding, Report, Table
+from ambient_trainer.simulator.scenario import Settle
+
+_CAPTION = (
+    "Times in h:mm:ss; air there after: estimated from the chamber's usual rates, from its safe set point on. A step "
+    "that waits for a steady state may take longer. Before the recording all is logged, but not into the trace."
+)
 
 
 class Expected(NamedTuple):
-    """One step as it should come."""
+    """One step: when it begins in the program, how long it takes, and until when the air is about at the set point."""
 
     begins_s: float
-    """After the beginning of the program."""
     length_s: float
     ramp_s: float
-    """Until the air is about at the set point."""
 
 
 def expected(campaign: Campaign) -> list[Expected]:
     """Every step of the program, which finds the chamber at its safe set point."""
-    laboratory = campaign.laboratory
-    return _expected(campaign.program, laboratory.safety.set_point_degC, laboratory.instruments.chamber)
-
-
-def _expected(steps: Sequence[Step], air_degC: float, chamber: ChamberLink) -> list[Expected]:
+    chamber, air_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
     found: list[Expected] = []
     begins_s = 0.0
-    for step in steps:
+    for step in campaign.program:
         rate_K_min = chamber.heating_K_min if step.chamber_degC > air_degC else chamber.cooling_K_min
         if step.gradient_K_min is not None:
             rate_K_min = min(rate_K_min, step.gradient_K_min)
@@ -48,30 +47,44 @@ def _expected(steps: Sequence[Step], air_degC: float, chamber: ChamberLink) -> l
 
 def schedule_table(campaign: Campaign) -> Table:
     """The program, a step a row."""
-    count = len(campaign.before)
-    rows = []
-    for index, (step, each) in enumerate(zip(campaign.program, expected(campaign))):
-        rows.append(
-            (
-                f"before {index + 1}" if index < count else str(index - count + 1),
-                clock_text(each.begins_s),
-                clock_text(each.length_s),
-                f"{step.chamber_degC:g}",
-                clock_text(each.ramp_s) if each.ramp_s else "-",
-                _rest(step),
-                ", ".join(step.load) or "-",
-            )
+    rows = tuple(
+        (
+            campaign.step_name(index),
+            clock_text(each.begins_s),
+            clock_text(each.length_s),
+            f"{step.chamber_degC:g}",
+            clock_text(each.ramp_s) if each.ramp_s else "-",
+            _settle_text(step.settle),
+            ", ".join(step.load) or "-",
         )
-    caption = (
-        "Times in h:mm:ss; air there after: estimated from the chamber's usual rates, from its safe set point on. "
-        "A step that waits for rest may take longer. Before the recording all is logged, but not into the trace."
+        for index, (step, each) in enumerate(zip(campaign.program, expected(campaign)))
     )
-    columns = ("step", "begins", "takes", "degC", "air there", "rest", "device does")
-    return Table(caption, columns, tuple(rows), labels=1)
+    columns = ("step", "begins", "takes", "degC", "air there", "steady", "device does")
+    return Table(_CAPTION, columns, rows, labels=1)
 
 
-def _rest(step: Step) -> str:
-    settle = step.settle
+def report_of(loaded: LoadedCampaign) -> Report:
+    """The schedule of a campaign, its length, and the ports that are not there now."""
+    campaign = loaded.campaign
+    steps = expected(campaign)
+    recorded_s = sum(each.length_s for each in steps[len(campaign.before) :])
+    whole_s = steps[-1].begins_s + steps[-1].length_s
+    rows = round(recorded_s / campaign.period_s)
+    missing = [
+        Finding(f"{name}: {settings.port} is not there now.")
+        for name, settings in campaign.laboratory.instruments
+        if settings is not None and not os.path.exists(settings.port)
+    ]
+    blocks: list[Block] = [
+        schedule_table(campaign),
+        Finding(f"{clock_text(whole_s)} in all, {clock_text(recorded_s)} of it recorded: {rows:,} rows."),
+        Finding(f"From {', '.join(loaded.files)}"),
+        *missing,
+    ]
+    return Report(f"{loaded.name}: {campaign.about}", blocks, [], {}, "Schedule")
+
+
+def _settle_text(settle: Settle | None) -> str:
     return "-" if settle is None else f"{settle.for_min:g} min in {settle.within_K:g} K"
 
 

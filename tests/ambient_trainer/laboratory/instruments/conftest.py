@@ -5,78 +5,84 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from ambient_trainer.laboratory.clock import FastClock
-from ambient_trainer.laboratory.instruments.chamber import Chamber
-from ambient_trainer.laboratory.instruments.multiplexer import Multiplexer
-from ambient_trainer.laboratory.instruments.thermometer import Thermometer
-from ambient_trainer.laboratory.line import LineError
-from ambient_trainer.laboratory.simulated.chamber import SimulatedChamber
-from ambient_trainer.laboratory.simulated.multiplexer import SimulatedMultiplexer
-from ambient_trainer.laboratory.simulated.terminal import SimulatedInstrument
-from ambient_trainer.laboratory.simulated.thermometer import SimulatedThermometer
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.instruments import AIR, THERMOMETER_COLUMN, instrument, probe_column, settings
+from ambient_trainer.laboratory.reading import InstrumentError
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 SPEED = 20.0
+KINDS = {"chamber": "voetsch-vt4004", "multiplexer": "agilent-34970a", "thermometer": "greisinger-easybus"}
+COLUMNS = {"chamber": AIR, "multiplexer": probe_column("air"), "thermometer": THERMOMETER_COLUMN}
+
+
+def settings_of(role: str, port: str = "/nowhere/port", **values: Any) -> Any:
+    """Settings of the shipped instrument of a role."""
+    if role == "multiplexer":
+        values.setdefault("probes", {"air": 103, "wall": 101})
+    return settings(KINDS[role], port=port, **values)
+
+
+@pytest.fixture
+def driver_at() -> Callable[..., Any]:
+    """Makes a driver of a role at a port, which has the given settings."""
+
+    def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, limits=(-20.0, 60.0), **values: Any):
+        named = settings_of(role, port, **values)
+        further = [SetPointLimits(port, *limits)] if role == "chamber" else []
+        return instrument(named.kind).Driver(named, clock or Clock(), *further)
+
+    return make
 
 
 class Bench(NamedTuple):
-    """A driver and the simulated instrument at its port, which reads what ``air_degC`` says."""
+    """A driver and the simulated instrument at its port, in air of ``air_degC``, one number that may be changed."""
 
+    role: str
     driver: Any
     simulated: Any
-    clock: FastClock
+    clock: Clock
     air_degC: list[float]
-    """One number, to be changed."""
 
-    def failure(self, error_type: type[LineError] = LineError) -> LineError:
+    def failure(self, error_type: type[InstrumentError] = InstrumentError) -> InstrumentError:
         """How a reading fails; the error names the instrument, its port, what was expected, and what came."""
         with pytest.raises(error_type) as caught:
             self.driver.read()
         error = caught.value
-        assert (error.instrument, error.port) == (self.driver.name, self.simulated.port)
-        assert (
-            str(error)
-            == f"{error.instrument} on {error.port}: expected {error.expected}, got {error.got}; {error.mend}"
-        )
+        assert (error.instrument, error.port) == (self.role, self.simulated.port)
+        for part in (error.instrument, error.port, error.expected, error.got, error.hint):
+            assert part in str(error)
         return error
 
     def reading(self) -> float:
         """The temperature that a reading holds."""
-        got = self.driver.read()
-        if isinstance(self.driver, Multiplexer):
-            return got.temps_degC["air"]
-        return got.actual_degC if isinstance(self.driver, Chamber) else got.temp_degC
+        return self.driver.read().values[COLUMNS[self.role]]
 
 
 @pytest.fixture
-def clock() -> FastClock:
-    return FastClock(SPEED)
+def clock() -> Clock:
+    return Clock(SPEED)
 
 
 @pytest.fixture
-def bench(tmp_path, clock) -> Iterator[Callable[[str], Bench]]:
-    """Makes a bench of a kind: ``chamber``, ``multiplexer`` or ``thermometer``."""
+def bench(tmp_path, clock, driver_at) -> Iterator[Callable[..., Bench]]:
+    """Makes a bench of a role, its driver with the given settings."""
     made: list[Any] = []
 
-    def make(kind: str) -> Bench:
+    def make(role: str, **values: Any) -> Bench:
         air_degC = [21.5]
-        folder = str(tmp_path)
-        simulated: SimulatedInstrument
-        driver: Any
-        if kind == "chamber":
-            simulated = SimulatedChamber(clock, folder=folder, seed=1)
-            simulated.air_degC = lambda at_s=None: air_degC[0]
-            simulated._air.at = lambda at_s: air_degC[0]
-            driver = Chamber(simulated.port, clock=clock)
-        elif kind == "multiplexer":
-            simulated = SimulatedMultiplexer(
-                clock, lambda at_s: air_degC[0], channels=[101, 102, 103], folder=folder, errors_K={103: 0.0}
-            )
-            driver = Multiplexer(simulated.port, {"air": 103, "wall": 101}, clock=clock)
+        simulated_class = instrument(KINDS[role]).Simulated
+        if role == "chamber":
+            simulated = simulated_class(settings_of(role), clock, 1, folder=str(tmp_path))
+            simulated.air.at = lambda at_s: air_degC[0]
+        elif role == "multiplexer":
+            errors_K = {"air": 0.0, "wall": 0.1, "shelf": 0.2}
+            named = settings_of(role, probes={"air": 103, "wall": 101, "shelf": 102})
+            simulated = simulated_class(named, clock, lambda at_s: air_degC[0], 0, errors_K, str(tmp_path))
         else:
-            simulated = SimulatedThermometer(clock, lambda at_s: air_degC[0], folder=folder)
-            driver = Thermometer(simulated.port, clock=clock)
+            simulated = simulated_class(settings_of(role), clock, lambda at_s: air_degC[0], str(tmp_path))
+        driver = driver_at(role, simulated.port, clock, **values)
         made.extend((driver, simulated))
-        return Bench(driver, simulated, clock, air_degC)
+        return Bench(role, driver, simulated, clock, air_degC)
 
     yield make
     for each in made:

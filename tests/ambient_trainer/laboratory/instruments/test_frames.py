@@ -9,11 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.laboratory.protocols import agilent, easybus, voetsch
-from ambient_trainer.laboratory.protocols.agilent import ErrorText, Identity, Scan
-from ambient_trainer.laboratory.protocols.easybus import Frame, Value
-from ambient_trainer.laboratory.protocols.misread import Misread
-from ambient_trainer.laboratory.protocols.voetsch import Done, FaultText, State
+from ambient_trainer.laboratory.instruments import agilent_34970a as agilent
+from ambient_trainer.laboratory.instruments import greisinger_easybus as easybus
+from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
+from ambient_trainer.laboratory.instruments.agilent_34970a import ErrorText, Identity, Scan
+from ambient_trainer.laboratory.instruments.greisinger_easybus import Frame, Value
+from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Done, Fault, State
+from ambient_trainer.laboratory.serial_line import Malformed
 
 
 def bits(text: str) -> tuple[bool, ...]:
@@ -25,6 +27,7 @@ def frame(body: str) -> Frame:
 
 
 OUTPUTS = bits("0101010101010100")
+WARM = bytes.fromhex("FE 05 26 71 00 48 F7 80 09")
 TABLE: dict[str, tuple[Any, bytes, Any]] = {
     "chamber, state": (
         voetsch,
@@ -37,8 +40,8 @@ TABLE: dict[str, tuple[Any, bytes, Any]] = {
         State((-20.0, 0.0, 0.0, 0.0, 0.0), (-18.7, 11.2, 11.2, 11.2, 11.2), OUTPUTS),
     ),
     "chamber, done": (voetsch, b"0\r", Done()),
-    "chamber, fault": (voetsch, b"07 overtemperature\r", FaultText(7, "overtemperature")),
-    "chamber, no fault": (voetsch, b"00\r", FaultText(0, "")),
+    "chamber, fault": (voetsch, b"07 overtemperature\r", Fault(7, "overtemperature")),
+    "chamber, no fault": (voetsch, b"00\r", Fault(0, "")),
     "multiplexer, identity": (
         agilent,
         b"HEWLETT-PACKARD,34970A,0,13-2-2\r\n",
@@ -61,12 +64,52 @@ TABLE: dict[str, tuple[Any, bytes, Any]] = {
     ),
     "multiplexer, undefined header": (agilent, b'-113,"Undefined header"\r\n', ErrorText(-113, "Undefined header")),
     "multiplexer, no error": (agilent, b'+0,"No error"\r\n', ErrorText(0, "No error")),
-    "thermometer, 21.76": (easybus, bytes.fromhex("FE 05 26 71 00 48 F7 80 09"), frame("71 00 F7 80")),
+    "thermometer, 21.76": (easybus, WARM, frame("71 00 F7 80")),
     "thermometer, -0.04": (easybus, bytes.fromhex("FE 05 26 72 FF 84 00 FC 05"), frame("72 FF 00 FC")),
     "thermometer, no sensor": (easybus, bytes.fromhex("FE 0D 1E 70 F6 91 DF ED 0B"), frame("70 F6 DF ED")),
+    "thermometer, number": (
+        easybus,
+        bytes.fromhex("FE C5 68 CD 40 3C 8F 08 B2"),
+        Frame(1, easybus.IDENTITY, easybus.body_of_number(0x32407008)),
+    ),
 }
-VALUES = {"71 00 F7 80": Value(21.76, None), "72 FF 00 FC": Value(-0.04, None), "70 F6 DF ED": Value(None, "no sensor")}
+COMMANDS = {
+    voetsch.READ_STATE.request: b"$00I\r",
+    voetsch.READ_FAULT.request: b"$00F\r",
+    voetsch.set_values((10.0, 0, 0, 0, 0), bits("0101010100000100")): (
+        b"$00E 0010.0 0000.0 0000.0 0000.0 0000.0 0101010100000100\r"
+    ),
+    voetsch.set_values((-7.5, 0, 0, 0, 0), OUTPUTS)[:12]: b"$00E -007.5 ",
+    voetsch.set_gradients(2.0, 1.5): b"$00U 0002.0 0001.5 0000.0 0000.0\r",
+    agilent.READ_IDENTITY.request: b"*IDN?\n",
+    agilent.RESET: b"*RST\n*CLS\n",
+    agilent.read_scan((101,)).request: b"READ?\n",
+    agilent.configure([101, 102, 103], "K"): b"CONF:TEMP TC,K,(@101:103)\nROUT:SCAN (@101:103)\n",
+    agilent.channel_list([203, 101, 102, 110, 103]): b"(@101:103,110,203)",
+    easybus.request(1, easybus.VALUE): bytes.fromhex("FE 00 3D"),
+}
+VALUES = {
+    bytes.fromhex("71 00 F7 80"): Value(21.76, None),
+    bytes.fromhex("72 FF 00 FC"): Value(-0.04, None),
+    bytes.fromhex("70 F6 DF ED"): Value(None, "no sensor"),
+    # of one group
+    easybus._upright((2 << 14 | 2176 + 2048).to_bytes(2, "big")): Value(21.76, None),
+    easybus._upright((1 << 14 | 2048 - 5).to_bytes(2, "big")): Value(-0.5, None),
+    easybus._upright(0x3FED.to_bytes(2, "big")): Value(None, "no sensor"),
+    easybus._upright(0x3FFE.to_bytes(2, "big")): Value(None, "fault 16382"),
+    b"": Malformed("a value of one group or two", "0 groups"),
+    bytes.fromhex("FE 05 71 00"): Malformed("a value of 0 to 7 decimals", "-15 decimals"),
+}
 each_frame = pytest.mark.parametrize(("protocol", "data", "reply"), TABLE.values(), ids=TABLE)
+
+
+def fed(protocol, parts) -> tuple[list[list[Any]], bytes]:
+    """The replies to each part, and what is left of the last one."""
+    found, rest = [], b""
+    for part in parts:
+        replies, rest = protocol.decode(rest + part)
+        found.append(replies)
+    return found, rest
 
 
 def starts_no_frame(noise: bytes) -> bool:
@@ -84,44 +127,85 @@ NOISE[agilent] = NOISE[voetsch]
 
 
 @each_frame
-def test_whole(protocol, data, reply) -> None:
-    assert protocol.Decoder().feed(data) == [reply]
-
-
-@each_frame
-def test_byte_by_byte(protocol, data, reply) -> None:
-    decoder = protocol.Decoder()
-    assert [decoder.feed(data[at : at + 1]) for at in range(len(data))] == [[]] * (len(data) - 1) + [[reply]]
+def test_whole_and_byte_by_byte(protocol, data, reply) -> None:
+    assert protocol.decode(data) == ([reply], b"")
+    assert fed(protocol, [data[at : at + 1] for at in range(len(data))]) == ([[]] * (len(data) - 1) + [[reply]], b"")
 
 
 @each_frame
 @given(draw=st.data())
-def test_noise_in_between_is_told_and_changes_nothing(protocol, data, reply, draw) -> None:
+def test_noise_in_between_is_malformed_and_changes_nothing(protocol, data, reply, draw) -> None:
     first, second = draw.draw(NOISE[protocol]), draw.draw(NOISE[protocol])
     sent = data + first + data + second + data
-    cuts = draw.draw(st.lists(st.integers(0, len(sent)), max_size=8))
-    decoder = protocol.Decoder()
-    edges = [0, *sorted(cuts), len(sent)]
-    found = [each for begin, end in itertools.pairwise(edges) for each in decoder.feed(sent[begin:end])]
-    assert [each for each in found if not isinstance(each, Misread)] == [reply] * 3
-    assert sum(isinstance(each, Misread) for each in found) >= 2
-    assert decoder.rest() == b""
-
-
-@pytest.mark.parametrize(("body", "value"), VALUES.items())
-def test_what_the_thermometers_bytes_mean(body, value) -> None:
-    assert easybus.value_of(bytes.fromhex(body)) == value
+    edges = [0, *sorted(draw.draw(st.lists(st.integers(0, len(sent)), max_size=8))), len(sent)]
+    parts, rest = fed(protocol, [sent[begin:end] for begin, end in itertools.pairwise(edges)])
+    found = [each for part in parts for each in part]
+    assert [each for each in found if not isinstance(each, Malformed)] == [reply] * 3
+    assert sum(isinstance(each, Malformed) for each in found) >= 2
+    assert rest == b""
 
 
 @each_frame
-def test_what_the_simulated_instruments_say_are_the_documented_bytes(protocol, data, reply) -> None:
-    encoders = {
-        State: voetsch.state_line,
-        Done: lambda reply: voetsch.DONE_LINE,
-        FaultText: voetsch.fault_line,
-        Scan: agilent.scan_line,
-        ErrorText: lambda reply: f"{reply}\r\n".encode(),
-        Identity: lambda reply: ",".join(reply).encode() + b"\r\n",
-        Frame: lambda reply: easybus.reply(1, 0, reply.body, faulty=easybus.value_of(reply.body).value is None),
-    }
-    assert encoders[type(reply)](reply) == data.replace(b"-9.90000000E+37", b"+9.90000000E+37")
+def test_the_simulated_instruments_send_the_documented_bytes(protocol, data, reply) -> None:
+    if protocol is easybus:
+        faulty = reply.code == easybus.VALUE and easybus.value_of(reply.body).value is None
+        assert easybus.reply(1, reply.code, reply.body, faulty) == data
+    else:
+        assert protocol.encode(reply) == data.replace(b"-9.90000000E+37", b"+9.90000000E+37")
+
+
+def test_the_documented_commands() -> None:
+    assert list(COMMANDS) == list(COMMANDS.values())
+
+
+@pytest.mark.parametrize(("body", "value"), VALUES.items())
+def test_the_value_in_a_body(body, value) -> None:
+    assert easybus.value_of(body) == value
+
+
+@given(hundredths=st.integers(-20000, 99999))
+def test_a_simulated_value_is_read_back(hundredths) -> None:
+    (reply,), _ = easybus.decode(easybus.reply(7, 0, easybus.body_of_value(hundredths / 100, 2)))
+    assert reply.address == 7
+    assert easybus.value_of(reply.body).value == hundredths / 100
+
+
+@pytest.mark.parametrize(
+    ("protocol", "ending", "longest"), [(voetsch, b"\r", 200), (agilent, b"\n", 8192), (easybus, None, 12)]
+)
+@given(noise=st.binary(max_size=1000))
+def test_after_any_bytes_the_next_line_is_read_and_little_is_kept(protocol, ending, longest, noise) -> None:
+    _, rest = protocol.decode(noise)
+    assert len(rest) <= longest
+    if ending:
+        _, data, reply = TABLE["chamber, state" if protocol is voetsch else "multiplexer, with channels"]
+        assert protocol.decode(noise + ending + data)[0][-1] == reply
+
+
+@each_frame
+def test_a_part_of_a_frame_is_never_that_frame(protocol, data, reply) -> None:
+    for cut in range(1, len(data)):
+        assert protocol.decode(data[:cut]) == ([], data[:cut]) or data[cut:] in (b"\n",)
+        assert reply not in protocol.decode(data[cut:])[0]
+
+
+@pytest.mark.parametrize("data", [data for protocol, data, _ in TABLE.values() if protocol is easybus])
+@given(at=st.integers(0, 8), flip=st.integers(1, 255))
+def test_one_wrong_byte_leaves_no_reply_of_this_thermometer(data, at, flip) -> None:
+    broken = bytearray(data)
+    broken[at] ^= flip
+    replies = [each for each in easybus.decode(bytes(broken))[0] if isinstance(each, Frame)]
+    assert not [each for each in replies if each.address == 1 and len(each.body) == 4]
+
+
+@pytest.mark.parametrize("cut", range(1, 9))
+def test_a_frame_after_a_part_of_one(cut) -> None:
+    found, _ = easybus.decode(WARM[:cut] + WARM)
+    values = [easybus.value_of(each.body) for each in found if isinstance(each, Frame)]
+    assert values == [Value(21.76, None)] or cut % 3 == 0  # there the frame's head may be a value's groups
+    assert len(values) < len(found)
+
+
+def test_an_empty_line_is_a_malformed_command_of_the_chamber() -> None:
+    ((malformed,), _) = voetsch.decode(b"\r")
+    assert "empty line" in malformed.got

@@ -12,17 +12,13 @@ import click
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.cli.number import FiniteRange
-from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer
-from ambient_trainer.report.table import for_terminal
+from ambient_trainer.cli.output import Output, printer
 from ambient_trainer.simulator.scenario import scenario_path
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from ambient_trainer.laboratory.campaign import Loaded
+    from ambient_trainer.laboratory.campaign import LoadedCampaign
     from ambient_trainer.laboratory.collect import Collected, Job
-    from ambient_trainer.laboratory.conductor import Eyes
+    from ambient_trainer.laboratory.run import Monitor
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -49,13 +45,14 @@ def command(
     """Run a campaign: chamber, probes and device through a program, all of it into one trace.
 
     SCENARIO is 1, 2.1 to 2.5, 3, 4 or 5 of the thesis. Every sample is on the disk within seconds, in TRACE.csv.part,
-    until the trace is whole; --resume goes on with it after a power loss. What the instruments said themselves goes
-    into TRACE.laboratory.csv.
+    until the trace is whole; --resume goes on with it after a power loss. The instruments' own readings go into
+    TRACE.laboratory.csv.
 
     However a run ends, the chamber goes to its safe set point first. Ctrl-C ends it; a second one gives up waiting for
     the chamber to confirm that.
     """
     from ambient_trainer.laboratory.campaign import load_campaign
+    from ambient_trainer.laboratory.schedule import report_of
 
     if not simulate and (speed is not None or seed is not None):
         raise click.UsageError("--speed and --seed are for --simulate: a real laboratory has a time of its own")
@@ -67,13 +64,12 @@ def command(
         raise click.UsageError(str(refused)) from refused
     loaded = load_campaign(path, ports=not (simulate or dry_run))
     if dry_run:
-        _print_schedule(loaded)
+        Output().show(report_of(loaded))
         return 0
     assert output is not None
     from ambient_trainer.laboratory.collect import journal_path, laboratory_path
 
-    check_outputs([output, laboratory_path(output)], loaded.files)
-
+    Output().check(loaded.files, [output, laboratory_path(output)])
     if resume and not os.path.exists(journal_path(output)):
         fault = Fault(journal_path(output), "there is no run to resume", "leave --resume out, or name its output")
         raise click.UsageError(str(fault))
@@ -82,101 +78,73 @@ def command(
 
 
 @contextlib.contextmanager
-def _job(loaded: Loaded, output: str, simulate: bool, speed: float, seed: int) -> Iterator[Job]:
-    from ambient_trainer.laboratory.clock import FastClock, RealClock
+def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed: int) -> Iterator[Job]:
+    from ambient_trainer.laboratory.clock import Clock
     from ambient_trainer.laboratory.collect import Job
+    from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
+    clock = Clock(speed)
     if not simulate:
-        yield Job(loaded, output, RealClock())
+        yield Job(loaded, output, clock)
         return
-    from ambient_trainer.laboratory.rehearsal.laboratory import rehearsal
-
-    clock = FastClock(speed)
-    with rehearsal(loaded, clock, seed) as there:
-        yield Job(there.loaded, output, clock, speed, True, there.environment)
+    with simulated_laboratory(loaded, clock, seed) as there:
+        yield Job(there.loaded, output, clock, True, there.environment)
 
 
-def _run(job: Job, resume: bool) -> int:
-    from ambient_trainer.laboratory import collect as work
+def _run(job: Job, again: bool) -> int:
+    from ambient_trainer.laboratory.collect import collect, resume
+    from ambient_trainer.laboratory.report import report_of
+    from ambient_trainer.laboratory.run import Supervision
 
-    console = printer()
-    with _stopping() as asked, _eyes(console, job) as eyes:
-        watching = work.Watching(eyes, lambda: _why(asked), lambda: asked.count(signal.SIGINT) > 1)
-        collected = work.resume(job, watching) if resume else work.collect(job, watching)
-    return _tell(console, job, collected)
+    with _caught_signals() as caught, _monitor(job) as monitor:
+        supervision = Supervision(
+            monitor,
+            lambda: f"stopped by {signal.Signals(caught[0]).name}" if caught else None,
+            lambda: caught.count(signal.SIGINT) > 1,
+        )
+        collected = (resume if again else collect)(job, supervision)
+    Output().show(report_of(collected, job))
+    return _exit_status(job, collected)
 
 
 @contextlib.contextmanager
-def _stopping() -> Iterator[list[int]]:
-    """The signals that came, in place of what they do else."""
-    asked: list[int] = []
+def _caught_signals() -> Iterator[list[int]]:
+    """The signals that came while the block ran; they end nothing by themselves."""
+    caught: list[int] = []
     # one that is ignored stays so: nohup means it
     wanted = [each for each in _SIGNALS if signal.getsignal(each) is not signal.SIG_IGN]
-    before = {each: signal.signal(each, lambda number, _: asked.append(number)) for each in wanted}
+    before = {each: signal.signal(each, lambda number, _: caught.append(number)) for each in wanted}
     try:
-        yield asked
+        yield caught
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
 
 
-def _why(asked: list[int]) -> str | None:
-    return f"stopped by {signal.Signals(asked[0]).name}" if asked else None
-
-
 @contextlib.contextmanager
-def _eyes(console: Console, job: Job) -> Iterator[Eyes]:
-    from ambient_trainer.laboratory.view import LiveEyes, PlainEyes
+def _monitor(job: Job) -> Iterator[Monitor]:
+    from ambient_trainer.laboratory.monitor import LineMonitor, LiveMonitor
 
+    console = printer()
     if not console.is_terminal:
-        yield PlainEyes(console)
+        yield LineMonitor(console)
         return
-    simulated = f", simulated at {job.speed:g} times real time" if job.simulated else ""
-    with LiveEyes(console, f"{job.loaded.name}{simulated}") as eyes:
-        yield eyes
+    simulated = f", simulated at {job.clock.speed:g} times real time" if job.simulated else ""
+    with LiveMonitor(console, f"{job.loaded.name}{simulated}") as monitor:
+        yield monitor
 
 
-def _tell(console: Console, job: Job, collected: Collected) -> int:
-    from ambient_trainer.laboratory import summary
-    from ambient_trainer.laboratory.conductor import Ending
-
+def _exit_status(job: Job, collected: Collected) -> int:
+    """0 for a run that came to its end, with the chamber at its safe set point; else why not, and 1."""
     outcome = collected.outcome
-    campaign = job.loaded.campaign
-    if collected.trace is not None:
-        console.print(for_terminal(summary.column_table(collected.trace)))
-        settling = summary.settling_table(collected.record, campaign)
-        console.print(for_terminal(settling))
-    for line in summary.happenings(collected.record):
-        console.print(line, markup=False, soft_wrap=True)
-    simulated = " All of it is simulated." if job.simulated else ""
-    console.print(f"{summary.headline(collected, job.output)}{simulated}", markup=False, soft_wrap=True)
-    safe_degC = campaign.laboratory.safety.set_point_degC
+    safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
     if not outcome.safe:
-        left = "" if job.simulated else " (for an hour, a process left behind goes on telling it)"
+        left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
         problem = f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}"
         click.echo(f"ambient-trainer: {problem}", err=True)
     elif outcome.alarm is not None:
         click.echo(f"ambient-trainer: the chamber is stopped, after its alarm: {outcome.alarm}", err=True)
-    if outcome.ending is not Ending.FINISHED:
+    if not outcome.finished:
         where = f"the chamber holds {safe_degC:g} degC; " if outcome.safe and outcome.alarm is None else ""
         click.echo(f"ambient-trainer: {outcome.why}; {where}--resume goes on with it", err=True)
-    return 0 if outcome.ending is Ending.FINISHED and outcome.alarm is None and outcome.safe else 1
-
-
-def _print_schedule(loaded: Loaded) -> None:
-    from ambient_trainer.laboratory.schedule import clock_text, expected, schedule_table
-
-    campaign = loaded.campaign
-    console = printer()
-    console.print(f"{loaded.name}: {campaign.about}", markup=False)
-    console.print(for_terminal(schedule_table(campaign)))
-    steps = expected(campaign)
-    count = len(campaign.before)
-    recorded = sum(each.length_s for each in steps[count:])
-    whole = steps[-1].begins_s + steps[-1].length_s
-    rows = round(recorded / campaign.period_s)
-    console.print(f"{clock_text(whole)} in all, {clock_text(recorded)} of it recorded: {rows:,} rows.")
-    console.print(f"From {', '.join(loaded.files)}", markup=False, soft_wrap=True)
-    for name, link in campaign.laboratory.instruments:
-        if link is not None and not os.path.exists(link.port):
-            console.print(f"{name}: {link.port} is not there now.", markup=False)
+    return 0 if outcome.finished and outcome.alarm is None and outcome.safe else 1

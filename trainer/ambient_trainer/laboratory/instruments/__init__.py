@@ -1,25 +1,169 @@
-"""The instruments on their serial lines: what may be asked of them, and how they fail.
+"""Instruments: each module here is one, known by the ``kind`` in a campaign, with driver, protocol and simulated side.
 
-``Chamber(port, low_degC=-20.0, high_degC=60.0, *, name="chamber", clock=RealClock(), pause_s=0.0, timeout_s=2.0)``
-    ``identify() -> str``, ``read() -> ChamberReading``, ``set_point(temp_degC)`` (starts it, too),
-    ``gradient(up_K_min, down_K_min)``, ``stop()``, ``acknowledge()``. A set point outside ``low_degC`` to
-    ``high_degC``, or outside the chamber's own -45 to 185 degC, is :class:`~ambient_model.faults.Refused` before a
-    byte is sent. ``pause_s`` lies between two questions; a later controller takes one in 5 s.
-``Multiplexer(port, probes, offsets=None, *, thermocouple="K", name="multiplexer", clock, baud=57600, timeout_s=5.0)``
-    ``probes`` maps a name to its channel (``{"air1": 101}``), ``offsets`` a name to its
-    :class:`~ambient_trainer.laboratory.instruments.offsets.ProbeOffset` (``load_offsets(path)`` reads what
-    ``calibrate`` wrote). ``identify() -> str``, ``configure()``, ``read() -> MultiplexerReading``; ``read`` configures
-    by itself where nobody did since the line was lost.
-``Thermometer(port, *, address=1, name="thermometer", clock, timeout_s=1.0)``
-    ``identify() -> str``, ``read() -> ThermometerReading``.
+A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one by an entry point of the group
+``ambient_trainer.laboratory.instruments``. It holds three classes:
 
-All of them have ``name``, ``port`` and ``close()``. None opens its port before it is first asked, and each opens it
-again after it was lost: whoever asks again and again needs to do nothing else. They may be asked by several threads,
-one exchange at a time; an exchange lasts no longer than its timeout, its pause, and as much again where the line has to
-be brought in step.
-
-What goes wrong is a :class:`~ambient_trainer.laboratory.line.LineError`, which names instrument, port, what was
-expected and what came: ``Unplugged`` (the port is gone or cannot be opened), ``Silent`` (nothing came in time;
-``SwitchedOff`` is a thermometer's), and plain ``LineError`` for what is no answer to the question, or only a part of
-one. After any of them the same instrument may simply be asked again.
+``Settings``
+    What a campaign says of it: a subclass of the settings of its role, :class:`ChamberSettings`,
+    :class:`MultiplexerSettings` or :class:`ThermometerSettings`.
+``Driver``
+    Made of (settings, clock); a chamber's also of its set point's limits, a multiplexer's of the probes' offsets. It is
+    a :class:`Driver`, a chamber's a :class:`ChamberDriver`.
+``Simulated``
+    The instrument at the far end of a pseudo-terminal, for ``--simulate``: a
+    :class:`~ambient_trainer.laboratory.pseudo_terminal.SimulatedInstrument` made of (settings, clock, seed
+    of the air, temperature at the start) for a chamber, which has ``air_degC(at_s)``, of (settings, clock, air, seed,
+    errors_K by probe or None) for a multiplexer and of (settings, clock, air) for a thermometer.
 """
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Annotated, Protocol
+
+from pydantic import Field, field_validator
+
+from ambient_trainer.data.plugins import plugin, plugin_names
+from ambient_trainer.data.strict_yaml import Strict, validated, wrong
+from ambient_trainer.laboratory.reading import Reading
+
+__all__ = [
+    "ROLES",
+    "ChamberDriver",
+    "ChamberSettings",
+    "Driver",
+    "MultiplexerSettings",
+    "NotNegative",
+    "ThermometerSettings",
+    "instrument",
+    "probe_column",
+    "settings",
+    "settings_by_kind",
+]
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+
+
+class ChamberSettings(Strict):
+    """A climate chamber on a serial line.
+
+    Attributes
+    ----------
+    kind, port : str
+        Which driver, and where.
+    period_s : float
+        Of its readings; the trace's ambient comes from the probes.
+    timeout_s : float
+        The longest wait for an answer.
+    heating_K_min, cooling_K_min : float
+        How fast its air gets warmer and colder, for the estimate of the schedule.
+    """
+
+    kind: str
+    port: str
+    period_s: Positive = 10.0
+    timeout_s: Positive = 2.0
+    heating_K_min: Positive = 2.0
+    cooling_K_min: Positive = 1.5
+
+
+class MultiplexerSettings(Strict):
+    """A multiplexer with probes.
+
+    Attributes
+    ----------
+    kind, port : str
+        Which driver, and where.
+    period_s, timeout_s : float
+        Of its scans, and the longest wait for one.
+    probes : dict of str to int
+        Name to channel.
+    """
+
+    kind: str
+    port: str
+    period_s: Positive = 1.0
+    timeout_s: Positive = 5.0
+    probes: Annotated[dict[Name, int], Field(min_length=1)]
+
+    @field_validator("probes")
+    @classmethod
+    def _one_channel_each(cls, probes: dict[str, int]) -> dict[str, int]:
+        owners: dict[int, str] = {}
+        for name, channel in probes.items():
+            if (owner := owners.setdefault(channel, name)) != name:
+                raise wrong(
+                    f"channel {channel} is named for {owner} and {name}", "give each probe a channel of its own"
+                )
+        return probes
+
+
+class ThermometerSettings(Strict):
+    """A reference thermometer: which driver, where, how often it is read, and the longest wait for an answer."""
+
+    kind: str
+    port: str
+    period_s: Positive = 10.0
+    timeout_s: Positive = 1.0
+
+
+class Driver(Protocol):
+    """An instrument at its port, which is opened by the first query and again after it was lost.
+
+    Every method raises :class:`~ambient_trainer.laboratory.reading.InstrumentError`; after any, the same instrument
+    may be asked again. Several threads may ask, one exchange at a time.
+    """
+
+    def identify(self) -> str:
+        """What the instrument says that it is."""
+
+    def read(self) -> Reading:
+        """One reading of all columns."""
+
+    def close(self) -> None:
+        """Give the port back."""
+
+
+class ChamberDriver(Driver, Protocol):
+    """A chamber; its reading has :data:`SET_POINT`, :data:`AIR` and :data:`RUNNING`, and an alarm as its note."""
+
+    def set_point(self, temp_degC: float) -> None:
+        """Go to ``temp_degC`` and start, without waiting; raises :class:`Refused` outside the limits."""
+
+    def gradient(self, rate_K_min: float) -> None:
+        """Let the set point move no faster than this; 0 does not limit it."""
+
+    def stop(self) -> None:
+        """Stop heating and cooling."""
+
+
+SET_POINT, AIR, RUNNING = "chamber_set_degC", "chamber_degC", "chamber_on"
+"""Columns of a chamber's reading."""
+THERMOMETER_COLUMN = "thermometer_degC"
+
+
+def probe_column(name: str) -> str:
+    """The column of the probe of that name."""
+    return f"probe_{name}_degC"
+
+
+ROLES = {"chamber": ChamberSettings, "multiplexer": MultiplexerSettings, "thermometer": ThermometerSettings}
+"""What an instrument can be in a campaign, and what the settings of every kind of it have."""
+
+
+def settings_by_kind(role: str) -> dict[str, type[Strict]]:
+    """The kinds of a role, one of :data:`ROLES`, and their settings."""
+    settings = {kind: instrument(kind).Settings for kind in plugin_names(__name__)}
+    return {kind: each for kind, each in settings.items() if issubclass(each, ROLES[role])}
+
+
+def instrument(kind: str) -> ModuleType:
+    """The module of the instrument of that kind; raises ``KeyError`` where there is none."""
+    return plugin(__name__, kind)
+
+
+def settings(kind: str, **values: object) -> Strict:
+    """The settings of an instrument of that kind; raises :class:`Refused` with every fault in ``values``."""
+    return validated(instrument(kind).Settings, {"kind": kind, **values}, kind)

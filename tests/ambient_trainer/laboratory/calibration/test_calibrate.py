@@ -1,0 +1,204 @@
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from scipy.signal import lfilter
+
+from ambient_model.faults import Refused
+from ambient_trainer.cli.commands.calibrate import command
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.laboratory.calibration.bath import Settled, calibrated, save_bath, settled_windows, unsettled
+from ambient_trainer.laboratory.calibration.live_bath import BathRecorder, SimulatedBath, simulated_instruments
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.probe_offsets import load_offsets
+from ambient_trainer.laboratory.reading import NoResponse
+
+PERIOD_S = 2.0
+
+
+def bath(reference_degC, offsets_K, noise_K=0.02, seed=0) -> pd.DataFrame:
+    """The readings of probes that lack these offsets in a bath of this temperature, once in two seconds."""
+    random = np.random.default_rng(seed)
+    reference_degC = np.asarray(reference_degC, dtype=float)
+    count = len(reference_degC)
+    probes = {
+        name: reference_degC - offset_K + noise_K * random.standard_normal(count)
+        for name, offset_K in offsets_K.items()
+    }
+    return pd.DataFrame({"bath": reference_degC, **probes}, index=PERIOD_S * np.arange(count))
+
+
+def test_an_offset_is_the_mean_difference_and_its_error_that_of_a_mean() -> None:
+    window = bath(np.full(151, 20.0), {"a": 0.3, "b": -1.0})
+    offsets = calibrated([window], "bath")
+    (point,) = offsets["a"].points
+    assert point.offset_K == pytest.approx((20.0 - window["a"]).mean())
+    assert point.reading_degC == pytest.approx(window["a"].mean())
+    assert point.standard_error_K == pytest.approx(0.02 / np.sqrt(151), rel=0.5)
+    assert offsets["b"].points[0].offset_K == pytest.approx(-1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.8])
+def test_standard_errors_hold_for_autocorrelated_noise(kept) -> None:
+    inside = 0
+    for seed in range(200):
+        white = np.random.default_rng(seed).standard_normal(451)
+        noise = lfilter([0.02 * np.sqrt(1 - kept**2)], [1.0, -kept], white)[150:]
+        window = pd.DataFrame({"bath": 20.0, "a": 20.0 - 0.1 + noise}, index=PERIOD_S * np.arange(301))
+        (point,) = calibrated([window], "bath")["a"].points
+        inside += abs(point.offset_K - 0.1) < 1.96 * point.standard_error_K
+    assert 0.86 <= inside / 200 <= 0.99  # of 0.95; the estimated autocorrelation time is a little short
+
+
+def test_each_temperature_gives_a_point_and_a_ramp_gives_none() -> None:
+    ramp = np.linspace(40.0, 0.0, 400)
+    levels = [np.full(200, 40.0), ramp, np.full(200, 0.0), ramp[::-1], np.full(200, 40.3)]
+    windows = settled_windows(bath(np.concatenate(levels), {"a": 0.3}), Settled(), "bath")
+    points = calibrated(windows, "bath")["a"].points
+    assert [point.reading_degC for point in points] == [pytest.approx(-0.3, abs=0.05), pytest.approx(39.85, abs=0.2)]
+    assert [point.offset_K for point in points] == pytest.approx([0.3, 0.3], abs=0.01)
+
+
+def test_a_bath_that_drifts_is_refused() -> None:
+    drifting = bath(20.0 + 0.001 * PERIOD_S * np.arange(400), {"a": 0.3})
+    with pytest.raises(Refused) as caught:
+        settled_windows(drifting, Settled(), "bath.csv")
+    assert all(part in str(caught.value) for part in ("bath.csv", "the reference drifts by 0.30 K", "300 s", "0.05 K"))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reasons"),
+    [
+        (lambda window: window[:100], ["it lasts 198 s of 300 s"]),
+        (lambda window: window[:0], ["it lasts 0 s of 300 s"]),
+        (lambda window: window.assign(b=window["b"] + 0.001 * window.index), ["b drifts by 0.30 K"]),
+        (lambda window: window.assign(b=window["b"].where(window.index >= 100)), ["b has 101 readings where 121"]),
+        (lambda window: window[["bath"]] * np.nan, ["the reference has 0 readings where 121"]),
+        (lambda window: window, []),
+    ],
+)
+def test_what_is_not_settled_has_a_reason(spoil, reasons) -> None:
+    found = unsettled(spoil(bath(np.full(151, 20.0), {"a": 0.3, "b": 0.0}, noise_K=0.001)), Settled())
+    assert len(found) == len(reasons)
+    assert all(each.startswith(reason) for each, reason in zip(found, reasons))
+
+
+def test_a_probe_that_is_not_in_the_bath_is_refused() -> None:
+    with pytest.raises(Refused) as caught:
+        calibrated([bath(np.full(151, 0.0), {"a": 0.3, "b": -21.0}, noise_K=0.0)], "the bath")
+    (fault,) = caught.value.faults
+    assert (fault.place, "21.00 degC" in fault.problem, "0.00 degC" in fault.problem) == ("b", True, True)
+
+
+@pytest.fixture
+def instruments():
+    """A simulated thermometer and probes in a bath of 20 degC, 200 times as fast."""
+    clock = Clock(200.0)
+    kinds = (
+        settings("greisinger-easybus", port=""),
+        settings("agilent-34970a", port="", probes={"a": 101, "b": 102}),
+    )
+    with simulated_instruments(*kinds, clock, SimulatedBath(clock, 20.0)) as made:
+        yield made
+
+
+def test_a_run_ends_when_the_bath_is_settled(instruments) -> None:
+    assert instruments.identify() == "GMH thermometer, number 32407008"
+    shown: list[list[str]] = []
+    recorder = BathRecorder(instruments, PERIOD_S, 5000.0)
+    window = recorder.until_settled(Settled(), lambda window, reasons: shown.append(reasons))
+    for name, offset in calibrated([window], "the bath").items():
+        assert offset.points[0].offset_K == pytest.approx(-instruments.errors_K[name], abs=0.02)
+    assert shown[0] == ["it lasts 0 s of 300 s"]
+    assert shown[-1] == []
+    assert len(recorder.record()) == len(shown)
+
+
+def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments) -> None:
+    instruments.thermometer.read = lambda: (_ for _ in ()).throw(NoResponse("thermometer", "port", "a", "b"))
+    shown: list[str] = []
+    with pytest.raises(NoResponse):
+        BathRecorder(instruments, PERIOD_S, 1e6).until_settled(
+            Settled(window_s=60.0), lambda window, reasons: shown.extend(reasons)
+        )
+    assert any(reason.startswith("thermometer on port") for reason in shown)
+
+
+def test_patience_ends(instruments) -> None:
+    read = instruments.multiplexer.read
+    instruments.multiplexer.read = lambda: read()._replace(values={})
+    with pytest.raises(Refused) as caught:
+        BathRecorder(instruments, PERIOD_S, 400.0).until_settled(Settled(), lambda window, reasons: None)
+    assert [fault.problem.split(" has ")[0] for fault in caught.value.faults] == ["a", "b"]
+
+
+@pytest.fixture
+def trace(tmp_path) -> str:
+    """A recorded bath at two temperatures."""
+    levels = np.concatenate([np.full(200, 0.0), np.linspace(0.0, 30.0, 100), np.full(200, 30.0)])
+    path = str(tmp_path / "bath.csv")
+    save_bath(bath(levels, {"air1": 0.3, "air2": -0.1}), path)
+    return path
+
+
+def test_the_command_makes_offsets_of_a_recorded_bath(trace, tmp_path) -> None:
+    output = str(tmp_path / "offsets.yaml")
+    ran = CliRunner().invoke(command, [trace, "-o", output])
+    assert ran.exit_code == 0, ran.output
+    offsets = load_offsets(output)
+    assert {name: len(offset.points) for name, offset in offsets.items()} == {"air1": 2, "air2": 2}
+    assert offsets["air1"].at(15.0) == pytest.approx(0.3, abs=0.01)
+    assert offsets["air2"].at(15.0) == pytest.approx(-0.1, abs=0.01)
+
+
+def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_path) -> None:
+    output = tmp_path / "offsets.yaml"
+    ran = CliRunner().invoke(command, [trace, "-o", str(output), "--window", "900"])
+    assert isinstance(ran.exception, Refused)
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        ([], ["TRACE.csv", "--thermometer", "--simulate"]),
+        (["--simulate", "--probe", "a=101"], ["TRACE.csv", "--thermometer", "--simulate"]),
+        (["--thermometer", "/dev/a"], ["--multiplexer PORT", "--probe"]),
+        (["--thermometer", "/dev/a", "--multiplexer", "/dev/a", "--probe", "a=101"], ["/dev/a", "both"]),
+        (["--probe", "a"], ["--probe a", "NAME=CHANNEL"]),
+        (["--probe", "a=101", "--probe", "a=102"], ["--probe a=102", "twice"]),
+        (["--probe", "1a=101"], ["--probe 1a=101", "NAME=CHANNEL"]),
+        (["--simulate", "--points", "5"], ["4 temperatures"]),
+        (["bath.csv", "--points", "2"], ["--points"]),
+        (["bath.csv", "--record", "other.csv"], ["--record"]),
+    ],
+)
+def test_a_call_that_is_wrong(arguments, parts, tmp_path) -> None:
+    ran = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "offsets.yaml")])
+    assert ran.exit_code == 2
+    assert all(part in " ".join(ran.output.split()) for part in parts)
+
+
+def test_a_port_that_is_not_there_is_named(tmp_path) -> None:
+    ports = ["--thermometer", "/nowhere/a", "--multiplexer", "/nowhere/b", "--probe", "a=101"]
+    ran = CliRunner().invoke(command, [*ports, "-o", str(tmp_path / "offsets.yaml")])
+    assert ran.exit_code == 1
+    assert isinstance(ran.exception, SystemExit)
+    assert "multiplexer on /nowhere/b" in ran.output
+
+
+def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_path) -> None:
+    output, again, record = (str(tmp_path / name) for name in ("offsets.yaml", "again.yaml", "bath.csv"))
+    ran = CliRunner().invoke(command, ["--simulate", "--window", "120", "-o", output, "--record", record])
+    assert ran.exit_code == 0, ran.output
+    assert "the worst offset misses its by 0.0" in ran.output
+    assert list(load_trace(record).columns) == ["bath_degC", "air1_degC", "air2_degC", "air3_degC", "air4_degC"]
+    ran = CliRunner().invoke(command, [record, "--window", "120", "-o", again])
+    assert ran.exit_code == 0, ran.output
+    first, second = load_offsets(output), load_offsets(again)
+    assert {name: offset.at(0.0) for name, offset in first.items()} == pytest.approx(
+        {name: offset.at(0.0) for name, offset in second.items()}, abs=0.02
+    )

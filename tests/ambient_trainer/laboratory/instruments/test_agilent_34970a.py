@@ -1,0 +1,155 @@
+from __future__ import annotations
+
+import pytest
+
+from ambient_model.faults import Refused
+from ambient_trainer.laboratory.instruments import probe_column, settings
+from ambient_trainer.laboratory.instruments.agilent_34970a import Driver, Simulated
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset
+from ambient_trainer.laboratory.reading import InstrumentError
+
+CHANNELS = {"c101": 101, "c102": 102, "c103": 103, "c105": 105, "c203": 203}
+
+
+def named(port="/nowhere/port", probes=CHANNELS, **values):
+    return settings("agilent-34970a", port=port, probes=probes, **values)
+
+
+def offset(*points):
+    data = [{"reading_degC": at, "offset_K": offset_K, "standard_error_K": 0.0} for at, offset_K in points]
+    return ProbeOffset.model_validate({"points": data})
+
+
+@pytest.fixture
+def simulated(clock, tmp_path):
+    """Five channels at their own temperatures: 10.1 degC on 101, and so on."""
+    errors_K = {name: channel / 10.0 for name, channel in CHANNELS.items()}
+    made = Simulated(named(), clock, lambda at_s: 0.0, 0, errors_K, str(tmp_path))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def driver(simulated, clock):
+    """Makes drivers of it."""
+    made = []
+
+    def make(probes, offsets=None):
+        made.append(Driver(named(simulated.port, probes), clock, offsets))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def temps(multiplexer):
+    return [value if value is None else round(value, 1) for value in multiplexer.read().values.values()]
+
+
+def test_every_probe_gets_its_own_channel_in_whatever_order_they_are_named(driver) -> None:
+    probes = {"shelf": 203, "air3": 103, "air1": 101, "wall": 105}
+    multiplexer = driver(probes)
+    assert multiplexer.identify() == "HEWLETT-PACKARD 34970A, firmware 13-2-2"
+    expected = {probe_column(name): pytest.approx(channel / 10.0, abs=0.1) for name, channel in probes.items()}
+    assert dict(multiplexer.read().values) == expected
+
+
+def test_the_documented_commands_set_it_up(driver, simulated) -> None:
+    received: list[bytes] = []
+    respond = simulated._respond
+    simulated._respond = lambda data: (received.append(data), respond(data))[1]
+    driver({"a": 101, "b": 102, "c": 103}).read()
+    assert b"".join(received) == (
+        b"SYST:ERR?\n*IDN?\n*RST\n*CLS\nCONF:TEMP TC,K,(@101:103)\nROUT:SCAN (@101:103)\nFORM:READ:CHAN ON\n"
+        b"SYST:ERR?\nREAD?\n"
+    )
+
+
+def test_an_open_thermocouple_is_missing_and_comes_back(driver, simulated) -> None:
+    multiplexer = driver({"a": 101, "b": 102})
+    simulated.probes[102].open = True
+    assert temps(multiplexer) == [10.1, None]
+    simulated.probes[102].open = False
+    assert temps(multiplexer) == [10.1, 10.2]
+
+
+def test_each_probes_offset_is_added(driver, simulated) -> None:
+    simulated.probes[103].open = True
+    offsets = {"a": offset((0.0, 5.0)), "b": offset((0.0, 0.0), (20.4, 20.0)), "c": offset((0.0, 1.0))}
+    found = driver({"a": 101, "b": 102, "c": 103, "d": 105}, offsets).read().values
+    assert list(found.values()) == [
+        pytest.approx(15.1, abs=0.1),
+        pytest.approx(20.2, abs=0.2),
+        None,
+        pytest.approx(10.5, abs=0.1),
+    ]
+
+
+def test_switched_off_and_on_it_has_forgotten_its_scan_and_gets_it_again(driver, simulated) -> None:
+    multiplexer = driver({"a": 101})
+    multiplexer.read()
+    simulated.restart()
+    with pytest.raises(InstrumentError) as caught:
+        multiplexer.read()
+    assert "(@101)" in caught.value.expected
+    assert '-221,"Settings conflict"' in caught.value.got
+    assert temps(multiplexer) == [10.1]
+
+
+def test_a_channel_that_is_not_there_is_the_instruments_own_complaint(driver) -> None:
+    with pytest.raises(InstrumentError) as caught:
+        driver({"a": 301}).configure()
+    assert '-224,"Illegal parameter value"' in caught.value.got
+
+
+def test_readings_of_other_channels_are_refused(driver, simulated) -> None:
+    multiplexer = driver({"a": 101, "b": 102})
+    multiplexer.read()
+    simulated.distort(lambda reply: [(0.0, reply.replace(b",101,", b",103,"))])
+    with pytest.raises(InstrumentError) as caught:
+        multiplexer.read()
+    assert "(@101:102)" in caught.value.expected
+
+
+def test_another_maker_is_refused(driver, simulated) -> None:
+    simulated.distort(lambda reply: [(0.0, reply)])  # of the synchronisation
+    simulated.distort(lambda reply: [(0.0, b"KEITHLEY,2700,1,A1\r\n")])
+    with pytest.raises(InstrumentError) as caught:
+        driver({"a": 101}).read()
+    assert ("34970A" in caught.value.expected, "KEITHLEY 2700" in caught.value.got) == (True, True)
+
+
+def test_the_simulated_one_complains_and_forgets_the_channels_numbers(simulated) -> None:
+    def replies(line: bytes) -> bytes:
+        return b"".join(each.reply for each in simulated._respond(line))
+
+    assert replies(b"BOGUS\nFORM:READ:COLOUR ON\n") == b""
+    undefined = b'-113,"Undefined header"\r\n'
+    assert replies(b"SYST:ERR?\n" * 3) == undefined + undefined + b'+0,"No error"\r\n'
+    assert replies(b"CONF:TEMP TC,K,(@101:102)\nFORM:READ:CHAN ON\nREAD?\n").count(b",") == 3
+    assert replies(b"CONF:TEMP TC,K,(@101:102)\nREAD?\n").count(b",") == 1
+
+
+@pytest.mark.parametrize(
+    ("values", "parts"),
+    [
+        ({"probes": {}}, ["probes"]),
+        ({"probes": {"a": 100}}, ["probes.a", "100"]),
+        ({"probes": {"a": 101, "b": 101}}, ["probes", "101", "a and b"]),
+        ({"thermocouple": "Q"}, ["thermocouple", "'Q'"]),
+    ],
+)
+def test_settings_that_cannot_be_scanned_are_refused(values, parts) -> None:
+    with pytest.raises(Refused) as caught:
+        named(**values)
+    assert all(part in str(caught.value) for part in parts)
+
+
+def test_a_probe_follows_the_air_with_its_lag(clock, tmp_path) -> None:
+    air = lambda at_s: 0.0 if at_s < 1000.0 else 10.0  # noqa: E731
+    simulated = Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0}, str(tmp_path))
+    felt = [simulated.probes[101].felt(at_s) for at_s in (990.0, 1000.0, 1004.5, 1008.5, 1060.0)]
+    simulated.close()
+    # a lag of 4 s behind a step that is laid straight over the second before it
+    assert felt == pytest.approx([0.0, 1.2, 7.1, 8.9, 10.0], abs=0.15)

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+import pytest
+
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.instruments.greisinger_easybus import Simulated
+from ambient_trainer.laboratory.reading import InstrumentError, NoResponse
+
+
+def test_it_reads_and_reports_its_number(bench) -> None:
+    bench = bench("thermometer")
+    assert bench.driver.identify() == "GMH thermometer, number 32407008"
+    bench.air_degC[0] = -0.04
+    reading = bench.driver.read()
+    assert (bench.reading(), reading.note) == (-0.04, None)
+
+
+def test_without_a_sensor_it_reports_that_instead_of_a_number(bench) -> None:
+    bench = bench("thermometer")
+    bench.simulated.sensor_plugged = False
+    reading = bench.driver.read()
+    assert (*reading.values.values(), reading.note) == (None, "no sensor")
+    bench.simulated.sensor_plugged = True
+    assert bench.reading() == 21.5
+
+
+def test_it_switches_itself_off_and_is_switched_on_again(tmp_path, driver_at) -> None:
+    clock = Clock(500.0)
+    simulated = Simulated(settings("greisinger-easybus", port=""), clock, lambda at_s: 20.0, str(tmp_path), 1200.0)
+    thermometer = driver_at("thermometer", simulated.port, clock)
+    assert thermometer.read().values == {"thermometer_degC": 20.0}
+    clock.sleep(1200.0)
+    with pytest.raises(NoResponse) as caught:
+        thermometer.read()
+    assert caught.value.hint == "switch it on"
+    simulated.switch_on()
+    assert thermometer.read().values == {"thermometer_degC": 20.0}
+    thermometer.close()
+    simulated.close()
+
+
+def test_one_of_another_address_is_not_taken_for_it(tmp_path, driver_at) -> None:
+    clock = Clock(20.0)
+    simulated = Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0, str(tmp_path))
+    first, second = (driver_at("thermometer", simulated.port, clock, address=address) for address in (1, 2))
+    with pytest.raises(NoResponse):
+        first.read()
+    first.close()
+    assert second.read().values == {"thermometer_degC": 20.0}
+    simulated.distort(lambda reply: [(0.0, bytes.fromhex("FE 05 26 71 00 48 F7 80 09"))])
+    with pytest.raises(InstrumentError) as caught:
+        second.read()
+    assert ("address 2" in caught.value.expected, "address 1" in caught.value.got) == (True, True)
+    second.close()
+    simulated.close()
+
+
+def test_an_impossible_value_is_an_error(bench) -> None:
+    bench = bench("thermometer")
+    bench.driver.read()
+    bench.simulated.distort(lambda reply: [(0.0, bytes.fromhex("FE 05 26 FE 05 26 71 00 48"))])
+    assert "-15 decimals" in bench.failure().got

@@ -1,0 +1,159 @@
+from __future__ import annotations
+
+import math
+import time
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, settings
+from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
+from ambient_trainer.laboratory.reading import Disconnected, NoResponse
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+
+
+def became(condition) -> None:
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come to that"
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def recorded(bench):
+    """A bench of the chamber, and what it receives."""
+    made = bench("chamber")
+    received: list[bytes] = []
+    respond = made.simulated._respond
+    made.simulated._respond = lambda data: (received.append(data), respond(data))[1]
+    return made, received
+
+
+def test_it_starts_goes_to_its_set_point_and_stops(recorded) -> None:
+    bench, received = recorded
+    chamber = bench.driver
+    assert chamber.identify() == "ASCII-2 chamber, stopped, at 21.5 degC"
+    chamber.gradient(2.0)
+    chamber.set_point(-10.0)
+    reading = chamber.read()
+    assert (dict(reading.values), reading.note) == ({SET_POINT: -10.0, AIR: 21.5, RUNNING: 1.0}, None)
+    assert bench.simulated.held_degC == -10.0
+    chamber.stop()
+    assert not chamber.read().values[RUNNING]
+    assert bench.simulated.held_degC is None
+    assert b"".join(received).split(b"\r") == [
+        b"$00F",  # synchronises
+        b"$00I", b"$00F",
+        b"$00U 0002.0 0002.0 0000.0 0000.0",
+        b"$00E -010.0 0000.0 0000.0 0000.0 0000.0 0101000000000000",
+        b"$00I", b"$00F",
+        b"$00E -010.0 0000.0 0000.0 0000.0 0000.0 0000000000000000",
+        b"$00I", b"$00F",
+        b"",
+    ]  # fmt: skip
+
+
+def test_other_values_and_outputs_stay_as_they_are(recorded) -> None:
+    bench, received = recorded
+    bench.simulated.put((10.0, 0.0, 3.5, 0.0, 0.0), tuple(bit == "1" for bit in "0000010100000100"))
+    bench.driver.read()
+    bench.driver.set_point(10.0)
+    assert received[-1] == b"$00E 0010.0 0000.0 0003.5 0000.0 0000.0 0101010100000100\r"
+
+
+def chamber(low_degC: float = -20.0, high_degC: float = 60.0) -> Driver:
+    port = "/nowhere/port"
+    return Driver(settings("voetsch-vt4004", port=port), Clock(), SetPointLimits(port, low_degC, high_degC))
+
+
+@given(temp_degC=st.floats() | st.floats(-60.0, 200.0))
+def test_nothing_outside_the_limits_is_sent(temp_degC) -> None:
+    inside = -20.0 <= temp_degC <= 60.0
+    with pytest.raises(Disconnected if inside else Refused) as caught:
+        chamber().set_point(temp_degC)
+    if not inside:
+        for part in ("/nowhere/port", "set point", f"{temp_degC:g}", "-20 to 60"):
+            assert part in str(caught.value)
+
+
+def test_a_set_point_that_would_round_to_outside_the_limits_is_refused() -> None:
+    with pytest.raises(Refused):
+        chamber(high_degC=59.97).set_point(59.96)
+
+
+@pytest.mark.parametrize("limits", [(-45.1, 60.0), (0.0, 185.1), (30.0, 20.0), (20.0, 20.0), (math.nan, 60.0)])
+def test_limits_lie_within_what_the_chamber_can_do(limits) -> None:
+    with pytest.raises(Refused, match="-45 to 185"):
+        chamber(*limits)
+
+
+@pytest.mark.parametrize("rate_K_min", [-0.1, 100.0, 0.04, math.nan, math.inf])
+def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min) -> None:
+    with pytest.raises(Refused, match=r"gradient.*0\.1 to 99\.9"):
+        chamber().gradient(rate_K_min)
+
+
+def test_an_alarm_stops_it_until_it_is_repaired_and_acknowledged(bench) -> None:
+    bench = bench("chamber")
+    bench.driver.set_point(30.0)
+    bench.simulated.raise_alarm(7, "overtemperature")
+    reading = bench.driver.read()
+    assert (reading.values[RUNNING], reading.note) == (0.0, "07 overtemperature")
+    bench.simulated.answer("Q")
+    bench.driver.set_point(30.0)
+    assert bench.driver.read().note == "07 overtemperature"
+    assert bench.simulated.held_degC is None
+    bench.simulated.repair()
+    bench.simulated.answer("Q")
+    bench.driver.set_point(30.0)
+    reading = bench.driver.read()
+    assert (reading.values[RUNNING], reading.note) == (1.0, None)
+
+
+def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench) -> None:
+    bench = bench("chamber")
+    bench.driver.set_point(50.0)
+    bench.simulated.muted = True
+    with pytest.raises(NoResponse):
+        bench.driver.read()
+    with pytest.raises(NoResponse):
+        bench.driver.set_point(20.0)
+    became(lambda: bench.simulated.held_degC == 20.0)
+    with pytest.raises(NoResponse):
+        bench.driver.stop()
+    became(lambda: bench.simulated.held_degC is None)
+
+
+def test_noise_does_not_keep_a_set_point_from_being_sent(bench) -> None:
+    bench = bench("chamber")
+    bench.driver.set_point(50.0)
+    bench.simulated.send(b"\xff\x00")
+    bench.clock.sleep(2.0)
+    bench.driver.set_point(20.0)
+    assert bench.simulated.held_degC == 20.0
+
+
+def test_a_later_controller_is_asked_once_in_five_seconds(tmp_path, driver_at) -> None:
+    clock = Clock(100.0)
+    simulated = Simulated(settings("voetsch-vt4004", port="", pause_s=5.0), clock, folder=str(tmp_path))
+    patient = driver_at("chamber", simulated.port, clock, pause_s=5.1)
+    began_s = clock.now_s()
+    patient.set_point(25.0)
+    first, second = patient.read(), patient.read()
+    assert second.asked_s - first.asked_s >= 2 * 5.1
+    assert first.asked_s - began_s >= 2 * 5.1  # after the synchronisation and the set point
+    patient.close()
+    hasty = driver_at("chamber", simulated.port, clock)
+    with pytest.raises(NoResponse):
+        hasty.read()  # a state and a fault at once
+    hasty.close()
+    simulated.close()
+
+
+def test_a_malformed_command_is_answered_by_an_empty_line(bench) -> None:
+    simulated = bench("chamber").simulated
+    for command in ("E 0010.0", "E 0190.0 0000.0 0000.0 0000.0 0000.0 0101000000000000", "Z"):
+        assert simulated.answer(command) == b"\r"

@@ -1,0 +1,1 @@
+"""Calibration of probes against a reference thermometer in one bath."""

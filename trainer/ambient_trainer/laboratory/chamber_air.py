@@ -1,0 +1,88 @@
+"""The air of a simulated chamber, second by second: the same ramp, lag, swing and draughts as in the simulated phone's.
+
+It is held on a grid of whole seconds from its start; between them it goes straight. What was asked of the controller
+counts from the next second on, so nothing that was once read changes any more.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+
+import numpy as np
+
+from ambient_trainer.lti.lag import lag_weights
+from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.device import Chamber
+
+_STEP_S = 1.0
+_STANDING_S = 1800.0  # how slowly a chamber that is stopped goes back to the room's temperature; chosen
+
+
+class ChamberAir:
+    """Air that follows a set point, from ``room_degC`` at the time ``start_s`` on."""
+
+    def __init__(
+        self, start_s: float, room_degC: float, seed: int | np.random.Generator, dynamics: Chamber | None = None
+    ) -> None:
+        random = np.random.default_rng(seed)
+        self._start_s = start_s
+        self._room_degC = room_degC
+        self._dynamics = dynamics or Chamber.shipped()
+        self._random = random
+        self._phase = random.uniform(0.0, 2.0 * math.pi)
+        self._draught = random.standard_normal()
+        self._stir = 0.0
+        self._wanted_degC: float | None = None
+        self._up_K_min = self._down_K_min = math.inf
+        self._ramp_degC = self._mean_degC = room_degC
+        self._lock = threading.Lock()
+        self._grid_degC = [self._swung(0.0)]
+
+    def drive(self, at_s: float, wanted_degC: float | None) -> None:
+        """Go to ``wanted_degC`` from ``at_s`` on; None is a chamber that is stopped."""
+        with self._lock:
+            self._advance(at_s)
+            self._wanted_degC = wanted_degC
+
+    def limit(self, at_s: float, up_K_min: float, down_K_min: float) -> None:
+        """Rise and fall no faster than this from ``at_s`` on; 0.0 is as fast as it can."""
+        with self._lock:
+            self._advance(at_s)
+            self._up_K_min, self._down_K_min = up_K_min or math.inf, down_K_min or math.inf
+
+    def at(self, at_s: float) -> float:
+        """The air in degC; a time before the start is the start."""
+        with self._lock:
+            self._advance(at_s)
+            place = max(at_s - self._start_s, 0.0) / _STEP_S
+            before = int(place)
+            low_degC, high_degC = self._grid_degC[before : before + 2]
+            return low_degC + (high_degC - low_degC) * (place - before)
+
+    def _advance(self, at_s: float) -> None:
+        while self._start_s + (len(self._grid_degC) - 1) * _STEP_S <= at_s or len(self._grid_degC) < 2:
+            self._step()
+
+    def _step(self) -> None:
+        before_degC = self._ramp_degC
+        if self._wanted_degC is None:
+            self._ramp_degC += (self._room_degC - before_degC) * -math.expm1(-_STEP_S / _STANDING_S)
+        else:
+            up_K = min(self._up_K_min, self._dynamics.heating_K_min) / 60.0 * _STEP_S
+            down_K = min(self._down_K_min, self._dynamics.cooling_K_min) / 60.0 * _STEP_S
+            self._ramp_degC += min(max(self._wanted_degC - before_degC, -down_K), up_K)
+        settling = lag_weights(c.CHAMBER_SETTLING_S, _STEP_S)
+        self._mean_degC = settling.step(self._mean_degC, before_degC, self._ramp_degC)
+        stirred = 0.0 if self._wanted_degC is None else 1.0
+        self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / c.CHAMBER_SETTLING_S)
+        kept = math.exp(-_STEP_S / c.CHAMBER_DRAUGHT_S)
+        self._draught = kept * self._draught + math.sqrt(1.0 - kept * kept) * self._random.standard_normal()
+        self._grid_degC.append(self._swung(len(self._grid_degC) * _STEP_S))
+
+    def _swung(self, seconds: float) -> float:
+        """The mean with the controller's swing and the draughts, both of which a chamber that is stopped lacks."""
+        swing = math.sin(2.0 * math.pi / c.CHAMBER_WOBBLE_PERIOD_S * seconds + self._phase)
+        return self._mean_degC + self._stir * (
+            self._dynamics.wobble_degC * swing + c.CHAMBER_DRAUGHT_DEGC * self._draught
+        )

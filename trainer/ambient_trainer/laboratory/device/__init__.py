@@ -1,0 +1,1 @@
+"""The device under test, over a shell on it."""

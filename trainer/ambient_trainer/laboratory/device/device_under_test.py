@@ -1,0 +1,108 @@
+"""The device under test: zones and power supply in one round trip a sample.
+
+A zone is known by its type, since their numbers change at a boot. Each sample reads the device's uptime, too: as in
+NTP, the clock offset is its time less the middle of asking and answering, wrong by at most half the delay between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from ambient_trainer.laboratory.campaign import Device
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.device.kernel_units import degrees_from_millidegrees, supply_value
+from ambient_trainer.laboratory.device.shell import Connection, Shell
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE
+from ambient_trainer.laboratory.reading import InstrumentError, Reading
+
+_SAMPLES_UNTIL_SEARCH = 30
+"""Until zones that were not there are searched again: after a boot, drivers come one after the other."""
+_MISMATCH = "compare the campaign with what is in /sys/class on the device"
+_SAMPLE = """ambient_sample() {
+read -r answer _ <ROOT/proc/uptime
+for file in $ambient_files; do value=; read -r value <$file; answer="$answer|$value"; done
+} 2>/dev/null"""
+_LIST = """for zone in ROOT/sys/class/thermal/thermal_zone*; do
+kind=; { read -r kind <$zone/type; } 2>/dev/null; answer="$answer|$zone=$kind"
+done"""
+
+
+class DeviceUnderTest:
+    """The device of a campaign. Raises :class:`InstrumentError`; after any, it may simply be asked again."""
+
+    def __init__(self, device: Device, connection: Connection, clock: Clock) -> None:
+        self.device = device
+        self.port = connection.label
+        self.missing: tuple[str, ...] = ()
+        """The zones that are not there."""
+        self._shell = Shell(connection, clock, device.timeout_s, _SAMPLE.replace("ROOT", device.root))
+        self._opened = 0
+        self._until_search = 0
+        self._uptime_s = 0.0
+        self._columns: dict[str, tuple[str, Callable[[str], float | None]]] = {}
+        """By column the file, and what turns its text into the column's unit."""
+
+    def identify(self) -> str:
+        """How it is reached, and how long it is up; raises where it lacks what the campaign logs."""
+        reading = self.read()
+        zones = f"no zone {', '.join(self.missing)}" if self.missing else ""
+        silent = [column for column, value in reading.values.items() if value is None]
+        problem = "; ".join(part for part in (zones, f"nothing for {', '.join(silent)}" if silent else "") if part)
+        if problem:
+            hint = "correct 'laboratory.device' after what is in /sys/class on the device"
+            expected = f"values for {len(self.device.columns)} columns"
+            raise InstrumentError(DEVICE, self.port, expected, problem, hint)
+        return f"{self.port}, up for {self._uptime_s:.0f} s"
+
+    def read(self) -> Reading:
+        """One sample, with the device's clock offset; None where the device has no value."""
+        if not self._shell.alive:
+            self._shell.close()
+        self._until_search -= 1
+        if self._shell.opened != self._opened or not self._shell.alive or (self.missing and self._until_search < 0):
+            self._search_zones()
+        answer = self._shell.run("ambient_sample")
+        uptime, *texts = answer.text.split("|")
+        try:
+            uptime_s = float(uptime)
+        except ValueError:
+            raise self._unexpected("its uptime and its zones", answer.text) from None
+        if len(texts) != len(self._columns):
+            raise self._unexpected(f"{len(self._columns)} values", answer.text)
+        rebooted, self._uptime_s = uptime_s < self._uptime_s, uptime_s
+        values: dict[str, float | None] = dict.fromkeys(self.device.columns)
+        values.update((column, convert(text)) for (column, (_, convert)), text in zip(self._columns.items(), texts))
+        values[CLOCK_OFFSET] = uptime_s - 0.5 * (answer.asked_s + answer.answered_s)
+        notes = ["was started anew"] * rebooted + [f"has no zone {zone}" for zone in self.missing]
+        return Reading(answer.asked_s, answer.answered_s, values, "; ".join(notes) or None)
+
+    def close(self) -> None:
+        """Close the shell."""
+        self._shell.close()
+
+    def _search_zones(self) -> None:
+        """Find the zones by their types."""
+        device = self.device
+        files: dict[str, list[str]] = {}
+        for entry in self._shell.run(_LIST.replace("ROOT", device.root)).text.split("|")[1:]:
+            folder, _, kind = entry.partition("=")
+            files.setdefault(kind, []).append(f"{folder}/temp")
+        for zone in device.zones:
+            if len(files.get(zone, [])) > 1:
+                raise self._unexpected(f"one zone of type {zone}", f"{len(files[zone])} of them")
+        self.missing = tuple(zone for zone in device.zones if zone not in files)
+        found = {column: files[zone][0] for zone, column in device.zones.items() if zone in files}
+        self._columns = {column: (file, degrees_from_millidegrees) for column, file in found.items()}
+        if supply := device.power_supply:
+            folder = f"{device.root}/sys/class/power_supply/{supply.name}"
+            for attribute, column in supply.columns.items():
+                convert = partial(supply_value, attribute, device=device)
+                self._columns[column] = (f"{folder}/{attribute}", convert)
+        self._shell.run(f"ambient_files='{' '.join(file for file, _ in self._columns.values())}'")
+        self._opened = self._shell.opened
+        self._until_search = _SAMPLES_UNTIL_SEARCH
+
+    def _unexpected(self, expected: str, got: str) -> InstrumentError:
+        shown = repr(got) if len(got) <= 80 else repr(got[:77] + "...")
+        return InstrumentError(DEVICE, self.port, expected, shown, _MISMATCH)

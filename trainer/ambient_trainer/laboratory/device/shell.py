@@ -1,0 +1,182 @@
+"""A shell on the device stays open: a command is written to it, and one marked line back is its answer.
+
+``adb shell``, ``ssh`` and this machine's own ``sh`` all speak POSIX shell on a pipe. What else they print, such as
+``error: no devices/emulators found``, is kept for the message of the failure that follows.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import subprocess
+import time
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.messages import DEVICE
+from ambient_trainer.laboratory.reading import Disconnected, InstrumentError, NoResponse
+
+_CHUNK = 1 << 16
+_MOST_KEPT = 200
+_LONGEST = 1 << 20
+_SSH_OPTIONS = ("BatchMode=yes", "ConnectTimeout=10", "ServerAliveInterval=5", "ServerAliveCountMax=2")
+
+
+class Connection(NamedTuple):
+    """How a shell on the device is reached: the command, its name in messages, and what is added to the environment."""
+
+    argv: tuple[str, ...]
+    label: str
+    environment: Mapping[str, str]
+
+
+class Result(NamedTuple):
+    """What a command left in ``$answer``, its exit status, and when it was sent and answered in the clock's seconds."""
+
+    asked_s: float
+    answered_s: float
+    text: str
+    status: int
+
+
+def connection_to(connect: str, environment: Mapping[str, str] | None = None) -> Connection:
+    """The connection that a campaign's ``connect`` names."""
+    kind, _, whom = connect.partition(" ")
+    argv: tuple[str, ...] = ("sh",)
+    if kind == "adb":
+        argv = ("adb", *(("-s", whom) if whom else ()), "shell", "-T", "sh")
+    elif kind == "ssh":
+        argv = ("ssh", "-T", *(part for each in _SSH_OPTIONS for part in ("-o", each)), whom, "sh")
+    return Connection(argv, connect, environment or {})
+
+
+class Shell:
+    """One shell, opened by the first command; any failure closes it, and the next command opens another.
+
+    ``setup`` is run in each that opens. Raises :class:`Disconnected` where the shell cannot be had or ended, and
+    :class:`NoResponse` where no answer came within ``timeout_s``.
+    """
+
+    def __init__(self, connection: Connection, clock: Clock, timeout_s: float, setup: str = "") -> None:
+        self.label = connection.label
+        self.opened = 0
+        """How many have been opened."""
+        self._connection = connection
+        self._clock = clock
+        self._timeout_s = timeout_s
+        self._setup = setup
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pipes = (-1, -1)
+        self._received = b""
+        self._printed = b""
+        self._count = 0
+
+    @property
+    def alive(self) -> bool:
+        """Whether it is open and has not ended."""
+        return self._process is not None and self._process.poll() is None
+
+    def run(self, command: str) -> Result:
+        """Run ``command``, whose standard input is empty, and give what it left in ``$answer``."""
+        try:
+            if self._process is None:
+                self._open()
+                self._exchange(self._setup or ":")
+            return self._exchange(command)
+        except InstrumentError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """End it, and all that still runs in its session here."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        with contextlib.suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        for pipe in (process.stdin, process.stdout):
+            with contextlib.suppress(OSError):  # what was never sent cannot be flushed
+                assert pipe is not None
+                pipe.close()
+
+    def _open(self) -> None:
+        try:
+            self._process = process = subprocess.Popen(
+                self._connection.argv,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **self._connection.environment},
+                bufsize=0,
+                # Ctrl-C is this program's business: actions have to be stopped over this shell
+                start_new_session=True,
+            )
+        except OSError as error:
+            expected, hint = f"to start {self._connection.argv[0]}", "install it, or see that it is on the PATH"
+            raise Disconnected(DEVICE, self.label, expected, f"{error.strerror}", hint) from error
+        assert process.stdin is not None
+        assert process.stdout is not None
+        self._pipes = (process.stdin.fileno(), process.stdout.fileno())
+        os.set_blocking(self._pipes[0], False)
+        self._received = self._printed = b""
+        self.opened += 1
+
+    def _exchange(self, command: str) -> Result:
+        self._count += 1
+        mark = b"=%d " % self._count
+        text = f'answer=\n{{\n{command}\n}} </dev/null\necho "={self._count} $? $answer"\n'
+        end_s = time.monotonic() + self._clock.patience_s(self._timeout_s)
+        asked_s = self._clock.now_s()
+        self._send(text.encode(), end_s)
+        while True:
+            line = self._line(end_s)
+            # what stands before it is a prompt, and what is echoed has no number there
+            _, marked, rest = line.rpartition(mark)
+            status, _, answer = rest.partition(b" ")
+            if marked and status.isdigit():
+                return Result(asked_s, self._clock.now_s(), answer.decode("utf-8", "replace"), int(status))
+            self._keep(line)
+
+    def _send(self, data: bytes, end_s: float) -> None:
+        while data:
+            self._wait(self._pipes[0], select.POLLOUT, end_s)
+            try:
+                data = data[os.write(self._pipes[0], data) :]
+            except BlockingIOError:
+                continue
+            except OSError:
+                if select.select([self._pipes[1]], [], [], 0.0)[0]:  # what it printed before it ended
+                    self._keep(os.read(self._pipes[1], _CHUNK).replace(b"\n", b" "))
+                raise self._ended() from None
+
+    def _line(self, end_s: float) -> bytes:
+        """The next line, without its end; a pseudo-terminal ends lines with a carriage return, too."""
+        while b"\n" not in self._received:
+            self._wait(self._pipes[1], select.POLLIN, end_s)
+            chunk = os.read(self._pipes[1], _CHUNK)
+            if not chunk or len(self._received) > _LONGEST:
+                self._keep(self._received)
+                raise self._ended()
+            self._received += chunk
+        line, _, self._received = self._received.partition(b"\n")
+        return line.rstrip(b"\r")
+
+    def _wait(self, pipe: int, event: int, end_s: float) -> None:
+        poll = select.poll()
+        poll.register(pipe, event)
+        if not poll.poll(1000.0 * max(end_s - time.monotonic(), 0.0)):
+            raise NoResponse(DEVICE, self.label, "an answer", f"nothing in {self._timeout_s:g} s{self._shown()}")
+
+    def _keep(self, printed: bytes) -> None:
+        self._printed = (self._printed + b" " + printed)[-_MOST_KEPT:]
+
+    def _ended(self) -> Disconnected:
+        return Disconnected(DEVICE, self.label, "an answer", f"the end of the shell{self._shown()}")
+
+    def _shown(self) -> str:
+        printed = self._printed.decode("utf-8", "replace").strip()
+        return f" ({printed})" if printed.isprintable() and printed else ""

@@ -1,0 +1,351 @@
+"""An Agilent 34970A multiplexer with thermocouples. It speaks SCPI: readings ``+2.61950000E+01`` between commas.
+
+Replies end in CR LF. An open thermocouple reads +-9.9E+37. The instrument scans in the order of the channels' numbers,
+whatever the order in the list. A bad command gets no reply; ``SYST:ERR?`` says why. In a scan every reading stands
+beside its channel's number, so none is taken for another's.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from ambient_trainer.data.strict_yaml import wrong
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_column
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset
+from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
+from ambient_trainer.laboratory.reading import InstrumentError, NoResponse, Reading
+from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
+from ambient_trainer.lti.lag import lag_weights
+from ambient_trainer.simulator import constants as c
+
+RESET = b"*RST\n*CLS\n"
+OPEN = 9.9e37
+"""What is at least as large, of either sign, is an open thermocouple."""
+CHANNELS_WITH_READINGS = b"FORM:READ:CHAN ON\n"
+"""Puts each reading's channel behind it; CONF switches it off again."""
+
+_LONGEST = 8192  # 120 channels of 16 characters, with the numbers of the channels
+_NUMBER = r"[+-]\d\.\d{8}E[+-]\d\d"
+_SCAN = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*")
+_SCAN_WITH_CHANNELS = re.compile(rf"{_NUMBER},[1-3]\d\d(?:,{_NUMBER},[1-3]\d\d)*")
+_ERROR = re.compile(r'([+-]\d+),"([^"]*)"')
+_IDENTITY = re.compile(r"[^,]*[A-Za-z][^,]*,[^,]+,[^,]+,[^,]+")
+_A_REPLY = "readings, an error's number and text, or an identity"
+_SCAN_LOST = "switched off, it forgets its scan: the next reading sets it up again"
+
+
+def _a_channel(channel: int) -> int:
+    if not (100 < channel < 400 and channel % 100):
+        raise wrong(f"channel {channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
+    return channel
+
+
+class Settings(MultiplexerSettings):
+    """The multiplexer: its speed, and its thermocouples' type."""
+
+    kind: Literal["agilent-34970a"]
+    probes: Annotated[dict[Name, Annotated[int, AfterValidator(_a_channel)]], Field(min_length=1)]
+    baud: Annotated[int, Field(ge=1200)] = 57600
+    thermocouple: Literal["B", "E", "J", "K", "N", "R", "S", "T"] = "K"
+
+
+class Identity(NamedTuple):
+    """The reply to ``*IDN?``."""
+
+    maker: str
+    model: str
+    serial: str
+    firmware: str
+
+
+class Scan(NamedTuple):
+    """The reply to ``READ?``: None where a thermocouple is open; the channels, where the instrument names them."""
+
+    readings: tuple[float | None, ...]
+    channels: tuple[int, ...] | None
+
+
+class ErrorText(NamedTuple):
+    """The reply to ``SYST:ERR?``; number 0 is no error."""
+
+    number: int
+    text: str
+
+    def __str__(self) -> str:
+        return f'{self.number:+d},"{self.text}"'
+
+
+Reply = Identity | Scan | ErrorText
+READ_ERROR = Query(b"SYST:ERR?\n", "an error's number and text", lambda reply: isinstance(reply, ErrorText))
+READ_IDENTITY = Query(b"*IDN?\n", "the identity of a 34970A", lambda reply: isinstance(reply, Identity))
+
+
+def read_scan(channels: tuple[int, ...]) -> Query:
+    """The query for a scan of ``channels``, which stand in the instrument's order."""
+    count = f"{len(channels)} reading{'s' * (len(channels) > 1)}"
+    return Query(
+        b"READ?\n",
+        f"{count}, of {channel_list(channels).decode('ascii')}",
+        lambda reply: isinstance(reply, Scan) and reply.channels == channels,
+    )
+
+
+def configure(channels: Iterable[int], thermocouple: str) -> bytes:
+    """The commands that make a scan of thermocouples of type ``thermocouple``, such as ``K``, on ``channels``."""
+    listed = channel_list(channels)
+    return b"CONF:TEMP TC,%s,%s\nROUT:SCAN %s\n" % (thermocouple.encode("ascii"), listed, listed)
+
+
+def channel_list(channels: Iterable[int]) -> bytes:
+    """``(@101:103,105)``: the channels in the instrument's order, runs of them as ranges."""
+    runs: list[list[int]] = []
+    for channel in sorted(set(channels)):
+        if runs and channel == runs[-1][-1] + 1:
+            runs[-1].append(channel)
+        else:
+            runs.append([channel])
+    texts = [f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
+    return f"(@{','.join(texts)})".encode("ascii")
+
+
+def _parsed(line: str) -> Reply | Malformed:
+    fields = line.split(",")
+    if match := _ERROR.fullmatch(line):
+        return ErrorText(int(match[1]), match[2])
+    if _SCAN.fullmatch(line):
+        return Scan(tuple(map(_reading, fields)), None)
+    if _SCAN_WITH_CHANNELS.fullmatch(line):
+        return Scan(tuple(map(_reading, fields[::2])), tuple(map(int, fields[1::2])))
+    if _IDENTITY.fullmatch(line):
+        return Identity(*[field.strip() for field in fields])
+    return Malformed(_A_REPLY, repr(line))
+
+
+def _reading(text: str) -> float | None:
+    value = float(text)
+    return None if abs(value) >= OPEN else value
+
+
+decode = text_replies(b"\n", b"\r", _LONGEST, _parsed)
+"""From the bytes that a multiplexer sends to its replies."""
+
+
+def encode(reply: Reply) -> bytes:
+    """The bytes of a reply."""
+    if isinstance(reply, Scan):
+        texts = [f"{OPEN if value is None else value:+.8E}" for value in reply.readings]
+        if reply.channels is not None:
+            texts = [f"{text},{channel}" for text, channel in zip(texts, reply.channels)]
+    else:
+        texts = [str(reply)] if isinstance(reply, ErrorText) else list(reply)
+    return ",".join(texts).encode("ascii") + b"\r\n"
+
+
+class Driver(SerialDriver):
+    """The multiplexer on its serial line; ``read`` sets up the scan where the instrument may have none."""
+
+    def __init__(self, settings: Settings, clock: Clock, offsets: Mapping[str, ProbeOffset] | None = None) -> None:
+        self._names = dict(sorted((channel, probe) for probe, channel in settings.probes.items()))
+        self._offsets = dict(offsets or {})
+        self._thermocouple = settings.thermocouple
+        self.line = SerialLine("multiplexer", settings, clock, decode, READ_ERROR, baud=settings.baud, xonxoff=True)
+        self._read_scan = read_scan(tuple(self._names))
+        self._configured = False
+
+    def identify(self) -> str:
+        """Maker, model and firmware."""
+        identity = self.line.query(READ_IDENTITY).reply
+        if identity.model != "34970A":
+            raise self.error(READ_IDENTITY.expected, f"that of a {identity.maker} {identity.model}")
+        return f"{identity.maker} {identity.model}, firmware {identity.firmware}"
+
+    def configure(self) -> None:
+        """Reset the instrument and set up the scan."""
+        self.identify()
+        for command in (RESET, configure(self._names, self._thermocouple), CHANNELS_WITH_READINGS):
+            self.line.write(command)
+        error = self.line.query(READ_ERROR).reply
+        if error.number:
+            raise self.error("the scan to be set up", f"error {error}", _SCAN_LOST)
+        self._configured = True
+
+    def read(self) -> Reading:
+        """One scan, the offsets added; None where a thermocouple is open."""
+        if not self._configured:
+            self.configure()
+        try:
+            asked_s, answered_s, scan = self._scan()
+        except InstrumentError:
+            self._configured = False  # it may have been switched off in between: that forgets the scan
+            raise
+        temps_degC = zip(self._names.values(), scan.readings)
+        return Reading(
+            asked_s, answered_s, {probe_column(name): self._corrected(name, value) for name, value in temps_degC}
+        )
+
+    def close(self) -> None:
+        """Give the port back."""
+        self.line.close()
+        self._configured = False
+
+    def _scan(self) -> Answer:
+        try:
+            return self.line.query(self._read_scan)
+        except NoResponse as silent:
+            error = self.line.synchronise()  # it is silent where it did not understand, and then says so
+            if isinstance(error, ErrorText) and error.number:
+                got = f"{silent.got}, and to SYST:ERR? {error}"
+                raise self.error(self._read_scan.expected, got, _SCAN_LOST) from silent
+            raise
+
+    def _corrected(self, name: str, reading_degC: float | None) -> float | None:
+        if reading_degC is None or name not in self._offsets:
+            return reading_degC
+        return reading_degC + self._offsets[name].at(reading_degC)
+
+
+_ANSWERS_AFTER_S, _RESET_S, _CHANNEL_S = 0.01, 0.3, 0.06  # chosen; a relay, and a reading over some mains periods
+_MOST_ERRORS = 10
+_SETTLED_S = 60.0  # fifteen time constants of a probe: the air before that does not count
+
+
+class Simulated(SimulatedInstrument):
+    """The multiplexer with thermocouples in ``air``; what each reads too much is drawn, or given by ``errors_K``."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        clock: Clock,
+        air: Callable[[float], float],
+        seed: int = 0,
+        errors_K: Mapping[str, float] | None = None,
+        folder: str | None = None,
+    ) -> None:
+        random = np.random.default_rng(seed)
+        self.probes: dict[int, _Probe] = {}
+        self.errors_K: dict[str, float] = {}
+        for channel, name in sorted((channel, name) for name, channel in settings.probes.items()):
+            drawn_K = c.PROBE_CALIBRATION_DEGC * float(random.standard_normal())
+            self.errors_K[name] = drawn_K if errors_K is None else errors_K[name]
+            self.probes[channel] = _Probe(air, self.errors_K[name], random)
+        self._received = b""
+        self._errors: deque[ErrorText] = deque(maxlen=_MOST_ERRORS)
+        self._configured: list[int] = []
+        self._scanned: list[int] = []
+        self._with_channels = False
+        super().__init__("multiplexer", clock, settings.baud, folder)
+
+    def restart(self) -> None:
+        """Switch it off and on again: it forgets its scan."""
+        with self._lock:
+            self._due.clear()
+            self._received = b""
+            self._errors.clear()
+            self._reset()
+
+    def _respond(self, data: bytes) -> Iterator[Response]:
+        *lines, self._received = (self._received + data).split(b"\n")
+        for line in lines:
+            for command in line.decode("ascii", "replace").strip().upper().split(";"):
+                yield from self._execute(command.strip())
+
+    def _execute(self, command: str) -> Iterator[Response]:
+        head, _, argument = command.partition(" ")
+        match head:
+            case "*IDN?":
+                yield Response(_ANSWERS_AFTER_S, encode(Identity("HEWLETT-PACKARD", "34970A", "0", "13-2-2")))
+            case "*RST":
+                yield Response(0.0, XOFF)  # its buffer is small, and it does not listen meanwhile
+                self._reset()
+                yield Response(_RESET_S, XON)
+            case "*CLS":
+                self._errors.clear()
+            case "SYST:ERR?":
+                error = self._errors.popleft() if self._errors else ErrorText(0, "No error")
+                yield Response(_ANSWERS_AFTER_S, encode(error))
+            case "CONF:TEMP" if argument.startswith("TC,"):
+                self._reset()
+                self._configured = self._scanned = self._channels(argument[len("TC,K,") :])
+            case "ROUT:SCAN":
+                self._scanned = self._channels(argument)
+            case "FORM:READ:CHAN" if argument in ("ON", "OFF"):
+                self._with_channels = argument == "ON"
+            case "READ?":
+                yield from self._scan()
+            case "":
+                pass
+            case _:
+                self._errors.append(ErrorText(-113, "Undefined header"))
+
+    def _scan(self) -> Iterator[Response]:
+        if not self._scanned or not set(self._scanned) <= set(self._configured):
+            self._errors.append(ErrorText(-221, "Settings conflict"))
+            return
+        now_s = self._clock.now_s()
+        readings = tuple(
+            self.probes[channel].read(now_s + (index + 1) * _CHANNEL_S) for index, channel in enumerate(self._scanned)
+        )
+        channels = tuple(self._scanned) if self._with_channels else None
+        yield Response(len(readings) * _CHANNEL_S, encode(Scan(readings, channels)))
+
+    def _channels(self, text: str) -> list[int]:
+        """The channels of a list such as ``(@101:103,105)``, in the instrument's order."""
+        found: set[int] = set()
+        for part in text.strip().removeprefix("(@").removesuffix(")").split(","):
+            first, _, last = part.partition(":")
+            if first.isdigit() and (last or first).isdigit():
+                found.update(range(int(first), int(last or first) + 1))
+            else:
+                found.add(0)
+        if not found <= self.probes.keys():
+            self._errors.append(ErrorText(-224, "Illegal parameter value"))
+            return []
+        return sorted(found)
+
+    def _reset(self) -> None:
+        self._configured, self._scanned = [], []
+        self._with_channels = False
+
+
+class _Probe:
+    """A thermocouple behind a first-order lag: exact where the air goes straight from second to second."""
+
+    def __init__(self, air: Callable[[float], float], error_K: float, random: np.random.Generator) -> None:
+        self.open = False
+        self._air = air
+        self._error_K = error_K
+        self._random = random
+        self._last: tuple[float, float, float] | None = None
+
+    def read(self, at_s: float) -> float | None:
+        """What the instrument reads; None where the probe is open."""
+        felt_degC = self.felt(at_s)
+        if self.open:
+            return None
+        noise_K = c.PROBE_NOISE_DEGC * float(self._random.standard_normal())
+        return round(felt_degC + self._error_K + noise_K, c.PROBE_DIGITS)
+
+    def felt(self, at_s: float) -> float:
+        """The thermocouple's own temperature."""
+        if self._last is None or at_s - self._last[0] > _SETTLED_S:
+            begin_degC = self._air(at_s - _SETTLED_S)
+            self._last = (at_s - _SETTLED_S, begin_degC, begin_degC)
+        last_s, air_degC, felt_degC = self._last
+        steps = max(math.ceil(at_s - last_s), 1)
+        step_s = (at_s - last_s) / steps
+        if step_s <= 0.0:
+            return felt_degC
+        lag = lag_weights(c.PROBE_LAG_S, step_s)
+        for step in range(1, steps + 1):
+            before_degC, air_degC = air_degC, self._air(last_s + step * step_s)
+            felt_degC = lag.step(felt_degC, before_degC, air_degC)
+        self._last = (at_s, air_degC, felt_degC)
+        return felt_degC

@@ -1,0 +1,260 @@
+"""A Greisinger GMH thermometer. It speaks EASYBus: groups of two bytes and a check, the first byte inverted.
+
+A request is ``[~address, code << 4, check]``. A reply's first group is ``[~address, code << 4 | flags, check]``: bit 0
+of the flags marks a reply, bits 1 and 2 count the groups that follow, bit 3 is set by a fault. Nothing ends a frame, so
+the decoder looks for groups whose check is right, and moves on by one byte where one is not. The 32 bits of a value of
+two groups, their first bytes inverted back: five bits of decimals plus 15, then 27 of digits less 2^25 (modulo 2^27),
+or of a fault's number above 0x07F5E100. Of one group: two bits of decimals, 14 of digits plus 2048, faults from 0x3FE0.
+(Schnittstellenbeschreibung fuer EASYBus-Sensormodule und GMH-Handmessgeraete, sections 8.1 and 8.5.)
+The instrument switches itself off; without a sensor it reports that instead of a number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import Field
+
+from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, ThermometerSettings
+from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
+from ambient_trainer.laboratory.reading import NoResponse, Reading
+from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, shown
+
+VALUE, IDENTITY = 0, 12
+"""The codes that ask for the measured value, and for the number that stands on the instrument, in hexadecimal."""
+FAULTS = {
+    16352: "above the measuring range",
+    16353: "below the measuring range",
+    16362: "calculation not possible",
+    16363: "system error",
+    16364: "battery empty",
+    16365: "no sensor",
+    16366: "EEPROM error",
+    16367: "EEPROM checksum error",
+    16371: "value invalid",
+}
+
+_BAUD = 4800
+_GROUP = 3
+_MOST_DECIMALS = 7  # of the nine digits that 27 bits hold
+_FAULTS_32 = 0x07F5E100
+_FAULTS_16 = 0x3FE0
+
+
+class Settings(ThermometerSettings):
+    """The thermometer, and its address on the bus."""
+
+    kind: Literal["greisinger-easybus"]
+    address: Annotated[int, Field(ge=0, le=255)] = 1
+
+
+class Frame(NamedTuple):
+    """One reply: whose, to which code, and its bytes without the checks."""
+
+    address: int
+    code: int
+    body: bytes
+
+    def __str__(self) -> str:
+        return f"a reply of address {self.address} to code {self.code} ({self.body.hex(' ').upper()})"
+
+
+class Value(NamedTuple):
+    """A measured value, or the reason why there is none."""
+
+    value: float | None
+    reason: str | None
+
+
+def check(first: int, second: int) -> int:
+    """The third byte of a group."""
+    rest = (first << 8) | second
+    for _ in range(16):
+        rest = (rest << 1) ^ 0x700 if rest & 0x8000 else rest << 1
+    return ~(rest >> 8) & 0xFF
+
+
+def request(address: int, code: int) -> bytes:
+    """The question for ``code``, 0 to 15."""
+    return _group(~address & 0xFF, code << 4)
+
+
+def decode(data: bytes) -> tuple[list[Frame | Malformed], bytes]:
+    """From the bytes that a thermometer sends to its frames, to what is none, and to the begin of the next frame."""
+    found: list[Frame | Malformed] = []
+    noise = b""
+    while size := _frame_size(data):
+        if size > 0:
+            found += [*_malformed(noise), _frame(data[:size])]
+            noise = b""
+        else:
+            size, noise = 1, noise + data[:1]
+        data = data[size:]
+    return [*found, *_malformed(noise)], data
+
+
+def _frame_size(data: bytes) -> int:
+    """The size of the frame that begins ``data``, 0 while it may become one, -1 where none begins."""
+    size = _GROUP
+    for at in range(0, len(data) - _GROUP + 1, _GROUP):
+        if check(data[at], data[at + 1]) != data[at + 2] or not data[1] & 1:
+            return -1
+        size = _GROUP * (1 + (data[1] >> 1 & 3))
+        if at + _GROUP == size:
+            return size
+    return 0
+
+
+def _frame(data: bytes) -> Frame:
+    body = b"".join(data[at : at + 2] for at in range(_GROUP, len(data), _GROUP))
+    return Frame(~data[0] & 0xFF, data[1] >> 4, body)
+
+
+def _malformed(noise: bytes) -> list[Malformed]:
+    return [Malformed("groups of two bytes and their check", shown(noise))] if noise else []
+
+
+def value_of(body: bytes) -> Value | Malformed:
+    """The value in the body of a reply to :data:`VALUE`."""
+    number = number_of(body)
+    if len(body) == 4:
+        digits, decimals = number & 0x07FFFFFF, (number >> 27) - 15
+        if digits >= _FAULTS_32:
+            return _fault(digits - _FAULTS_32)
+        if not 0 <= decimals <= _MOST_DECIMALS:
+            return Malformed(f"a value of 0 to {_MOST_DECIMALS} decimals", f"{decimals} decimals")
+        digits = (digits + 0x02000000) & 0x07FFFFFF
+        return Value((digits - 0x08000000 * (digits >> 26)) / 10.0**decimals, None)
+    if len(body) == 2:
+        digits = number & 0x3FFF
+        return _fault(digits) if digits >= _FAULTS_16 else Value((digits - 2048) / 10.0 ** (number >> 14), None)
+    return Malformed("a value of one group or two", f"{len(body) // 2} groups")
+
+
+def number_of(body: bytes) -> int:
+    """The whole number in the body of a reply."""
+    return int.from_bytes(_upright(body), "big")
+
+
+def reply(address: int, code: int, body: bytes, faulty: bool = False) -> bytes:
+    """The frame of a reply; ``body`` is of an even number of bytes, as on the line but for the checks."""
+    groups = [body[at : at + 2] for at in range(0, len(body), 2)]
+    head = _group(~address & 0xFF, code << 4 | faulty << 3 | len(groups) << 1 | 1)
+    return head + b"".join(_group(*group) for group in groups)
+
+
+def body_of_value(value: float, decimals: int) -> bytes:
+    """The body that holds ``value``, rounded to so many decimals."""
+    return body_of_number((decimals + 15) << 27 | (round(value * 10**decimals) - 0x02000000) & 0x07FFFFFF)
+
+
+def body_of_fault(number: int) -> bytes:
+    """The body that holds a fault, one of :data:`FAULTS`."""
+    return body_of_number(17 << 27 | (_FAULTS_32 + number))
+
+
+def body_of_number(number: int) -> bytes:
+    """The body of two groups that holds a whole number."""
+    return _upright(number.to_bytes(4, "big"))
+
+
+def _fault(number: int) -> Value:
+    return Value(None, FAULTS.get(number, f"fault {number}"))
+
+
+def _group(first: int, second: int) -> bytes:
+    return bytes((first, second, check(first, second)))
+
+
+def _upright(body: bytes) -> bytes:
+    """The first byte of each group is sent inverted; its own inverse."""
+    return bytes(byte ^ 0xFF if at % 2 == 0 else byte for at, byte in enumerate(body))
+
+
+class Driver(SerialDriver):
+    """The thermometer on its serial line."""
+
+    def __init__(self, settings: Settings, clock: Clock) -> None:
+        self._read_value = _query(settings.address, VALUE, "its value")
+        self._read_identity = _query(settings.address, IDENTITY, "its number")
+        self.line = SerialLine("thermometer", settings, clock, decode, self._read_identity, baud=_BAUD)
+
+    def identify(self) -> str:
+        """The number that stands on it."""
+        return f"GMH thermometer, number {number_of(self._query(self._read_identity).reply.body):x}"
+
+    def read(self) -> Reading:
+        """The temperature; where there is none, the note says why."""
+        asked_s, answered_s, frame = self._query(self._read_value)
+        value = value_of(frame.body)
+        if isinstance(value, Malformed):
+            raise self.error(value.expected, value.got)
+        return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: value.value}, value.reason)
+
+    def _query(self, query: Query) -> Answer:
+        try:
+            return self.line.query(query)
+        except NoResponse as silent:
+            silent.hint = "switch it on"
+            raise
+
+
+def _query(address: int, code: int, what: str) -> Query:
+    expected = f"{what}, a reply of address {address} to code {code}"
+    return Query(request(address, code), expected, lambda frame: (frame.address, frame.code) == (address, code))
+
+
+_ANSWERS_AFTER_S = 0.02  # chosen
+_NUMBER = 0x32407008
+_DECIMALS = 2
+_NO_SENSOR = 16365
+
+
+class Simulated(SimulatedInstrument):
+    """The thermometer in ``air``; it switches itself off after ``auto_off_s``, None for never."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        clock: Clock,
+        air: Callable[[float], float],
+        folder: str | None = None,
+        auto_off_s: float | None = None,
+    ) -> None:
+        self.sensor_plugged = True
+        self._air = air
+        self._address = settings.address
+        self._auto_off_s = math.inf if auto_off_s is None else auto_off_s
+        self._on_since_s = clock.now_s()
+        self._received = b""
+        super().__init__("thermometer", clock, _BAUD, folder)
+
+    def switch_off(self) -> None:
+        """Press its key for long: it answers nothing any more."""
+        self._on_since_s = -math.inf
+
+    def switch_on(self) -> None:
+        """Press its key; it goes on for another ``auto_off_s``."""
+        self._on_since_s = self._clock.now_s()
+
+    def _respond(self, data: bytes) -> Iterator[Response]:
+        now_s = self._clock.now_s()
+        if not now_s - self._on_since_s < self._auto_off_s:
+            self._received = b""
+            return
+        self._received += data
+        while len(self._received) >= _GROUP:
+            if check(*self._received[:2]) != self._received[2]:
+                self._received = self._received[1:]
+                continue
+            asked, self._received = self._received[:_GROUP], self._received[_GROUP:]
+            code = asked[1] >> 4
+            if asked == request(self._address, code) and code in (VALUE, IDENTITY):
+                body = body_of_number(_NUMBER) if code == IDENTITY else self._value(now_s)
+                yield Response(_ANSWERS_AFTER_S, reply(self._address, code, body, faulty=not self.sensor_plugged))
+
+    def _value(self, at_s: float) -> bytes:
+        return body_of_value(self._air(at_s), _DECIMALS) if self.sensor_plugged else body_of_fault(_NO_SENSOR)

@@ -1,0 +1,110 @@
+"""What is shown while a run lasts: on a terminal a picture that is kept up to date, elsewhere a line now and then."""
+
+from __future__ import annotations
+
+import time
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from ambient_trainer.laboratory.run import Run
+from ambient_trainer.laboratory.schedule import clock_text, expected
+
+_REDRAW_S = 0.25
+_LINE_S = 60.0
+"""Of the run's time, and of the machine's no more often than:"""
+_LINE_WALL_S = 2.0
+
+
+class LineMonitor:
+    """A line a minute, and one for each event."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._due_s = 0.0
+        self._due_wall_s = 0.0
+
+    def update(self, run: Run) -> None:
+        """Print a line where one is due."""
+        now_s, wall_s = run.timebase.now_s(), time.monotonic()
+        if now_s >= self._due_s and wall_s >= self._due_wall_s:
+            self._due_s, self._due_wall_s = now_s + _LINE_S, wall_s + _LINE_WALL_S
+            ambient = "-" if run.ambient_degC is None else f"{run.ambient_degC:.2f}"
+            self.event(now_s, f"{_step_text(run)}, ambient {ambient} degC, {_left_text(run)}")
+
+    def event(self, at_s: float, text: str) -> None:
+        """Print it with its time."""
+        self._console.print(f"{clock_text(at_s)}  {text}", markup=False, highlight=False, soft_wrap=True)
+
+
+class LiveMonitor:
+    """A picture on a terminal; used as a ``with`` block."""
+
+    def __init__(self, console: Console, title: str) -> None:
+        self._title = title
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._due_wall_s = 0.0
+
+    def __enter__(self) -> LiveMonitor:
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def update(self, run: Run) -> None:
+        """Draw it anew where that is due."""
+        wall_s = time.monotonic()
+        if wall_s >= self._due_wall_s:
+            self._due_wall_s = wall_s + _REDRAW_S
+            self._live.update(self._picture(run), refresh=True)
+
+    def event(self, at_s: float, text: str) -> None:
+        """Print it above the picture, where it stays."""
+        self._live.console.print(Text(f"{clock_text(at_s)}  {text}"))
+
+    def _picture(self, run: Run) -> Group:
+        now_s = run.timebase.now_s()
+        parts: list[RenderableType] = [
+            Text(f"{self._title}: {_step_text(run)}", style="bold"),
+            Text(f"{clock_text(now_s)} since the beginning, {_left_text(run)}"),
+            _readings(run, now_s),
+        ]
+        parts += [Text(f"! {each.text}", style="red") for each in run.failures.values()]
+        if run.alarm is not None:
+            parts.append(Text(f"! the chamber is stopped: {run.alarm}", style="bold red"))
+        return Group(*parts)
+
+
+def _readings(run: Run, now_s: float) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "", "s ago"):
+        table.add_column(name, justify="left" if table.columns == [] else "right")
+    table.add_row("ambient_degC", "-" if run.ambient_degC is None else f"{run.ambient_degC:.3f}", "")
+    for sample in run.latest.values():
+        for name, value in sample.values.items():
+            table.add_row(Text(name), "-" if value is None else f"{value:g}", f"{now_s - sample.at_s:.0f}")
+    return table
+
+
+def _left_text(run: Run) -> str:
+    """The run's time that the program should still take, and what is safe on the disk."""
+    steps, program = expected(run.campaign), run.program
+    left_s = 0.0
+    if not program.over:
+        left_s = max(steps[program.step].length_s - (run.timebase.now_s() - program.began_s), 0.0)
+        left_s += sum(each.length_s for each in steps[program.step + 1 :])
+    return f"{clock_text(left_s)} left, {run.journal.samples_on_disk} samples on disk"
+
+
+def _step_text(run: Run) -> str:
+    program, campaign = run.program, run.campaign
+    if program.over:
+        return "the program is over"
+    count, step = len(campaign.before), program.step
+    recording = f"step {step - count + 1} of {len(campaign.steps)}"
+    place = f"before the recording {step + 1} of {count}" if step < count else recording
+    load = f", {' and '.join(program.now.load)}" if program.now.load else ""
+    return f"{place}: {program.now.chamber_degC:g} degC{load}"

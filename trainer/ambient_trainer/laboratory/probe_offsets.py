@@ -1,0 +1,95 @@
+"""A probe's calibration offset is added to its reading; between the temperatures of a calibration it is interpolated.
+
+A file of offsets is YAML, as ``ambient-trainer calibrate`` writes it and a campaign's ``offsets`` names it.
+"""
+
+from __future__ import annotations
+
+import datetime
+import itertools
+from collections.abc import Mapping
+from typing import Annotated
+
+import numpy as np
+import yaml
+from pydantic import AfterValidator, Field, model_validator
+
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+
+FORMAT = "probe-offsets"
+VERSION = 1
+
+
+class OffsetPoint(Strict):
+    """One probe at one temperature of the bath.
+
+    Attributes
+    ----------
+    reading_degC : float
+        The mean of what the probe read.
+    offset_K : float
+        To be added to it.
+    standard_error_K : float
+        Of the offset; the reference's own error is not in it.
+    """
+
+    reading_degC: float
+    offset_K: float
+    standard_error_K: float = Field(ge=0.0)
+
+
+def _increasing(points: tuple[OffsetPoint, ...]) -> tuple[OffsetPoint, ...]:
+    if any(one.reading_degC >= other.reading_degC for one, other in itertools.pairwise(points)):
+        raise wrong("the readings do not increase", "sort the points, and drop doubles")
+    return points
+
+
+class ProbeOffset(Strict):
+    """The offset of one probe at all temperatures of its calibration; beyond them the nearest holds."""
+
+    points: Annotated[tuple[OffsetPoint, ...], Field(min_length=1), AfterValidator(_increasing)]
+
+    def at(self, reading_degC: float) -> float:
+        """What to add to ``reading_degC``, in K."""
+        readings_degC, offsets_K = zip(*((point.reading_degC, point.offset_K) for point in self.points))
+        return float(np.interp(reading_degC, readings_degC, offsets_K))
+
+    def __str__(self) -> str:
+        return ", ".join(f"{point.offset_K:+.3f} K at {point.reading_degC:g} degC" for point in self.points)
+
+
+class OffsetFile(Strict):
+    """A file of offsets; ``reference`` is what the probes were compared with."""
+
+    format: str
+    version: int
+    created: datetime.datetime
+    reference: str
+    probes: dict[str, ProbeOffset] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _known(self) -> OffsetFile:
+        if (self.format, self.version) != (FORMAT, VERSION):
+            problem = f"format {self.format!r}, version {self.version}"
+            raise wrong(problem, f"'calibrate' writes format {FORMAT!r}, version {VERSION}")
+        return self
+
+
+def load_offsets(path: str) -> dict[str, ProbeOffset]:
+    """The offsets in the file at ``path`` by probe; raises :class:`~ambient_model.faults.Refused` with every fault."""
+    return dict(validated(OffsetFile, load_yaml(path), path).probes)
+
+
+def offsets_text(probes: Mapping[str, ProbeOffset], reference: str, created: datetime.datetime) -> str:
+    """The file that :func:`load_offsets` reads; tenths of a millikelvin are more than any thermocouple is worth."""
+    data = {
+        "format": FORMAT,
+        "version": VERSION,
+        "created": created.isoformat(timespec="seconds"),
+        "reference": reference,
+        "probes": {
+            name: {"points": [{key: round(value, 4) for key, value in point} for point in offset.points]}
+            for name, offset in probes.items()
+        },
+    }
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True)

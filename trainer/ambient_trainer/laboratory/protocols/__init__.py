@@ -1,1 +1,0 @@
-"""What goes over an instrument's line: requests to bytes, bytes to replies; no port, clock or file is known here."""

@@ -1,0 +1,156 @@
+"""A simulated instrument at the far end of a pseudo-terminal: bytes take the time of their baud, in order."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import tempfile
+import threading
+import tty
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from ambient_trainer.laboratory.clock import Clock
+
+XON, XOFF = b"\x11", b"\x13"
+Distortion = Callable[[bytes], Sequence[tuple[float, bytes]]]
+
+_BITS_A_BYTE = 10  # with start and stop bit
+_SHORTEST_WAIT_S = 0.0005
+
+
+class Response(NamedTuple):
+    """How long an instrument works on a command, and the bytes of its reply then; b"" is none."""
+
+    duration_s: float
+    reply: bytes
+
+
+class _Due(NamedTuple):
+    at_s: float
+    data: bytes
+
+
+class SimulatedInstrument(ABC):
+    """An instrument in a thread of its own; its port is a link that outlives the terminal behind it."""
+
+    def __init__(self, name: str, clock: Clock, baud: int, folder: str | None) -> None:
+        self._clock = clock
+        self._byte_s = _BITS_A_BYTE / baud
+        self._made = None if folder else tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
+        self._link = Path(folder or (self._made.name if self._made else ""), name)
+        self._lock = threading.RLock()
+        self._due: deque[_Due] = deque()
+        self._distortions: deque[Distortion] = deque()
+        self._free_s = clock.now_s()
+        self._sent_s = clock.now_s()
+        self.muted = False
+        """It obeys everything and answers nothing."""
+        self._held_up = self._ended = False
+        self._ends: tuple[int, int] | None = None
+        self._woken, self._wake = os.pipe()
+        self.plug()
+        self._thread = threading.Thread(target=self._run, name=f"simulated {name}", daemon=True)
+        self._thread.start()
+
+    @property
+    def port(self) -> str:
+        """Where a driver finds it."""
+        return str(self._link)
+
+    def unplug(self) -> None:
+        """Pull the cable: the port goes, and with it whatever was under way."""
+        with self._lock:
+            ends, self._ends = self._ends, None
+            self._due.clear()
+            self._link.unlink(missing_ok=True)
+            for end in ends or ():
+                os.close(end)
+        os.write(self._wake, b"!")
+
+    def plug(self) -> None:
+        """Put the cable in: another terminal, at the same link."""
+        with self._lock:
+            if self._ends is None:
+                self._ends = os.openpty()
+                tty.setraw(self._ends[1])
+                os.set_blocking(self._ends[0], False)
+                self._held_up = False
+                self._link.symlink_to(os.ttyname(self._ends[1]))
+        os.write(self._wake, b"!")
+
+    def distort(self, function: Distortion) -> None:
+        """Let the next reply be ``function(reply)``: parts, each so many seconds later than it would have come."""
+        with self._lock:
+            self._distortions.append(function)
+
+    def send(self, data: bytes) -> None:
+        """Send ``data`` unasked, at once."""
+        with self._lock:
+            self._due.appendleft(_Due(self._clock.now_s(), data))
+        os.write(self._wake, b"!")
+
+    def close(self) -> None:
+        """Take it away; it does not come back."""
+        self._ended = True
+        self.unplug()
+        self._thread.join()
+        os.close(self._woken)
+        os.close(self._wake)
+        if self._made:
+            self._made.cleanup()
+
+    @abstractmethod
+    def _respond(self, data: bytes) -> Iterable[Response]:
+        """Its responses to ``data``, which is a part of a command, or several."""
+
+    def _run(self) -> None:
+        while not self._ended:
+            with self._lock:
+                wait_s = self._send_what_is_due()
+                ends = self._ends
+            watched = [self._woken] if ends is None else [self._woken, ends[0]]
+            try:
+                ready = select.select(watched, [], [], wait_s)[0]
+            except (OSError, ValueError):  # unplugged in this moment
+                continue
+            if self._woken in ready:
+                os.read(self._woken, 64)
+            with self._lock:
+                if ends is not None and ends is self._ends and ends[0] in ready:
+                    with contextlib.suppress(OSError):
+                        self._take(os.read(ends[0], 4096))
+
+    def _take(self, data: bytes) -> None:
+        for byte in data:
+            if byte in XON + XOFF:
+                self._held_up = byte in XOFF
+        received = data.translate(None, XON + XOFF)
+        self._free_s = max(self._free_s, self._clock.now_s() + len(received) * self._byte_s)
+        for duration_s, reply in self._respond(received):
+            self._free_s += duration_s
+            if not reply or self.muted:
+                continue
+            parts = self._distortions.popleft()(reply) if self._distortions else ((0.0, reply),)
+            self._due.extend(_Due(self._free_s + delay_s, part) for delay_s, part in parts)
+
+    def _send_what_is_due(self) -> float | None:
+        """Send what should be there by now; how many of the machine's seconds until there is more, None for ever."""
+        while self._due and self._ends is not None and not self._held_up:
+            now_s = self._clock.now_s()
+            at_s, data = self._due[0]
+            begin_s = max(at_s, self._sent_s)
+            count = min(int((now_s - begin_s) / self._byte_s), len(data))
+            if count < 1:
+                return max(self._clock.wall_s(begin_s + self._byte_s - now_s), _SHORTEST_WAIT_S)
+            with contextlib.suppress(BlockingIOError):  # nobody reads: what does not fit is lost, as on a wire
+                os.write(self._ends[0], data[:count])
+            self._sent_s = begin_s + count * self._byte_s
+            self._due.popleft()
+            if count < len(data):
+                self._due.appendleft(_Due(at_s, data[count:]))
+        return None

@@ -1,0 +1,296 @@
+"""One run of a program: threads post what they read; the run writes it down, moves the program, and sees to safety.
+
+However a run ends, the safe set point goes to the chamber before anything is shown, and until the chamber confirms it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import time
+from collections.abc import Callable
+from enum import Enum
+from typing import NamedTuple, Protocol
+
+from ambient_trainer.laboratory.campaign import Campaign
+from ambient_trainer.laboratory.chamber_control import ChamberControl, Target
+from ambient_trainer.laboratory.equipment import Equipment
+from ambient_trainer.laboratory.journal import Journal
+from ambient_trainer.laboratory.load_control import LoadControl
+from ambient_trainer.laboratory.messages import (
+    CHAMBER,
+    DEVICE,
+    MULTIPLEXER,
+    Crash,
+    End,
+    Failure,
+    LoadState,
+    Message,
+    Note,
+    Sample,
+    StepBegan,
+    Timebase,
+)
+from ambient_trainer.laboratory.program import Program
+from ambient_trainer.laboratory.safety import SafetyLimits
+from ambient_trainer.laboratory.worker import Sampler, Worker
+
+_POLL_S = 0.02
+"""The machine's seconds between two looks at the program where nothing comes in."""
+_PATIENCE_S = 15.0
+"""For the device to stop its actions, and for threads to end."""
+_FRESH_PERIODS = 3.0
+"""An older sample of the device says nothing about its steady state."""
+
+
+class Ending(Enum):
+    """How a run ended."""
+
+    FINISHED = "finished"
+    STOPPED = "stopped"
+    LIMIT = "limit"
+    FAILED = "failed"
+
+
+class Outcome(NamedTuple):
+    """How and why a run ended, the chamber's alarm, and whether the chamber confirmed its safe state."""
+
+    ending: Ending
+    why: str
+    alarm: str | None
+    safe: bool
+
+    @property
+    def finished(self) -> bool:
+        """Whether the program came to its end."""
+        return self.ending is Ending.FINISHED
+
+
+class Monitor(Protocol):
+    """Shows a run."""
+
+    def update(self, run: Run, /) -> None:
+        """Called often."""
+
+    def event(self, at_s: float, text: str, /) -> None:
+        """Called for each event."""
+
+
+class Supervision(NamedTuple):
+    """Who watches a run: a monitor, why it is to stop (or None), and whether not even to wait for the chamber."""
+
+    monitor: Monitor
+    stopping: Callable[[], str | None]
+    giving_up: Callable[[], bool]
+
+
+class Run:
+    """One run of the program on ``equipment``, from the program's position on.
+
+    Attributes
+    ----------
+    latest : dict of str to Sample
+        The newest sample of each instrument.
+    failures : dict of str to Failure
+        What does not work now, by instrument, as it began.
+    ambient_degC : float or None
+        The newest ambient.
+    alarm : str or None
+        The chamber's.
+    """
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        equipment: Equipment,
+        timebase: Timebase,
+        journal: Journal,
+        program: Program,
+        supervision: Supervision,
+    ) -> None:
+        self.campaign = campaign
+        self.timebase = timebase
+        self.journal = journal
+        self.program = program
+        self.latest: dict[str, Sample] = {}
+        self.failures: dict[str, Failure] = {}
+        self.ambient_degC: float | None = None
+        self.alarm: str | None = None
+        self._laboratory = campaign.laboratory
+        self._equipment = equipment
+        self._supervision = supervision
+        self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
+        self._limits = SafetyLimits(self._laboratory.safety, timebase.now_s())
+        self._failure_texts: dict[str, set[str]] = {}
+        self._notes: dict[str, str | None] = {}
+        self._crash: BaseException | None = None
+        post = self._messages.put
+        self.chamber = self._new_chamber_control(_target(program))
+        self.load = LoadControl(self._laboratory, equipment.connection, timebase, post)
+        self._workers: list[Worker] = [self.chamber, self.load]
+        for source, (driver, period_s) in equipment.sampled.items():
+            self._workers.append(Sampler(source, driver, period_s, timebase, post))
+
+    def conduct(self) -> Outcome:
+        """Run the program to its end, or to safety."""
+        outcome = Outcome(Ending.FAILED, "the program failed", None, False)
+        try:
+            for worker in self._workers:
+                worker.start()
+            self._apply_step()
+            now_s = self.timebase.now_s()
+            self.journal.add(StepBegan(now_s, self.program.step, now_s - self.program.began_s))
+            ending, why = self._until_over()
+            outcome = Outcome(ending, why, None, False)
+        except Exception as error:
+            # whatever it is: the chamber comes first, and then it is shown
+            outcome = outcome._replace(why=f"{type(error).__name__}: {error}")
+        finally:
+            left_s = self.timebase.now_s()
+            safe = self._make_safe()
+            self.journal.add(End(left_s, outcome.why))
+            if outcome.finished:
+                self._show(self.timebase.now_s(), "the program is over")
+            else:
+                self._note(outcome.why)
+            running = [worker for worker in self._workers if worker.is_alive()]
+            for worker in running:
+                worker.finish()
+            for worker in running:
+                worker.join(_PATIENCE_S)
+        return outcome._replace(alarm=self.alarm, safe=safe)
+
+    def _new_chamber_control(self, target: Target) -> ChamberControl:
+        gradients = any(step.gradient_K_min is not None for step in self.program.steps)
+        period_s = self._laboratory.instruments.chamber.period_s
+        chamber, post = self._equipment.chamber, self._messages.put
+        return ChamberControl(chamber, self.timebase, post, period_s, target, gradients)
+
+    def _until_over(self) -> tuple[Ending, str]:
+        while not self.program.over:
+            self._receive()
+            if self._crash is not None:
+                return Ending.FAILED, f"{type(self._crash).__name__}: {self._crash}"
+            if self.journal.failure is not None:
+                return Ending.FAILED, f"{self.journal.path}: cannot be written ({self.journal.failure.strerror})"
+            if why := self._supervision.stopping():
+                return Ending.STOPPED, why
+            now_s = self.timebase.now_s()
+            # after an alarm the chamber is stopped: there is nothing more to do, but to go on logging
+            if self.alarm is None and (why := self._limits.violation(now_s)):
+                return Ending.LIMIT, why
+            for reached in self.program.advance(now_s):
+                if reached.unsettled:
+                    self._note(f"step {reached.step} went on unsettled: it was given no more time")
+                self.journal.add(StepBegan(reached.at_s, reached.step, 0.0))
+                self._apply_step()
+            self._update_monitor()
+        return Ending.FINISHED, "finished"
+
+    def _apply_step(self) -> None:
+        """Send chamber and device to what the step asks for; after an alarm, both stay stopped."""
+        if self.alarm is not None or self.program.over:
+            return
+        if (target := _target(self.program)) != self.chamber.target:
+            self.chamber.go_to(target)
+        self.load.go_to(self.program.now.load)
+
+    def _receive(self) -> None:
+        """Take in what the threads have posted since the last call."""
+        try:
+            message = self._messages.get(timeout=_POLL_S)
+            while True:
+                self._take(message)
+                message = self._messages.get_nowait()
+        except queue.Empty:
+            return
+
+    def _take(self, message: Message) -> None:
+        if isinstance(message, Crash):
+            self._crash = self._crash or message.error
+        elif isinstance(message, Failure):
+            self.failures.setdefault(message.source, message)
+            texts = self._failure_texts.setdefault(message.source, set())
+            if message.text not in texts:  # the same, every second of a night, would be the log
+                texts.add(message.text)
+                self.journal.add(message)
+                self._show(message.at_s, message.text)
+        elif isinstance(message, LoadState):
+            self.journal.add(message)
+            if message.actions is not None:
+                self._recovered(self.load.source, message.at_s)
+        else:
+            self._take_sample(message)
+
+    def _take_sample(self, sample: Sample) -> None:
+        self.journal.add(sample)
+        self.latest[sample.source] = sample
+        self._recovered(sample.source, sample.at_s)
+        if sample.source == MULTIPLEXER:
+            self.ambient_degC = self._laboratory.ambient.mean_degC(sample.values)
+            self._limits.check_ambient(sample.answered_s, self.ambient_degC)
+            self.program.update(sample.answered_s, self.ambient_degC, self._zones(sample.answered_s))
+        else:
+            self._limits.check(sample.values)
+        if sample.note != self._notes.get(sample.source):
+            self._notes[sample.source] = sample.note
+            if sample.source == CHAMBER and sample.note is not None:
+                self.alarm = self.alarm or sample.note
+                self.chamber.go_to(Target(None, urgent=True))
+                self.load.go_to(())
+                self._note(f"the chamber raised an alarm ({sample.note}): it was stopped, and the logging goes on")
+            elif sample.note is not None:
+                self._note(f"{sample.source}: {sample.note}")
+
+    def _recovered(self, source: str, at_s: float) -> None:
+        failure = self.failures.pop(source, None)
+        if failure is not None:
+            del self._failure_texts[source]
+            self._note(f"{source} is back after {at_s - failure.at_s:.0f} s")
+
+    def _zones(self, now_s: float) -> dict[str, float]:
+        """The device's zones, if its newest sample is fresh enough."""
+        sample, device = self.latest.get(DEVICE), self._laboratory.device
+        if sample is None or now_s - sample.answered_s > _FRESH_PERIODS * device.period_s + device.timeout_s:
+            return {}
+        return {name: value for name in device.zones.values() if (value := sample.values.get(name)) is not None}
+
+    def _make_safe(self) -> bool:
+        """Send the chamber to safety, stop the device's actions, and wait; whether the chamber confirmed it."""
+        safe = Target(None if self.alarm is not None else self._laboratory.safety.set_point_degC, urgent=True)
+        if not self.chamber.is_alive():
+            self.chamber = self._new_chamber_control(safe)
+            self._workers.append(self.chamber)
+            self.chamber.start()
+        self.chamber.go_to(safe)
+        self.load.go_to(())
+        began_s = noted_s = time.monotonic()
+        while not self._supervision.giving_up():
+            with contextlib.suppress(Exception):  # that the chamber is safe matters more than what is posted meanwhile
+                self._receive()
+            self._update_monitor()
+            waited_s = time.monotonic() - began_s
+            if self.chamber.confirmed and (self.load.confirmed or waited_s > _PATIENCE_S):
+                return True
+            if time.monotonic() - noted_s > _PATIENCE_S and not self.chamber.confirmed:
+                noted_s = time.monotonic()
+                self._note("the chamber has not confirmed its safe set point yet: it is sent again and again")
+        return self.chamber.confirmed
+
+    def _note(self, text: str) -> None:
+        now_s = self.timebase.now_s()
+        self.journal.add(Note(now_s, text))
+        self._show(now_s, text)
+
+    def _show(self, at_s: float, text: str) -> None:
+        # a terminal that was closed is no reason to leave the chamber alone
+        with contextlib.suppress(Exception):
+            self._supervision.monitor.event(at_s, text)
+
+    def _update_monitor(self) -> None:
+        with contextlib.suppress(Exception):
+            self._supervision.monitor.update(self)
+
+
+def _target(program: Program) -> Target:
+    return Target(program.now.chamber_degC, program.now.gradient_K_min)
