@@ -12,7 +12,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
-from ambient_trainer.estimators.summary import as_json
+from ambient_trainer.estimators.report import report_of
 
 ONE = Effort(starts=1)
 
@@ -66,7 +66,7 @@ def test_a_circuit_names_its_own_sensors():
 def test_the_machines_view_is_plain_json(name, trace):
     """An unidentifiable circuit has no intervals: null, never NaN."""
     fit = estimator(name).fit([trace], ONE)
-    said = json.loads(json.dumps(as_json(fit), allow_nan=False))
+    said = json.loads(json.dumps(report_of(fit).data, allow_nan=False))
     assert said["rmse_degC"] == fit.rmse_degC
     assert [each["name"] for each in said["parameters"]] == [each.name for each in fit.parameters]
     assert said["identifiable"] == fit.identifiable == (name != "model2_ss")

@@ -54,7 +54,9 @@ def test_the_json_is_the_contract(saved: Saved, trace_of: TraceOf, tmp_path: Pat
 
 
 def test_the_terminal_shows_the_figures_of_the_json(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
-    model, trace = saved(trace_of(1200), {"baseline": BASELINE})
+    whole = trace_of(1200)
+    whole.columns["usb_degC"][:7] = 95.0  # above the input's range
+    model, trace = saved(whole, {"baseline": BASELINE})
     out = tmp_path / "out.json"
 
     result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
@@ -62,34 +64,25 @@ def test_the_terminal_shows_the_figures_of_the_json(saved: Saved, trace_of: Trac
     (only,) = json.loads(out.read_text())["traces"]
     lines = [line.split() for line in result.output.splitlines() if "trace.csv" in line]
     rmse = [f"{figures['rmse_degC']:.2f}" for figures in (only, only["baseline"])]
-    assert [rmse[k] in line and "1,200" in line for k, line in enumerate(lines)] == [True, True]
-    assert (
-        f"Over 1,200 samples of one trace the estimate is {rmse[0]} degC off (RMSE), where a static linear formula is "
-        f"{rmse[1]} degC off; the model's published 90 % interval holds {100 * only['coverage']['90']:.1f} % of the "
-        "errors."
-    ) in result.output
+    assert [rmse[k] in line and "1,193" in line for k, line in enumerate(lines)] == [True, True]
+    title, *findings = result.output.splitlines()
+    assert rmse[0] in title
+    assert "1,193" in title
+    assert any(rmse[1] in line for line in findings)
+    assert f"{100 * only['coverage']['90']:.1f} %" in result.output
+    assert "7 more samples have no estimate" in result.output
 
 
-def test_the_verdict_counts_every_sample_once(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+def test_the_title_counts_every_sample_once(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
     model, trace = saved(trace_of(300))
-    out = tmp_path / "out.json"
     other = str(tmp_path / "other.csv")
     os.link(trace, other)
 
-    result = CliRunner().invoke(command, [model, trace, other, "--json", str(out)], catch_exceptions=False)
+    result = CliRunner().invoke(command, [model, trace, other], catch_exceptions=False)
 
-    first, second = json.loads(out.read_text())["traces"]
-    assert first["rmse_degC"] == second["rmse_degC"]
-    assert f"Over 600 samples of 2 traces the estimate is {first['rmse_degC']:.2f} degC off (RMSE);" in result.output
-
-
-def test_a_verdict_does_not_hide_the_samples_without_an_estimate(saved: Saved, trace_of: TraceOf) -> None:
-    trace = trace_of(100)
-    trace.columns["usb_degC"][:7] = 95.0  # above the input's range
-
-    result = CliRunner().invoke(command, [*saved(trace)], catch_exceptions=False)
-
-    assert result.output.strip().endswith("% of the errors, and 7 more samples have no estimate.")
+    title = result.output.splitlines()[0]
+    assert "600 samples" in title
+    assert "2 traces" in title
 
 
 def test_figures_on_training_data_are_called_so(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
@@ -106,19 +99,6 @@ def test_figures_on_training_data_are_called_so(saved: Saved, trace_of: TraceOf,
     assert "Not held out: the model was trained on samples of trace.csv" in result.output
     assert "trace.csv (training data)" in result.output
     assert "Not held out: the model was trained on samples of trace.csv" in (report / "index.html").read_text()
-
-
-def test_names_are_never_taken_for_markup(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
-    model, trace = saved(trace_of(60))
-    odd = tmp_path / "[red]run<i>.csv"
-    os.link(trace, odd)
-
-    result = CliRunner().invoke(
-        command, [model, str(odd), "--report", str(tmp_path / "report")], catch_exceptions=False
-    )
-
-    assert "[red]run<i>.csv" in result.output
-    assert "[red]run&lt;i&gt;.csv" in (tmp_path / "report" / "index.html").read_text()
 
 
 def test_a_failed_evaluation_leaves_the_old_report(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
@@ -142,7 +122,7 @@ def test_a_process_ends_with_0_and_says_where_the_report_is(saved: Saved, trace_
 
     assert (done.returncode, done.stderr.strip()) == (0, "")
     assert done.stdout.splitlines()[-1] == f"Report: {tmp_path}/new/report/index.html"
-    assert "Over 40 samples of one trace" in done.stdout
+    assert "40 samples" in done.stdout.splitlines()[0]
     assert sorted(os.listdir(tmp_path / "new" / "report")) == ["index.html", "plotly.min.js"]
 
 
@@ -157,10 +137,8 @@ def test_a_missing_column_ends_a_process_with_1_and_one_message(
     done = run(model, trace)
 
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.strip() == (
-        f"ambient-trainer: {trace}: line 1: no column 'usb_degC'; it has port_degC, battery_degC, ambient_degC, "
-        "skin_degC; log what the model reads and the reference, or map it on import"
-    )
+    for fact in (f"{trace}: line 1", "'usb_degC'", "port_degC, battery_degC, ambient_degC, skin_degC"):
+        assert fact in done.stderr
 
 
 def test_a_report_that_cannot_be_written_is_said_before_anything_is_evaluated(

@@ -10,10 +10,10 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_model.model import Model
 from ambient_trainer.data.digest import sha256_of
-from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.estimate import blended
-from ambient_trainer.evaluation.evaluate import evaluate_file, evaluate_trace
+from ambient_trainer.evaluation.evaluate import evaluate_cold, evaluate_trace
 
 ModelOf = Callable[..., Model]
 TraceOf = Callable[..., Trace]
@@ -213,7 +213,7 @@ def test_training_samples_are_recognised(
     save_trace(path, trace_of(100))
     span = {"trace": "original.csv", "sha256": sha256_of(path), "from_s": trained[0], "to_s": trained[1]}
 
-    assert evaluate_file(model_of({"training": [span]}), path, *evaluated).overlaps_training is overlaps
+    assert evaluate_cold(model_of({"training": [span]}), load_trace(path), *evaluated).overlaps_training is overlaps
 
 
 def test_another_file_of_the_same_name_is_held_out(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
@@ -222,14 +222,14 @@ def test_another_file_of_the_same_name_is_held_out(model_of: ModelOf, trace_of: 
     save_trace(other, trace_of(100, seed=2))
     span = {"trace": "a.csv", "sha256": sha256_of(other), "from_s": None, "to_s": None}
 
-    assert evaluate_file(model_of({"training": [span]}), path, None, None).overlaps_training is False
+    assert evaluate_cold(model_of({"training": [span]}), load_trace(path)).overlaps_training is False
 
 
 def test_the_cut_starts_the_estimate_anew(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
     path = str(tmp_path / "a.csv")
     save_trace(path, trace_of(100))
 
-    found = evaluate_file(model_of(), path, 40.0, 90.0)
+    found = evaluate_cold(model_of(), load_trace(path), 40.0, 90.0)
 
     assert (found.time_s[0], found.time_s[-1], found.status[0]) == (40.0, 89.0, "warming_up")
     assert found.estimate_degC == pytest.approx(recursed(model_of(), trace_of(100).cut(40.0, 90.0), 0), abs=1e-9)

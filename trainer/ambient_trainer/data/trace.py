@@ -34,6 +34,8 @@ class Trace:
     time_s: Array
     columns: dict[str, Array]
     notes: dict[str, str] = field(default_factory=dict)
+    sha256: str | None = None
+    """Of what it was made from, uncut; None where that is the file at ``path``."""
 
     def column(self, name: str) -> Array:
         """The column ``name``; raises :class:`Refused` where the trace has none."""

@@ -136,7 +136,7 @@ class Estimator(Protocol[FittedT]):
         """
 
 
-class Parameter(NamedTuple):
+class ParameterEstimate(NamedTuple):
     """One unknown: its value, standard error and 95 % interval (None where the data give none)."""
 
     name: str
@@ -165,7 +165,7 @@ class Fit:
     outputs: tuple[str, ...]
     periods_s: tuple[float, ...]
     """Of the traces it was fitted to, shortest first."""
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ParameterEstimate, ...]
     converged: bool
     uncertainty_available: bool
     identifiable: bool
@@ -183,8 +183,8 @@ class Fit:
     baseline: StaticLinear
     input_ranges: tuple[tuple[float, float], ...]
     fallbacks: Mapping[str, Fit] = field(default_factory=dict)
-    secondary: Secondary | None = None
-    spread: ErrorVariance | None = None
+    secondary: SecondaryFit | None = None
+    error_variance: ErrorVariance | None = None
     """The error variance model: how large an error to expect at each sample."""
     notes: tuple[str, ...] = ()
     """Remarks of this kind of estimator, a line each."""
@@ -218,7 +218,7 @@ class Fit:
         return blended(main, self.secondary.fit.estimate_degC(trace), self.secondary.threshold_degC).ambient_degC
 
 
-class Secondary(NamedTuple):
+class SecondaryFit(NamedTuple):
     """The secondary estimator of a fit, of the same inputs, and the difference from which on the two are blended."""
 
     fit: Fit

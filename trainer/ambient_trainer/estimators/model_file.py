@@ -55,7 +55,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         provenance=_provenance(fit, training),
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
         secondary=fit.secondary and Secondary(_estimator(fit.secondary.fit, inputs), fit.secondary.threshold_degC),
-        error_variance=fit.spread,
+        error_variance=fit.error_variance,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
     return decode(encode(model).encode(), fit.circuit)
@@ -63,7 +63,8 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
 
 def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[str, Any]:
     """The provenance of a trace that a model was trained on."""
-    return {"trace": Path(trace.path).name, "sha256": sha256_of(trace.path), "from_s": from_s, "to_s": to_s}
+    sha256 = trace.sha256 or sha256_of(trace.path)
+    return {"trace": Path(trace.path).name, "sha256": sha256, "from_s": from_s, "to_s": to_s}
 
 
 def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:

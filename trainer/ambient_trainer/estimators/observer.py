@@ -52,13 +52,13 @@ def with_fallbacks_and_variance(
     fallbacks, stopped = _fallbacks(fit, refit)
     moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
-    spread = fit_spread(moments, period_s)
-    gain, half = noise_gain(fit.system, period_s), half_widths(spread, moments, period_s)
+    variance = fit_spread(moments, period_s)
+    gain, half = noise_gain(fit.system, period_s), half_widths(variance, moments, period_s)
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
     return replace(
         fit,
         fallbacks=fallbacks,
-        spread=spread,
+        error_variance=variance,
         stopped=fit.stopped or stopped,
         converged=fit.converged and not stopped,
         details={

@@ -14,7 +14,7 @@ from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.static_linear import fit_static_linear
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
-from ambient_trainer.estimators.base import Effort, Fit, Parameter
+from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate
 from ambient_trainer.lti.statespace import Hold, StateSpace
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def with_uncertainty(structure: Structure, result: SearchResult, effort: Effort)
 def fit_of(
     found: Searched,
     system: StateSpace,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[ParameterEstimate],
     *,
     circuit: str,
     inputs: Sequence[str],
@@ -94,26 +94,26 @@ def ranges_of(segments: Sequence[Segment]) -> tuple[tuple[float, float], ...]:
     return tuple((float(row.min()), float(row.max())) for row in u)
 
 
-def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> Parameter:
+def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> ParameterEstimate:
     """One unknown of a fit; ``logarithmic`` where it was searched as a logarithm."""
     if name not in known.names:
-        return Parameter(name, unit, value, None, None, free=False, at_bound=False, identifiable=True)
+        return ParameterEstimate(name, unit, value, None, None, free=False, at_bound=False, identifiable=True)
     index = known.names.index(name)
     error = float(known.standard_error[index])
     bound, identifiable = bool(known.at_bound[index]), bool(known.identifiable[index])
     if np.isnan(error):
-        return Parameter(name, unit, value, None, None, True, bound, identifiable)
+        return ParameterEstimate(name, unit, value, None, None, True, bound, identifiable)
     half = known.quantile * error
     if logarithmic and half > _OPEN:
-        return Parameter(name, unit, value, None, None, True, bound, identifiable=False)
+        return ParameterEstimate(name, unit, value, None, None, True, bound, identifiable=False)
     if logarithmic:
         factor = float(np.exp(half))
         interval = (value / factor, value * factor)
-        return Parameter(name, unit, value, value * error, interval, True, bound, identifiable)
-    return Parameter(name, unit, value, error, (value - half, value + half), True, bound, identifiable)
+        return ParameterEstimate(name, unit, value, value * error, interval, True, bound, identifiable)
+    return ParameterEstimate(name, unit, value, error, (value - half, value + half), True, bound, identifiable)
 
 
-def filter_parameters(structure: FreeFilter, found: Searched) -> tuple[Parameter, ...]:
+def filter_parameters(structure: FreeFilter, found: Searched) -> tuple[ParameterEstimate, ...]:
     """The poles of a free filter as parameters."""
     values = np.exp(found.result.best.theta).tolist()
     return tuple(

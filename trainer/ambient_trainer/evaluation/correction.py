@@ -1,8 +1,8 @@
-"""A unit's correction: what a model misses on it, on average, while the ambient is known, is added to its offset.
+"""A unit's correction: a model's mean error on it, while the ambient is known, is added to the model's offset.
 
-Each estimator of the file - the main one, the guard, every fallback - is corrected by its own mean error, run over the
-calibration from its first sample on as on the device. Gains stay as they are: ten minutes at one temperature tell no
-more than a constant.
+Each estimator of the file (the main one, the secondary one, every fallback) is corrected by its own mean error, run
+over the calibration from its first sample on as on the device. Gains stay as they are: ten minutes at one temperature
+determine no more than a constant.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import datetime
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.evaluation.evaluate import evaluate_trace
+from ambient_trainer.report import Finding, Report, Section, Table
 
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def known_between(trace: Trace, from_s: float | None, to_s: float | None) -> Tra
 
 
 def correction(model: Model, trace: Trace) -> Correction:
-    """The correction that ``trace`` asks for; raises :class:`Refused` where a column or the ambient is missing."""
+    """The mean errors of ``model`` on ``trace``; raises :class:`Refused` where a column or the ambient is missing."""
     estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
     if model.secondary is not None:
         estimators[GUARD] = model.secondary.estimator
@@ -59,10 +60,10 @@ def correction(model: Model, trace: Trace) -> Correction:
 
 
 def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Model:
-    """``model`` with its offsets corrected; ``source`` says in its provenance what the correction rests on."""
+    """``model`` with its offsets corrected; ``source`` is the provenance of the calibration."""
     added = found.offsets_degC
     main = _moved(model.main, added[MAIN])
-    said = {
+    entry = {
         **source,
         "samples": found.samples,
         "offsets_degC": dict(added),
@@ -74,11 +75,25 @@ def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Mod
         fallbacks={name: _moved(each, added[f"without {name}"]) for name, each in model.fallbacks.items()},
         secondary=model.secondary
         and model.secondary._replace(estimator=_moved(model.secondary.estimator, added[GUARD])),
-        provenance={**model.provenance, "corrections": [*model.provenance.get("corrections", []), said]},
+        provenance={**model.provenance, "corrections": [*model.provenance.get("corrections", []), entry]},
         conformance=conformance_of(main, model.conformance.inputs),
     )
     # whatever a device would refuse is refused here, before anything is written
     return decode(encode(result).encode(), model.name)
+
+
+def report_of(found: Correction) -> Report:
+    """The report of a correction."""
+    added, error = found.offsets_degC[MAIN], found.standard_error_degC
+    small = "It is within twice its standard error of 0: the device was hardly off, or logged too briefly."
+    rows = [(name, f"{degC:+.3f}") for name, degC in found.offsets_degC.items() if name != MAIN]
+    return Report(
+        subject="Correction",
+        title=f"Offset {added:+.3f} degC (standard error {error:.3f}), from {found.samples:,} samples with an ambient",
+        lead=[Finding(small) if abs(added) < 2 * error else None],
+        sections=[Section("", [Table("", ("estimator", "offset in degC"), rows) if rows else None])],
+        data={**asdict(found), "offsets_degC": dict(found.offsets_degC)},
+    )
 
 
 def _errors_degC(model: Model, estimator: Estimator, trace: Trace) -> Array:

@@ -7,7 +7,7 @@ counted.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data.digest import sha256_of
 from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace, load_trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
 from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
 
@@ -52,9 +52,6 @@ class Evaluation:
     error_degC: Array
     metrics: Metrics
     coverage: dict[int, float]
-    without_estimate: int
-    without_reference: int
-    """Samples that have an estimate but no reference."""
     trace_period_s: float
     period_s: float
     """The period of the recursion that ran."""
@@ -65,24 +62,24 @@ class Evaluation:
 
     def after(self, count: int) -> Evaluation:
         """The evaluation without its first ``count`` samples, none of which may have been scored."""
-        kept = slice(count, None)
-        baseline = self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[kept])
+        rows = ("time_s", "estimate_degC", "low_degC", "high_degC", "status", "reference_degC", "error_degC")
+        kept: dict[str, Any] = {name: getattr(self, name)[count:] for name in rows}
         return replace(
             self,
-            time_s=self.time_s[kept],
-            inputs={each: values[kept] for each, values in self.inputs.items()},
-            estimate_degC=self.estimate_degC[kept],
-            low_degC=self.low_degC[kept],
-            high_degC=self.high_degC[kept],
-            status=self.status[kept],
-            reference_degC=self.reference_degC[kept],
-            error_degC=self.error_degC[kept],
-            without_estimate=int(np.count_nonzero(np.isnan(self.estimate_degC[kept]))),
-            without_reference=int(
-                np.count_nonzero(np.isfinite(self.estimate_degC[kept]) & np.isnan(self.reference_degC[kept]))
-            ),
-            baseline=baseline,
+            **kept,
+            inputs={each: values[count:] for each, values in self.inputs.items()},
+            baseline=self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[count:]),
         )
+
+    @property
+    def without_estimate(self) -> int:
+        """The number of samples without an estimate."""
+        return int(np.count_nonzero(np.isnan(self.estimate_degC)))
+
+    @property
+    def without_reference(self) -> int:
+        """The number of samples that have an estimate but no reference."""
+        return int(np.count_nonzero(np.isfinite(self.estimate_degC) & np.isnan(self.reference_degC)))
 
     @property
     def scored(self) -> int:
@@ -106,31 +103,29 @@ class _Tracked(NamedTuple):
     """Of a model with a spread."""
 
 
-def evaluate_file(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
-    """Evaluate ``model`` on the trace file at ``path``, between from_s and to_s, from a cold start at from_s.
+def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
+    """Evaluate ``model`` on ``trace`` between from_s and to_s, from a cold start at from_s.
 
-    Says whether the model was trained on that, and beside it what the same samples score run in. Raises
-    :class:`Refused`.
+    Also whether the model was trained on that, and what the same samples score run in. Raises :class:`Refused`.
     """
-    whole = load_trace(path)
-    trace = whole.cut(from_s, to_s)
-    found = replace(evaluate_trace(model, trace), overlaps_training=overlaps_training(model, trace, sha256_of(path)))
-    if len(trace.time_s) and trace.time_s[0] > whole.time_s[0]:
-        return replace(found, run_in=evaluate_file_run_in(model, path, from_s, to_s).metrics)
+    scored = trace.cut(from_s, to_s)
+    found = _with_overlap(evaluate_trace(model, scored), model, scored)
+    if len(scored.time_s) and scored.time_s[0] > trace.time_s[0]:
+        return replace(found, run_in=evaluate_run_in(model, trace, from_s, to_s).metrics)
     return found
 
 
-def evaluate_file_run_in(model: Model, path: str, from_s: float | None, to_s: float | None) -> Evaluation:
-    """The same score between from_s and to_s, of an estimate that has run since the trace's first sensor sample.
+def evaluate_run_in(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
+    """The same score between from_s and to_s, of an estimate that runs from the trace's first sensor sample on.
 
-    It is what a device says that was on before: still causal, still without a look at the reference.
+    A device that was on before publishes it: still causal, still without a look at the reference.
     """
-    trace = load_trace(path).cut(None, to_s)
-    scored = trace.cut(from_s, None)
-    ahead = len(trace.time_s) - len(scored.time_s)
-    whole = replace(trace, columns={**trace.columns, REFERENCE: _hidden_before(trace.reference, ahead)})
-    found = evaluate_trace(model, whole).after(ahead)
-    return replace(found, overlaps_training=overlaps_training(model, scored, sha256_of(path)))
+    whole = trace.cut(None, to_s)
+    scored = whole.cut(from_s, None)
+    ahead = len(whole.time_s) - len(scored.time_s)
+    reference = np.concatenate([np.full(ahead, np.nan), scored.reference])
+    found = evaluate_trace(model, replace(whole, columns={**whole.columns, REFERENCE: reference})).after(ahead)
+    return _with_overlap(found, model, scored)
 
 
 def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
@@ -164,16 +159,15 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
         error_degC=error,
         metrics=score(error[scored]),
         coverage=_coverage(model, error[scored], tracked.sigma_degC[scored]),
-        without_estimate=int(np.count_nonzero(np.isnan(tracked.estimate_degC))),
-        without_reference=int(np.count_nonzero(np.isfinite(tracked.estimate_degC) & np.isnan(trace.reference))),
         trace_period_s=trace_period_s,
         period_s=discrete.period_s,
         baseline=_baseline(model, tracked, trace.reference, scored),
     )
 
 
-def _hidden_before(reference: Array, count: int) -> Array:
-    return np.concatenate([np.full(count, np.nan), reference[count:]])
+def _with_overlap(evaluation: Evaluation, model: Model, scored: Trace) -> Evaluation:
+    sha256 = scored.sha256 or sha256_of(scored.path)
+    return replace(evaluation, overlaps_training=overlaps_training(model, scored, sha256))
 
 
 def _require_columns(model: Model, trace: Trace) -> None:

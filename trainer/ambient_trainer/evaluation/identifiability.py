@@ -1,9 +1,9 @@
-"""Whether a circuit's parameters can be told from its inputs and output at all, by three tests.
+"""Tests whether a circuit's parameters are identifiable from its inputs and output, in three ways.
 
 The thesis's (section 5.5): the fitted circuit's own output is fitted again from many starts; another parameter set
 with a fit close to 100 % shows that the parameters are not identifiable. It cannot show that they are. Beside it stand
-the symmetries of the structure (``sensitivity``), which need no luck, and the profile of each parameter (``profile``),
-which tells how far this trace's noise lets it stray.
+the symmetries of the structure (``sensitivity``), which are exact, and the profile of each parameter (``profile``),
+which bounds it by this trace's noise.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Identifiability:
 
     @property
     def identifiable(self) -> bool:
-        """Whether a perfect trace tells all parameters."""
+        """Whether a perfect trace determines all parameters."""
         return not self.sensitivity.blind
 
 
@@ -138,7 +138,7 @@ def identifiability(
     progress: Progress = lambda what, done, total: None,
     period_s: float | None = None,
 ) -> Identifiability:
-    """Fit ``circuit`` to ``trace`` and test what can be told of it; ``fixed`` holds parameters.
+    """Fit ``circuit`` to ``trace`` and test what is identifiable; ``fixed`` holds parameters.
 
     A fixed parameter's value is given, or None for the one of the fit. Raises :class:`Refused`.
     """
@@ -152,7 +152,7 @@ def identifiability(
         subject = subject_of(circuit, fit, trace, fixed, period_s)
         structure = subject.structure()
         theta, beta = unknowns_at(structure, subject.values)
-        told = sensitivity(structure, theta, beta, effort.seed)
+        known = sensitivity(structure, theta, beta, effort.seed)
         return Identifiability(
             circuit=circuit.name,
             trace=trace.path,
@@ -161,10 +161,10 @@ def identifiability(
             at_bound=tuple(each.name for each in fit.parameters if each.at_bound and each.name not in fixed),
             rmse_degC=fit.rmse_degC,
             memory_samples=fit.residual_memory_samples,
-            reestimates=reestimates(subject, told, effort, progress),
-            sensitivity=told,
+            reestimates=reestimates(subject, known, effort, progress),
+            sensitivity=known,
             profiles=profiles(subject, progress),
-            recovered=recovered(subject, told, replicates, effort.seed, progress),
+            recovered=recovered(subject, known, replicates, effort.seed, progress),
         )
 
 
@@ -187,7 +187,7 @@ def measured(circuit: Circuit, trace: Trace, period_s: float | None = None) -> l
 def own_output(
     circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, memory_samples: float
 ) -> Subject:
-    """``circuit`` at ``values`` with what it says itself over the inputs of ``stretches``."""
+    """``circuit`` at ``values`` with its own output over the inputs of ``stretches``."""
     structure = circuit_structure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
     own = []
@@ -213,10 +213,10 @@ def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Arr
     return theta, beta
 
 
-def reestimates(subject: Subject, told: Sensitivity, effort: Effort, progress: Progress) -> tuple[Reestimate, ...]:
+def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: Progress) -> tuple[Reestimate, ...]:
     """Fit the circuit's own output from its initial values, and from the truth with each parameter up to threefold off.
 
-    What lies farther off ends in a local optimum more often than not, and says nothing.
+    From farther off most searches end in a local optimum, which is no evidence.
     """
     about_mean = sum(float(((row - row.mean()) ** 2).sum()) for each in subject.own for row in each.outputs)
     ends = []
@@ -225,9 +225,9 @@ def reestimates(subject: Subject, told: Sensitivity, effort: Effort, progress: P
         structure = subject.structure(start)
         found = search(structure, 1, 0)
         values = structure.values(found.best.theta, found.best.beta)
-        moved = {name: _moved(subject.values[name], values[name]) for name in told.heard}
+        moved = {name: _moved(subject.values[name], values[name]) for name in known.heard}
         fit_percent = 100.0 * (1.0 - math.sqrt(max(found.best.sum_of_squares, 0.0) / about_mean))
-        ends.append(Reestimate(fit_percent, {name: values[name] for name in told.effect_degC}, moved))
+        ends.append(Reestimate(fit_percent, {name: values[name] for name in known.effect_degC}, moved))
     return tuple(ends)
 
 
@@ -252,13 +252,13 @@ def profiles(subject: Subject, progress: Progress) -> tuple[Profile, ...]:
 
 
 def recovered(
-    subject: Subject, told: Sensitivity, replicates: int, seed: int, progress: Progress
+    subject: Subject, known: Sensitivity, replicates: int, seed: int, progress: Progress
 ) -> tuple[Recovery, ...]:
-    """What comes back, on average, of the parameters that can be told, from the own output with white noise."""
+    """What comes back, on average, of the identifiable parameters, from the own output with white noise."""
     random = np.random.default_rng(seed)
     circuit = starting_at(subject.circuit, subject.values)
     structure = subject.structure(circuit)
-    names = [name for name in parameter_names(structure) if name not in told.unclear]
+    names = [name for name in parameter_names(structure) if name not in known.unclear]
     positive = [name in structure.logarithmic_names for name in names]
     draws = []
     for index in range(replicates if names else 0):

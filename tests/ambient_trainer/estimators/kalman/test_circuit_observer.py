@@ -17,7 +17,7 @@ from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
-from ambient_trainer.estimators.summary import as_json, facts
+from ambient_trainer.estimators.report import report_of
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.lti.statespace import dc_gain
 
@@ -96,16 +96,13 @@ def test_a_fallback_an_input(fit, model, simulated):
         assert fit.rmse_degC < smaller.rmse_degC < 2 * fit.rmse_degC
 
 
-def test_it_says_what_it_is(fit):
-    said = "\n".join(facts(fit))
-    assert "The circuit has 4 states: a node a sensor, and the ambient.\n" in said
-    for start in ("Noise gain: ", "Half of the 90 % interval: ", "Without a sensor, RMSE on the training samples: a "):
-        assert f"\n{start}" in said
-    told = json.loads(json.dumps(as_json(fit), allow_nan=False))
-    half = told["half_width_90_degC"]
+def test_its_figures_are_plain_json(fit):
+    data = json.loads(json.dumps(report_of(fit).data, allow_nan=False))
+    half = data["half_width_90_degC"]
     assert 0 < half["10"] < half["50"] < half["90"] < half["99"]
-    assert told["noise_gain"] > 1.0
-    assert list(told["fallbacks"]) == ["a", "b", "c"]
+    assert data["noise_gain"] > 1.0
+    assert list(data["fallbacks"]) == ["a", "b", "c"]
+    assert data["states_of_circuit"] == 4
 
 
 def test_more_sensors_than_states_are_balanced_down(simulated):
@@ -116,7 +113,7 @@ def test_more_sensors_than_states_are_balanced_down(simulated):
     assert len(found.inputs) == 5
     assert len(found.states) == 4
     assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
-    assert found.notes[0] == "The circuit has 6 states: a node a sensor, and the ambient; balanced down to 4."
+    assert found.details["states_of_circuit"] == 6
 
 
 def test_too_many_sensors_are_refused(simulated):

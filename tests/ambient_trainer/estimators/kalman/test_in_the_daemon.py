@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ambient_model.codec import load_model
-from ambient_trainer.data.trace import save_trace
-from ambient_trainer.evaluation.evaluate import evaluate_file
+from ambient_trainer.data.trace import load_trace, save_trace
+from ambient_trainer.evaluation.evaluate import evaluate_cold
 
 HELD_OUT = 1500
 
@@ -49,7 +49,7 @@ def replayed(model, trace, folder):
 def test_the_daemon_publishes_what_was_evaluated(exported, simulated, tmp_path):
     trace = write(simulated(2, samples=HELD_OUT), tmp_path / "held_out.csv")
     (ambient, low, high), _ = replayed(exported, trace, tmp_path)
-    scored = evaluate_file(load_model(str(exported)), str(trace), None, None)
+    scored = evaluate_cold(load_model(str(exported)), load_trace(str(trace)))
     for ours, theirs in ((ambient, scored.estimate_degC), (low, scored.low_degC), (high, scored.high_degC)):
         np.testing.assert_allclose(ours, theirs, atol=1e-6)
     inside = (low <= scored.reference_degC) & (scored.reference_degC <= high)

@@ -12,19 +12,17 @@ from ambient_trainer.cli.commands.fit import STOPPED
 from ambient_trainer.cli.interrupt import interruptible
 from ambient_trainer.cli.options import Finite, circuit_option, effort_options, output_options, sensor_columns
 from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import fit_progress
-from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.evaluation.compare import (
     Contender,
     Contest,
-    as_json,
-    comparison_table,
     contend,
     held_out_contest,
+    report_of,
     split_contest,
 )
-from ambient_trainer.report.table import for_terminal
 
 
 @click.command("compare")
@@ -63,15 +61,8 @@ def command(
             save_model(written[len(contenders) - 1], contenders[-1].model)
         if contenders[-1].fit.stopped:
             break
-    printer().print(for_terminal(comparison_table(contenders)))
-    if output.json_path is not None:
-        write_figures(output.json_path, as_json(contenders))
-    if contenders[-1].fit.stopped:
-        click.echo(
-            f"Stopped: of {contenders[-1].fit.circuit} this is the best so far; what comes after was not fitted."
-        )
-        return STOPPED
-    return 0
+    output.show(report_of(contenders))
+    return STOPPED if contenders[-1].fit.stopped else 0
 
 
 def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str | None) -> Contest:
@@ -80,8 +71,8 @@ def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str 
     if held_out is not None:
         if held_out in trace_paths:
             raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
-        return held_out_contest(trace_paths, held_out)
+        return held_out_contest([load_trace(path) for path in trace_paths], load_trace(held_out))
     if len(trace_paths) > 1:
         raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
     assert split_s is not None
-    return split_contest(trace_paths[0], split_s)
+    return split_contest(load_trace(trace_paths[0]), split_s)

@@ -6,10 +6,10 @@ import click
 
 from ambient_model.codec import load_model, save_model
 from ambient_trainer.cli.options import window_options
-from ambient_trainer.cli.output import check_outputs
+from ambient_trainer.cli.output import Output, check_outputs
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimators.model_file import training_of
-from ambient_trainer.evaluation.correction import MAIN, corrected, correction, known_between
+from ambient_trainer.evaluation.correction import corrected, correction, known_between, report_of
 
 
 @click.command("correct")
@@ -20,23 +20,13 @@ from ambient_trainer.evaluation.correction import MAIN, corrected, correction, k
 def command(model_path: str, trace_path: str, output: str, from_s: float | None, to_s: float | None) -> None:
     """Correct MODEL.json for the one device that logged TRACE while the ambient was known, and write it anew.
 
-    What the estimate misses there on average is added to its offset, and so for its guard and each fallback. The
-    estimate runs from TRACE's first sample on: log half an hour at rest before the minutes that count, and leave
+    The mean error of the estimate there is added to its offset, and so for its secondary estimator and each fallback.
+    The estimate runs from TRACE's first sample on: log half an hour at rest before the minutes that count, and leave
     ambient_degC empty there or name them with --from.
     """
     check_outputs([output], [model_path, trace_path])
     model, trace = load_model(model_path), load_trace(trace_path)
     found = correction(model, known_between(trace, from_s, to_s))
     save_model(output, corrected(model, found, training_of(trace, from_s, to_s)))
-    added, error = found.offsets_degC[MAIN], found.standard_error_degC
-    click.echo(
-        f"Offset {added:+.3f} degC (standard error {error:.3f}), from {found.samples:,} samples with an ambient."
-    )
-    for name, degC in found.offsets_degC.items():
-        if name != MAIN:
-            click.echo(f"  {name} {degC:+.3f}")
-    if abs(added) < 2 * error:
-        click.echo(
-            "It is within twice its standard error of nothing: the device was hardly off, or logged too briefly."
-        )
+    Output().show(report_of(found))
     click.echo(f"Model: {output}")

@@ -12,12 +12,13 @@ from rich.console import Console
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
-from ambient_trainer.cli.printing import printer
+from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.data.trace import load_trace, save_trace
-from ambient_trainer.estimators.fit import Effort
-from ambient_trainer.evaluation.compare import Contender, comparison_table, contend, held_out_contest
-from ambient_trainer.report.table import for_terminal
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.evaluation import compare
+from ambient_trainer.evaluation.compare import Contender, contend, held_out_contest
+from ambient_trainer.evaluation.report import report_of
 from ambient_trainer.simulator.phone import simulate
 
 _CIRCUITS = ("linear_combined", "model2_ss", "model2_ss_free_cd", "free-2")
@@ -43,12 +44,12 @@ def command(folder: str) -> None:
         save_trace(str(training), simulate(_TRAINING, seed=0))
         save_trace(str(verification), simulate(_VERIFICATION, seed=1))
     click.echo("2. Circuits are fitted to the first run and scored on the second, which none of them saw.")
-    contest = held_out_contest([str(training)], str(verification))
+    contest = held_out_contest([load_trace(str(training))], load_trace(str(verification)))
     contenders = []
     for name in _CIRCUITS:
         with fit_progress(name, 8, contest.samples) as progress:
             contenders.append(contend(name, contest, (), Effort(), progress))
-    printer().print(for_terminal(comparison_table(contenders)))
+    Output().show(compare.report_of(contenders))
     exported = next(each for each in contenders if each.fit.circuit == _EXPORTED)
     save_model(str(model_path), exported.model)
     click.echo(f"3. {_EXPORTED} is exported: {model_path}")
@@ -78,7 +79,6 @@ def _rmse_of_replay(trace_path: Path, replay_path: Path) -> float:
 
 
 def _report(folder: str, exported: Contender) -> str:
-    from ambient_trainer.evaluation.page import evaluation_page
-    from ambient_trainer.report.page import write_report
+    from ambient_trainer.report.page import write_report  # jinja2: the fits should not wait for it
 
-    return write_report(str(Path(folder) / "report"), evaluation_page(exported.model, [exported.running]))
+    return write_report(str(Path(folder) / "report"), report_of(exported.model, [exported.running]))

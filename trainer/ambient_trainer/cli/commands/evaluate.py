@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-
 import click
-from rich.panel import Panel
-from rich.text import Text
 
-from ambient_model.codec import load_model
-from ambient_model.model import Model
+from ambient_trainer.api.evaluating import evaluate
 from ambient_trainer.cli.options import output_options, window_options
 from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import counted_progress
-from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_file, evaluate_file_run_in
-from ambient_trainer.evaluation.summary import as_json, figures_table, verdict, warnings
-from ambient_trainer.report.table import for_terminal
 
 
 @click.command("evaluate")
@@ -41,36 +32,6 @@ def command(
     if run_in and from_s is None:
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
     output.check([model_path, *trace_paths])
-    model = load_model(model_path)
-    evaluated = evaluate_file_run_in if run_in else evaluate_file
-    evaluations = _evaluate(trace_paths, lambda path: evaluated(model, path, from_s, to_s))
-    _show(evaluations)
-    if output.json_path is not None:
-        write_figures(output.json_path, as_json(model, evaluations))
-    if output.report_folder is not None:
-        click.echo(f"Report: {_write_report(output.report_folder, model, evaluations)}")
-
-
-def _evaluate(trace_paths: Sequence[str], evaluated: Callable[[str], Evaluation]) -> list[Evaluation]:
-    evaluations = []
     with counted_progress() as progress:
-        for done, path in enumerate(trace_paths):
-            progress(path, done, len(trace_paths))
-            evaluations.append(evaluated(path))
-    return evaluations
-
-
-def _show(evaluations: Sequence[Evaluation]) -> None:
-    console = printer()
-    for warning in warnings(evaluations):
-        console.print(Panel(Text(warning, style="bold"), border_style="red", expand=False))
-    console.print(for_terminal(figures_table(evaluations)))
-    console.print(Text(verdict(evaluations)), soft_wrap=True)
-
-
-def _write_report(folder: str, model: Model, evaluations: Sequence[Evaluation]) -> str:
-    # plotly takes half a second to import: only a report should wait for it
-    from ambient_trainer.evaluation.page import evaluation_page
-    from ambient_trainer.report.page import write_report
-
-    return write_report(folder, evaluation_page(model, evaluations))
+        result = evaluate(model_path, trace_paths, from_s=from_s, to_s=to_s, run_in=run_in, progress=progress)
+    output.show(result.summary)

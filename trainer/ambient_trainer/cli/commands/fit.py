@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import click
 import numpy as np
-from rich.console import Console
 
-from ambient_model.codec import save_model
 from ambient_model.trace import REFERENCE
+from ambient_trainer.api.fitting import fit
 from ambient_trainer.cli.interrupt import interruptible
 from ambient_trainer.cli.options import (
     circuit_option,
@@ -18,14 +17,10 @@ from ambient_trainer.cli.options import (
     window_options,
 )
 from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.printing import write_figures
 from ambient_trainer.cli.progress import fit_progress
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.fit import Effort
-from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import estimator
-from ambient_trainer.estimators.summary import as_json, facts, headline, parameter_table
-from ambient_trainer.report.table import for_terminal
 
 STOPPED = 1
 
@@ -64,25 +59,26 @@ def command(
     """
     zone_types = dict(_pair(each) for each in zones)
     output.check([*trace_paths, circuit], [model_path])
-    columns = sensor_columns(sensors)
-    method = estimator(circuit, columns)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
-    searches = method.searches(effort)
+    searches = estimator(circuit, sensor_columns(sensors)).searches(effort)
     with interruptible(effort.budget.cancel), fit_progress(circuit, searches, samples) as progress:
-        fit = method.fit(traces, effort, progress, period_s, columns or None)
-    model = model_of(fit, [training_of(trace, from_s, to_s) for trace in traces], zone_types)
-    save_model(model_path, model)
-    console = Console()
-    console.print(headline(fit), soft_wrap=True, highlight=False)
-    console.print(for_terminal(parameter_table(fit)))
-    for line in facts(fit):
-        console.print(line, soft_wrap=True, highlight=False, markup=False)
-    periods = ", ".join(f"{each.period_s:g}" for each in model.main.discrete)
-    click.echo(f"Model: {model_path}, {len(fit.states)} states, for periods of {periods} s")
-    if output.json_path is not None:
-        write_figures(output.json_path, as_json(fit))
-    return STOPPED if fit.stopped else 0
+        result = fit(
+            traces,
+            circuit,
+            sensors=sensor_columns(sensors),
+            from_s=from_s,
+            to_s=to_s,
+            period_s=period_s,
+            zones=zone_types,
+            effort=effort,
+            progress=progress,
+        )
+    result.save(model_path)
+    output.show(result.summary)
+    periods = ", ".join(f"{each.period_s:g}" for each in result.model.main.discrete)
+    click.echo(f"Model: {model_path}, {len(result.fitted.states)} states, for periods of {periods} s")
+    return STOPPED if result.fitted.stopped else 0
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import click
-from rich.text import Text
 
 from ambient_trainer.cli.options import (
     circuit_option,
@@ -14,14 +13,12 @@ from ambient_trainer.cli.options import (
     window_options,
 )
 from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import counted_progress
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.evaluation.identifiability import identifiability
-from ambient_trainer.evaluation.identifiability_summary import as_json, parameter_table, said, start_table
-from ambient_trainer.report.table import for_terminal
+from ambient_trainer.evaluation.identifiability_report import report_of
 
 
 @click.command("identifiability")
@@ -70,13 +67,7 @@ def command(
     trace = load_trace(trace_path).cut(from_s, to_s)
     with counted_progress() as progress:
         found = identifiability(thermal, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
-    console = printer()
-    console.print(for_terminal(start_table(found)))
-    console.print(for_terminal(parameter_table(found)))
-    for line in said(found):
-        console.print(Text(line), soft_wrap=True)
-    if output.json_path is not None:
-        write_figures(output.json_path, as_json(found))
+    output.show(report_of(found))
 
 
 def _fix(text: str) -> tuple[str, float | None]:

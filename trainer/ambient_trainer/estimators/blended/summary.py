@@ -23,12 +23,12 @@ def details(
     recipe: Recipe,
     filters: Filters,
     circuit: ForwardFit,
-    spread: ErrorVariance,
+    variance: ErrorVariance,
     sigmas_degC: NDArray[np.float64],
     fallback_rmses_degC: Mapping[str, float],
 ) -> dict[str, Any]:
     """For the model file and ``fit --json``; ``sigmas_degC`` are the expected errors of the training samples."""
-    reach = np.percentile(sigmas_degC, _SHARES_PERCENT) * spread.quantiles[_LEVEL][1]
+    reach = np.percentile(sigmas_degC, _SHARES_PERCENT) * variance.quantiles[_LEVEL][1]
     return {
         "main": _filter(filters.main),
         "guard": _filter(filters.secondary),

@@ -23,7 +23,7 @@ from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.static_linear import fit_static_linear
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.estimators.base import USUAL, Effort, Fit, Parameter, Secondary
+from ambient_trainer.estimators.base import USUAL, Effort, Fit, ParameterEstimate, SecondaryFit
 from ambient_trainer.estimators.blended.filters import Filters, fit_filters
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.interval import fit_spread
@@ -103,8 +103,8 @@ class RecipeEstimator:
             design = TrainingSetDesign(recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed)
             filters = fit_filters(recipe, design.runs(records), period, lambda number: stage(1 + number))
             # errors are smaller in the very runs that the filters were fitted to
-            spread = fit_spread(recipe, filters, replace(design, draw=1).runs(records))
-        return _fit_of(recipe, filters, fitted, spread, records, effort)
+            variance = fit_spread(recipe, filters, replace(design, draw=1).runs(records))
+        return _fit_of(recipe, filters, fitted, variance, records, effort)
 
 
 def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: int) -> list[Record]:
@@ -140,7 +140,7 @@ def _fit_of(
     recipe: Recipe,
     filters: Filters,
     circuit: ForwardFit,
-    spread: ErrorVariance,
+    variance: ErrorVariance,
     records: Sequence[Record],
     effort: Effort,
 ) -> Fit:
@@ -149,18 +149,18 @@ def _fit_of(
     estimates = [each.ambient_degC for each in published]
     secondary = _filter_fit(recipe, filters.secondary, records, effort)
     fallbacks = {name: _filter_fit(recipe, each, records, effort) for name, each in filters.fallbacks.items()}
-    sigmas = [sigma_degC(spread, each.ambient_degC, each.apart_degC, filters.main.period_s) for each in published]
+    sigmas = [sigma_degC(variance, each.ambient_degC, each.apart_degC, filters.main.period_s) for each in published]
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
-    found = details(recipe, filters, circuit, spread, np.concatenate(sigmas), rmses)
+    found = details(recipe, filters, circuit, variance, np.concatenate(sigmas), rmses)
     members = [filters.main, filters.secondary, *filters.fallbacks.values()]
     return replace(
         _filter_fit(recipe, filters.main, records, effort, estimates),
         converged=circuit.converged and all(each.found.converged for each in members) and not filters.stopped,
         stopped=filters.stopped,
         evaluations=circuit.evaluations + sum(each.found.evaluations for each in members),
-        secondary=Secondary(secondary, filters.threshold_degC),
+        secondary=SecondaryFit(secondary, filters.threshold_degC),
         fallbacks=fallbacks,
-        spread=spread,
+        error_variance=variance,
         details=found,
         notes=notes(found),
     )
@@ -204,7 +204,7 @@ def _filter_fit(
     )
 
 
-def _parameters(trained: TrainedFilter) -> tuple[Parameter, ...]:
+def _parameters(trained: TrainedFilter) -> tuple[ParameterEstimate, ...]:
     """The poles: the search's unknowns as time constants, frequency and damping."""
     (slow_omega, slow_zeta), (omega, zeta) = np.exp(trained.found.poles).reshape(-1, 2).tolist()
     root = float(np.sqrt(max(slow_zeta**2 - 1, 0.0)))
@@ -214,7 +214,8 @@ def _parameters(trained: TrainedFilter) -> tuple[Parameter, ...]:
         ("omega", "1/s"): omega,
         ("zeta", "1"): zeta,
     }
+    identifiable = trained.found.identifiable
     return tuple(
-        Parameter(name, unit, value, None, None, free=True, at_bound=bound, identifiable=trained.found.identifiable)
+        ParameterEstimate(name, unit, value, None, None, True, bound, identifiable)
         for ((name, unit), value), bound in zip(values.items(), trained.found.at_bound)
     )

@@ -1,4 +1,4 @@
-"""What the tests of identifiability have to say, for the terminal and for a machine."""
+"""The report of the tests of identifiability."""
 
 from __future__ import annotations
 
@@ -8,68 +8,83 @@ from typing import Any
 
 from ambient_trainer.estimation.sensitivity import SILENT_DEGC
 from ambient_trainer.evaluation.identifiability import CLOSE_PERCENT, MOVED, SAME_PERCENT, Identifiability
-from ambient_trainer.report.table import Table
+from ambient_trainer.report import Finding, Report, Section, Table
 
 
-def said(found: Identifiability) -> list[str]:
-    """The findings, the most certain first."""
-    told = found.sensitivity
-    lines = _structure(found)
+def report_of(found: Identifiability) -> Report:
+    """The report of the tests, the most certain finding first."""
+    verdict = "identifiable" if found.identifiable else "not identifiable"
+    lines = [*_structure(found), _thesis_test(found), *_at_this_fit(found)]
+    return Report(
+        subject="Identifiability",
+        title=f"{found.circuit} is {verdict} from {found.trace}, {found.rmse_degC:.2f} degC off (RMSE)",
+        lead=[],
+        sections=[
+            Section("", [_start_table(found), _parameter_table(found)]),
+            Section("Findings", [Finding(line) for line in lines]),
+        ],
+        data=as_json(found),
+    )
+
+
+def _thesis_test(found: Identifiability) -> str:
+    """The test of the thesis; a structure that is identifiable may still not be so where the fit lies."""
     others, close = len(found.others), sum(each.close for each in found.reestimates)
-    lines.append(
+    moved = {name for each in found.others for name, share in each.moved.items() if share > MOVED}
+    if not moved:
+        verdict = "not shown to be unidentifiable."
+    elif found.identifiable and moved <= set(found.sensitivity.mixed_here):
+        verdict = f"not identifiable at this fit, where {', '.join(sorted(moved))} moved together and nothing else did."
+    else:
+        verdict = "not identifiable."
+    return (
         f"The thesis's test: of {len(found.reestimates)} starts {others} ended at another parameter set (one off by "
-        f"more than {100 * MOVED:g} %) with the same output: {_by_starts(found)}"
+        f"more than {100 * MOVED:g} %) with the same output: {verdict}"
         + (f" {close - others} more came to {CLOSE_PERCENT:g} % or more." if close > others else "")
     )
-    if told.blind_here:
+
+
+def _at_this_fit(found: Identifiability) -> list[str]:
+    known, lines = found.sensitivity, []
+    if known.blind_here:
         lines.append(
-            f"Where this fit lies the output stays the same along {told.blind_here} more, which mix "
-            f"{', '.join(told.mixed_here)}."
+            f"Where this fit lies the output stays the same along {known.blind_here} more, which mix "
+            f"{', '.join(known.mixed_here)}."
         )
-    if found.sensitivity.silent:
+    if known.silent:
         lines.append(
             f"Without effect where this fit lies (less than {SILENT_DEGC:g} degC per e-fold), and not counted there: "
-            f"{', '.join(found.sensitivity.silent)}."
+            f"{', '.join(known.silent)}."
         )
     if found.flat:
         lines.append(
-            f"Flat profiles: with errors of {found.rmse_degC:.2f} degC that remember {found.memory_samples:.0f} "
-            f"samples, this trace leaves a side open for {', '.join(found.flat)}."
+            f"Flat profiles: with errors of {found.rmse_degC:.2f} degC and an autocorrelation time of "
+            f"{found.memory_samples:.0f} samples, this trace leaves a side open for {', '.join(found.flat)}."
         )
-    far = [each.name for each in found.recovered if abs(each.deviation) > 2]
     if found.recovered:
+        far = [each.name for each in found.recovered if abs(each.deviation) > 2]
         lines.append(
             f"Recovery: from its own noisy output the mean of {len(found.recovered) - len(far)} of "
-            f"{len(found.recovered)} parameters that can be told comes back within two standard errors"
+            f"{len(found.recovered)} identifiable parameters comes back within two standard errors"
             + (f"; not so {', '.join(far)}." if far else ".")
         )
     return lines
 
 
 def _structure(found: Identifiability) -> list[str]:
-    told = found.sensitivity
+    known = found.sensitivity
     if found.identifiable:
-        return ["Structure: every free parameter changes the output in a way of its own; perfect data tell them all."]
-    count = f"{told.blind} direction{'s' if told.blind > 1 else ''}"
+        return ["Structure: every free parameter changes the output in its own way; perfect data determine them all."]
+    count = f"{known.blind} direction{'s' if known.blind > 1 else ''}"
     lines = [f"Structure: not identifiable. The output stays exactly the same along {count}:"]
-    lines += [f"  {_scaling(each)}" for each in told.symmetries]
-    if told.blind > len(told.symmetries):
-        lines.append(f"  {told.blind - len(told.symmetries)} that bend with the values of {', '.join(told.mixed)}")
-    products = ", ".join(map(_product, told.products))
-    return [*lines, f"  Of the parameters that these mix, only products can be told: {products or 'none'}."]
+    lines += [f"  {_scaling(each)}" for each in known.symmetries]
+    if known.blind > len(known.symmetries):
+        lines.append(f"  {known.blind - len(known.symmetries)} that depend on the values of {', '.join(known.mixed)}")
+    products = ", ".join(map(_product, known.products))
+    return [*lines, f"  Of the parameters that these mix, only products are identifiable: {products or 'none'}."]
 
 
-def _by_starts(found: Identifiability) -> str:
-    """The verdict of the thesis's test; a structure that can be told may still not be where the fit lies."""
-    moved = {name for each in found.others for name, share in each.moved.items() if share > MOVED}
-    if not moved:
-        return "not shown to be unidentifiable."
-    if found.identifiable and moved <= set(found.sensitivity.mixed_here):
-        return f"not identifiable at this fit, where {', '.join(sorted(moved))} moved together and nothing else did."
-    return "not identifiable."
-
-
-def start_table(found: Identifiability) -> Table:
+def _start_table(found: Identifiability) -> Table:
     """One row a start of the thesis's test."""
     rows = []
     for index, each in enumerate(found.reestimates):
@@ -80,7 +95,7 @@ def start_table(found: Identifiability) -> Table:
     return Table(caption, ("start", "another set", "fit", "farthest off"), tuple(rows), labels=2)
 
 
-def parameter_table(found: Identifiability) -> Table:
+def _parameter_table(found: Identifiability) -> Table:
     """One row a free parameter: its value, its effect, its interval by profile, and what came back of it."""
     recovered = {each.name: each for each in found.recovered}
     rows = []
@@ -105,25 +120,25 @@ def parameter_table(found: Identifiability) -> Table:
 
 def as_json(found: Identifiability) -> dict[str, Any]:
     """The content of ``identifiability --json``; what is open or not finite is null."""
-    told = found.sensitivity
+    known = found.sensitivity
     return {
         "circuit": found.circuit,
         "trace": found.trace,
         "held": list(found.held),
         "at_bound": list(found.at_bound),
         "without_effect": list(found.sensitivity.silent),
-        "values": {name: found.values[name] for name in told.effect_degC},
+        "values": {name: found.values[name] for name in known.effect_degC},
         "rmse_degC": found.rmse_degC,
         "residual_memory_samples": found.memory_samples,
         "identifiable": found.identifiable,
-        "symmetries": list(told.symmetries),
-        "products": list(told.products),
-        "mixed": list(told.mixed),
-        "blind_directions": told.blind,
-        "blind_directions_here": told.blind_here,
-        "mixed_here": list(told.mixed_here),
-        "singular_values_degC": list(told.singular_degC),
-        "effect_degC": told.effect_degC,
+        "symmetries": list(known.symmetries),
+        "products": list(known.products),
+        "mixed": list(known.mixed),
+        "blind_directions": known.blind,
+        "blind_directions_here": known.blind_here,
+        "mixed_here": list(known.mixed_here),
+        "singular_values_degC": list(known.singular_degC),
+        "effect_degC": known.effect_degC,
         "thesis_test": {
             "same_percent": SAME_PERCENT,
             "other_parameter_sets": len(found.others),
@@ -154,9 +169,9 @@ def as_json(found: Identifiability) -> dict[str, Any]:
 
 def _note(found: Identifiability, name: str) -> str:
     notes = (
-        ("told in products", name in found.sensitivity.mixed),
+        ("in products", name in found.sensitivity.mixed),
         ("at its bound", name in found.at_bound),
-        ("told in products here", name in found.sensitivity.mixed_here),
+        ("in products here", name in found.sensitivity.mixed_here),
         ("no effect here", name in found.sensitivity.silent),
         ("flat", name in found.flat),
     )

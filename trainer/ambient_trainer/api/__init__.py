@@ -1,0 +1,1 @@
+"""The public API, one module a verb; ``import ambient_trainer as at`` offers what they hold."""

@@ -1,0 +1,148 @@
+"""``at.diagnose``: what a circuit lacks or what changed on a device, and its result."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+from joblib import parallel_config
+
+from ambient_trainer.api.data import Data, traces_of
+from ambient_trainer.api.result import Result
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.write import save_circuit
+from ambient_trainer.diagnosis.diagnose import diagnose as diagnose_traces
+from ambient_trainer.diagnosis.report import report_of
+from ambient_trainer.diagnosis.result import Diagnosis
+from ambient_trainer.estimators.registry import thermal_circuit
+from ambient_trainer.report import Report
+from ambient_trainer.report.machine import write_json
+
+
+@dataclass(frozen=True)
+class DiagnosisResult(Result):
+    """What the traces hold that the circuit does not describe.
+
+    Attributes
+    ----------
+    diagnosis : Diagnosis
+        Steps, ranking, residuals and their tests.
+    """
+
+    diagnosis: Diagnosis
+
+    @property
+    def verdict(self) -> dict[str, Any]:
+        """The first step: cause, location, signal, times, magnitude, confidence and gain."""
+        return dict(self.summary.data["verdict"])
+
+    @cached_property
+    def steps(self) -> pd.DataFrame:
+        """One row a cause that was added, the largest first; nested values have dotted names, as ``gain.p_value``."""
+        return pd.json_normalize(list(self.summary.data["steps"]))
+
+    @cached_property
+    def ranking(self) -> pd.DataFrame:
+        """One row a candidate of the first step, the best first."""
+        return pd.json_normalize(list(self.summary.data["ranking"]))
+
+    @property
+    def extended(self) -> Circuit | None:
+        """The circuit with what was found, where a circuit can hold it."""
+        return self.diagnosis.extended
+
+    @cached_property
+    def summary(self) -> Report:
+        """What ``ambient-trainer diagnose`` shows."""
+        return report_of(self.diagnosis)
+
+    def save(self, path: str | os.PathLike[str]) -> str:
+        """Write the diagnosis as JSON, or the extended circuit as YAML.
+
+        Parameters
+        ----------
+        path : str or path
+            A file; one that ends in ``.yaml`` gets the extended circuit.
+
+        Returns
+        -------
+        str
+            The same path.
+
+        Raises
+        ------
+        ValueError
+            For a ``.yaml`` where nothing was found that a circuit can hold.
+        """
+        path = os.fspath(path)
+        if not path.endswith((".yaml", ".yml")):
+            write_json(path, self.summary.data)
+        elif self.extended is None:
+            raise ValueError("nothing was found that a circuit can hold; save the diagnosis as .json")
+        else:
+            save_circuit(path, self.extended)
+        return path
+
+
+def diagnose(
+    data: Data,
+    circuit: str,
+    *,
+    baselines: Data = (),
+    from_s: float | None = None,
+    to_s: float | None = None,
+    period_s: float | None = None,
+    jobs: int | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> DiagnosisResult:
+    """Name what traces hold that a circuit does not describe, and measure what adding it gains.
+
+    Parameters
+    ----------
+    data : DataFrame, path, or several of them
+        The traces to diagnose.
+    circuit : str
+        A shipped circuit or a YAML file; it is simulated forward, from ambient and drives to every sensor.
+    baselines : DataFrame, path, or several of them
+        Known-good traces of the same device. With them the question is what changed since, without what the circuit
+        lacks.
+    from_s, to_s : float, optional
+        Only samples with ``from_s <= time_s < to_s`` are diagnosed.
+    period_s : float, optional
+        The grid; by default one of at most 2000 samples.
+    jobs : int, optional
+        Processes for the candidates; by default joblib's setting.
+    progress : callable, optional
+        Called with what is being done, how much of it is done, and how much there is.
+
+    Returns
+    -------
+    DiagnosisResult
+        The verdict, its steps and the ranking of candidates.
+
+    Raises
+    ------
+    Refused
+        Where the traces are too short, lack a column, or nothing in them changes.
+
+    Notes
+    -----
+    Each step adds the candidate with the largest gain in likelihood of the residuals, whitened by an autoregressive
+    model, and is kept if it lowers the error on held-out blocks of time.
+
+    Examples
+    --------
+    >>> import ambient_trainer as at
+    >>> hidden = at.simulate("4", seed=1, period_s=20.0, hide=["heat_source:board2:1.5W:from=2h:to=3h"])
+    >>> found = at.diagnose(hidden.trace, "phone", baselines=at.simulate("4", period_s=20.0).trace)  # takes a minute
+    >>> found.verdict["cause"], found.verdict["location"]
+    ('heat_source', 'board2')
+    """
+    traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
+    with parallel_config(n_jobs=jobs):
+        found = diagnose_traces(thermal_circuit(circuit), traces, traces_of(baselines), progress, period_s)
+    return DiagnosisResult(found)

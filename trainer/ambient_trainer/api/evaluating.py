@@ -1,0 +1,168 @@
+"""``at.evaluate``: a model's errors on traces, and their result."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+
+from ambient_model.codec import load_model
+from ambient_model.model import Model
+from ambient_trainer.api.data import Data, traces_of
+from ambient_trainer.api.fitting import FitResult
+from ambient_trainer.api.result import Result
+from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
+from ambient_trainer.evaluation.metrics import Metrics
+from ambient_trainer.evaluation.report import report_of, trace_labels
+from ambient_trainer.report import Report
+from ambient_trainer.report.machine import write_json
+
+
+@dataclass(frozen=True)
+class EvaluationResult(Result):
+    """A model's errors on one or several traces.
+
+    Attributes
+    ----------
+    model : Model
+        What was evaluated.
+    evaluations : tuple of Evaluation
+        One a trace.
+    """
+
+    model: Model = field(repr=False)
+    evaluations: tuple[Evaluation, ...]
+
+    @cached_property
+    def metrics(self) -> pd.DataFrame:
+        """Metrics in degC by trace and method (``model``, ``model, run in``, ``static linear``).
+
+        ``coverage_50``, ``coverage_90`` and ``coverage_98`` are the shares of errors inside the published intervals.
+        """
+        rows = [
+            {"trace": label, **row}
+            for label, each in zip(trace_labels(self.evaluations), self.evaluations)
+            for row in _rows(each)
+        ]
+        return pd.DataFrame(rows).set_index(["trace", "method"])
+
+    @cached_property
+    def estimates(self) -> pd.DataFrame:
+        """Every sample: trace, ``time_s``, estimate, 90 % interval, reference and error in degC, and status."""
+        columns = ("time_s", "estimate_degC", "low_degC", "high_degC", "reference_degC", "error_degC", "status")
+        labels = trace_labels(self.evaluations)
+        return pd.concat(
+            {
+                label: pd.DataFrame({name: getattr(each, name) for name in columns})
+                for label, each in zip(labels, self.evaluations)
+            },
+            names=["trace", "sample"],
+        )
+
+    @property
+    def summary(self) -> Report:
+        """What ``ambient-trainer evaluate`` shows; raises :class:`Refused` where the provenance cannot be read."""
+        return report_of(self.model, self.evaluations)
+
+    def save(self, path: str | os.PathLike[str]) -> str:
+        """Write the metrics as JSON, as ``evaluate --json`` does.
+
+        Parameters
+        ----------
+        path : str or path
+            The file.
+
+        Returns
+        -------
+        str
+            The same path.
+        """
+        write_json(os.fspath(path), self.summary.data)
+        return os.fspath(path)
+
+
+def evaluate(
+    model: Model | FitResult | str | os.PathLike[str],
+    data: Data,
+    *,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    run_in: bool = False,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> EvaluationResult:
+    """Run a model over traces as a device does, and score its estimate against ``ambient_degC``.
+
+    Parameters
+    ----------
+    model : FitResult, Model or path
+        What to evaluate; a path is that of a model file.
+    data : DataFrame, path, or several of them
+        Traces with the model's inputs and the reference.
+    from_s, to_s : float, optional
+        Only samples with ``from_s <= time_s < to_s`` are scored.
+    run_in : bool
+        Whether the estimate runs from the trace's first sample on, as on a device that was on before, and not from a
+        cold start at ``from_s``.
+    progress : callable, optional
+        Called before each trace with its name, how many are done, and how many there are.
+
+    Returns
+    -------
+    EvaluationResult
+        Metrics a trace, and every sample's estimate, interval and error.
+
+    Raises
+    ------
+    Refused
+        For a model file with faults, a missing column, or fewer than two samples to score.
+
+    Notes
+    -----
+    The error is :math:`e = T_{true} - T_{estimate}`. RMSE, MAE and MBE are its root mean square, mean magnitude and
+    mean; an interval is :math:`\\bar e \\pm \\lambda s` with the normal quantile :math:`\\lambda` (the thesis, section
+    3.4). The estimate starts from equilibrium with the first sensor sample and never sees the reference.
+
+    Examples
+    --------
+    >>> import ambient_trainer as at
+    >>> log = at.simulate("3", period_s=10.0).trace
+    >>> scores = at.evaluate(at.fit(log, "linear_usb", to_s=3_000), log, from_s=3_000)
+    >>> sorted(method for _, method in scores.metrics.index)
+    ['model', 'model, run in', 'static linear']
+    """
+    if isinstance(model, FitResult):
+        model = model.model
+    elif not isinstance(model, Model):
+        model = load_model(os.fspath(model))
+    evaluated = evaluate_run_in if run_in else evaluate_cold
+    traces, evaluations = traces_of(data), []
+    for done, trace in enumerate(traces):
+        if progress is not None:
+            progress(trace.path, done, len(traces))
+        evaluations.append(evaluated(model, trace, from_s, to_s))
+    return EvaluationResult(model, tuple(evaluations))
+
+
+def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:
+    coverage = {f"coverage_{level}": share for level, share in evaluation.coverage.items()}
+    rows = [{**_row("model", evaluation.metrics), **coverage, "overlaps_training": evaluation.overlaps_training}]
+    if evaluation.run_in:
+        rows.append(_row("model, run in", evaluation.run_in))
+    if evaluation.baseline:
+        rows.append(_row("static linear", evaluation.baseline.metrics))
+    return rows
+
+
+def _row(method: str, metrics: Metrics) -> dict[str, Any]:
+    return {
+        "method": method,
+        "samples": metrics.samples,
+        "rmse_degC": metrics.rmse_degC,
+        "mae_degC": metrics.mae_degC,
+        "mbe_degC": metrics.mbe_degC,
+        "sigma_degC": metrics.sigma_degC,
+    }

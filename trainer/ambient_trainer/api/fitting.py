@@ -1,0 +1,187 @@
+"""``at.fit``: an estimator fitted to traces, and its result."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import pandas as pd
+
+from ambient_model.codec import save_model
+from ambient_model.model import Model
+from ambient_trainer.api.data import Data, sensor_columns, traces_of
+from ambient_trainer.api.result import Result
+from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.registry import estimator
+from ambient_trainer.estimators.report import report_of
+from ambient_trainer.report import Report
+
+
+@dataclass(frozen=True)
+class FitResult(Result):
+    """A fitted estimator.
+
+    Attributes
+    ----------
+    fitted : Fit
+        The continuous system with all that is known of it.
+    training : tuple of mapping
+        The provenance of each training trace: file, SHA-256, window.
+    zones : mapping of str to str
+        Thermal zone types by input name, where they differ.
+    """
+
+    fitted: Fit
+    training: tuple[Mapping[str, Any], ...] = field(repr=False)
+    zones: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def circuit(self) -> str:
+        """The estimator's name."""
+        return self.fitted.circuit
+
+    @property
+    def rmse_degC(self) -> float:
+        """Root mean square error on the training samples."""
+        return self.fitted.rmse_degC
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the training data determine every free parameter."""
+        return self.fitted.identifiable
+
+    @cached_property
+    def model(self) -> Model:
+        """The model that a device runs; raises :class:`Refused` where the circuit does not estimate the ambient."""
+        return model_of(self.fitted, self.training, self.zones)
+
+    @cached_property
+    def parameters(self) -> pd.DataFrame:
+        """Parameters by name: value, unit, standard error, ends of the 95 % interval, and whether they are free,
+        at a bound, identifiable.
+        """
+        rows = [
+            {**each._asdict(), "low95": (each.interval95 or (None,))[0], "high95": (each.interval95 or (None,))[-1]}
+            for each in self.fitted.parameters
+        ]
+        columns = ["value", "unit", "standard_error", "low95", "high95", "free", "at_bound", "identifiable"]
+        frame = pd.DataFrame(rows, columns=["name", *columns]).set_index("name")
+        numeric = ["value", "standard_error", "low95", "high95"]
+        return frame.astype(dict.fromkeys(numeric, float))
+
+    @cached_property
+    def inputs(self) -> pd.DataFrame:
+        """Inputs by trace column: DC gain, least and largest training value, RMSE of the fallback without it."""
+        low, high = zip(*self.fitted.input_ranges)
+        without = [self.fitted.fallbacks.get(name.rpartition("_")[0]) for name in self.fitted.inputs]
+        columns = {
+            "dc_gain": self.fitted.dc_gains,
+            "low": low,
+            "high": high,
+            "rmse_without_degC": [None if each is None else each.rmse_degC for each in without],
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.fitted.inputs, name="input"), dtype=float)
+
+    @cached_property
+    def errors(self) -> pd.DataFrame:
+        """Training errors in degC (true minus predicted), one column an output."""
+        return pd.DataFrame({n: pd.Series(e) for n, e in zip(self.fitted.outputs, self.fitted.errors_degC)})
+
+    @property
+    def summary(self) -> Report:
+        """What ``ambient-trainer fit`` shows."""
+        return report_of(self.fitted)
+
+    def save(self, path: str | os.PathLike[str]) -> str:
+        """Write the model file.
+
+        Parameters
+        ----------
+        path : str or path
+            The JSON file that ``ambientd`` runs.
+
+        Returns
+        -------
+        str
+            The same path.
+
+        Raises
+        ------
+        Refused
+            Where the circuit does not estimate the ambient.
+        """
+        save_model(os.fspath(path), self.model)
+        return os.fspath(path)
+
+
+def fit(
+    data: Data,
+    circuit: str,
+    *,
+    sensors: Sequence[str] | None = None,
+    from_s: float | None = None,
+    to_s: float | None = None,
+    period_s: float | None = None,
+    zones: Mapping[str, str] | None = None,
+    effort: Effort | None = None,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Fit an estimator of the ambient to logged traces.
+
+    Parameters
+    ----------
+    data : DataFrame, path, or several of them
+        Traces with the sensors and the reference ``ambient_degC``.
+    circuit : str
+        A shipped circuit (``model2_ss``), an estimator (``free-1`` to ``free-4``, ``free_observer``,
+        ``circuit_observer``, ``phone_observer``), or a YAML file of a circuit or a recipe.
+    sensors : sequence of str, optional
+        What the estimators that read any sensors read; by default every temperature but the reference.
+    from_s, to_s : float, optional
+        Only samples with ``from_s <= time_s < to_s`` are used.
+    period_s : float, optional
+        The grid; by default the traces' own.
+    zones : mapping of str to str, optional
+        The thermal zone's type by input name, where it is not the name.
+    effort : Effort, optional
+        Starts, seed, pieces and budget of the search.
+    progress : callable, optional
+        Called after each evaluation with the search's number, the evaluation's, and the best sum of squares so far.
+
+    Returns
+    -------
+    FitResult
+        Parameters with intervals, errors, the model file, and what the data determine.
+
+    Raises
+    ------
+    Refused
+        For an unknown name, a missing column, or traces that hold too little.
+
+    Notes
+    -----
+    A circuit's temperatures follow :math:`\\dot x = A x + B u`, its estimate is :math:`y = C x + D u + d`. Matrices
+    depend on resistances, capacitances and weights; those that enter linearly are solved for exactly inside the search
+    (variable projection: Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973). Standard errors are of the sandwich
+    form with batched scores (White, Econometrica 50(1), 1982), as residuals are not white.
+
+    Examples
+    --------
+    >>> import ambient_trainer as at
+    >>> log = at.simulate("3", period_s=10.0).trace
+    >>> result = at.fit(log, "free-1", sensors=["usb", "battery"], effort=at.Effort(starts=1))
+    >>> list(result.inputs.index)
+    ['usb_degC', 'battery_degC']
+    >>> result.save("model.json")
+    'model.json'
+    """
+    columns = sensor_columns(sensors)
+    method = estimator(circuit, columns)
+    traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
+    fitted = method.fit(traces, effort or Effort(), progress, period_s, columns or None)
+    return FitResult(fitted, tuple(training_of(trace, from_s, to_s) for trace in traces), zones or {})

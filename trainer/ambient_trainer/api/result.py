@@ -1,0 +1,60 @@
+"""What every result of the API offers: its report as a page, and its tables in a notebook."""
+
+from __future__ import annotations
+
+import html
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+
+from ambient_trainer.report import Block, Finding, Report, Section, Table
+
+
+class Result(ABC):
+    """A result with a report."""
+
+    @property
+    @abstractmethod
+    def summary(self) -> Report:
+        """Facts, findings, tables and figures: what the command of the same name shows."""
+
+    def report(self, folder: str | os.PathLike[str]) -> str:
+        """Write a page with plots.
+
+        Parameters
+        ----------
+        folder : str or path
+            Where ``index.html`` and its script go; made where missing.
+
+        Returns
+        -------
+        str
+            The path of the page.
+
+        Raises
+        ------
+        Refused
+            Where the folder cannot be written to.
+        """
+        from ambient_trainer.report.page import write_report  # plotly and jinja2: only a page should wait for them
+
+        return write_report(os.fspath(folder), self.summary)
+
+    def _repr_html_(self) -> str:
+        """Title, findings and tables, for a notebook."""
+        summary = self.summary
+        return f"<h4>{html.escape(summary.title)}</h4>{''.join(_html([*summary.lead, *summary.sections]))}"
+
+
+def _html(blocks: Sequence[Block | None]) -> Iterator[str]:
+    for each in blocks:
+        if isinstance(each, Finding):
+            text = " ".join(filter(None, (each.label, each.value, each.text)))
+            yield f"<p>{html.escape(text)}</p>"
+        elif isinstance(each, Table):
+            rows = ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in each.rows]
+            head = "".join(f"<th>{html.escape(column)}</th>" for column in each.columns)
+            body = "".join(f"<tr>{row}</tr>" for row in rows)
+            yield f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        elif isinstance(each, Section) and not each.detail:
+            yield from _html(each.blocks)

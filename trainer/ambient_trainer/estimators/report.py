@@ -1,0 +1,109 @@
+"""The report of a fit: its error beside the static formula's, its parameters, and what the data determine."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ambient_trainer.estimators.base import Fit, ParameterEstimate
+from ambient_trainer.report import Facts, Finding, Report, Section, Table
+
+_FACTS = ("converged", "uncertainty_available", "identifiable")
+_LARGE_GAINS = 5.0
+"""Of a sum of absolute DC gains. An average of sensors has 1, the thesis's circuits at most 3: beyond, noise grows."""
+
+
+def report_of(fit: Fit) -> Report:
+    """The report of a fit."""
+    periods = " or ".join(f"{each:g}" for each in fit.periods_s)
+    return Report(
+        subject="Fit",
+        title=f"{fit.circuit}: RMSE {fit.rmse_degC:.3f} degC on {fit.samples:,} training samples",
+        lead=[
+            Finding("Stopped before the search was over: this is the best so far.", "warning") if fit.stopped else None,
+            Finding(f"A static linear formula leaves {fit.baseline.rmse_degC:.3f} degC on the same samples."),
+            Facts([("inputs", ", ".join(fit.inputs)), ("states", ", ".join(fit.states)), ("periods", f"{periods} s")]),
+        ],
+        sections=[Section("Parameters", [_parameter_table(fit)]), Section("What the data determine", findings(fit))],
+        data=as_json(fit),
+    )
+
+
+def as_json(fit: Fit) -> dict[str, Any]:
+    """The content of ``fit --json``; what the data do not give is null."""
+    return {
+        "circuit": fit.circuit,
+        "inputs": list(fit.inputs),
+        "states": list(fit.states),
+        "outputs": list(fit.outputs),
+        "periods_s": list(fit.periods_s),
+        "samples": fit.samples,
+        "rmse_degC": fit.rmse_degC,
+        **{fact: getattr(fit, fact) for fact in _FACTS},
+        "stopped": fit.stopped,
+        "confounded": [list(each) for each in fit.confounded],
+        "residual_memory_samples": fit.residual_memory_samples,
+        "evaluations": fit.evaluations,
+        "start_rmses_degC": list(fit.start_rmses_degC),
+        "parameters": [_parameter_data(each) for each in fit.parameters],
+        "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
+        "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
+        "notes": list(fit.notes),
+        **fit.details,
+    }
+
+
+def findings(fit: Fit) -> list[Finding]:
+    """Converged, uncertainty available, identifiable, and the remarks of this kind of estimator."""
+    agreeing = sum(each <= 1.01 * fit.rmse_degC for each in fit.start_rmses_degC)
+    confounded = "; ".join(", ".join(each) for each in fit.confounded)
+    gain = sum(abs(each) for each in fit.dc_gains)
+    lines = [
+        f"Converged: {_yes(fit.converged)}; {agreeing} of {len(fit.start_rmses_degC)} starts came within 1 % of the "
+        f"best, in {fit.evaluations} evaluations.",
+        f"Uncertainty available: {_yes(fit.uncertainty_available)}; the residuals' autocorrelation time is "
+        f"{fit.residual_memory_samples:.1f} samples (1 is white).",
+        f"Identifiable: {_yes(fit.identifiable)}"
+        + ("." if fit.identifiable else f"; these data determine only products of: {confounded}."),
+        *fit.notes,
+    ]
+    found = [Finding(line) for line in lines]
+    if fit.rmse_degC > fit.baseline.rmse_degC:
+        found.append(Finding("The static formula is better on the training data: this circuit does not suit them."))
+    if gain > _LARGE_GAINS:
+        text = (
+            f"The sensors' DC gains add up to {gain:.1f} in absolute value: large opposite gains amplify noise and "
+            "every cold start. --pieces 12, or a trace that reaches a steady state, keeps them small."
+        )
+        found.append(Finding(text))
+    return found
+
+
+def _parameter_table(fit: Fit) -> Table:
+    rows = [(each.name, f"{each.value:.4g}", each.unit, _interval(each), _note(each)) for each in fit.parameters]
+    return Table("", ("parameter", "value", "unit", "95 % interval", ""), rows)
+
+
+def _parameter_data(each: ParameterEstimate) -> dict[str, Any]:
+    interval = each.interval95 and [_finite(end) for end in each.interval95]
+    return {**each._asdict(), "standard_error": _finite(each.standard_error), "interval95": interval}
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _interval(each: ParameterEstimate) -> str:
+    return "" if each.interval95 is None else f"{each.interval95[0]:.4g} to {each.interval95[1]:.4g}"
+
+
+def _note(each: ParameterEstimate) -> str:
+    if not each.free:
+        return "fixed"
+    if each.at_bound:
+        return "at its bound"
+    return "" if each.identifiable else "not identifiable"
+
+
+def _yes(fact: bool) -> str:
+    return "yes" if fact else "no"

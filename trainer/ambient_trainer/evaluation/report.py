@@ -1,0 +1,206 @@
+"""The report of an evaluation: a model's errors on traces beside the static formula's, and every sample as a plot."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambient_model.model import Model
+from ambient_model.tracking import COASTING, DEGRADED, FAULTED, WARMING_UP
+from ambient_trainer.estimation.static_linear import STATIC_LINEAR
+from ambient_trainer.evaluation.evaluate import Evaluation
+from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, Metrics, rolling_band
+from ambient_trainer.evaluation.provenance import training_spans
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report.palette import (
+    AMBER,
+    BASELINE,
+    ERROR,
+    ESTIMATE,
+    INTERVAL,
+    RED,
+    REFERENCE,
+    TEAL,
+    VIOLET,
+    sensor_colours,
+)
+from ambient_trainer.report.plots import Band, Line, Panel, Shade, spans_where, stacked_figure
+from ambient_trainer.report.units import written
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+_COLUMNS = ("trace", "method", "RMSE", "MAE", "MBE", "98 % interval", "in 50/90/98 %", "samples")
+_CAPTION = (
+    "Errors in degC, true minus estimate. 98 % interval: mean ± 2.33 standard deviations of the errors. "
+    "In 50/90/98 %: the percentage of errors inside the interval of that level that the model file publishes."
+)
+_SHADES = {WARMING_UP: AMBER, DEGRADED: TEAL, COASTING: VIOLET, FAULTED: RED}
+
+
+def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
+    """The report of ``evaluations``; raises :class:`Refused` where the provenance cannot be read."""
+    samples = sum(each.scored for each in evaluations)
+    many = f"{len(evaluations)} traces" if len(evaluations) > 1 else "one trace"
+    rmse = _pooled_rmse([each.metrics for each in evaluations])
+    labels = trace_labels(evaluations)
+    return Report(
+        subject="Model evaluation",
+        title=f"{model.name}: {rmse:.2f} degC off (RMSE) over {samples:,} samples of {many}",
+        lead=[*_warnings(evaluations, labels), *_findings(evaluations, samples), Facts(_facts(model))],
+        sections=[
+            Section("", [_metrics_table(evaluations, labels)]),
+            *(
+                Section(label, [_note(each), Figure(partial(_figure, each))], detail=True)
+                for label, each in zip(labels, evaluations)
+            ),
+        ],
+        data={"model": model.name, "traces": [_trace_data(each) for each in evaluations]},
+    )
+
+
+def trace_labels(evaluations: Sequence[Evaluation]) -> list[str]:
+    """A name for each trace: its file's, or the whole path where two files have the same name."""
+    names = [os.path.basename(each.trace) for each in evaluations]
+    return [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
+
+
+def _warnings(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> Iterator[Finding]:
+    for label, each in zip(labels, evaluations):
+        if each.overlaps_training:
+            text = (
+                f"Not held out: the model was trained on samples of {label} that it is evaluated on here. "
+                "The figures are no measure of its error on other data."
+            )
+            yield Finding(text, "warning")
+
+
+def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Finding]:
+    """Over all traces together, each sample counted once."""
+    if baselines := [each.baseline.metrics for each in evaluations if each.baseline]:
+        yield Finding(f"A static linear formula is {_pooled_rmse(baselines):.2f} degC off.")
+    inside = sum(each.coverage[90] * each.scored for each in evaluations) / samples
+    yield Finding(f"The model's published 90 % interval holds {100 * inside:.1f} % of the errors.")
+    # a model without an estimate where it would be wrong must not look good
+    if without := sum(each.without_estimate for each in evaluations):
+        yield Finding(f"{without:,} more samples have no estimate.")
+
+
+def _metrics_table(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> Table:
+    """One row a trace and method."""
+    rows: list[tuple[str, ...]] = []
+    for label, each in zip(labels, evaluations):
+        trace = f"{label} (training data)" if each.overlaps_training else label
+        shares = "/".join(f"{100 * share:.1f}" for share in each.coverage.values())
+        rows.append((trace, "model", *_cells(each.metrics), shares, f"{each.scored:,}"))
+        if each.run_in:
+            rows.append((trace, "model, run in", *_cells(each.run_in), "-", f"{each.run_in.samples:,}"))
+        if each.baseline:
+            rows.append((trace, STATIC_LINEAR, *_cells(each.baseline.metrics), "-", f"{each.scored:,}"))
+    return Table(_CAPTION, _COLUMNS, rows, labels=2)
+
+
+def _cells(metrics: Metrics) -> tuple[str, ...]:
+    low, high = metrics.interval_degC[98]
+    rmse, mae = f"{metrics.rmse_degC:.2f}", f"{metrics.mae_degC:.2f}"
+    return rmse, mae, f"{metrics.mbe_degC:+.2f}", f"{low:+.2f} to {high:+.2f}"
+
+
+def _pooled_rmse(metrics: Sequence[Metrics]) -> float:
+    squares = sum(each.samples * each.rmse_degC**2 for each in metrics)
+    return float(np.sqrt(squares / sum(each.samples for each in metrics)))
+
+
+def _facts(model: Model) -> list[tuple[str, str | list[str]]]:
+    main = model.main
+    circuit = model.provenance.get("circuit")
+    training = [str(span) for span in training_spans(model)]
+    return [
+        ("circuit", circuit if isinstance(circuit, str) else "not named in the model file"),
+        ("estimates", model.output),
+        ("reads", [f"{each.name}, {each.min:g} to {each.max:g} {written(each.unit)}" for each in main.inputs]),
+        ("periods", ", ".join(f"{each.period_s:g} s" for each in main.discrete)),
+        ("published interval", _published(model)),
+        ("trained on", training or "not named in the model file"),
+        ("created", model.created),
+    ]
+
+
+def _published(model: Model) -> str:
+    variance = model.error_variance
+    quantiles, unit = (model.main.interval, "degC") if variance is None else (variance.quantiles, "sigma")
+    bands = ", ".join(f"{level} %: {low:+.2f} to {high:+.2f} {unit}" for level, (low, high) in quantiles.items())
+    return bands if variance is None else f"{bands}; sigma grows with the estimate's rate of change"
+
+
+def _note(evaluation: Evaluation) -> str:
+    start, stop = evaluation.time_s[0], evaluation.time_s[-1]
+    counts = ((evaluation.without_estimate, "an estimate"), (evaluation.without_reference, "a reference"))
+    unscored = " and ".join(f"{count:,} without {what}" for count, what in counts if count)
+    return (
+        f"{start:g} to {stop:g} s, a sample every {evaluation.trace_period_s:.3g} s, recursion at "
+        f"{evaluation.period_s:g} s; {evaluation.scored:,} samples scored"
+        f"{f', not scored: {unscored}' if unscored else ''}."
+    )
+
+
+def _figure(evaluation: Evaluation) -> go.Figure:
+    shades = [
+        Shade(status.replace("_", " "), colour, spans)
+        for status, colour in _SHADES.items()
+        if (spans := spans_where(evaluation.time_s, evaluation.status == status))
+    ]
+    return stacked_figure(evaluation.time_s, list(_panels(evaluation)), shades)
+
+
+def _panels(evaluation: Evaluation) -> Iterator[Panel]:
+    estimates = [
+        Line("estimate", evaluation.estimate_degC, ESTIMATE),
+        Line("reference", evaluation.reference_degC, REFERENCE),
+    ]
+    if evaluation.baseline:
+        estimates.insert(0, Line(STATIC_LINEAR, evaluation.baseline.estimate_degC, BASELINE, width=1.0))
+    published = Band("published 90 %", evaluation.low_degC, evaluation.high_degC, INTERVAL)
+    yield Panel("ambient [°C]", estimates, [published], height_px=320)
+    rolling = f"{ROLLING_LEVEL_PERCENT} % of the error over {ROLLING_SAMPLES} samples"
+    band = Band(rolling, *rolling_band(evaluation.error_degC), ESTIMATE)
+    yield Panel("true − estimate [°C]", [Line("error", evaluation.error_degC, ERROR, width=1.0)], [band])
+    colours = sensor_colours(each.name for each in evaluation.inputs)
+    for unit in dict.fromkeys(each.unit for each in evaluation.inputs):
+        sensors = [(each.name, values) for each, values in evaluation.inputs.items() if each.unit == unit]
+        yield Panel(f"sensors [{written(unit)}]", [Line(name, values, colours[name]) for name, values in sensors])
+
+
+def _trace_data(evaluation: Evaluation) -> dict[str, Any]:
+    data = {
+        "trace": evaluation.trace,
+        **_metrics_data(evaluation.metrics),
+        "coverage": {str(level): share for level, share in evaluation.coverage.items()},
+        "unscored": evaluation.unscored,
+        "without_estimate": evaluation.without_estimate,
+        "without_reference": evaluation.without_reference,
+        "status": dict(Counter(evaluation.status.tolist())),
+        "trace_period_s": evaluation.trace_period_s,
+        "period_s": evaluation.period_s,
+        "overlaps_training": evaluation.overlaps_training,
+    }
+    if evaluation.run_in:
+        data["run_in"] = _metrics_data(evaluation.run_in)
+    if evaluation.baseline:
+        data["baseline"] = {"kind": STATIC_LINEAR, **_metrics_data(evaluation.baseline.metrics)}
+    return data
+
+
+def _metrics_data(metrics: Metrics) -> dict[str, Any]:
+    return {
+        "samples": metrics.samples,
+        "rmse_degC": metrics.rmse_degC,
+        "mae_degC": metrics.mae_degC,
+        "mbe_degC": metrics.mbe_degC,
+        "interval_degC": {str(level): list(band) for level, band in metrics.interval_degC.items()},
+    }
