@@ -9,11 +9,10 @@ from scipy.signal import lfilter
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.blocks import cut_in_blocks
-from ambient_trainer.selection.found import Options
+from ambient_trainer.selection.result import Options
+from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
 from ambient_trainer.selection.search import prepared, searched
-from ambient_trainer.selection.state import State
-from ambient_trainer.selection.work import Work
 
 PERIOD_S = 2.0
 SAMPLES = 1500
@@ -80,8 +79,8 @@ OPTIONS = Options(most=2, order=2, blocks=6, tolerance_degC=0.05)
 def found_in(trace, jobs, checks=(), with_circuits=True):
     """What the search finds in a trace."""
     data = prepared([trace], screened([trace]), OPTIONS)
-    with Work(jobs, State(None, {}), lambda *_: None) as work:
-        return searched(data, OPTIONS, work, [LONER, "right"], checks, with_circuits)
+    with ResumablePool(jobs) as pool:
+        return searched(data, OPTIONS, pool, [LONER, "right"], checks, with_circuits)
 
 
 @pytest.fixture(scope="session")

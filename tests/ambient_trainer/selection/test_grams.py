@@ -10,7 +10,7 @@ from scipy.linalg import null_space
 from scipy.signal import cont2discrete, dlsim
 
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.selection.forward import best_sets
+from ambient_trainer.selection.floating import best_sets
 from ambient_trainer.selection.grams import gathered
 
 from .conftest import PERIOD_S, Small, made_up

@@ -10,8 +10,8 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.held_out import Spending, refitted
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
-from ambient_trainer.selection.tasks import WiringFits, rows_of
-from ambient_trainer.selection.wiring import starting_wirings
+from ambient_trainer.selection.tasks import CircuitFits, rows_of
+from ambient_trainer.selection.topology import initial_topologies
 
 
 def masked(segments, block):
@@ -52,8 +52,8 @@ def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
 
 def test_a_circuit_reads_the_sensors_that_it_names(small):
     """A circuit orders its inputs by its nodes, a trace as it was logged."""
-    task = WiringFits(tuple(small.segments), small.blocks, tuple(small.names), (90.0, 20.0))
-    for wiring in starting_wirings(("right", "left"), 2):
-        structure = task.structure(wiring)
+    task = CircuitFits(tuple(small.segments), small.blocks, tuple(small.names), (90.0, 20.0))
+    for topology in initial_topologies(("right", "left"), 2):
+        structure = task.structure(topology)
         for row, column in enumerate(structure.circuit.inputs):
             np.testing.assert_array_equal(structure.segments[0].inputs[row], small.trace.columns[column])

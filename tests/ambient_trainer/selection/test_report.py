@@ -17,7 +17,7 @@ def test_it_has_a_row_a_size_and_the_named_set_on_every_trace(found):
     tables = [each for each in blocks(report_of(found)) if isinstance(each, Table)]
     assert [[row[0] for row in each.rows] for each in tables] == [["1", "2 *", "given"]] * 2
     assert tables[0].rows[1][1] == "left, right"
-    assert f"{found.sizes[1].held_out.rmse_degC:.2f}" in report_of(found).title
+    assert f"{found.sizes[1].rmse_degC:.2f}" in report_of(found).title
 
 
 def test_a_zone_left_out_is_named_with_its_reason(found):

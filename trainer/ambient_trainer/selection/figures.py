@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.report.palette import BASELINE, BLUE, GREY, INK, ORANGE, SAND, SENSOR_COLOURS, SKY
 from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
-from ambient_trainer.selection.found import Found, FoundCircuit
+from ambient_trainer.selection.result import SearchResult, SelectedCircuit
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -18,41 +18,41 @@ _THINNEST_PX, _THICKEST_PX = 1.0, 7.0
 _CHECK_COLOURS = tuple(SENSOR_COLOURS[each] for each in (2, 3, 5, 6))
 
 
-def errors_figure(found: Found) -> go.Figure:
+def errors_figure(result: SearchResult) -> go.Figure:
     """Held-out error by number of sensors, and what the same filters score elsewhere."""
     figure = panel_figure("sensors", "error, RMSE [°C]", height_px=460)
-    counts = [len(each.sensors) for each in found.sizes]
+    counts = [len(each.sensors) for each in result.sizes]
     add_curve(
         figure,
         counts,
-        [each.held_out.rmse_degC for each in found.sizes],
+        [each.rmse_degC for each in result.sizes],
         "held out, one standard error",
         BLUE,
         width=2.4,
-        ends=[each.held_out.band_degC for each in found.sizes],
-        hover=["\n".join(each.sensors) for each in found.sizes],
+        ends=[each.fixed.held_out.interval_degC for each in result.sizes],
+        hover=["\n".join(each.sensors) for each in result.sizes],
     )
-    free = [each.free.held_out.rmse_degC for each in found.sizes]
-    add_curve(figure, counts, free, f"held out, free-{found.options.order}", BASELINE)
-    if found.circuits:
-        wired = [each.held_out.rmse_degC for each in found.circuits.values()]
-        add_curve(figure, list(found.circuits), wired, "held out, best circuit", ORANGE)
-    for check, colour in zip(found.checks, _CHECK_COLOURS):
-        add_curve(figure, counts, check.filters, check.name, colour, dash="dot")
-    if found.against is not None:
+    free = [each.free.held_out.rmse_degC for each in result.sizes]
+    add_curve(figure, counts, free, f"held out, free-{result.options.order}", BASELINE)
+    if result.circuits:
+        wired = [each.rmse_degC for each in result.circuits.values()]
+        add_curve(figure, list(result.circuits), wired, "held out, best circuit", ORANGE)
+    for check, colour in zip(result.checks, _CHECK_COLOURS):
+        add_curve(figure, counts, check.fixed, check.name, colour, dash="dot")
+    if result.against is not None:
         figure.add_scatter(
-            x=[len(found.against.sensors)],
-            y=[found.against.held_out.rmse_degC],
+            x=[len(result.against.sensors)],
+            y=[result.against.rmse_degC],
             mode="markers",
             name="held out, the given set",
-            text=[", ".join(found.against.sensors)],
+            text=[", ".join(result.against.sensors)],
             hovertemplate="%{y:.3f} °C<br>%{text}<extra></extra>",
             marker={"symbol": "x", "size": 10, "color": INK},
         )
-    named = found.sizes[found.named]
+    named = result.recommended
     figure.add_scatter(
         x=[len(named.sensors)],
-        y=[named.held_out.rmse_degC],
+        y=[named.rmse_degC],
         mode="markers",
         name="fewest within one standard error",
         marker={"symbol": "circle-open", "size": 20, "color": BLUE, "line": {"width": 2}},
@@ -63,12 +63,12 @@ def errors_figure(found: Found) -> go.Figure:
     return figure
 
 
-def gains_figure(found: Found) -> go.Figure:
+def gains_figure(result: SearchResult) -> go.Figure:
     """Which sensors are in which set, by their DC gains."""
-    names = list(dict.fromkeys(name for each in found.sizes for name in each.sensors))
-    gains = [dict(zip(each.sensors, each.filter.dc_gains)) for each in found.sizes]
+    names = list(dict.fromkeys(name for each in result.sizes for name in each.sensors))
+    gains = [dict(zip(each.sensors, each.dc_gains)) for each in result.sizes]
     return matrix_figure(
-        [str(len(each.sensors)) for each in found.sizes],
+        [str(len(each.sensors)) for each in result.sizes],
         names,
         [[each.get(name) for each in gains] for name in names],
         [[f"{each[name]:+.2f}" if name in each else "" for each in gains] for name in names],
@@ -76,11 +76,11 @@ def gains_figure(found: Found) -> go.Figure:
     )
 
 
-def circuit_figure(found: FoundCircuit) -> go.Figure:
+def circuit_figure(selected: SelectedCircuit) -> go.Figure:
     """The circuit: sensors on a ring, what is not measured within it."""
-    circuit, wiring = found.circuit, found.wiring
-    inner = [AMBIENT] if wiring.form == "rise" else list(wiring.states)
-    places = {**_ring(wiring.sensors, 1.0), **_ring(inner, 0.42 if len(inner) > 1 else 0.0)}
+    circuit, topology = selected.circuit, selected.topology
+    inner = [AMBIENT] if topology.form == "rise" else list(topology.states)
+    places = {**_ring(topology.sensors, 1.0), **_ring(inner, 0.42 if len(inner) > 1 else 0.0)}
     values = {each.name: each.initial for each in circuit.parameters}
     largest = max(1 / values[each.resistance] for each in circuit.edges)
     figure = panel_figure("", "", height_px=340)
@@ -94,9 +94,9 @@ def circuit_figure(found: FoundCircuit) -> go.Figure:
         figure.add_scatter(x=[(x0 + x1) / 2], y=[(y0 + y1) / 2], mode="markers", marker={"size": 12, "opacity": 0},
                            text=[f"{'-'.join(edge.between)}: {values[edge.resistance]:.3g} K/W"],
                            hovertemplate="%{text}<extra></extra>", showlegend=False)  # fmt: skip
-    kinds = {"sensor": [each for each in wiring.sensors if each not in wiring.states],
-             "sensor with a heat capacity": [each for each in wiring.states if each in wiring.sensors],
-             "hidden node": [each for each in wiring.states if each not in wiring.sensors],
+    kinds = {"sensor": [each for each in topology.sensors if each not in topology.states],
+             "sensor with a heat capacity": [each for each in topology.states if each in topology.sensors],
+             "hidden node": [each for each in topology.states if each not in topology.sensors],
              "ambient": [each for each in inner if each == AMBIENT]}  # fmt: skip
     for (kind, names), colour in zip(kinds.items(), (SKY, BLUE, ORANGE, SAND)):
         if names:

@@ -1,4 +1,4 @@
-"""A zone that cannot teach anything is left out before the search, and said: dead, constant, stuck, idle or a double.
+"""Zones that cannot help are left out before the search, with the reason: dead, constant, stuck, idle or a double.
 
 A bad zone costs more than its own place: dead readings pull every fit, a double makes a choice between equals.
 """
@@ -10,16 +10,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.trace import Trace
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array, Trace
 
 LOWEST_DEGC, HIGHEST_DEGC = -60.0, 200.0
 """Beyond these no zone of a device that runs can be: what reads so is not connected."""
+# chosen on the zones of the two phones and the chamber that were measured: all of theirs that work pass
 _MOST_MISSING = 0.05
 _STUCK_S = 300.0
 _STUCK_SHARE = 0.02
@@ -38,7 +37,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A column that is searched, and how finely and how steadily it reads."""
+    """A column that is searched, and its resolution and noise."""
 
     column: str
     step_degC: float
@@ -60,104 +59,89 @@ class Screened(NamedTuple):
 
 
 def screened(traces: Sequence[Trace]) -> Screened:
-    """The temperatures that every trace holds and that can teach something, and those that are left out."""
-    names = list(
-        dict.fromkeys(
-            each for trace in traces for each in trace.columns if each.endswith("_degC") and each != REFERENCE
-        )
-    )
-    if not names:
+    """The temperatures that every trace holds and that are usable, and those that are left out."""
+    frames = [
+        pd.DataFrame({name: values for name, values in each.columns.items() if _is_zone(name)}, index=each.time_s)
+        for each in traces
+    ]
+    table = pd.concat(frames, ignore_index=True)
+    if table.columns.empty:
         raise refuse(traces[0].path, "line 1", "no '_degC' column besides the reference", "log a sensor")
-    left: dict[str, str] = {}
-    for name in names:
-        why = _absent(name, traces) or _unusable([trace.columns[name] for trace in traces])
-        if why is not None:
-            left[name] = why
-    for name in [each for each in names if each not in left]:
-        why = _idle(name, traces, [each for each in names if each not in left])
-        if why is not None:
-            left[name] = why
+    why: dict[str, str] = {}
+    for name in table:
+        without = [trace.path for trace, frame in zip(traces, frames) if name not in frame]
+        reason = f"not in {', '.join(without)}" if without else _unusable(table[name])
+        if reason is not None:
+            why[name] = reason
+    usable = [each for each in table if each not in why]
+    why |= {
+        each: reason for each in usable if (reason := _stuck(each, table[usable], [frame[usable] for frame in frames]))
+    }
     kept: list[str] = []
-    for name in [each for each in names if each not in left]:
-        twin = next((other for other in kept if _same(name, other, traces)), None)
+    for name in (each for each in table if each not in why):
+        twin = next((other for other in kept if np.ptp((table[name] - table[other]).dropna()) <= _SAME_K), None)
         if twin is None:
             kept.append(name)
         else:
-            left[name] = f"reads the same as {twin.removesuffix('_degC')}"
-    out = tuple(LeftOut(name, left[name]) for name in names if name in left)
-    return Screened(tuple(_sensor(name, traces) for name in kept), out)
+            why[name] = f"reads the same as {twin.removesuffix('_degC')}"
+    left_out = tuple(LeftOut(name, why[name]) for name in table if name in why)
+    return Screened(tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept), left_out)
 
 
-def _absent(name: str, traces: Sequence[Trace]) -> str | None:
-    without = [trace.path for trace in traces if name not in trace.columns]
-    return f"not in {', '.join(without)}" if without else None
+def _is_zone(column: str) -> bool:
+    return column.endswith("_degC") and column != REFERENCE
 
 
-def _unusable(readings: Sequence[Array]) -> str | None:
+def _unusable(values: pd.Series) -> str | None:
     """Why the column by itself is of no use."""
-    values = np.concatenate(readings)
-    known = values[~np.isnan(values)]
-    missing = 1 - len(known) / max(len(values), 1)
-    if not len(known):
+    known = values.dropna()
+    if known.empty:
         return "empty"
-    if missing > _MOST_MISSING:
+    if (missing := values.isna().mean()) > _MOST_MISSING:
         return f"{100 * missing:.0f} % of its values are missing"
     if known.min() < LOWEST_DEGC or known.max() > HIGHEST_DEGC:
-        worst = known.min() if known.min() < LOWEST_DEGC else known.max()
-        return f"dead: it reads {worst:g} degC"
-    if np.ptp(known) == 0:
-        return f"constant: {known[0]:g} degC all the time"
+        return f"dead: it reads {known.min() if known.min() < LOWEST_DEGC else known.max():g} degC"
+    if known.min() == known.max():
+        return f"constant: {known.iloc[0]:g} degC all the time"
     return None
 
 
-def _idle(name: str, traces: Sequence[Trace], others: Sequence[str]) -> str | None:
+def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> str | None:
     """Why the column is of no use beside the others: it stands still while they move."""
-    peers = [other for other in others if other != name]
-    if not peers:
+    deviations = table.std(ddof=0)
+    others = deviations.drop(name)
+    if others.empty:
         return None
-    own = float(np.nanstd(np.concatenate([trace.columns[name] for trace in traces])))
-    theirs = float(np.median([np.nanstd(np.concatenate([trace.columns[each] for trace in traces])) for each in peers]))
+    own, theirs = deviations[name], others.median()
     if own < _IDLE_SHARE * theirs:
         return f"stuck: it moves by {own:.2g} degC (standard deviation), the median zone by {theirs:.2g}"
-    for trace in traces:
-        values = trace.columns[name]
-        start, stop = _longest_still(values)
-        lasted_s = float(trace.time_s[stop - 1] - trace.time_s[start])
-        whole_s = float(trace.time_s[-1] - trace.time_s[0])
-        if lasted_s < max(_STUCK_S, _STUCK_SHARE * whole_s):
+    for frame in frames:
+        start, stop = _longest_still(frame[name].to_numpy())
+        time_s = frame.index.to_numpy()
+        lasted_s = time_s[stop - 1] - time_s[start]
+        if lasted_s < max(_STUCK_S, _STUCK_SHARE * (time_s[-1] - time_s[0])):
             continue
-        moved = [_range(trace.columns[each][start:stop]) for each in peers]
-        if float(np.quantile(moved, 0.25)) > _MEANWHILE_K:
-            meanwhile = f"while the others moved by {float(np.median(moved)):.1f} degC (median)"
-            return f"stuck: {values[start]:g} degC from {trace.time_s[start]:g} s on for {lasted_s:.0f} s, {meanwhile}"
+        meanwhile = frame.drop(columns=name).iloc[start:stop]
+        moved = (meanwhile.max() - meanwhile.min()).fillna(0.0)
+        if moved.quantile(0.25) > _MEANWHILE_K:
+            place = f"{frame[name].iloc[start]:g} degC from {time_s[start]:g} s on for {lasted_s:.0f} s"
+            return f"stuck: {place}, while the others moved by {moved.median():.1f} degC (median)"
     return None
 
 
 def _longest_still(values: Array) -> tuple[int, int]:
     """The longest run (start, stop) of one and the same reading."""
-    breaks = np.flatnonzero(np.diff(values) != 0) + 1
-    edges = np.concatenate([[0], breaks, [len(values)]])
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1, [len(values)]])
     longest = int(np.argmax(np.diff(edges)))
     return int(edges[longest]), int(edges[longest + 1])
 
 
-def _range(values: Array) -> float:
-    known = values[~np.isnan(values)]
-    return float(np.ptp(known)) if len(known) else 0.0
-
-
-def _same(one: str, other: str, traces: Sequence[Trace]) -> bool:
-    """Whether two columns differ by a constant at most."""
-    apart = np.concatenate([trace.columns[one] - trace.columns[other] for trace in traces])
-    known = apart[~np.isnan(apart)]
-    return len(known) > 0 and float(np.ptp(known)) <= _SAME_K
-
-
-def _sensor(name: str, traces: Sequence[Trace]) -> Sensor:
-    """Second differences of white noise have six times its variance; their median shrugs off what really moves."""
-    known = [values[~np.isnan(values)] for values in (trace.columns[name] for trace in traces)]
+def _sensor(name: str, columns: Sequence[pd.Series]) -> Sensor:
+    """Second differences of white noise have six times its variance; their median ignores what really moves."""
+    known = [each.dropna().to_numpy() for each in columns]
     levels = np.unique(np.round(np.concatenate(known), 6))
     step = float(np.round(np.diff(levels).min(), 6))
     bends = np.concatenate([np.diff(each, 2) for each in known])
+    # 1.4826: from a median absolute deviation to a standard deviation, of normal errors
     noise = 1.4826 * float(np.median(np.abs(bends))) / np.sqrt(6) if len(bends) else 0.0
     return Sensor(name, step, max(noise, step / np.sqrt(12)))

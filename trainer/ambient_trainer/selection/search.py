@@ -1,13 +1,13 @@
-"""The search: screen the zones, choose a bank, select the sensors, fit the winners, wire them.
+"""The search: screen the zones, choose poles, select the sensors, fit the winners, search their circuits.
 
-Everything that takes time goes through :class:`Work`; what stands here is the same, however often it is run.
+Everything that takes time goes through :class:`ResumablePool`; the rest is deterministic, however often it is run.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,38 +19,34 @@ from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.blocks import Block, cut_in_blocks
 from ambient_trainer.selection.bank import banks
-from ambient_trainer.selection.check import checked, fit_to_check
-from ambient_trainer.selection.fitted import fitted_circuit
-from ambient_trainer.selection.forward import best_sets, swaps
-from ambient_trainer.selection.found import Alternative, Chosen, Found, FoundCircuit, FreeFit, Options
-from ambient_trainer.selection.front import HeldOut, fewest_within_one_error
+from ambient_trainer.selection.floating import best_sets, swaps
 from ambient_trainer.selection.grams import Grams, Sensors, gathered
-from ambient_trainer.selection.screen import LeftOut, Screened, Sensor
-from ambient_trainer.selection.stepwise import best_wiring
-from ambient_trainer.selection.tasks import (
-    BankScores,
-    FreeFits,
-    SetScores,
-    WiringFits,
-    bank_key,
-    candidate_of,
-    key_of,
-    wiring_error,
+from ambient_trainer.selection.result import (
+    NEAR_DEGC,
+    Alternative,
+    HeldOut,
+    Options,
+    ScoredSystem,
+    SearchResult,
+    SelectedCircuit,
+    SelectedSet,
+    TraceScores,
 )
-from ambient_trainer.selection.wiring import Wiring, can_be_named, circuit_of
-from ambient_trainer.selection.work import Work
+from ambient_trainer.selection.resumable import ResumablePool
+from ambient_trainer.selection.screen import LeftOut, Screened, Sensor
+from ambient_trainer.selection.tasks import CircuitFits, FreeFits, PoleScores, SetScores
+from ambient_trainer.selection.topology import Topology, can_be_named, circuit_of, pruned
+from ambient_trainer.selection.topology_search import best_topology
 
-NEAR_DEGC = 0.02
-"""Within this two sets are as good as each other."""
 _SAMPLES_PER_UNKNOWN = 10
-_BANK_SENSORS = 3
+_POLES_BY_SENSORS = 3
 _SETS_AT_ONCE = 128
 _CIRCUIT_SAMPLES = 10_000
-_TIMES_SHOWN = 40
+_SLOWEST_SHARE = 1 / 40
 
 
 @dataclass(frozen=True)
-class Data:
+class SearchData:
     """The traces on one grid, and what may be chosen from them."""
 
     traces: tuple[Trace, ...]
@@ -61,21 +57,23 @@ class Data:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The sensors'."""
+        """Names of the sensors."""
         return tuple(each.name for each in self.sensors)
 
     @property
+    def source(self) -> str:
+        """The traces, for messages."""
+        return ", ".join(each.path for each in self.traces)
+
+    @property
     def period_s(self) -> float:
-        """The grid's."""
+        """Period of the grid."""
         return self.segments[0].period_s
 
     @property
     def samples(self) -> tuple[float, ...]:
         """With a reference, by block."""
-        return tuple(
-            float(np.count_nonzero(~np.isnan(self.segments[each.segment].outputs[0, each.start : each.stop])))
-            for each in self.blocks
-        )
+        return tuple(float(_scored(self.segments, each, each.start, each.stop)) for each in self.blocks)
 
     def numbers(self, names: Sequence[str]) -> Sensors:
         """The places of sensors by name; raises :class:`Refused` for one that is not among them."""
@@ -83,66 +81,89 @@ class Data:
         for name in names:
             if name not in self.names:
                 problem = f"left out: {out[name]}" if name in out else "no such sensor"
-                source = ", ".join(each.path for each in self.traces)
-                raise refuse(source, name, problem, f"take of {', '.join(self.names)}")
+                raise refuse(self.source, name, problem, f"take of {', '.join(self.names)}")
         return tuple(sorted(self.names.index(name) for name in names))
 
 
-def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> Data:
+def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> SearchData:
     """Lay the usable ``zones`` of ``traces`` on a grid; raises :class:`Refused` where nothing can be learned."""
     sensors, left_out = zones
     source = ", ".join(each.path for each in traces)
     if not sensors:
         whys = "; ".join(f"{each.column}: {each.why}" for each in left_out)
-        raise refuse(source, "", f"no zone can teach anything ({whys})", "log others")
+        raise refuse(source, "", f"no zone is usable ({whys})", "log others")
     for trace in traces:
         reference = trace.reference
         if np.isnan(reference).all() or np.nanmax(reference) == np.nanmin(reference):
             raise refuse(trace.path, f"column {REFERENCE}", "never changes", "log a run in which the ambient moves")
     period_s = options.period_s or max(sampling_period_s(each.time_s) for each in traces)
-    laid = _laid(traces, sensors, period_s)
+    laid = _on_grid(traces, sensors, period_s)
     samples = sum(int(np.count_nonzero(~np.isnan(each.outputs[0]))) for each in laid)
     unknowns = min(options.most, len(sensors)) * (1 + options.order) + 1
     if samples < _SAMPLES_PER_UNKNOWN * unknowns:
-        mend = f"log {_SAMPLES_PER_UNKNOWN} each, or ask for fewer sensors (--most) or states (--order)"
-        raise refuse(source, "", f"{samples} samples for up to {unknowns} unknowns", mend)
+        hint = f"log {_SAMPLES_PER_UNKNOWN} each, or ask for fewer sensors (--most) or states (--order)"
+        raise refuse(source, "", f"{samples} samples for up to {unknowns} unknowns", hint)
     blocks = cut_in_blocks(laid, options.blocks, options.gap_s, source)
-    left = min(samples - _untaught(laid[each.segment], each) for each in blocks)
+    left = min(samples - _scored(laid, each, each.first, each.last) for each in blocks)
     if left <= unknowns:
-        problem = f"beside a block and its gaps {left} samples are left to teach up to {unknowns} unknowns"
+        problem = f"beside a block and its gaps {left} samples are left to fit up to {unknowns} unknowns"
         raise refuse(source, "", problem, "narrow the --gap, or ask for more --blocks")
-    return Data(tuple(traces), sensors, left_out, laid, blocks)
-
-
-def _untaught(segment: Segment, block: Block) -> int:
-    """How many samples with a reference lie in the block and its gaps."""
-    return int(np.count_nonzero(~np.isnan(segment.outputs[0, block.first : block.last])))
+    return SearchData(tuple(traces), sensors, left_out, laid, blocks)
 
 
 def searched(
-    data: Data,
+    data: SearchData,
     options: Options,
-    work: Work,
+    pool: ResumablePool,
     against: Sequence[str] = (),
     checks: Sequence[Trace] = (),
     with_circuits: bool = True,
-) -> Found:
-    """Search ``data``; ``against`` names a set to compare with, ``checks`` are scored and choose nothing."""
-    named = data.numbers(against)
-    for each in checks:
-        fit_to_check(each, data.sensors)
-    poles_s = _bank(data, options, work)
+) -> SearchResult:
+    """Search ``data`` for the best sets of sensors and, ``with_circuits``, their circuits.
+
+    Parameters
+    ----------
+    data : SearchData
+        From :func:`prepared`.
+    options : Options
+        The same as for ``data``.
+    pool : ResumablePool
+        Computes the results, or knows them.
+    against : sequence of str
+        Names of sensors: a set to compare with.
+    checks : sequence of Trace
+        Traces that are scored and have no part in the selection.
+    with_circuits : bool
+        Whether to search for circuits too.
+
+    Returns
+    -------
+    SearchResult
+
+    Raises
+    ------
+    Refused
+        Where ``against`` or a trace of ``checks`` lacks a sensor; nothing is computed then.
+    """
+    compared = data.numbers(against)
+    for trace in checks:
+        _check_scorable(trace, data.sensors)
+    poles_s = _best_poles(data, options, pool)
     grams = gathered(data.segments, data.blocks, data.sensors, poles_s, options.tolerance_degC)
-    task = SetScores(grams)
-    selection = _Selection(task, work)
+    selection = _Selection(SetScores(grams), pool)
     everyone = range(len(data.sensors))
     best = selection.best(everyone, options.most)
-    wanted = [*best, named] if named else best
-    fits = _free_fits(data, options, work, wanted)
-    sizes = tuple(_chosen(data, grams, each, fits[each], selection.near(each, everyone)) for each in best)
-    unnamed = [each for each in data.names if not can_be_named(each)]
-    circuits = _circuits(data, options, work, selection, poles_s, unnamed) if with_circuits else {}
-    found = Found(
+    fit = FreeFits(data.segments, data.blocks, options.order)
+    fits = pool.results("free filters", fit, [*best, compared] if compared else best)
+
+    def selected(members: Sensors, alternatives: Sequence[Alternative] = ()) -> SelectedSet:
+        return _selected(data, grams, members, _free_filter(data, fit, members, fits[members]), alternatives)
+
+    sizes = tuple(selected(each, _alternatives(data, selection, each)) for each in best)
+    compared_set = selected(compared) if compared else None
+    unnamed = tuple(each for each in data.names if not can_be_named(each))
+    circuits = _circuits(data, options, pool, selection, poles_s, unnamed) if with_circuits else {}
+    return SearchResult(
         traces=tuple(each.path for each in data.traces),
         simulated=any(each.notes.get("simulated") == "yes" for each in data.traces),
         options=options,
@@ -154,156 +175,160 @@ def searched(
         blocks=len(data.blocks),
         block_s=float(np.median([each.stop - each.start for each in data.blocks])) * data.period_s,
         gap_s=max(each.start - each.first for each in data.blocks) * data.period_s,
-        sets_tried=selection.tried,
+        sets_tried=len(selection.errors),
         sizes=sizes,
-        named=fewest_within_one_error([each.held_out for each in sizes]),
-        against=_chosen(data, grams, named, fits[named], {}) if named else None,
+        against=compared_set,
         circuits=circuits,
-        unnamed=tuple(unnamed),
-        checks=(),
+        unnamed=unnamed,
+        checks=tuple(_scores_on(each, sizes, circuits, compared_set) for each in checks),
     )
-    return replace(found, checks=tuple(checked(found, each) for each in checks))
 
 
 class _Selection:
-    """Sets of sensors, scored once each."""
+    """Sets of sensors, each scored once."""
 
-    def __init__(self, task: SetScores, work: Work) -> None:
-        self.task = task
-        self.work = work
-        self._known: dict[str, float] = {}
-
-    @property
-    def tried(self) -> int:
-        """How many sets were scored."""
-        return len(self._known)
+    def __init__(self, task: SetScores, pool: ResumablePool) -> None:
+        self.errors: dict[Sensors, float] = {}
+        self._task = task
+        self._pool = pool
 
     def score(self, candidates: Sequence[Sensors]) -> list[float]:
-        keys = [key_of(each) for each in candidates]
-        missing = [each for each in keys if each not in self._known]
+        missing = [each for each in candidates if each not in self.errors]
         if missing:
-            size = len(candidate_of(missing[0]))
-            what = f"sets of {size} sensor{'s' * (size > 1)}"
-            self._known.update(self.work.results(what, self.task, missing, _SETS_AT_ONCE))
-        return [self._known[each] for each in keys]
+            what = f"sets of {_counted(len(missing[0]))}"
+            self.errors.update(self._pool.results(what, self._task, missing, _SETS_AT_ONCE))
+        return [self.errors[each] for each in candidates]
 
     def best(self, allowed: Sequence[int], most: int) -> list[Sensors]:
         return best_sets(allowed, most, self.score)
 
-    def near(self, members: Sensors, allowed: Sequence[int]) -> dict[tuple[int, int], float]:
-        """Per (out, in) by how much a swap is worse, where that is little."""
-        moves = swaps(members, allowed)
-        own, *others = self.score([members, *(each for _, _, each in moves)])
-        return {(out, new): error - own for (out, new, _), error in zip(moves, others) if error - own <= NEAR_DEGC}
+
+def _alternatives(data: SearchData, selection: _Selection, members: Sensors) -> list[Alternative]:
+    """The swaps of one sensor that cost little, by sensor and cost."""
+    moves = swaps(members, range(len(data.sensors)))
+    own, *others = selection.score([members, *(each for _, _, each in moves)])
+    near = [(out, error - own, new) for (out, new, _), error in zip(moves, others) if error - own <= NEAR_DEGC]
+    return [
+        Alternative(data.names[out], data.names[new], worse)
+        for out, worse, new in sorted(near, key=lambda each: each[:2])
+    ]
 
 
-def _laid(traces: Sequence[Trace], sensors: Sequence[Sensor], period_s: float) -> tuple[Segment, ...]:
+def _best_poles(data: SearchData, options: Options, pool: ResumablePool) -> tuple[float, ...]:
+    """The poles over which the best few sensors leave the least error."""
+    longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
+    offered = banks(options.order, data.period_s, longest_s)
+    few = min(options.most, _POLES_BY_SENSORS)
+    task = PoleScores(data.segments, data.blocks, data.sensors, options.tolerance_degC, few)
+    errors = pool.results("fixed poles", task, offered)
+    return min(offered, key=lambda each: (errors[each], each))
+
+
+def _free_filter(data: SearchData, task: FreeFits, members: Sensors, fit: dict[str, Any]) -> ScoredSystem:
+    system = task.structure(members).system(np.array(fit["theta"]), np.array(fit["beta"]))
+    held_out = HeldOut(tuple(fit["squares"]), data.samples)
+    return ScoredSystem(system, "first-order", tuple(data.sensors[each].column for each in members), held_out)
+
+
+def _selected(
+    data: SearchData, grams: Grams, members: Sensors, free: ScoredSystem, alternatives: Sequence[Alternative]
+) -> SelectedSet:
+    fitted = grams.fitted(members)
+    held_out = HeldOut(tuple(grams.squares([members])[0].tolist()), data.samples)
+    return SelectedSet(
+        sensors=tuple(data.names[each] for each in members),
+        fixed=ScoredSystem(fitted.system, "first-order", free.columns, held_out),
+        dc_gains=fitted.dc_gains,
+        noise_gain=fitted.noise_gain(data.period_s),
+        noise_degC=fitted.noise_degC([data.sensors[each].noise_degC for each in members], data.period_s),
+        free=free,
+        alternatives=tuple(alternatives),
+    )
+
+
+def _circuits(
+    data: SearchData,
+    options: Options,
+    pool: ResumablePool,
+    selection: _Selection,
+    poles_s: tuple[float, ...],
+    unnamed: Sequence[str],
+) -> dict[int, SelectedCircuit]:
+    """Per size the best circuit of the best sensors that a circuit file can name."""
+    allowed = [index for index, name in enumerate(data.names) if name not in unnamed]
+    coarse = _on_grid(data.traces, data.sensors, _circuit_period_s(data))
+    blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, data.source)
+    samples = tuple(float(_scored(coarse, each, each.start, each.stop)) for each in blocks)
+    # time constants to start from, slowest first
+    longest_s = max(each.inputs.shape[1] * each.period_s for each in coarse)
+    slowest_s = max(_SLOWEST_SHARE * longest_s, poles_s[0])
+    tau_s = tuple(np.geomspace(slowest_s, poles_s[0], max(options.order, 2)).tolist())
+    task = CircuitFits(coarse, blocks, data.names, tau_s)
+    best = selection.best(allowed, options.most)
+    return {
+        len(members): _best_circuit(task, pool, [data.names[each] for each in members], samples, options.order)
+        for members in best
+    }
+
+
+def _best_circuit(
+    task: CircuitFits, pool: ResumablePool, names: Sequence[str], samples: tuple[float, ...], order: int
+) -> SelectedCircuit:
+    fits: dict[Topology, dict[str, Any]] = {}
+
+    def score(topologies: Sequence[Topology]) -> list[float]:
+        fits.update(pool.results(f"circuits of {_counted(len(names))}", task, topologies))
+        return [HeldOut(tuple(fits[each]["squares"]), samples).rmse_degC for each in topologies]
+
+    topology = best_topology(names, order, score)
+    fit = fits[topology]
+    held_out = HeldOut(tuple(fit["squares"]), samples)
+    values = task.structure(topology).values(np.array(fit["theta"]), np.array(fit["beta"]))
+    about = (
+        f"Found by a search over {len(fits)} circuits of {', '.join(names)}; "
+        f"{held_out.rmse_degC:.3g} degC off on blocks of time that it was not fitted to"
+    )
+    circuit, less = pruned(circuit_of(topology, task.tau_s, f"search_{len(names)}", about), topology, values)
+    system = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
+    return SelectedCircuit(circuit, less, ScoredSystem(system, circuit.hold, circuit.inputs, held_out), len(fits))
+
+
+def _scores_on(
+    trace: Trace, sizes: Sequence[SelectedSet], circuits: dict[int, SelectedCircuit], against: SelectedSet | None
+) -> TraceScores:
+    return TraceScores(
+        path=trace.path,
+        fixed=tuple(each.fixed.rmse_degC(trace) for each in sizes),
+        free=tuple(each.free.rmse_degC(trace) for each in sizes),
+        circuits={size: each.scored.rmse_degC(trace) for size, each in circuits.items()},
+        against=(against.fixed.rmse_degC(trace), against.free.rmse_degC(trace)) if against else None,
+    )
+
+
+def _check_scorable(trace: Trace, sensors: Sequence[Sensor]) -> None:
+    """Refuse, before any work, a trace on which not every one of ``sensors`` could be scored."""
+    if np.isnan(trace.reference).all():
+        raise refuse(trace.path, f"column {REFERENCE}", "holds no value at all", "log it, or check another trace")
+    absent = [each.column for each in sensors if each.column not in trace.columns]
+    if absent:
+        raise refuse(trace.path, "line 1", f"no column {', '.join(absent)}", "check a trace of the same device")
+
+
+def _on_grid(traces: Sequence[Trace], sensors: Sequence[Sensor], period_s: float) -> tuple[Segment, ...]:
     columns = [each.column for each in sensors]
     return tuple(each for trace in traces for each in segments(trace, columns, [REFERENCE], period_s))
 
 
-def _bank(data: Data, options: Options, work: Work) -> tuple[float, ...]:
-    """The bank over which the best few sensors leave the least."""
-    longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
-    offered = banks(options.order, data.period_s, longest_s)
-    few = min(options.most, _BANK_SENSORS)
-    task = BankScores(data.segments, data.blocks, data.sensors, options.tolerance_degC, few)
-    errors = work.results("banks of poles", task, [bank_key(each) for each in offered], 1)
-    return min(offered, key=lambda each: (errors[bank_key(each)], each))
-
-
-def _free_fits(
-    data: Data, options: Options, work: Work, sets: Sequence[Sensors]
-) -> dict[Sensors, tuple[FreeFits, dict[str, Any]]]:
-    task = FreeFits(data.segments, data.blocks, options.order)
-    found = work.results("free filters", task, [key_of(each) for each in sets], 1)
-    return {each: (task, found[key_of(each)]) for each in sets}
-
-
-def _chosen(
-    data: Data,
-    grams: Grams,
-    members: Sensors,
-    fit: tuple[FreeFits, dict[str, Any]],
-    near: Mapping[tuple[int, int], float],
-) -> Chosen:
-    task, value = fit
-    fitted = grams.fitted(members)
-    names = data.names
-    return Chosen(
-        sensors=tuple(names[each] for each in members),
-        filter=fitted,
-        held_out=HeldOut(tuple(grams.squares([members])[0].tolist()), data.samples),
-        noise_gain=fitted.noise_gain(data.period_s),
-        noise_degC=fitted.noise_degC([data.sensors[each].noise_degC for each in members], data.period_s),
-        free=FreeFit(
-            task.structure(members).system(np.array(value["theta"]), np.array(value["beta"])),
-            tuple(data.sensors[each].column for each in members),
-            HeldOut(tuple(value["squares"]), data.samples),
-        ),
-        alternatives=tuple(
-            Alternative(names[out], names[new], worse)
-            for (out, new), worse in sorted(near.items(), key=lambda each: (each[0][0], each[1]))
-        ),
-    )
-
-
-def _circuit_period_s(data: Data) -> float:
+def _circuit_period_s(data: SearchData) -> float:
     """A multiple of the period that leaves no more samples than hundreds of circuits can be fitted to."""
     total = sum(each.inputs.shape[1] for each in data.segments)
     return data.period_s * math.ceil(total / _CIRCUIT_SAMPLES)
 
 
-def _circuits(
-    data: Data,
-    options: Options,
-    work: Work,
-    selection: _Selection,
-    poles_s: tuple[float, ...],
-    unnamed: Sequence[str],
-) -> dict[int, FoundCircuit]:
-    """Per size the best circuit of the best sensors that a circuit file can name."""
-    allowed = [index for index, name in enumerate(data.names) if name not in unnamed]
-    coarse = _laid(data.traces, data.sensors, _circuit_period_s(data))
-    source = ", ".join(each.path for each in data.traces)
-    blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, source)
-    whole = replace(data, segments=coarse, blocks=blocks)
-    task = WiringFits(coarse, blocks, data.names, _starting_tau_s(coarse, poles_s[0], options.order))
-    found = {}
-    for members in selection.best(allowed, options.most):
-        names = [data.names[each] for each in members]
-        found[len(names)] = _best_circuit(task, work, names, whole.samples, options.order)
-    return found
+def _scored(laid: Sequence[Segment], block: Block, start: int, stop: int) -> int:
+    """How many samples from ``start`` to ``stop`` of the block's segment have a reference."""
+    return int(np.count_nonzero(~np.isnan(laid[block.segment].outputs[0, start:stop])))
 
 
-def _starting_tau_s(laid: Sequence[Segment], fastest_s: float, states: int) -> tuple[float, ...]:
-    """Time constants to start from, slowest first: from what a stretch shows forty times to the bank's fastest."""
-    longest_s = max(each.inputs.shape[1] * each.period_s for each in laid)
-    slowest_s = max(longest_s / _TIMES_SHOWN, fastest_s)
-    return tuple(np.geomspace(slowest_s, fastest_s, max(states, 2)).tolist())
-
-
-def _best_circuit(
-    task: WiringFits, work: Work, names: Sequence[str], samples: tuple[float, ...], order: int
-) -> FoundCircuit:
-    fits: dict[str, Any] = {}
-
-    def score(wirings: Sequence[Wiring]) -> list[float]:
-        keys = [each.text for each in wirings]
-        what = f"circuits of {len(names)} sensor{'s' * (len(names) > 1)}"
-        fits.update(work.results(what, task, keys, 1))
-        return [wiring_error(fits[key], sum(samples)) for key in keys]
-
-    wiring = best_wiring(names, order, score)
-    value = fits[wiring.text]
-    held_out = HeldOut(tuple(value["squares"]), samples)
-    structure = task.structure(wiring)
-    theta, beta = np.array(value["theta"]), np.array(value["beta"])
-    about = (
-        f"Found by a search over {len(fits)} circuits of {', '.join(names)}; "
-        f"{held_out.rmse_degC:.3g} degC off on blocks of time that it was not fitted to"
-    )
-    drawn = circuit_of(wiring, task.tau_s, f"search_{len(names)}", about)
-    circuit, less = fitted_circuit(drawn, wiring, structure.values(theta, beta))
-    system = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
-    return FoundCircuit(circuit, less, system, held_out, len(fits))
+def _counted(sensors: int) -> str:
+    return f"{sensors} sensor{'s' * (sensors > 1)}"

@@ -12,78 +12,61 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.blocks import Block
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.held_out import Refitted, Spending, refitted
-from ambient_trainer.selection.forward import best_sets
+from ambient_trainer.estimation.held_out import Spending, refitted
+from ambient_trainer.estimation.structure import Structure
+from ambient_trainer.selection.floating import best_sets
 from ambient_trainer.selection.grams import Grams, Sensors, gathered
 from ambient_trainer.selection.screen import Sensor
-from ambient_trainer.selection.wiring import Wiring, circuit_of
+from ambient_trainer.selection.topology import Topology, circuit_of
 
 _FILTER = Spending(starts=2, whole=200, without=12)
 _CIRCUIT = Spending(starts=1, whole=60, without=5)
-"""Of hundreds: where a wiring leaves a direction open a search would creep along it for long."""
-
-
-def bank_key(poles_s: Sequence[float]) -> str:
-    """A bank as a key."""
-    return ",".join(map(repr, poles_s))
-
-
-def key_of(candidate: Sensors) -> str:
-    """A candidate as a key."""
-    return ",".join(map(str, candidate))
-
-
-def candidate_of(key: str) -> Sensors:
-    """The inverse of :func:`key_of`."""
-    return tuple(map(int, key.split(",")))
+"""Of hundreds: where a topology leaves a direction open a search would creep along it for long."""
 
 
 @dataclass(frozen=True)
-class BankScores:
-    """The held-out RMSE in degC of the best few sensors over a bank, its key."""
+class PoleScores:
+    """The held-out RMSE in degC of the best few sensors over fixed poles, the key."""
 
     segments: tuple[Segment, ...]
     blocks: tuple[Block, ...]
     sensors: tuple[Sensor, ...]
     tolerance_degC: float
     most: int
-    name: str = "bank"
+    name: str = "poles"
 
-    def __call__(self, keys: Sequence[str]) -> list[float]:
-        """The error a bank."""
-        return [self._score(tuple(map(float, key.split(",")))) for key in keys]
+    def __call__(self, keys: Sequence[tuple[float, ...]]) -> list[float]:
+        """The error of each set of time constants in s."""
+        return [self._score(key) for key in keys]
 
     def _score(self, poles_s: tuple[float, ...]) -> float:
-        task = SetScores(gathered(self.segments, self.blocks, self.sensors, poles_s, self.tolerance_degC))
-
-        def score(candidates: Sequence[Sensors]) -> list[float]:
-            return task([key_of(each) for each in candidates]) if candidates else []
-
-        best = best_sets(range(len(self.sensors)), self.most, score)
-        return min(score([each])[0] for each in best)
+        score = SetScores(gathered(self.segments, self.blocks, self.sensors, poles_s, self.tolerance_degC))
+        return min(score([each])[0] for each in best_sets(range(len(self.sensors)), self.most, score))
 
 
 @dataclass(frozen=True)
 class SetScores:
-    """The held-out RMSE in degC of a set of sensors, its key, over a bank."""
+    """The held-out RMSE in degC of a set of sensors, the key, over fixed poles."""
 
     grams: Grams
 
     @property
     def name(self) -> str:
-        """Of the task, which goes with the bank."""
-        return f"set {bank_key(self.grams.poles_s)}"
+        """Of the task, which goes with the poles."""
+        return f"set {self.grams.poles_s}"
 
-    def __call__(self, keys: Sequence[str]) -> list[float]:
-        """All keys name sets of one size."""
-        squares = self.grams.squares([candidate_of(key) for key in keys])
-        found: list[float] = np.sqrt(squares.sum(axis=1) / self.grams.samples.sum()).tolist()
-        return found
+    def __call__(self, keys: Sequence[Sensors]) -> list[float]:
+        """The error of each set; all are of one size."""
+        if not keys:
+            return []
+        squares = self.grams.squares(keys)
+        errors: list[float] = np.sqrt(squares.sum(axis=1) / self.grams.samples.sum()).tolist()
+        return errors
 
 
 @dataclass(frozen=True)
 class FreeFits:
-    """The free filter of a set of sensors, its key, and its squares by block; ``segments`` hold all sensors."""
+    """The free filter of a set of sensors, the key, and its squares by block; ``segments`` hold all sensors."""
 
     segments: tuple[Segment, ...]
     blocks: tuple[Block, ...]
@@ -94,21 +77,18 @@ class FreeFits:
         """Of the task."""
         return f"free-{self.order}"
 
-    def __call__(self, keys: Sequence[str]) -> list[dict[str, Any]]:
-        """A fit a key."""
-        return [self._fit(candidate_of(key)) for key in keys]
+    def __call__(self, keys: Sequence[Sensors]) -> list[dict[str, Any]]:
+        """A fit a set."""
+        return [_fit(self.structure(key), self.blocks, _FILTER) for key in keys]
 
     def structure(self, candidate: Sensors) -> FreeFilter:
         """The filter over the readings of these sensors."""
         return FreeFilter(self.order, rows_of(self.segments, candidate))
 
-    def _fit(self, candidate: Sensors) -> dict[str, Any]:
-        return _kept(refitted(self.structure(candidate), self.blocks, _FILTER))
-
 
 @dataclass(frozen=True)
-class WiringFits:
-    """The circuit of a wiring, its key, and its squares by block; ``segments`` hold ``sensors`` in this order."""
+class CircuitFits:
+    """The circuit of a topology, the key, and its squares by block; ``segments`` hold ``sensors`` in this order."""
 
     segments: tuple[Segment, ...]
     blocks: tuple[Block, ...]
@@ -116,19 +96,16 @@ class WiringFits:
     tau_s: tuple[float, ...]
     name: str = "circuit"
 
-    def __call__(self, keys: Sequence[str]) -> list[dict[str, Any]]:
-        """A fit a key."""
-        return [_kept(self._fit(Wiring.of_text(key))) for key in keys]
+    def __call__(self, keys: Sequence[Topology]) -> list[dict[str, Any]]:
+        """A fit a topology."""
+        return [_fit(self.structure(key), self.blocks, _CIRCUIT) for key in keys]
 
-    def structure(self, wiring: Wiring) -> CircuitStructure:
+    def structure(self, topology: Topology) -> CircuitStructure:
         """The circuit over the readings of its sensors."""
-        circuit = circuit_of(wiring, self.tau_s, "candidate", "candidate")
+        circuit = circuit_of(topology, self.tau_s, "candidate", "candidate")
         # a circuit orders its inputs by its nodes
         rows = [self.sensors.index(each.removesuffix("_degC")) for each in circuit.inputs]
         return CircuitStructure(circuit, rows_of(self.segments, rows))
-
-    def _fit(self, wiring: Wiring) -> Refitted:
-        return refitted(self.structure(wiring), self.blocks, _CIRCUIT)
 
 
 def rows_of(segments: Sequence[Segment], rows: Sequence[int]) -> list[Segment]:
@@ -136,11 +113,10 @@ def rows_of(segments: Sequence[Segment], rows: Sequence[int]) -> list[Segment]:
     return [Segment(each.period_s, each.inputs[list(rows)], each.outputs) for each in segments]
 
 
-def wiring_error(value: dict[str, Any], samples: float) -> float:
-    """The held-out RMSE in degC of what a fit left."""
-    return float(np.sqrt(sum(value["squares"]) / samples))
-
-
-def _kept(found: Refitted) -> dict[str, Any]:
-    best = found.solution
-    return {"theta": best.theta.tolist(), "beta": best.beta.tolist(), "squares": list(found.squares)}
+def _fit(structure: Structure, blocks: Sequence[Block], spending: Spending) -> dict[str, Any]:
+    fit = refitted(structure, blocks, spending)
+    return {
+        "theta": fit.solution.theta.tolist(),
+        "beta": fit.solution.beta.tolist(),
+        "squares": list(fit.squares),
+    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -24,8 +23,7 @@ from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import counted_progress
 
 if TYPE_CHECKING:
-    from ambient_trainer.data.trace import Trace
-    from ambient_trainer.selection.found import Found, Options
+    from ambient_trainer.selection.result import Options, SearchResult
 
 
 @click.command("search")
@@ -40,10 +38,12 @@ if TYPE_CHECKING:
     type=FiniteRange(min=1e-3, max=10),
     default=0.1,
     show_default=True,
-    help="What each sensor may be off, as noise and for long.",
+    help="Error of each sensor, as noise and as a bias.",
 )
 @click.option("--against", metavar="A,B,...", help="Score this set beside the best, such as usb,battery.")
-@click.option("--check", "check_paths", metavar="TRACE", multiple=True, help="Score on this, too; it chooses nothing.")
+@click.option(
+    "--check", "check_paths", metavar="TRACE", multiple=True, help="Score on this, too; nothing is chosen by it."
+)
 @click.option("--circuits", "circuit_folder", metavar="DIR", help="Write the best circuit of each size to this folder.")
 @click.option("--no-circuits", is_flag=True, help="Search for sensors only.")
 @window_options
@@ -64,16 +64,17 @@ def command(
     jobs: int,
     **options: Any,
 ) -> None:
-    """Search the temperatures of one or several TRACEs for those that tell ambient_degC best, one to --most of them.
+    """Search the temperatures of one or several TRACEs for those that estimate ambient_degC best, one to --most.
 
-    A zone that is dead, constant, stuck or a double is said and left out. With --state, Ctrl-C loses nothing: the same
-    command goes on where it stopped.
+    A zone that is dead, constant, stuck or a double is left out, with the reason. With --state, Ctrl-C loses nothing:
+    the same command goes on where it stopped.
     """
-    from ambient_trainer.data.trace import load_trace
-    from ambient_trainer.selection.found import Options  # scipy: --help should not wait for it
+    from ambient_trainer.data.trace import load_trace  # scipy: --help should not wait for it
     from ambient_trainer.selection.report import left_out_lines, report_of
+    from ambient_trainer.selection.result import Options
+    from ambient_trainer.selection.resumable import ResumablePool
     from ambient_trainer.selection.screen import screened
-    from ambient_trainer.selection.search import prepared
+    from ambient_trainer.selection.search import prepared, searched
 
     if no_circuits and circuit_folder is not None:
         raise click.UsageError("--circuits asks for what --no-circuits leaves out: give one of them")
@@ -86,10 +87,16 @@ def command(
     data = prepared(traces, zones, chosen)
     checks = [load_trace(path) for path in check_paths]
     identity = _identity(trace_paths, from_s, to_s, chosen)
-    found = _run(data, chosen, identity, state_path, jobs, sensor_names(against), checks, not no_circuits)
-    output.show(report_of(found))
+    try:
+        with counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
+            result = searched(data, chosen, pool, sensor_names(against), checks, not no_circuits)
+    except KeyboardInterrupt:
+        kept = f"what is done is kept in {state_path}: the same command goes on from there"
+        lost = "nothing was kept: with --state FILE the next one could go on from there"
+        raise click.ClickException(f"stopped; {kept if state_path else lost}") from None
+    output.show(report_of(result))
     if circuit_folder is not None:
-        _write_circuits(circuit_folder, found)
+        _write_circuits(circuit_folder, result)
 
 
 def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, options: Options) -> dict[str, Any]:
@@ -100,31 +107,7 @@ def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, op
     return {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(options)}
 
 
-def _run(
-    data: Any,
-    options: Options,
-    identity: dict[str, Any],
-    state_path: str | None,
-    jobs: int,
-    against: Sequence[str],
-    checks: Sequence[Trace],
-    with_circuits: bool,
-) -> Found:
-    from ambient_trainer.selection.search import searched
-    from ambient_trainer.selection.state import State
-    from ambient_trainer.selection.work import Work
-
-    with contextlib.closing(State(state_path, identity)) as state:
-        try:
-            with counted_progress() as progress, Work(jobs, state, progress) as work:
-                return searched(data, options, work, against, checks, with_circuits)
-        except KeyboardInterrupt:
-            kept = f"what is done is kept in {state_path}: the same command goes on from there"
-            lost = "nothing was kept: with --state FILE the next one could go on from there"
-            raise click.ClickException(f"stopped; {kept if state_path else lost}") from None
-
-
-def _write_circuits(folder: str, found: Found) -> None:
+def _write_circuits(folder: str, result: SearchResult) -> None:
     from ambient_trainer.circuits.write import save_circuit
 
     try:
@@ -133,7 +116,7 @@ def _write_circuits(folder: str, found: Found) -> None:
         raise refuse(
             folder, "", f"cannot be made a folder ({error.strerror})", "name another for the circuits"
         ) from error
-    for each in found.circuits.values():
+    for each in result.circuits.values():
         path = os.path.join(folder, f"{each.circuit.name}.yaml")
         save_circuit(path, each.circuit)
         click.echo(f"Circuit: {path}")

@@ -1,4 +1,4 @@
-"""Forward selection that looks back: grown sensor by sensor, every set is swapped and thinned until nothing gains.
+"""Floating forward selection: grown sensor by sensor, every set is swapped and thinned until nothing gains.
 
 Plain forward selection keeps its first choices for ever. Here a beam of good sets grows; then any one member may be
 swapped for any other sensor, round after round; and where a grown set less one member beats the best smaller set, the
@@ -57,7 +57,7 @@ def _grown(sets: Iterable[Sensors], allowed: Sequence[int]) -> set[Sensors]:
 def _swapped(beam: list[tuple[float, Sensors]], allowed: Sequence[int], score: Score) -> list[tuple[float, Sensors]]:
     """The beam after rounds of swaps, until its best gains no more."""
     while True:
-        pool = {found for _, members in beam for _, _, found in swaps(members, allowed)}
+        pool = {swapped for _, members in beam for _, _, swapped in swaps(members, allowed)}
         better = _ranked(pool | {members for _, members in beam}, score)
         if better[0][0] >= beam[0][0] - _ROUNDING:
             return better

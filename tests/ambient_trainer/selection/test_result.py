@@ -1,0 +1,32 @@
+"""Held-out error, one-standard-error rule, front and flatness, worked by hand."""
+
+from __future__ import annotations
+
+import pytest
+
+from ambient_trainer.selection.result import HeldOut, fewest_within_one_error, flat_from, pareto_front
+
+
+def held_out(*mean_squares):
+    return HeldOut(tuple(10 * each for each in mean_squares), (10.0,) * len(mean_squares))
+
+
+def test_mean_square_and_its_standard_error():
+    scored = held_out(1.0, 4.0, 4.0, 7.0)
+    assert (scored.mean_square, scored.rmse_degC) == (4.0, 2.0)
+    assert scored.standard_error_degC2 == pytest.approx((18 / 3) ** 0.5 / 2)
+    low, high = scored.interval_degC
+    assert (low**2, high**2) == pytest.approx((4 - scored.standard_error_degC2, 4 + scored.standard_error_degC2))
+    assert HeldOut((10.0, 90.0), (10.0, 30.0)).mean_square == 2.5  # long blocks count more
+
+
+def test_the_fewest_within_one_standard_error_of_the_least():
+    least = held_out(3.0, 4.0, 5.0)  # 4 and 0.577
+    assert fewest_within_one_error([held_out(9.0, 9.0, 9.0), held_out(4.5, 4.5, 4.5), least]) == 1
+    assert fewest_within_one_error([held_out(9.0, 9.0, 9.0), held_out(4.6, 4.6, 4.6), least]) == 2
+
+
+def test_the_front_and_where_it_is_flat():
+    assert pareto_front([3.0, 2.0, 2.0, 2.5, 1.0]) == [0, 1, 4]
+    assert flat_from([3.0, 1.0, 0.99, 0.985], 0.02) == 1
+    assert flat_from([3.0, 1.0, 0.99, 0.975], 0.02) == 2

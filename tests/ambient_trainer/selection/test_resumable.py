@@ -1,0 +1,95 @@
+"""A state file goes with its data and options, survives a kill, and leaves what is not its own alone."""
+
+from __future__ import annotations
+
+import sqlite3
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ambient_model.faults import Refused
+from ambient_trainer.selection.resumable import ResumablePool
+
+IDENTITY = {"traces": ["ab12"], "most": 6, "gap_s": None, "tolerance_degC": 0.1}
+
+
+class Third:
+    """A task whose results have digits to lose."""
+
+    name = "third"
+
+    def __call__(self, keys):
+        return [{"value": each[0] / 3, "tiny": 1e-300} for each in keys]
+
+
+@pytest.fixture
+def path(tmp_path):
+    return str(tmp_path / "state")
+
+
+def computed(path, keys, identity=IDENTITY, at_once=1):
+    """The results of ``keys``, and how many of them were computed."""
+    with ResumablePool(1, path, identity) as pool:
+        return pool.results("thirds", Third(), keys, at_once), pool.computed
+
+
+def test_what_was_computed_is_known_again_to_the_last_digit(path):
+    first, count = computed(path, [(1,), (2,), (1,)], at_once=2)
+    again, more = computed(path, [(1,), (2,), (5,)])
+    assert (count, more) == (2, 1)
+    assert again == {**first, (5,): {"value": 5 / 3, "tiny": 1e-300}}
+
+
+def test_without_a_path_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert computed(None, [(1,)])[1] == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("name", "value"), [("most", 5), ("traces", ["cd34"]), ("version", 9)])
+def test_a_state_of_something_else_is_refused_with_both_values(path, name, value):
+    computed(path, [(1,)])
+    with pytest.raises(Refused) as refused:
+        computed(path, [(1,)], {**IDENTITY, name: value})
+    assert name in str(refused.value)
+    assert f"this search has {value!r}" in str(refused.value)
+    assert "--state" in str(refused.value)
+    assert computed(path, [(1,)])[1] == 0
+
+
+def foreign():
+    database = sqlite3.connect(":memory:")
+    database.execute("CREATE TABLE mine (x)")
+    database.commit()
+    return database.serialize()
+
+
+@pytest.mark.parametrize("content", [b"", b"my notes\nof today\n", b'{"a": 1}\n', b"\xff\xfe\x00\n", foreign()])
+def test_a_file_that_is_none_is_refused_and_left_alone(tmp_path, path, content):
+    (tmp_path / "state").write_bytes(content)
+    with pytest.raises(Refused, match="is not the state of a search"):
+        computed(path, [(1,)])
+    assert (tmp_path / "state").read_bytes() == content
+
+
+def test_two_searches_cannot_share_one(path):
+    with ResumablePool(1, path, IDENTITY), pytest.raises(Refused, match="another search"):
+        ResumablePool(1, path, IDENTITY)
+    assert computed(path, [(1,)])[1] == 1
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("state") / "state"
+    computed(str(path), [(1,), (2,)])
+    whole = bytearray(path.read_bytes())
+    start = data.draw(st.integers(0, len(whole) - 1))
+    whole[start : start + 20] = data.draw(st.binary(min_size=1, max_size=20))
+    path.write_bytes(whole)
+    try:
+        results, _ = computed(str(path), [(7,)])
+    except Refused:
+        return
+    assert results[(7,)]["value"] == 7 / 3

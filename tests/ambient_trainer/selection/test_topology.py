@@ -1,0 +1,165 @@
+"""A topology becomes a circuit that a file can hold, that can be fitted, and whose every parameter is identifiable."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ambient_trainer.circuits.assemble import assemble
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.write import write_circuit
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.lti.response import response_degC
+from ambient_trainer.selection.tasks import CircuitFits
+from ambient_trainer.selection.topology import (
+    Topology,
+    can_be_named,
+    circuit_of,
+    initial_topologies,
+    neighbours,
+    pruned,
+)
+from ambient_trainer.selection.topology_search import best_topology
+
+SENSORS = ("left", "mixed", "right")
+TAU_S = (90.0, 20.0, 6.0)
+HIDDEN = Topology(
+    "temperature",
+    ("left", "right"),
+    ("hidden1", "hidden2"),
+    (("hidden1", "hidden2"), ("hidden1", "left"), ("hidden1", "right"), ("hidden2", "right")),
+)
+OWN = Topology("rise", ("left", "mixed", "right"), ("left",), (("left", "mixed"), ("left", "right")))
+
+
+def walked(sensors, most_states, seed, steps=40):
+    """Topologies on a random walk from each start."""
+    random = np.random.default_rng(seed)
+    passed = []
+    for here in initial_topologies(sensors, most_states):
+        for _ in range(steps):
+            around = neighbours(here, most_states)
+            here = around[random.integers(len(around))]
+            passed.append(here)
+    return list(dict.fromkeys(passed))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_every_step_leads_to_a_circuit_that_a_file_can_hold(seed):
+    for topology in walked(SENSORS, 3, seed):
+        assert topology.complete
+        assert 1 <= len(topology.states) <= 3
+        circuit = circuit_of(topology, TAU_S, "searched", "by a search")
+        assert parse_circuit(write_circuit(circuit), "searched").inputs == circuit.inputs
+        assert {each.name for each in circuit.states} == set(topology.states)
+        exchange = [tuple(sorted(each.between)) for each in circuit.edges if "ambient" not in each.between]
+        assert sorted(exchange) == sorted(topology.edges)
+
+
+def test_steps_can_be_taken_back_and_none_stands_twice():
+    for topology in walked(SENSORS, 2, 7, steps=12):
+        steps = neighbours(topology, 2)
+        assert len(set(steps)) == len(steps)
+        for step in steps:
+            if len(step.states) == len(topology.states):
+                assert topology in neighbours(step, 2)
+
+
+def test_no_scale_is_left_open(small):
+    """At a random point, the Jacobian in all unknowns, poles' and weights', has full rank."""
+    random = np.random.default_rng(5)
+    task = CircuitFits(tuple(small.segments), small.blocks, tuple(small.names), TAU_S)
+    for topology in walked(SENSORS, 2, 3, steps=20):
+        if any(set(edge) <= set(topology.states) for edge in topology.edges) and topology.form == "temperature":
+            continue  # hidden nodes that are joined can also be mixed with one another
+        structure = task.structure(topology)
+        theta = structure.search.initial + random.normal(scale=0.3, size=len(structure.search.names))
+        problem = linearise(structure, theta)
+        beta = random.normal(size=len(structure.linear.names))
+        J = np.column_stack([problem.free, (problem.free_slope @ beta + problem.fixed_slope).T])
+        singular = np.linalg.svd(J / np.linalg.norm(J, axis=0), compute_uv=False)
+        assert singular[-1] > 1e-7 * singular[0], topology
+
+
+def test_weights_of_nearly_equal_states_cannot_cancel_in_their_thousands(small):
+    circuit = circuit_of(initial_topologies(SENSORS, 3)[-1], TAU_S, "searched", "by a search")
+    structure = CircuitStructure(circuit, small.segments)
+    weights = [name for name in structure.linear.names if name[:2] in ("c_", "d_")]
+    assert len(weights) == 6
+    assert np.abs(structure.linear.high[: len(weights)]).max() == 10.0
+
+
+def test_names_that_run_together_stay_two_parameters():
+    topology = Topology("rise", ("a", "a_b", "b_c", "c"), ("a", "a_b"), (("a", "b_c"), ("a", "c"), ("a_b", "c")))
+    circuit = circuit_of(topology, TAU_S, "searched", "by a search")
+    assert len({each.resistance for each in circuit.edges}) == len(circuit.edges)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "can"), [("usb", True), ("cam-tele", False), ("ambient", False), ("hidden1", False)]
+)
+def test_what_a_circuit_file_can_name(sensor, can):
+    assert can_be_named(sensor) == can
+
+
+def test_the_steps_find_the_topology_that_was_hidden():
+    """The error is the number of edges that differ from a topology's: every step towards it gains."""
+    hidden = Topology("rise", SENSORS, ("left", "right"), (("left", "mixed"), ("left", "right")))
+
+    def score(topologies):
+        return [
+            (1.0 if each.form == "rise" else 3.0)
+            + len(set(each.edges) ^ set(hidden.edges))
+            + len(set(each.states) ^ set(hidden.states))
+            for each in topologies
+        ]
+
+    assert best_topology(SENSORS, 3, score) == hidden
+
+
+def test_an_edge_that_gains_nothing_is_left_out():
+    def score(topologies):
+        return [1.0 - 0.0001 * len(each.edges) + (each.form == "rise") for each in topologies]
+
+    assert len(best_topology(("left", "right"), 2, score).edges) == 1
+
+
+def values_of(circuit, **changed):
+    random = np.random.default_rng(0)
+    values = {each.name: each.initial for each in circuit.parameters}
+    values.update({name: random.normal() for name in values if name[:2] in ("c_", "d_")})
+    return {**values, **changed}
+
+
+@pytest.mark.parametrize(
+    ("topology", "name", "edge"),
+    [
+        (HIDDEN, "R_hidden1_left", ("hidden1", "left")),
+        (HIDDEN, "R_hidden1_hidden2", ("hidden1", "hidden2")),
+        (OWN, "R_left_right", ("left", "right")),
+    ],
+)
+def test_an_edge_that_conducts_nothing_is_gone_and_nothing_else_changes(small, topology, name, edge):
+    circuit = circuit_of(topology, TAU_S, "searched", "by a search")
+    values = values_of(circuit, **{name: 1e7})
+    less, drawn = pruned(circuit, topology, values)
+    assert set(drawn.edges) == set(topology.edges) - {edge}
+    assert name not in {each.name for each in less.parameters}
+    # a state that is alone again has its capacitance set
+    free = {each.name: each.free for each in less.parameters}
+    assert free.get("C_hidden2", False) == (topology is HIDDEN and edge != ("hidden1", "hidden2"))
+    again = parse_circuit(write_circuit(less), "searched.yaml")
+    u = small.segments[0].inputs[[small.names.index(each.removesuffix("_degC")) for each in circuit.inputs]]
+    whole = response_degC(assemble(circuit, values).value, "first-order", u, 2.0)
+    given = {each.name: each.initial for each in again.parameters}
+    np.testing.assert_allclose(response_degC(assemble(again, given).value, "first-order", u, 2.0), whole, atol=1e-2)
+
+
+def test_what_conducts_something_stays():
+    circuit = circuit_of(HIDDEN, TAU_S, "searched", "by a search")
+    values = values_of(circuit)
+    less, drawn = pruned(circuit, HIDDEN, values)
+    assert drawn == HIDDEN
+    assert less.edges == circuit.edges
+    assert {each.name: each.initial for each in less.parameters} == pytest.approx(values)

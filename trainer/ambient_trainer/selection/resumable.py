@@ -1,0 +1,147 @@
+"""Results by key, computed in parallel and kept in a file as they come in: a search goes on where it stopped.
+
+The file is an SQLite database. It belongs to the data and options of one search, which holds it locked while it runs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from types import TracebackType
+from typing import Any, Protocol
+
+from joblib import delayed
+from threadpoolctl import threadpool_limits
+
+from ambient_model.faults import Fault, Refused, refuse
+from ambient_trainer.estimation.workers import results, workers
+
+_HEADER = {"format": "ambient-search-state", "version": 2}
+_ANEW = "remove it to start anew, or name another --state"
+
+
+class Task(Protocol):
+    """A pure function from keys to results that JSON can hold; it goes to the worker processes as it is."""
+
+    @property
+    def name(self) -> str:
+        """Distinguishes its results from those of other tasks."""
+
+    def __call__(self, keys: Sequence[Any]) -> list[Any]:
+        """The result of each key."""
+
+
+class ResumablePool:
+    """Worker processes and the results that are known; a context, whose end stops the processes and closes the file.
+
+    Parameters
+    ----------
+    jobs : int
+        Number of processes.
+    path : str or None
+        The state file, made where it is missing; None keeps the results in memory.
+    identity : mapping
+        What the results depend on.
+    progress : callable
+        Gets what is computed, how many results of it are there, and how many are wanted.
+
+    Raises
+    ------
+    Refused
+        Where the file is none of this search, or another process uses it.
+    """
+
+    def __init__(
+        self,
+        jobs: int,
+        path: str | None = None,
+        identity: Mapping[str, Any] | None = None,
+        progress: Callable[[str, int, int], None] = lambda *_: None,
+    ) -> None:
+        self.computed = 0
+        """Number of results that were not known before."""
+        self._progress = progress
+        self._parallel = workers(jobs)
+        self._database, self.known = _opened(path, {**_HEADER, **(identity or {})})
+
+    def __enter__(self) -> ResumablePool:
+        self._parallel.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._parallel.__exit__(kind, error, trace)
+        self._database.close()
+
+    def results(self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1) -> dict[Any, Any]:
+        """The results by key, computed ``at_once`` by a process where they are not known yet."""
+        names = {key: f"{task.name} {key!r}" for key in keys}
+        missing = [key for key, name in names.items() if name not in self.known]
+        parts = [missing[first : first + at_once] for first in range(0, len(missing), at_once)]
+        done = len(names) - len(missing)
+        self._progress(what, done, len(names))
+        # results come in the order of the parts, whichever is done first
+        computed = results(self._parallel, (delayed(_one_thread)(task, part) for part in parts)) if parts else ()
+        for part, values in zip(parts, computed):
+            self._keep({names[key]: value for key, value in zip(part, values)})
+            done += len(part)
+            self._progress(what, done, len(names))
+        return {key: self.known[name] for key, name in names.items()}
+
+    def _keep(self, values: Mapping[str, Any]) -> None:
+        self.known.update(values)
+        self.computed += len(values)
+        rows = [(name, json.dumps(value)) for name, value in values.items()]
+        with self._database:
+            self._database.executemany("INSERT INTO results VALUES (?, ?)", rows)
+
+
+def _one_thread(task: Task, keys: Sequence[Any]) -> list[Any]:
+    with threadpool_limits(1):
+        return task(keys)
+
+
+def _opened(path: str | None, header: Mapping[str, Any]) -> tuple[sqlite3.Connection, dict[str, Any]]:
+    """The database at ``path`` and its results."""
+    exists = path is not None and os.path.exists(path)
+    database = sqlite3.connect(path or ":memory:", timeout=0)
+    try:
+        # whatever a killed process left half-written is rolled back; a crash of the machine may cost the file
+        database.execute("PRAGMA synchronous = OFF")
+        database.execute("PRAGMA locking_mode = EXCLUSIVE")
+        database.execute("BEGIN EXCLUSIVE")
+        if not exists:
+            for table in ("header", "results"):
+                database.execute(f"CREATE TABLE {table} (name TEXT, value TEXT)")
+            rows = [(name, json.dumps(value)) for name, value in header.items()]
+            database.executemany("INSERT INTO header VALUES (?, ?)", rows)
+        elif database.execute("PRAGMA integrity_check").fetchone() != ("ok",):
+            raise sqlite3.DatabaseError("damaged")
+        kept, known = (
+            {name: json.loads(value) for name, value in database.execute(f"SELECT name, value FROM {table}")}
+            for table in ("header", "results")
+        )
+        database.commit()
+        _check_identity(str(path), kept, json.loads(json.dumps(header)))
+    except BaseException as error:
+        database.close()
+        if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
+            mend = "wait for it, or name another --state"
+            raise refuse(str(path), "", "another search is using it", mend) from None
+        if isinstance(error, sqlite3.Error | ValueError | TypeError):
+            raise refuse(str(path), "", "is not the state of a search, or is damaged", _ANEW) from None
+        raise
+    return database, known
+
+
+def _check_identity(path: str, kept: Mapping[str, Any], header: Mapping[str, Any]) -> None:
+    faults = [
+        Fault(name, f"the state was made with {kept.get(name)!r:.200}, this search has {value!r:.200}", _ANEW)
+        for name, value in header.items()
+        if kept.get(name) != value
+    ]
+    if faults:
+        raise Refused(path, faults)
