@@ -55,7 +55,7 @@ def test_seven_hours_at_1_hz(known_good, runs, benchmark, noted):
     result = f"{', '.join(str(step.cause) for step in found.steps) or 'nothing'}; {found.candidates_tried} tried"
     result = f"{result}; {CORES} processes; aim {AIM_S:g} s"
     noted(TASK, method, benchmark.stats.stats.min, result)
-    assert stages[:2] == ["teach", "step 1"]
+    assert stages[:2] == ["fit", "step 1"]
     assert found.next_experiment
     assert as_data(found)["residuals"]["tests"]
     if known_good:

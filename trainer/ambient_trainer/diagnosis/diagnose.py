@@ -98,7 +98,7 @@ def diagnose_trained(
 def _training(progress: Progress | None) -> Callable[[int, int, float], None] | None:
     if progress is None:
         return None
-    return lambda done, total, rmse: progress("teach", done, total)
+    return lambda done, total, rmse: progress("fit", done, total)
 
 
 def _fit_to_diagnose(circuit: Circuit, traces: Sequence[Trace]) -> None:

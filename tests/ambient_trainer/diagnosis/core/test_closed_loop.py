@@ -28,14 +28,6 @@ def _settled(world, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     raise AssertionError("Newton's steps do not settle")
 
 
-def test_the_nonlinear_system(world) -> None:
-    added, _ = _settled(world, world.plain_degC)
-    assert np.abs(world.nodes_degC - world.plain_degC).max() > 0.5
-    # the edge of a window falls between two samples, where heat is not straight; a body is attached at a sample
-    most = 0.02 if world.case.onset_s is None else 0.1 if world.case.body else 0.04
-    assert np.abs(world.plain_degC + added - world.nodes_degC).max() < most
-
-
 def test_what_is_added_is_what_its_own_heat_makes(world) -> None:
     """Exactly: the modal filters' answer to the heat at the very temperatures that it leads to."""
     added, _ = _settled(world, world.plain_degC)
@@ -46,29 +38,6 @@ def test_what_is_added_is_what_its_own_heat_makes(world) -> None:
     )
     again = sum(plant.respond(node, heat[node]) for node in range(3))
     np.testing.assert_allclose(added, again, atol=1e-7)
-
-
-def test_any_guess_leads_there(world) -> None:
-    one, _ = _settled(world, world.plain_degC)
-    other, _ = _settled(world, world.plain_degC + np.array([9.0, -4.0, 6.0])[:, None])
-    np.testing.assert_allclose(one, other, atol=1e-7)
-
-
-def test_heat_answers_to_another_start(world) -> None:
-    """What a start leaves, closed loop: central differences of the integrated system."""
-    _, along = _settled(world, world.plain_degC)
-    for node, step in enumerate(0.05 * np.eye(3)):
-        up, down = (world.integrated(start_degC=world.start_degC + each) for each in (step, -step))
-        np.testing.assert_allclose(along[node], (up - down) / 0.1, atol=0.02)
-
-
-def test_answer_is_that_of_both(world) -> None:
-    plant, parts = world.model.plant, heat_parts(world.model, world.model.plant, world.record)
-    loop = Loop.about(plant, parts, world.nodes_degC, world.record.inputs[0])
-    assert loop is not None
-    along = np.random.default_rng(3).standard_normal((2, *world.nodes_degC.shape)).cumsum(axis=-1)
-    np.testing.assert_allclose(loop.both(world.nodes_degC, along)[1], loop.answer(along), atol=1e-9)
-    assert loop.both(world.nodes_degC, np.empty((0, *world.nodes_degC.shape)))[1].shape[0] == 0
 
 
 @pytest.mark.parametrize("world", ["coupling"], indirect=True)

@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import least_squares
 
 from ambient_trainer.diagnosis import fit
-from ambient_trainer.diagnosis.effect_parameters import Kind, unknowns
 from ambient_trainer.diagnosis.fit import FOLDS, TrainingSet, blocks, fit_model, information, nuisance_columns
 from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.noise import ORDER, Noise
@@ -39,20 +38,6 @@ def _with_source(chain, record, watts: float) -> Model:
 @pytest.fixture(scope="module")
 def heated(chain):
     return _record(chain, heat=_heated)
-
-
-def test_the_columns_are_starts_parameters_and_effects(chain, heated) -> None:
-    model = _with_source(chain, heated, 0.5)
-    seen = view(model, heated)
-    names, free = ("C_shell", "R_chip_board"), unknowns(model, known=False)
-    assert [each.kind for each in free] == [Kind.COEFFICIENT, Kind.ONSET, Kind.END]
-    system = fit._System.of(model, [seen], TrainingSet((heated,), chain.noise(), names))
-    wanted = np.concatenate([seen.starts, columns(model, names, free, seen)])
-    np.testing.assert_array_equal(system.columns[0], wanted)
-    assert system.first == 3
-    more = chain.integrated(heated.inputs, START, lambda t, x, air: 2 * _heated(t, x, air))
-    once = chain.integrated(heated.inputs, START, _heated)
-    np.testing.assert_allclose(0.5 * system.columns[0][5], more - once, atol=0.01)
 
 
 def test_the_end_is_that_of_another_optimiser(chain) -> None:
@@ -108,16 +93,6 @@ def test_a_few_steps_lead_along_a_valley(chain, cause: str, heat, values, start,
     assert found.model.effects[0].values[0] == pytest.approx(truth, rel=0.08)
     assert found.model.plant.values[name] == pytest.approx(true, rel=0.08)
     assert np.sqrt(np.mean(found.longest.residual_degC**2)) < 0.033
-
-
-def test_a_coefficient_is_found_with_its_deviation(chain, heated) -> None:
-    found = fit_model(_with_source(chain, heated, 0.0), TrainingSet((heated,), chain.noise()), 5)
-    (effect,) = found.model.effects
-    assert effect.covariance.shape == (2, 2)
-    deviation = np.sqrt(effect.covariance[0, 0])
-    assert effect.values[0] == pytest.approx(0.5, abs=4 * deviation)
-    assert 1e-4 < deviation < 0.02
-    assert not effect.covariance[1].any()
 
 
 def test_edges_are_found_between_the_samples(chain) -> None:
@@ -266,15 +241,6 @@ def test_held_out_is_a_fit_without_the_fold(chain, heated) -> None:
         step = solved(inside & (fold != own)) - whole
         mine = block % FOLDS == own
         np.testing.assert_allclose(held_out[:, mine], (seen.residual_degC - step * column)[:, mine], atol=1e-6)
-
-
-def test_held_out_errors_are_no_smaller_than_fitted_ones(chain) -> None:
-    record = _record(chain, seed=3)
-    names = searched(chain.circuit)
-    found = fit_model(chain.model(), TrainingSet((record,), chain.noise(), names), 6)
-    inner = np.nansum(found.views[0].residual_degC ** 2)
-    outer = np.nansum(found.held_out_degC[0] ** 2)
-    assert inner < outer < 1.1 * inner
 
 
 def test_parameters_stay_within_their_bounds(chain) -> None:

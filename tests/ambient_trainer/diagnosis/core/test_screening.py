@@ -144,16 +144,6 @@ def test_every_window_by_hand(chain, seen, noise, candidates, cause: str, nuisan
         assert values[0] == pytest.approx(0.8, abs=0.05)
 
 
-def test_several_records_are_one_regression(chain, seen, noise, candidates) -> None:
-    both = [seen, _seen(chain, 2)]
-    found = scored(Regression.of(both, noise, []), candidates["heat_source at shell"], ONSETS)
-    _, explained, onset_s, end_s, values = _best_by_hand(noise, both, candidates["heat_source at shell"], [])
-    assert found is not None
-    assert (found.onset_s, found.end_s) == (onset_s, end_s) == (705.0, 1705.0)
-    assert found.explained == pytest.approx(explained, rel=1e-6)
-    np.testing.assert_allclose(found.values, values, rtol=1e-5)
-
-
 def test_what_the_prior_is_sure_of_is_not_fitted_again(seen, noise, candidates) -> None:
     """A nuisance that looks like the effect: free, it takes all of it; held to zero, nothing; in doubt, a part."""
     candidate = replace(candidates["heat_source at shell"], window=(705.0, 1705.0))

@@ -353,28 +353,6 @@ def test_a_drift_has_grown_by_the_time_of_the_experiment(single: Plant, chosen: 
     assert told.values == (pytest.approx(20 + 6190 / 3600, abs=0.012), 20.0)
 
 
-def test_without_rivals_the_next_best_is_asked_about(single: Plant, chosen: Chooses, effect: Makes) -> None:
-    source = effect(single, Cause("heat_source", "board", "radio_on"), (0.5,))
-    coupling = effect(single, Cause("ambient_coupling", None, "radio_on"), (-0.4,))
-
-    told = Told(next_experiment(chosen(single, 0.1, source, coupling, rivals=False), STEP))
-
-    assert told.claims == (
-        "a source heats `board` with `radio_on`",
-        "the resistance from all nodes to the ambient changed with `radio_on`",
-    )
-
-
-def test_the_same_question_has_the_same_answer(chain: Plant, chosen: Chooses, effect: Makes) -> None:
-    def asked() -> str:
-        both = (CASES["convection_law"], CASES["thermal_mass"])
-        return next_experiment(
-            chosen(chain, 0.1, *(effect(chain, each.cause, each.values, **each.window) for each in both)), STEP
-        )
-
-    assert asked() == asked()
-
-
 def test_the_taken_cause_is_told_from_three_rivals_at_once(chain: Plant, chosen: Chooses, effect: Makes) -> None:
     """By models written out by hand."""
     names = ("convection_law", "thermal_mass", "sensor_gain", "path", "heat_source")

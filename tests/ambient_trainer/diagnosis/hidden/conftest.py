@@ -4,7 +4,7 @@ A number makes a run and what is hidden in it; the diagnosis gets traces, a circ
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ from ambient_studies.discovery.runner import Bench, size_in_noise
 from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose_trained
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.result import Diagnosis
@@ -30,7 +29,7 @@ from ambient_trainer.simulator.scenario import load_scenario
 PERIOD_S = 20.0
 """Of the phone's records: half as many samples as a diagnosis takes by itself, for half the time."""
 SCALE = 2.5
-TAUGHT_BY = 1
+BASELINE_SEED = 1
 BOX = Path(__file__).parents[3] / "data" / "circuits" / "box.yaml"
 
 
@@ -38,26 +37,26 @@ BOX = Path(__file__).parents[3] / "data" / "circuits" / "box.yaml"
 def bench() -> Bench:
     """The phone's circuit, trained by three known-good runs."""
     circuit = load_circuit("phone")
-    known_good = baselines(TAUGHT_BY)
+    known_good = baselines(BASELINE_SEED)
     with threadpool_limits(1):
         trained = train_on_baselines(forward(circuit), known_good, PERIOD_S, known_good_model, None)
     return Bench(circuit, trained, PERIOD_S, tuple(trace.path for trace in known_good))
 
 
 @dataclass(frozen=True)
-class Told:
-    """What was hidden in a run, what was said of it, and how that compares."""
+class Diagnosed:
+    """What was hidden in a run, its diagnosis, and how that compares."""
 
     run: Simulated
-    said: Diagnosis
+    found: Diagnosis
     scored: Scored
 
 
 @pytest.fixture(scope="session")
-def told_of(bench: Bench) -> Callable[..., Told]:
+def diagnosed(bench: Bench) -> Callable[..., Diagnosed]:
     """Diagnoses a run in which effects of some causes are hidden, all else drawn from ``seed``."""
 
-    def tell(seed: int, *causes: str, **given: object) -> Told:
+    def diagnose(seed: int, *causes: str, **given: object) -> Diagnosed:
         random = np.random.default_rng([seed, *(CAUSES.index(cause) for cause in causes)])
         duration_s = load_scenario("5").duration_s
         hidden = tuple(draw_hidden(random, cause, duration_s, SCALE, **given) for cause in causes)
@@ -66,19 +65,13 @@ def told_of(bench: Bench) -> Callable[..., Told]:
         case = Case(seed, int(random.integers(2**31)), hidden, tuple(decoys))
         run = simulated([case])[0]
         with threadpool_limits(1):
-            said = diagnose_trained(bench.trained, bench.circuit, [run.trace], bench.baselines, bench.period_s)
-        return Told(run, said, score(run.truths, size_in_noise(bench, run), said, bench.circuit, 0.0))
+            found = diagnose_trained(bench.trained, bench.circuit, [run.trace], bench.baselines, bench.period_s)
+        return Diagnosed(run, found, score(run.truths, size_in_noise(bench, run), found, bench.circuit, 0.0))
 
-    return tell
+    return diagnose
 
 
 @pytest.fixture(scope="session")
 def box() -> Circuit:
     """Three nodes in a row, as bare as a first guess: :func:`boxed` says what a real box may have besides."""
     return load_circuit(str(BOX))
-
-
-@pytest.fixture
-def with_columns() -> Callable[..., Trace]:
-    """A trace with some of its columns changed."""
-    return lambda trace, **columns: replace(trace, columns={**trace.columns, **columns})

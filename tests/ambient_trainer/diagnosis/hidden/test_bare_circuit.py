@@ -1,4 +1,4 @@
-"""Without known-good runs, what a circuit lacks of a box is named; its parameters are searched for along with it."""
+"""Without known-good runs, what a circuit lacks of a box is named; its parameters are fitted along with it."""
 
 import pytest
 
@@ -14,34 +14,19 @@ LACKING = {
     "sensor_lag": Cause("sensor_lag", "chip"),
     "sensor_gain": Cause("sensor_gain", "board"),
     "clock_offset": Cause("clock_offset"),
+    NONE: Cause(NONE),
 }
-SEEDS = (1, 2, 3)
-QUICK = ("heat_source", "convection_law", NONE)
-"""What the quick run looks for, with the first seed: each case takes about 20 seconds."""
+COARSE_S = 60.0
+QUICK = ("heat_source", "current_squared", "convection_law", "path", NONE)
+"""Diagnosed on a coarse grid in the quick run; the slow run takes every sample of another box."""
+SLOW = [pytest.param(lacks, 2, None, marks=pytest.mark.slow) for lacks in LACKING]
 
 
-def cases(*known_good_model: str) -> list[object]:
-    """Each with all seeds, marked slow but for the quick ones."""
-    return [
-        pytest.param(lacks, seed, marks=[] if seed == 1 and lacks in QUICK else pytest.mark.slow)
-        for lacks in known_good_model
-        for seed in SEEDS
-    ]
-
-
-@pytest.mark.parametrize(("lacks", "seed"), cases(*LACKING))
-def test_what_the_circuit_lacks_is_named(box, boxed, lacks, seed):
-    said = diagnose(box, [boxed(lacks, seed)])
-    assert said.verdict_cause == LACKING[lacks]
-    assert said.verdict.gain.ci95_degC[0] > 0
-
-
-@pytest.mark.parametrize(("lacks", "seed"), cases(NONE))
-def test_nothing_is_named_where_nothing_is_lacking(box, boxed, lacks, seed):
-    assert diagnose(box, [boxed(lacks, seed)]).verdict_cause == Cause(lacks)
-
-
-def test_a_current_heats_by_its_square(box, boxed):
-    verdict = diagnose(box, [boxed("current_squared", 1)]).verdict
-    assert verdict.magnitude.unit == "W/A^2"
-    assert "squared" in verdict.magnitude.meaning
+@pytest.mark.parametrize(("lacks", "seed", "period_s"), [*((lacks, 1, COARSE_S) for lacks in QUICK), *SLOW])
+def test_what_the_circuit_lacks_is_named(box, boxed, lacks, seed, period_s):
+    found = diagnose(box, [boxed(lacks, seed)], period_s=period_s)
+    assert found.verdict_cause == LACKING[lacks]
+    if lacks != NONE:
+        assert found.verdict.gain.ci95_degC[0] > 0
+    if lacks == "current_squared":
+        assert found.verdict.magnitude.unit == "W/A^2"
