@@ -47,9 +47,9 @@ class Effect:
 
     def magnitude(self, view: View) -> Magnitude:
         """How large it is."""
-        return self.candidate.magnitude(self.found(view))
+        return self.candidate.magnitude(self.estimate(view))
 
-    def found(self, view: View) -> Estimate:
+    def estimate(self, view: View) -> Estimate:
         """Its numbers, and how sure they are."""
         return Estimate(view, self.values, WIDER**2 * self.covariance)
 

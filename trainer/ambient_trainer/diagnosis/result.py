@@ -1,4 +1,4 @@
-"""What a diagnosis says: steps, each with a cause and what it gains on data that it was not fitted to."""
+"""The result of a diagnosis: steps, each with a cause and its gain on data that it was not fitted to."""
 
 from __future__ import annotations
 
@@ -18,9 +18,16 @@ UNKNOWN = "unknown"
 
 @dataclass(frozen=True)
 class Cause:
-    """What is missing: one of the contract's causes, where, and the logged signal that drives it.
+    """What is missing, where, and what drives it.
 
-    ``location`` is a node, ``a-b`` of two, a sensor, or None for everywhere; ``signal`` is a trace column or None.
+    Parameters
+    ----------
+    name : str
+        A kind of cause, such as ``heat_source``, or ``unknown``, or ``none``.
+    location : str or None
+        A node, ``a-b`` for two, a sensor, or None for everywhere.
+    signal : str or None
+        The trace column that drives it; None where nothing logged does.
     """
 
     name: str
@@ -34,9 +41,20 @@ class Cause:
 
 @dataclass(frozen=True)
 class Magnitude:
-    """How large it is, in ``unit``, with its 95 % interval; ``meaning`` says what the number is.
+    """How large an effect is.
 
-    ``qualifier`` is a clause on how it varies, empty where it does not.
+    Parameters
+    ----------
+    value : float
+        In ``unit``.
+    unit : str
+        Of the value; ``1`` where it has none.
+    meaning : str
+        What the number is, in words.
+    ci95 : tuple of float
+        The 95 % interval.
+    qualifier : str
+        A clause on how it varies; empty where it does not.
     """
 
     value: float
@@ -48,9 +66,16 @@ class Magnitude:
 
 @dataclass(frozen=True)
 class Gain:
-    """The simulation's RMSE over all sensors on held-out blocks, without and with the cause, in degC.
+    """What a cause gains on held-out blocks of time.
 
-    ``ci95_degC`` is the interval of their difference; ``p_value`` is corrected for the candidates that were tried.
+    Parameters
+    ----------
+    rmse_before_degC, rmse_after_degC : float
+        Root mean square over all sensors of the simulation's error, without and with the cause.
+    ci95_degC : tuple of float
+        The 95 % interval of their difference, by resampling blocks.
+    p_value : float
+        That of the gain, corrected for the candidates that were tried.
     """
 
     rmse_before_degC: float
@@ -61,10 +86,28 @@ class Gain:
 
 @dataclass(frozen=True)
 class Step:
-    """One effect found; ``onset_s`` and ``end_s`` are in the trace's time, None where it lasts from or to its ends.
+    """One effect that was selected.
 
-    ``parameters`` holds every number of the extension by name, as (value, unit); ``residual_degC`` is what the
-    simulation with this and all earlier steps leaves, shape (sensors, samples), on ``Diagnosis.time_s``.
+    Parameters
+    ----------
+    cause : Cause
+        What it is.
+    onset_s, end_s : float or None
+        In the trace's time; None where it lasts from the trace's start, or to its end.
+    magnitude : Magnitude or None
+        How large it is; None for ``unknown``.
+    confidence : float
+        1 less the probability that chance, or the closest rival, explains the data as well.
+    gain : Gain
+        On held-out data, beside the steps before.
+    indistinguishable_from : tuple of Cause
+        Causes that explain the data as well.
+    sentence : str
+        All of that in a sentence.
+    parameters : mapping of str to (float, str)
+        Every number of the effect by name, with its unit.
+    residual_degC : array, shape (sensors, samples)
+        Measured minus simulated with this and all earlier steps, on ``Diagnosis.time_s``.
     """
 
     cause: Cause
@@ -72,7 +115,6 @@ class Step:
     end_s: float | None
     magnitude: Magnitude | None
     confidence: float
-    """1 less the probability that chance, or the closest rival, explains the data as well."""
     gain: Gain
     indistinguishable_from: tuple[Cause, ...]
     sentence: str
@@ -82,7 +124,7 @@ class Step:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A candidate that was tried for the first step, best first: its held-out gain and why it was not taken."""
+    """A candidate for the first step: its held-out gain, and in ``remark`` why it was not selected."""
 
     cause: Cause
     onset_s: float | None
@@ -94,11 +136,10 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Tested:
-    """One named test of a residual: its statistic against its threshold, and what that says."""
+    """A test of a residual: its statistic against its threshold. ``subject`` is a sensor, or a sensor and a signal."""
 
     name: str
     subject: str
-    """The sensor, or the sensor and the signal."""
     statistic: float
     threshold: float
     significant: bool
@@ -107,10 +148,22 @@ class Tested:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Where the circuit and the measurement part, one row a sensor, on ``Diagnosis.time_s``.
+    """Where the circuit and the measurement part, on ``Diagnosis.time_s``.
 
-    ``heat`` is what would explain the residual at each node: in ``heat_unit``, which is W only where a logged power
-    sets the scale, else K/s.
+    Parameters
+    ----------
+    sensors : tuple of str
+        Names of the s rows of each array.
+    measured_degC, simulated_degC : array, shape (s, samples)
+        NaN where nothing was measured.
+    heat : array, shape (s, samples)
+        The heat into each sensor's node that would explain the residual, in ``heat_unit``.
+    heat_unit : str
+        ``W`` where a logged power sets the scale, else ``K/s``.
+    tests : tuple of Tested
+        Of the residual.
+    ambient_error_degC : array, shape (samples,), or None
+        Of the same circuit read backward, sensors in and ambient out: true minus estimate; None where it cannot be.
     """
 
     sensors: tuple[str, ...]
@@ -120,32 +173,56 @@ class Misfit:
     heat_unit: str
     tests: tuple[Tested, ...]
     ambient_error_degC: Array | None = None
-    """Of the same circuit read backward, sensors in and ambient out: true minus estimate; None where it can't be."""
 
     @property
     def residual_degC(self) -> Array:
-        """Measured minus simulated."""
+        """Measured minus simulated, (s, samples)."""
         return self.measured_degC - self.simulated_degC
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that is said of one trace: its misfit with the circuit, and the steps that explain it."""
+    """The diagnosis of traces: their misfit with the circuit, and the steps that explain it.
+
+    Parameters
+    ----------
+    trace, circuit : str
+        What was diagnosed, by which circuit.
+    baselines : tuple of str
+        Known-good traces; empty where there are none.
+    time_s : array, shape (samples,)
+        Of the longest record.
+    signals : mapping of str to array
+        The logged signals and the ambient on ``time_s``, by column.
+    misfit : Misfit
+        Of the circuit without any step.
+    steps : tuple of Step
+        In the order of their selection; a single ``unknown`` where the misfit is significant and not explained.
+    verdict : Step or None
+        The first step; None where nothing is missing.
+    ranking : tuple of Ranked
+        The candidates for the first step that were simulated, best first.
+    next_experiment : str
+        What to do to distinguish what these data do not.
+    extended : Circuit or None
+        The circuit with every step that a circuit can hold; None where none can.
+    candidates_tried : int
+        Candidates and windows of the first step.
+    notes : sequence of str
+        What the extended circuit leaves out, and why.
+    """
 
     trace: str
     circuit: str
     baselines: tuple[str, ...]
     time_s: Array
     signals: Mapping[str, Array]
-    """The logged signals and the ambient on ``time_s``, by column."""
     misfit: Misfit
     steps: tuple[Step, ...]
     verdict: Step | None
-    """The first step, or None where nothing is missing; see ``verdict_cause``."""
     ranking: tuple[Ranked, ...]
     next_experiment: str
     extended: Circuit | None
-    """The circuit with every step that a circuit can hold; None where none can."""
     candidates_tried: int
     notes: Sequence[str] = field(default_factory=tuple)
 
@@ -156,5 +233,5 @@ class Diagnosis:
 
     @property
     def verdict_cause(self) -> Cause:
-        """``none`` where nothing is missing."""
+        """The verdict's cause; ``none`` where nothing is missing."""
         return self.verdict.cause if self.verdict else Cause(NONE)

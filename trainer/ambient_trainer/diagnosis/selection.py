@@ -113,7 +113,7 @@ class Trial:
 class SelectionStep:
     """One step: the trial that was taken, those it cannot be prior_rows from, and all trials, best first."""
 
-    taken: Trial | None
+    selected: Trial | None
     rivals: tuple[Trial, ...]
     trials: tuple[Trial, ...]
     tried: int
@@ -124,7 +124,7 @@ class SelectionStep:
 class Selection:
     """All steps, and the model with their effects."""
 
-    choices: tuple[SelectionStep, ...]
+    steps: tuple[SelectionStep, ...]
     plain: FitResult
     final: FitResult
     noise: Noise
@@ -185,14 +185,14 @@ def select_effects(
     noise = trained.noise
     current = fit_model(trained.model, trained.training(own, noise), _ROUNDS)
     plain = current
-    choices: list[SelectionStep] = []
+    steps: list[SelectionStep] = []
     views: list[tuple[View, ...]] = []
     for step in range(MOST_STEPS):
-        if choices and choices[0].taken is not None and wanted is not BUILT_IN:
+        if steps and steps[0].selected is not None and wanted is not BUILT_IN:
             excess = Blocks.of(current, noise).relative(noise) - 1.0
-            of_first = LEAST_OF_LATER_STEPS * choices[0].taken.relative
+            of_first = LEAST_OF_LATER_STEPS * steps[0].selected.relative
             least = max(wanted.least, min(of_first, LEAST_OF_WHAT_IS_LEFT * excess))
-            found = frozenset().union(*(each.taken.places for each in choices if each.taken is not None))
+            found = frozenset().union(*(each.selected.places for each in steps if each.selected is not None))
             # what the last one had to gain, a later one must
             wanted = replace(wanted, least=least, found=found, least_there=of_first)
         choice = _one_more(
@@ -203,15 +203,15 @@ def select_effects(
             wanted,
             _stage(progress, step),
         )
-        choices.append(choice)
-        if choice.taken is None:
+        steps.append(choice)
+        if choice.selected is None:
             break
-        current = choice.taken.fitted
+        current = choice.selected.fitted
         if not trained.normal:
             noise = Noise.of([each.residual_degC for each in current.views])
             current = fit_model(current.model, trained.training(own, noise), _ROUNDS)
         views.append(current.views)
-    return Selection(tuple(choices), plain, current, noise, tuple(views))
+    return Selection(tuple(steps), plain, current, noise, tuple(views))
 
 
 def _stage(progress: Progress | None, step: int) -> Callable[[int, int], None]:

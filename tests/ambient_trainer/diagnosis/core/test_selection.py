@@ -89,7 +89,7 @@ def _known_good(chain) -> TrainedCircuit:
 
 def _first(trained: TrainedCircuit, record):
     chosen = select_effects(trained, [record])
-    taken = chosen.choices[0].taken
+    taken = chosen.steps[0].selected
     return chosen, None if taken is None else taken.effect.candidate.cause
 
 
@@ -97,8 +97,8 @@ def test_a_circuit_that_is_right_lacks_nothing(chain) -> None:
     record = _record(chain, 1)
     chosen, cause = _first(_alone(chain, record), record)
     assert cause is None
-    assert len(chosen.choices) == 1
-    assert chosen.choices[0].rivals == ()
+    assert len(chosen.steps) == 1
+    assert chosen.steps[0].rivals == ()
     assert not chosen.final.model.effects
 
 
@@ -145,12 +145,12 @@ def _cases():
                 yield pytest.param(baseline, *case, marks=[] if quick else pytest.mark.slow)
 
 
-@pytest.mark.parametrize(("baseline", "heat", "error", "hidden", "wanted", "value"), _cases(), ids=_id)
+@pytest.mark.parametrize(("baseline", "heat", "error", "hidden", "wanted", "value"), list(_cases()), ids=_id)
 def test_the_cause_is_named(chain, baseline, heat, error, hidden, wanted, value) -> None:
     record = _record(chain, 1, heat, error, hidden)
     chosen, cause = _first(_known_good(chain) if baseline else _alone(chain, record), record)
     assert cause == wanted
-    trial = chosen.choices[0].taken
+    trial = chosen.steps[0].selected
     assert trial.gain.p_value < 1e-6
     assert trial.gain.ci95_degC[0] > 0
     effect = chosen.final.model.effects[0]
@@ -165,7 +165,7 @@ def test_the_cause_is_named(chain, baseline, heat, error, hidden, wanted, value)
 @pytest.mark.slow
 def test_a_bent_loss_is_the_best_of_all_that_was_tried(chain) -> None:
     chosen, _ = _first(_known_good(chain), _record(chain, 1, _curve))
-    best = chosen.choices[0].trials[0]
+    best = chosen.steps[0].trials[0]
     assert best.effect.candidate.cause == Cause("convection_law", "shell")
     np.testing.assert_allclose(best.effect.values, [0.08, -0.4], rtol=0.02)
 

@@ -426,8 +426,8 @@ def test_the_last_step_that_has_rivals_is_asked_about(single: Plant, chosen: Cho
     first = chosen(single, 0.1, heat, coupling)
     second = chosen(single, 0.1, bias, late)
 
-    found = replace(second, choices=(*first.choices, *second.choices))
-    none_last = replace(second, choices=(*first.choices, *chosen(single, 0.1, bias, rivals=False).choices))
+    found = replace(second, steps=(*first.steps, *second.steps))
+    none_last = replace(second, steps=(*first.steps, *chosen(single, 0.1, bias, rivals=False).steps))
 
     assert Told(next_experiment(found, STEP * 2)).claims == ("`board` reads with a bias", "`board` reads late")
     assert Told(next_experiment(none_last, STEP * 2)).claims == tuple(

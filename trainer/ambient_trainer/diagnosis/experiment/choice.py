@@ -24,7 +24,7 @@ _HEADROOM_K = 25.0
 """How far beyond what its records show a device may be taken."""
 
 
-def next_experiment(chosen: Selection, steps: tuple[Step, ...]) -> str:
+def next_experiment(selection: Selection, steps: tuple[Step, ...]) -> str:
     """What to switch, for how long, which sensor to read, and what each of several explanations predicts for it.
 
     Of the last step that has rivals the taken cause is to be told from the closest of them; without any, the first
@@ -32,15 +32,15 @@ def next_experiment(chosen: Selection, steps: tuple[Step, ...]) -> str:
     survey.
     """
     if any(step.cause.name == UNKNOWN for step in steps):
-        return survey(chosen)
+        return survey(selection)
     if not steps:
-        return _to_rule_out(chosen)
-    taken = [(choice, choice.taken) for choice in chosen.choices if choice.taken is not None]
+        return _to_rule_out(selection)
+    taken = [(choice, choice.selected) for choice in selection.steps if choice.selected is not None]
     for choice, trial in reversed(taken):
         if rivals := _closest(trial, choice.rivals):
-            return _apart(chosen, trial, rivals[:_MOST_RIVALS])
+            return _apart(selection, trial, rivals[:_MOST_RIVALS])
     choice, trial = taken[0]
-    return _apart(chosen, trial, _closest(trial, choice.trials)[:1])
+    return _apart(selection, trial, _closest(trial, choice.trials)[:1])
 
 
 def _closest(taken: Trial, others: Sequence[Trial]) -> list[Trial]:
@@ -52,31 +52,31 @@ def _closest(taken: Trial, others: Sequence[Trial]) -> list[Trial]:
     return [each for cause, each in best.items() if cause != taken.cause]
 
 
-def _to_rule_out(chosen: Selection) -> str:
-    trials = chosen.choices[0].trials if chosen.choices else ()
+def _to_rule_out(selection: Selection) -> str:
+    trials = selection.steps[0].trials if selection.steps else ()
     if not trials:
         return "Nothing is missing, and no candidate is left to rule out."
-    return f"To show or to rule out what comes closest, {trials[0].cause}: {_apart(chosen, trials[0], [])}"
+    return f"To show or to rule out what comes closest, {trials[0].cause}: {_apart(selection, trials[0], [])}"
 
 
-def _apart(chosen: Selection, one: Trial, others: Sequence[Trial]) -> str:
+def _apart(selection: Selection, one: Trial, others: Sequence[Trial]) -> str:
     """``one`` from other trials of the same step; without any, from the model without any effect."""
     effects = [each.fitted.model.effects[-1] for each in (one, *others)]
     intervention, repeated = _intervention(effects)
     compared: Sequence[Trial | None] = others or [None]
-    against = [_hypothesis(chosen, each, repeated) for each in compared]
+    against = [_hypothesis(selection, each, repeated) for each in compared]
     signals = [each.candidate.cause.signal for each in effects if each.candidate.cause.signal is not None]
-    bench = bench_of(chosen.plain.views, signals)
-    facts = _limits(chosen)
-    found = largest_difference(_hypothesis(chosen, one, repeated), against, plans(bench, intervention), bench, facts)
+    bench = bench_of(selection.plain.views, signals)
+    facts = _limits(selection)
+    found = largest_difference(_hypothesis(selection, one, repeated), against, plans(bench, intervention), bench, facts)
     claims = (claim(one.cause), *(claim(Cause(NONE) if each is None else each.cause) for each in compared))
     words = Wording(claims, bench, one.fitted.model.plant.sensors, repeated[0] if repeated else None)
     return words.not_distinguished(found, facts.longest_s) if found.crossing_s is None else words.distinguished(found)
 
 
-def _hypothesis(chosen: Selection, trial: Trial | None, repeated: Sequence[Effect]) -> Hypothesis:
+def _hypothesis(selection: Selection, trial: Trial | None, repeated: Sequence[Effect]) -> Hypothesis:
     if trial is None:
-        return Hypothesis(chosen.plain.model, None)
+        return Hypothesis(selection.plain.model, None)
     model = trial.fitted.model
     return Hypothesis(model, model.effects[-1], any(each is model.effects[-1] for each in repeated))
 
@@ -91,13 +91,13 @@ def _intervention(effects: Sequence[Effect]) -> tuple[Intervention, list[Effect]
     return (Intervention.AWAITED, over) if over else (Intervention.LEFT, [])
 
 
-def _limits(chosen: Selection) -> Limits:
-    records = [view.record for view in chosen.plain.views]
+def _limits(selection: Selection) -> Limits:
+    records = [view.record for view in selection.plain.views]
     seen = np.concatenate([record.sensors.reshape(-1) for record in records])
     return Limits(
         since_s=min(float(record.time_s[0]) for record in records),
         now_s=max(float(record.time_s[-1]) for record in records),
         longest_s=max(LONGEST_S, _LONGEST_PERIODS * records[0].period_s),
         bounds_degC=(float(np.nanmin(seen)) - _HEADROOM_K, float(np.nanmax(seen)) + _HEADROOM_K),
-        noise=chosen.noise,
+        noise=selection.noise,
     )

@@ -16,9 +16,9 @@ _CONSTANTS = 3.0
 _SHORTEST_S, _LONGEST_S = 600.0, 4 * 3600.0
 
 
-def survey(chosen: Selection) -> str:
+def survey(selection: Selection) -> str:
     """Rest, then every drive alone for three of the slowest time constants; the sensor to watch is the one most off."""
-    views = chosen.final.views
+    views = selection.final.views
     plant = views[0].plant
     bench = bench_of(views, list(views[0].signals))
     left = np.concatenate([view.residual_degC for view in views], axis=1)
