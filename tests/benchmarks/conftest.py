@@ -12,7 +12,7 @@ from ambient_model.model import Estimator, Matrix, Model
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators.fit import Effort, fit_circuit
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator.simulate import simulate
 
 HERE = Path(__file__).parent
 ROWS: pytest.StashKey[list[tuple[str, ...]]] = pytest.StashKey()
@@ -73,7 +73,7 @@ def _without(estimator: Estimator, index: int) -> Estimator:
 @pytest.fixture(scope="session")
 def model() -> Model:
     """4 inputs, 3 states, and a fallback without each input."""
-    fit = fit_circuit(load_circuit("model2_ss_free_cd"), [simulate("5", seed=1, period_s=5.0)], Effort(starts=1))
+    fit = fit_circuit(load_circuit("model2_ss_free_cd"), [simulate("5", seed=1, period_s=5.0).trace], Effort(starts=1))
     found = model_of(fit, [], {})
     others = {each.name: _without(found.main, index) for index, each in enumerate(found.main.inputs)}
     return found._replace(fallbacks=others)

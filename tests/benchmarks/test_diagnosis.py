@@ -13,9 +13,9 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.report import as_data
 from ambient_trainer.diagnosis.result import Cause
-from ambient_trainer.simulator.effects.effect import Hidden
-from ambient_trainer.simulator.effects.runs import simulate_hidden
-from ambient_trainer.simulator.effects.signals import SIGNALS
+from ambient_trainer.simulator.hidden import Hidden
+from ambient_trainer.simulator.signals import SIGNALS
+from ambient_trainer.simulator.simulate import simulate_many
 
 SCENARIOS = ("5", "3")
 """Together more than seven hours."""
@@ -32,7 +32,7 @@ def runs() -> tuple[list[Trace], list[Trace]]:
     heated = Hidden("heat_source", "usb", DRIVING, size=0.4)
     decoys = [name for name in SIGNALS if name in LOGGED and name != DRIVING]
     wanted = [(name, seed, hidden) for seed, hidden in ((1, (heated,)), (2, ())) for name in SCENARIOS]
-    traces = [run.trace for run in simulate_hidden(wanted, 1.0, decoys)]
+    traces = [run.trace for run in simulate_many(wanted, 1.0, decoys)]
     return traces[: len(SCENARIOS)], traces[len(SCENARIOS) :]
 
 

@@ -7,12 +7,12 @@ import pytest
 
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators.fit import Effort, fit_circuit
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator.simulate import simulate
 
 
 @pytest.mark.benchmark(group="thesis")
 def test_one_start_of_the_best_circuit_of_the_thesis(benchmark, noted):
-    trace = simulate("5", seed=1)
+    trace = simulate("5", seed=1).trace
     circuit = load_circuit("model2_ss_free_cd")
     fit = benchmark.pedantic(fit_circuit, args=(circuit, [trace], Effort(starts=1)), rounds=3, iterations=1)
     task = f"model2_ss_free_cd, scenario 5, {fit.samples:,} samples, 9 R and C + 7 weights"

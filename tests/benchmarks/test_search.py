@@ -15,7 +15,7 @@ from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
 from ambient_trainer.selection.search import prepared, searched
-from ambient_trainer.simulator.phone import simulate_zones
+from ambient_trainer.simulator import simulate
 
 POLES_S = (10.0, 30.0, 90.0, 270.0)
 FIVE = ("soc", "flash", "battery", "usb", "display")
@@ -24,7 +24,7 @@ JOBS = 2
 
 @pytest.fixture(scope="module")
 def trace():
-    return simulate_zones("5", seed=0)
+    return simulate("5", seed=0, all_zones=True).trace
 
 
 @pytest.mark.benchmark(group="search")

@@ -24,7 +24,7 @@ from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator.simulate import simulate
 
 DAY = 86_400
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
@@ -45,7 +45,7 @@ def _one_thread():
 @pytest.fixture(scope="module")
 def fits():
     """Each model fitted to the thesis's training scenario, simulated at 1 Hz."""
-    trace = simulate("5", seed=1)
+    trace = simulate("5", seed=1).trace
     found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2, pieces=8)) for name in MODELS[1:]}
     return {"free-3": fit_free_filter(3, [trace], Effort(starts=1)), **found}
 
@@ -126,7 +126,7 @@ def test_a_day_through_the_daemon_itself(fits, models, tmp_path):
 @pytest.fixture(scope="module")
 def second():
     """The fit that the guard is made of: of the same sensors, and of another mind."""
-    return fit_free_filter(1, [simulate("5", seed=1)], Effort(starts=1))
+    return fit_free_filter(1, [simulate("5", seed=1).trace], Effort(starts=1))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from ambient_studies.discovery.outcome import Outcome
 from ambient_studies.discovery.runner import teach
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.diagnosis.result import Cause
-from ambient_trainer.simulator.effects.effect import Hidden
+from ambient_trainer.simulator.hidden import Hidden
 
 SCENARIO = "3"
 CIRCUIT = """

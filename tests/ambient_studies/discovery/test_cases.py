@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ambient_studies.discovery.cases import CAUSES, SCALES, Case, baselines, draw_cases, simulated
-from ambient_trainer.simulator.effects.effect import Hidden, run_faults
-from ambient_trainer.simulator.effects.runs import simulate_hidden
-from ambient_trainer.simulator.effects.signals import SIGNALS
+from ambient_trainer.simulator.hidden import Hidden, run_faults
 from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.signals import SIGNALS
+from ambient_trainer.simulator.simulate import simulate_many
 
 CASES = draw_cases(7, 400)
 
@@ -81,7 +81,7 @@ def test_a_trace_has_its_own_signals_only(runs):
 
 
 def test_the_trace_is_that_of_its_run(runs):
-    (alone,) = simulate_hidden([("2.1", 5, ())], 5.0)
+    (alone,) = simulate_many([("2.1", 5, ())], 5.0)
     for name, values in alone.trace.columns.items():
         np.testing.assert_array_equal(runs[0].trace.columns[name], values)
     changed = runs[1].trace.columns["usb_degC"] - alone.trace.columns["usb_degC"]
@@ -91,5 +91,5 @@ def test_the_trace_is_that_of_its_run(runs):
 
 
 def test_the_trace_is_called_what_it_would_be_without(runs):
-    (alone,) = simulate_hidden([("2.1", 5, ())], 5.0)
+    (alone,) = simulate_many([("2.1", 5, ())], 5.0)
     assert [(run.trace.path, run.trace.notes) for run in runs] == 2 * [(alone.trace.path, alone.trace.notes)]

@@ -9,7 +9,7 @@ import pytest
 from ambient_studies.discovery.cases import Case, simulated
 from ambient_studies.discovery.runner import run, size_in_noise
 from ambient_trainer.diagnosis.result import Cause
-from ambient_trainer.simulator.effects.effect import Hidden
+from ambient_trainer.simulator.hidden import Hidden
 
 # from Python 3.12 on forking beside any thread warns, and a parallel run of the suite has one
 pytestmark = pytest.mark.filterwarnings("ignore:.*multi-threaded.*:DeprecationWarning")

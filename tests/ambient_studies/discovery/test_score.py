@@ -8,8 +8,8 @@ import pytest
 from ambient_studies.discovery.score import place_in, score
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Step
-from ambient_trainer.simulator.constants import NODES
-from ambient_trainer.simulator.effects.truth import Truth
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.truth import Truth
 
 PHONE = load_circuit("phone")
 TIME_S = 5.0 + 10.0 * np.arange(100)
@@ -113,7 +113,7 @@ def test_a_path_has_two_ends_and_no_direction(scored):
 
 
 def test_places_by_the_circuits_names():
-    named = {node: place_in(PHONE, node) for node in NODES}
+    named = {node: place_in(PHONE, node) for node in load_device().nodes}
     assert {node: name for node, name in named.items() if name != node} == {
         "battery": "cell",
         "back": "case",

@@ -8,7 +8,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_studies.lower_bound.limit import Seeds, limits
 from ambient_studies.lower_bound.summary import as_json, limit_table, sentences
-from ambient_trainer.simulator.phone import simulate_many
+from ambient_trainer.simulator.simulate import simulate_many
 
 SCENARIO, PERIOD_S = "2.5", 5.0
 SEEDS = Seeds((6, 7, 8), (3, 4))
@@ -40,7 +40,7 @@ def test_the_filters_see_more_and_more(found):
 
 def test_the_models_error_is_over_the_scored_runs(constant):
     [limit] = limits(constant(21.0), [SCENARIO], SEEDS, PERIOD_S, lambda *_: None)
-    traces = simulate_many([(SCENARIO, seed) for seed in SEEDS.scored], PERIOD_S)
+    traces = [each.trace for each in simulate_many([(SCENARIO, seed) for seed in SEEDS.scored], PERIOD_S)]
     mean_squares = [np.mean((trace.reference - 21.0) ** 2) for trace in traces]
     assert limit.model_rmse_degC == pytest.approx(np.sqrt(np.mean(mean_squares)), rel=1e-9)
     assert limit.samples == sum(len(trace.time_s) for trace in traces)
@@ -49,7 +49,7 @@ def test_the_models_error_is_over_the_scored_runs(constant):
 
 
 def test_another_devices_model_is_refused_before_anything_is_simulated(constant, monkeypatch):
-    monkeypatch.setattr("ambient_studies.lower_bound.limit.simulate_hidden", None)
+    monkeypatch.setattr("ambient_studies.lower_bound.limit.simulate_many", None)
     with pytest.raises(Refused, match="reads ch102_degC, which the simulated phone does not log"):
         limits(constant(20.0, "ch102"), [SCENARIO], SEEDS, PERIOD_S, lambda *_: None)
 

@@ -19,8 +19,8 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.lti.statespace import StateSpace
-from ambient_trainer.simulator.phone import simulate
-from ambient_trainer.simulator.zones import all_zones
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.simulate import simulate
 
 COLD, HOT, WALK = Room((5.0,)), Room((35.0,)), Room((35.0, 5.0, 35.0))
 
@@ -55,7 +55,7 @@ def constant_model(said_degC: float) -> Model:
 @pytest.fixture(scope="session")
 def trained() -> Trace:
     """The governor's training run."""
-    return training_trace({zone.name: zone for zone in all_zones()}["soc"])
+    return training_trace(load_device().zone("soc"))
 
 
 @pytest.fixture(scope="session")
@@ -65,7 +65,7 @@ def identified(trained: Trace) -> Identified:
 
 @pytest.fixture(scope="session")
 def logged() -> Trace:
-    return simulate("5")
+    return simulate("5").trace
 
 
 @pytest.fixture(scope="session")

@@ -14,9 +14,8 @@ from ambient_studies.mitigation.governor import FLOOR_W
 from ambient_studies.mitigation.loop import closed_loop, phone_zones
 from ambient_studies.mitigation.room import Room
 from ambient_studies.mitigation.setting import Outage, Setting, Told
-from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt, zone_reading
-from ambient_trainer.simulator.phone import Phone
 from ambient_trainer.simulator.run import Run, integrate, stream
 
 BRIEF = Setting(work_min=12.0, idle_min=1.0)
@@ -76,7 +75,7 @@ def test_a_held_phone_settles_at_its_fixed_trip(records, of, identified, setting
     late = slice(-300, None)
     trip_degC = identified.trip_degC(setting.limit_degC, setting.hottest_degC)
     # from the die's power and the phone's conductances, not from the governor
-    phone = Phone.shipped()
+    phone = load_device()
     loss_W_K = phone.conductance_W_K["soc-board1"] + phone.conductance_W_K["soc-display"]
     die_above_surroundings_K = record.soc_W[late].mean() / loss_W_K
     assert 0 < trip_degC - die_above_surroundings_K - record.skin_degC[late].mean() < 12
@@ -107,12 +106,13 @@ def test_the_estimate_is_what_the_devices_recursion_says_to_the_open_loop_simula
     """In the cold nothing is capped: the same readings come from the simulation that knows no loop."""
     record = of("5", Told.ESTIMATE)[0]
     count = len(record.time_s)
-    activity = np.where(record.time_s < 0, list(Activity).index(Activity.IDLE), list(Activity).index(Activity.CPU_100))
-    run = Run(Phone.shipped(), float(record.air_degC[0]), record.air_degC, activity, np.ones(count), 0)
+    phone = load_device()
+    activity = np.where(record.time_s < 0, phone.activity_index([]), phone.activity_index(["cpu_100"]))
+    run = Run(phone, float(record.air_degC[0]), record.air_degC, activity, np.ones(count), 0)
     driven = integrate([run], 1.0)[0]
     zones = phone_zones(model, "soc")
     columns = [
-        zone_reading(zone, felt(zone, run.phone, driven.nodes_degC, 1.0), stream(1, f"zone {zone.name}"))
+        zone_reading(zone, felt(zone, run.device, driven.nodes_degC, 1.0), stream(1, f"zone {zone.name}"))
         for zone in zones
     ]
     tracker = Tracker(model.main, nearest_discrete(model.main, 1.0))
@@ -193,7 +193,7 @@ def test_a_sensor_that_the_phone_lacks_is_refused(model):
 
 
 def test_streaming_comes_in_bursts(saying, identified):
-    setting = replace(BRIEF, workload=Activity.STREAMING)
+    setting = replace(BRIEF, workload="streaming")
     record = closed_loop(saying(17.0), identified, setting, [Room((5.0,))], [1])[0]
     assert working(record, record.soc_W).std() > 0.3
     assert record.soc_W[record.time_s < 0].std() < 0.01

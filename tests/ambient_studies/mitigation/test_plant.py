@@ -7,24 +7,23 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_studies.mitigation.plant import Plant, skin_degC
-from ambient_trainer.simulator.constants import NODES, Activity
-from ambient_trainer.simulator.device import Phone
-from ambient_trainer.simulator.heat import SOC, Demand, HeatBalance
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.heat import Demand, HeatBalance
 from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.run import Run, integrate, stream
-from ambient_trainer.simulator.zones import all_zones
 
-ZONES = [zone for zone in all_zones() if zone.name in ("soc", "usb", "flash", "msm-skin", "pm8350", "battery-cell")]
-ACTIVITIES = list(Activity)
+PHONE = load_device()
+SOC = PHONE.index("soc")
+ZONES = [PHONE.zone(name) for name in ("soc", "flash", "usb", "msm-skin", "pm8350", "battery-cell")]
 
 
 def run_of(seed, *steps, phone=None):
-    """(Activity, samples) after each other in wandering air."""
+    """(activity, samples) after each other in wandering air."""
     random = np.random.default_rng(seed)
-    activity = np.concatenate([np.full(count, ACTIVITIES.index(each)) for each, count in steps])
+    activity = np.concatenate([np.full(count, PHONE.activity_index([each])) for each, count in steps])
     air_degC = 20 + np.cumsum(random.normal(0, 0.1, len(activity)))
     burst = random.uniform(0.5, 1.5, len(activity))
-    return Run(phone or Phone.shipped(), float(air_degC[0]), air_degC, activity, burst, 0)
+    return Run(phone or PHONE, float(air_degC[0]), air_degC, activity, burst, 0)
 
 
 def stepped(plant, count, cap_W):
@@ -40,23 +39,23 @@ def stepped(plant, count, cap_W):
 
 @pytest.mark.parametrize("period_s", [0.5, 1.0, 5.0])
 def test_without_a_cap_it_is_the_open_loop_simulation(period_s):
-    steps = [(Activity.IDLE, 40), (Activity.CPU_100, 200), (Activity.CHARGING, 60), (Activity.STREAMING, 100)]
+    steps = [("idle", 40), ("cpu_100", 200), ("charging", 60), ("streaming", 100)]
     runs, seeds = [run_of(1, *steps), run_of(2, *reversed(steps))], [4, 5]
     nodes, readings, drawn_W = stepped(Plant(runs, seeds, ZONES, period_s), 400, np.full(2, np.inf))
     for k, (driven, seed) in enumerate(zip(integrate(runs, period_s), seeds)):
         assert nodes[:, k] == pytest.approx(driven.nodes_degC, abs=1e-10)
-        assert drawn_W[:, k] == pytest.approx(driven.soc_W, abs=1e-10)
+        assert drawn_W[:, k] == pytest.approx(driven.processor_W, abs=1e-10)
         assert driven.nodes_degC[:, SOC].max() > 85  # the die's own protection was near
         for column, zone in enumerate(ZONES):
-            temp = felt(zone, Phone.shipped(), driven.nodes_degC, period_s)
+            temp = felt(zone, PHONE, driven.nodes_degC, period_s)
             expected = zone_reading(zone, temp, stream(seed, f"zone {zone.name}"))
             assert readings[:, k, column] == pytest.approx(expected, abs=1e-9), zone.name
 
 
 def test_under_a_cap_it_agrees_with_an_adaptive_solver():
-    run = run_of(3, (Activity.CPU_100, 300))
+    run = run_of(3, ("cpu_100", 300))
     caps_W = np.where(np.arange(300) < 120, 3.0, 1.5)
-    plant, balance = Plant([run], [1], ZONES, 1.0), HeatBalance([run.phone])
+    plant, balance = Plant([run], [1], ZONES, 1.0), HeatBalance([run.device])
     state = plant.nodes_degC[0]
     for k in range(299):
         heat_W = balance.demand(run.activity[k : k + 1], run.burst[k : k + 1]).heat_W
@@ -73,7 +72,7 @@ def test_under_a_cap_it_agrees_with_an_adaptive_solver():
 
 
 def test_a_cap_cuts_the_processor_and_nothing_else():
-    run = run_of(3, (Activity.IDLE, 1), (Activity.CAMERA_4K, 99))
+    run = run_of(3, ("idle", 1), ("camera_4k", 99))
     plant = Plant([run, run, run], [1, 1, 1], ZONES, 1.0)
     nodes, readings, drawn_W = stepped(plant, 100, np.array([np.inf, 1.0, np.inf]))
     assert drawn_W[1:, 1] == pytest.approx(np.ones(99))
@@ -85,7 +84,7 @@ def test_a_cap_cuts_the_processor_and_nothing_else():
 
 
 def test_the_skin_is_the_hottest_of_what_is_touched():
-    nodes = np.arange(2.0 * len(NODES)).reshape(2, -1)
-    nodes[0, NODES.index("back")] = 50.0
+    nodes = np.arange(2.0 * len(PHONE.nodes)).reshape(2, -1)
+    nodes[0, PHONE.index("back")] = 50.0
     nodes[:, SOC] = 90.0
-    assert skin_degC(nodes).tolist() == [50.0, 11.0 + NODES.index("frame")]
+    assert skin_degC(nodes).tolist() == [50.0, 11.0 + PHONE.index("frame")]

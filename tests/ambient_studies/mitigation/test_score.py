@@ -11,10 +11,10 @@ from ambient_studies.mitigation.loop import Record
 from ambient_studies.mitigation.room import Room
 from ambient_studies.mitigation.score import score_table, scores, verdict
 from ambient_studies.mitigation.setting import Case, Setting, Told
-from ambient_trainer.simulator.device import Phone
+from ambient_trainer.simulator.device_file import load_device
 
 SETTING = Setting(work_min=10.0, idle_min=5.0)
-STANDBY_W = Phone.shipped().power_W["idle.soc"]
+STANDBY_W = load_device().activities["idle"].heat_W["soc"]
 
 
 def record_of(told, watts, skin_degC, seed=1, error_degC=None, trusted_until_s=600.0):

@@ -14,7 +14,7 @@ from ambient_studies.thesis.reproduction import Runs, all_methods
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator import simulate
 
 SHARED = Path(__file__).parents[4] / "shared" / "thesis"
 PERIOD_S = 60.0
@@ -32,9 +32,9 @@ def _one_thread():
 def runs():
     scenarios = ("2.1", "2.2", "3")
     return Runs(
-        simulate("5", seed=11, period_s=PERIOD_S),
-        simulate("1", seed=12, period_s=PERIOD_S),
-        {name: simulate(name, seed=13, period_s=PERIOD_S) for name in scenarios},
+        simulate("5", seed=11, period_s=PERIOD_S).trace,
+        simulate("1", seed=12, period_s=PERIOD_S).trace,
+        {name: simulate(name, seed=13, period_s=PERIOD_S).trace for name in scenarios},
     )
 
 

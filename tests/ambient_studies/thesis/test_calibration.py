@@ -12,9 +12,12 @@ from ambient_studies.thesis.calibration import calibrate, residuals
 from ambient_studies.thesis.candidates import FORMULAS, SCENARIOS, formula_errors, formulas, record, statistics
 from ambient_studies.thesis.outcome import Outcome, outcome_table, outcomes
 from ambient_studies.thesis.published import published_results, sensor_statistics
-from ambient_trainer.simulator.calibrated import load_constants, shipped_values
-from ambient_trainer.simulator.device import Chamber, Phone
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator import load_device, simulate
+from ambient_trainer.simulator.device_file import load_constants
+
+
+def shipped_values():
+    return {name: each.value for name, each in load_constants().items()}
 
 
 @pytest.fixture(scope="module")
@@ -33,11 +36,11 @@ def test_the_published_formulas_give_the_published_errors_from_the_recovered_mea
 
 
 def test_every_shipped_mean_and_standard_deviation_is_within_its_bar():
-    found = outcomes(Phone.shipped(), Chamber.shipped(), 5)
+    found = outcomes(load_device(), 5)
     assert len(found) == 28
     assert [each for each in found if not each.within] == []
     # of the trace that is written
-    values = simulate("2.1", seed=5).column("flash_degC")
+    values = simulate("2.1", seed=5).trace.column("flash_degC")
     flash = [each.simulated_degC for each in found if (each.scenario, each.sensor) == ("2.1", "flash")]
     assert flash == [values.mean(), values.std()]
 
@@ -52,7 +55,7 @@ def test_the_bars_are_a_degree_and_thirty_percent():
 
 def test_what_candidates_feel_is_the_trace_without_noise(shipped):
     found = statistics(shipped)["2.3", "battery"]
-    values = simulate("2.3", seed=0).column("battery_degC")
+    values = simulate("2.3", seed=0).trace.column("battery_degC")
     assert values.mean() == pytest.approx(found.mean_degC, abs=0.02)
     assert values.std() == pytest.approx(found.std_degC, abs=0.02)
     assert len(formula_errors(shipped)) == len(SCENARIOS) * len(FORMULAS)
@@ -75,7 +78,7 @@ def test_a_perfect_candidate_has_no_residuals(shipped, monkeypatch):
 
 @pytest.mark.slow
 def test_the_search_lowers_the_cost_of_its_guess_within_the_bounds():
-    some = ("conductance_W_K.usb-frame", "power_W.streaming.soc", "chamber.wobble_degC")
+    some = ("conductance_W_K.usb-frame", "activities.streaming.heat_W.soc", "chamber.wobble_degC")
     constants = {
         name: each if name in some else each.model_copy(update={"start": each.value})
         for name, each in load_constants().items()

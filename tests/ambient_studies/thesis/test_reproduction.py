@@ -6,6 +6,7 @@ import io
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -89,7 +90,7 @@ def test_no_two_runs_share_their_weather(monkeypatch):
 
     def simulate_many(wanted, progress):
         asked.extend(wanted)
-        return list(wanted)
+        return [SimpleNamespace(trace=run) for run in wanted]
 
     monkeypatch.setattr(reproduction, "simulate_many", simulate_many)
     for seed in (0, 1, 2):

@@ -13,7 +13,7 @@ from ambient_model.model import Discrete, Estimator, Input, Model, Secondary
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator.simulate import simulate
 
 PERIOD_S = 5.0
 INPUTS = (Input("usb", "degC", "usb", -45.0, 130.0), Input("display", "degC", "display", -45.0, 130.0))
@@ -65,4 +65,4 @@ def known() -> Callable[..., Trace]:
 @pytest.fixture(scope="session")
 def free_model() -> Model:
     """A filter of order 2 of one simulated phone, for a period of 5 s."""
-    return model_of(fit_free_filter(2, [simulate("5", period_s=PERIOD_S)], Effort(starts=2)), [], {})
+    return model_of(fit_free_filter(2, [simulate("5", period_s=PERIOD_S).trace], Effort(starts=2)), [], {})

@@ -9,11 +9,11 @@ import pytest
 
 from ambient_studies.unit_variation.runs import CALIBRATION, CALIBRATION_DEGC, Asked, traces
 from ambient_studies.unit_variation.unit import nominal
-from ambient_trainer.simulator.phone import simulate
-from ambient_trainer.simulator.zones import thesis_zones
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.simulate import simulate
 
 PERIOD_S = 5.0
-ZONES = thesis_zones()
+ZONES = load_device().main_zones
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +23,7 @@ def unit():
 
 def test_the_nominal_unit_logs_what_the_simulated_phone_does(unit):
     found = traces([Asked(unit, False, "2.5", 3), Asked(unit, True, "2.5", 3)], PERIOD_S)[0]
-    expected = simulate("2.5", 3, PERIOD_S)
+    expected = simulate("2.5", seed=3, period_s=PERIOD_S).trace
     assert found.columns.keys() == expected.columns.keys()
     for name, values in expected.columns.items():
         np.testing.assert_array_equal(found.columns[name], values)

@@ -11,7 +11,7 @@ from ambient_studies.unit_variation.study import Plan, study
 from ambient_studies.unit_variation.summary import as_json, groups, scatter, sentences, units_table
 from ambient_studies.unit_variation.unit import drawn
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.simulator.zones import thesis_zones
+from ambient_trainer.simulator.device_file import load_device
 
 PLAN = Plan(count=5, seed=2, scenarios=("1",), period_s=5.0)
 
@@ -26,7 +26,7 @@ def done(free_model):
 
 
 def test_a_unit_is_scored_as_by_hand(done, free_model):
-    unit = drawn(5, 2, thesis_zones())
+    unit = drawn(5, 2, load_device().main_zones)
     calibration, bare, cased = traces(
         [Asked(unit, False, CALIBRATION, 2005), Asked(unit, False, "1", 2), Asked(unit, True, "1", 2)], 5.0
     )

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from ambient_studies.unit_variation.unit import drawn, nominal
-from ambient_trainer.simulator.device import Phone
-from ambient_trainer.simulator.zones import thesis_zones
+from ambient_trainer.simulator.device_file import load_device
 
-ZONES = thesis_zones()
+ZONES = load_device().main_zones
 MANY = 400
 
 
@@ -20,7 +19,7 @@ def many():
 
 def test_the_nominal_one_is_the_calibrated_phone():
     unit = nominal(ZONES)
-    assert (unit.number, unit.phone, unit.zones, unit.gains) == (0, Phone.shipped(), ZONES, {})
+    assert (unit.number, unit.phone, unit.zones, unit.gains) == (0, load_device(), ZONES, {})
 
 
 def test_a_unit_is_itself_whoever_else_is_drawn(many):
@@ -39,12 +38,12 @@ def _logs(many, of):
     ("of", "middle", "spread"),
     [
         (lambda unit: unit.phone.conductance_W_K["battery-display"], 0.3888, 0.15),
-        (lambda unit: unit.phone.capacitance_J_K["battery"], 61.02, 0.03),
-        (lambda unit: unit.phone.power_W["idle.soc"], 0.2409, 0.3),
-        (lambda unit: unit.phone.power_W["cpu_100.soc"], 9.0, 0.05),
+        (lambda unit: unit.phone.nodes["battery"].capacitance_J_K, 61.02, 0.03),
+        (lambda unit: unit.phone.activities["idle"].heat_W["soc"], 0.2409, 0.3),
+        (lambda unit: unit.phone.activities["cpu_100"].heat_W["soc"], 9.0, 0.05),
         (lambda unit: unit.phone.convection_W_m2_K125, 11.96, 0.03),
-        (lambda unit: unit.phone.battery_ohm, 0.08, 0.1),
-        (lambda unit: unit.phone.share["usb"], 0.1648, 0.1),
+        (lambda unit: unit.phone.battery.ohm, 0.08, 0.1),
+        (lambda unit: unit.zones[3].share, 0.1648, 0.1),
         (lambda unit: unit.zones[3].lag_s, 8.0, 0.2),
     ],
 )
@@ -55,10 +54,14 @@ def test_what_scatters_by_so_much_does(many, of, middle, spread):
 
 
 def test_leakage_is_the_die_s_own_and_not_each_activity_s(many):
-    unit, phone = many[0], Phone.shipped()
-    standby = {unit.phone.power_W[f"idle.{node}"] / phone.power_W[f"idle.{node}"] for node in ("soc", "board2")}
+    unit, phone = many[0], load_device()
+
+    def ratio(name, node):
+        return unit.phone.activities[name].heat_W[node] / phone.activities[name].heat_W[node]
+
+    standby = {ratio("idle", node) for node in ("soc", "board2")}
     assert max(standby) == pytest.approx(min(standby))
-    loads = {unit.phone.power_W[name] / phone.power_W[name] for name in ("cpu_100.soc", "camera_4k.camera")}
+    loads = {ratio("cpu_100", "soc"), ratio("camera_4k", "camera")}
     assert max(loads) == pytest.approx(min(loads))
 
 
@@ -72,8 +75,8 @@ def test_thermistors_keep_within_their_grade_and_silicon_scatters(many):
 
 
 def test_nothing_is_beyond_what_can_be(many):
-    assert all(0 < share < 1 for unit in many for share in unit.phone.share.values())
-    assert all(0.8 < unit.phone.emissivity <= 1.0 for unit in many)
+    assert all(0 <= zone.share < 1 for unit in many for zone in unit.zones)
+    assert all(0.8 < unit.phone.nodes["back"].emissivity <= 1.0 for unit in many)
 
 
 def test_a_case_is_that_of_its_layers(many):

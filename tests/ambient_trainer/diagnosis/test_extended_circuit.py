@@ -27,8 +27,8 @@ from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.training import records_of, residual_noise
 from ambient_trainer.estimators.fit import Effort, fit_circuit
-from ambient_trainer.simulator.effects.effect import Hidden
-from ambient_trainer.simulator.effects.runs import simulate_hidden
+from ambient_trainer.simulator.hidden import Hidden
+from ambient_trainer.simulator.simulate import simulate_many
 from ambientd.__main__ import main as ambientd
 
 PERIOD_S = 5.0
@@ -249,7 +249,7 @@ def test_no_circuit_comes_of_what_is_none(circuit):
 
 def test_the_extended_circuit_fits_evaluates_and_runs_in_the_daemon(tmp_path, monkeypatch, capsys):
     heat = Hidden("heat_source", "usb", "charger_on", 0.0, None, 0.4)
-    train, other = (each.trace for each in simulate_hidden([("5", 11, (heat,)), ("5", 12, (heat,))], period_s=10.0))
+    train, other = (each.trace for each in simulate_many([("5", 11, (heat,)), ("5", 12, (heat,))], period_s=10.0))
     paths = {name: str(tmp_path / f"{name}.csv") for name in ("train", "other", "estimate")}
     save_trace(paths["train"], train)
     save_trace(paths["other"], other)

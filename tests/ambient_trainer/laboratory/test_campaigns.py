@@ -6,10 +6,8 @@ import yaml
 from ambient_model.faults import Refused
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.trace_rows import signals_while
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names, scenario_path
-from ambient_trainer.simulator.zones import THESIS_ZONES
 
 STEP = {"duration_min": 5, "chamber_degC": 20}
 NEVER = {"chamber_degC": 20, "settle": {"within_K": 1, "for_min": 50, "at_most_min": 5}}
@@ -228,14 +226,14 @@ def test_all_share_one_laboratory_which_logs_the_thesis_s_sensors():
     laboratories = {shipped(name).laboratory.model_dump_json() for name in scenario_names()}
     assert len(laboratories) == 1
     device = shipped("5").laboratory.device
-    assert tuple(device.zones.values()) == tuple(f"{zone}_degC" for zone in THESIS_ZONES)
+    assert tuple(device.zones.values()) == tuple(f"{zone}_degC" for zone in load_device().sensors)
 
 
-@pytest.mark.parametrize("activity", list(Activity))
+@pytest.mark.parametrize("activity", load_device().activities)
 def test_signals_are_what_the_simulation_logs(activity):
-    laboratory = shipped("5").laboratory
-    logged = signals_while(laboratory, () if activity is Activity.IDLE else (activity.value,))
-    assert logged["cpu_load_frac"] == c.CPU_LOAD_FRAC[activity]
-    assert logged["charging_on"] == (activity in c.CHARGING_A)
-    assert logged["camera_on"] == activity.value.startswith("camera")
-    assert set(laboratory.actions) == {each.value for each in Activity} - {"idle"} | {"display"}
+    laboratory, phone = shipped("5").laboratory, load_device()
+    logged = signals_while(laboratory, () if activity == "idle" else (activity,))
+    expected = {**phone.activities["idle"].logs, **phone.activities[activity].logs}
+    assert expected == {name: logged[name] for name in expected}
+    assert logged["camera_on"] == activity.startswith("camera")
+    assert set(laboratory.actions) == set(phone.activities) - {"idle"} | {"display"}

@@ -14,11 +14,11 @@ from ambient_trainer.laboratory.chamber_air import ChamberAir
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Simulated
+from ambient_trainer.simulator.chamber import Chamber as Dynamics
 from ambient_trainer.simulator.chamber import ramped
-from ambient_trainer.simulator.device import Chamber as Dynamics
 
 STILL = Dynamics(heating_K_min=2.0, cooling_K_min=1.5, wobble_degC=0.0)
-SWINGING = Dynamics(2.0, 1.5, 1.0)
+SWINGING = Dynamics(heating_K_min=2.0, cooling_K_min=1.5, wobble_degC=1.0)
 CHAMBER = settings("voetsch-vt4004", port="")
 
 

@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.constants import NODES, Activity
-from ambient_trainer.simulator.device import Phone, with_values
-from ambient_trainer.simulator.heat import SOC, Demand, HeatBalance, rk4_step
-from ambient_trainer.simulator.run import LONGEST_STEP_S, Run, integrate
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.heat import Demand, HeatBalance, rk4_step
+from ambient_trainer.simulator.run import Run, integrate
+from ambient_trainer.simulator.stepper import LONGEST_STEP_S
 
-_ACTIVITIES = list(Activity)
-_BATTERY, _DISPLAY = NODES.index("battery"), NODES.index("display")
+_PHONE = load_device()
+NODES = tuple(_PHONE.nodes)
+SOC, _BATTERY, _DISPLAY = (_PHONE.index(node) for node in ("soc", "battery", "display"))
 
 
 @pytest.fixture(scope="module")
 def balance():
-    return HeatBalance([Phone.shipped()])
+    return HeatBalance([_PHONE])
 
 
 def _demand(balance, activity, count=1):
-    return balance.demand(np.full(count, _ACTIVITIES.index(activity)), np.ones(count))
+    return balance.demand(np.full(count, _PHONE.activity_index([activity])), np.ones(count))
 
 
 def _run(activities, air_degC):
-    indices = np.array([_ACTIVITIES.index(each) for each in activities])
-    return Run(Phone.shipped(), air_degC[0], air_degC, indices, np.ones(len(indices)), 0)
+    indices = np.array([_PHONE.activity_index([each]) for each in activities])
+    return Run(_PHONE, air_degC[0], air_degC, indices, np.ones(len(indices)), 0)
 
 
 def _solved(balance, run, period_s):
@@ -51,22 +49,22 @@ def _solved(balance, run, period_s):
 @pytest.mark.parametrize("period_s", [0.25, 1.0, 7.0])
 def test_integration_agrees_with_an_adaptive_solver(balance, period_s):
     count = int(150 / period_s)
-    activities = [each for each in (Activity.IDLE, Activity.CPU_100, Activity.CHARGING) for _ in range(count)]
+    activities = [each for each in ("idle", "cpu_100", "charging") for _ in range(count)]
     air_degC = 20 + np.cumsum(np.random.default_rng(1).normal(0, 0.1, len(activities)))
     run = _run(activities, air_degC)
     ours = integrate([run], period_s)[0].nodes_degC
     theirs = _solved(balance, run, period_s)
-    assert theirs[:, SOC].max() > c.GOVERNOR_LOW_DEGC + 1  # the governor was at work
+    assert theirs[:, SOC].max() > _PHONE.processor.governor.low_degC + 1  # the governor was at work
     errors_K = np.abs(ours - theirs).max(axis=0)
     assert errors_K.max() < 0.03  # the die for a moment, as the governor steps in: a third of what its sensor reads
     assert np.delete(errors_K, SOC).max() < 5e-4
 
 
 def test_halving_the_step_divides_a_smooth_runs_error_by_sixteen(balance):
-    demand = _demand(balance, Activity.CPU_50)
+    demand = _demand(balance, "cpu_50")
     demand.heat_W[0, SOC] = 2.0  # stays below the governor
     air_degC = np.array([20.0])
-    start = balance.equilibrium(air_degC, _demand(balance, Activity.IDLE))
+    start = balance.equilibrium(air_degC, _demand(balance, "idle"))
 
     def derivative(_, x):
         return balance.rates(x, air_degC, demand)
@@ -85,7 +83,7 @@ def test_halving_the_step_divides_a_smooth_runs_error_by_sixteen(balance):
     assert error(LONGEST_STEP_S) < 1e-5
 
 
-@pytest.mark.parametrize("activity", _ACTIVITIES)
+@pytest.mark.parametrize("activity", _PHONE.activities)
 @pytest.mark.parametrize("air_degC", [-10.0, 50.0])
 def test_heat_in_is_heat_stored_plus_heat_lost(balance, activity, air_degC):
     demand = _demand(balance, activity)
@@ -96,7 +94,7 @@ def test_heat_in_is_heat_stored_plus_heat_lost(balance, activity, air_degC):
         sums = balance.heat_in(nodes, demand).sum(), balance.lost(nodes, air).sum()
         return np.concatenate([balance.rates(nodes, air, demand), [sums]], axis=1)
 
-    start = balance.equilibrium(np.array([air_degC]), _demand(balance, Activity.IDLE))
+    start = balance.equilibrium(np.array([air_degC]), _demand(balance, "idle"))
     state = np.concatenate([start, [[0.0, 0.0]]], axis=1)
     for k in range(1200):
         state = rk4_step(derivative, 0.5 * k, state, 0.5)
@@ -108,12 +106,12 @@ def test_heat_in_is_heat_stored_plus_heat_lost(balance, activity, air_degC):
 
 def test_what_is_conducted_sums_to_zero_in_every_phone_of_a_batch(balance):
     nodes = np.random.default_rng(2).uniform(-20, 90, (7, len(NODES)))
-    flows = HeatBalance([Phone.shipped()] * 7).conducted(nodes)
+    flows = HeatBalance([_PHONE] * 7).conducted(nodes)
     assert np.abs(flows.sum(axis=1)).max() < 1e-9 * np.abs(flows).max()
 
 
 @pytest.mark.parametrize("air_degC", [-10.0, 20.0, 50.0])
-@pytest.mark.parametrize("activity", _ACTIVITIES)
+@pytest.mark.parametrize("activity", _PHONE.activities)
 def test_equilibrium_is_what_waiting_leads_to(balance, activity, air_degC):
     demand, air = _demand(balance, activity), np.array([air_degC])
     found = solve_ivp(
@@ -134,26 +132,25 @@ def test_a_body_without_power_takes_the_airs_temperature(balance):
 
 def test_convection_grows_with_the_power_of_five_quarters(balance):
     nodes = np.full((1, len(NODES)), 20.0)
-    area = Phone.shipped().surface_m2["display"]
+    area = _PHONE.nodes["display"].surface_m2
     air_degC = np.array([4.0, 19.0])
-    radiated = c.EMISSIVITY * 5.670374419e-8 * area * ((20 + 273.15) ** 4 - (air_degC + 273.15) ** 4)
+    radiated = 0.9 * 5.670374419e-8 * area * ((20 + 273.15) ** 4 - (air_degC + 273.15) ** 4)
     convected = [balance.lost(nodes, air_degC[k : k + 1])[0, _DISPLAY] - radiated[k] for k in (0, 1)]
     assert convected[0] / convected[1] == pytest.approx(16**1.25)
 
 
 def test_the_governor_holds_the_die_near_90_degrees(balance):
-    phone = Phone.shipped()
-    middle = (phone.governor_low_degC + phone.governor_high_degC) / 2
+    phone = _PHONE.processor.governor
+    middle = (phone.low_degC + phone.high_degC) / 2
     powers_W = [
-        float(balance.soc_power_W(np.array([temp]), np.array([8.0]))[0])
-        for temp in (phone.governor_low_degC, middle, 120.0)
+        float(balance.governed_W(np.array([temp]), np.array([8.0]))[0]) for temp in (phone.low_degC, middle, 120.0)
     ]
-    assert powers_W == pytest.approx([8.0, 8.0 * (1 + phone.governor_floor_frac) / 2, 8.0 * phone.governor_floor_frac])
+    assert powers_W == pytest.approx([8.0, 8.0 * (1 + phone.floor_frac) / 2, 8.0 * phone.floor_frac])
 
 
 def test_the_batterys_heat_is_its_current_squared_times_its_resistance(balance):
     nodes = np.full((1, len(NODES)), 25.0)
-    charging, idle = _demand(balance, Activity.CHARGING), _demand(balance, Activity.IDLE)
+    charging, idle = _demand(balance, "charging"), _demand(balance, "idle")
     assert balance.heat_in(nodes, charging)[0, _BATTERY] == pytest.approx(3.0**2 * 0.08)
     other_W = idle.heat_W.sum(axis=1)
     current_A = balance.battery_current_A(other_W, idle.charging_A)
@@ -168,15 +165,15 @@ def test_the_batterys_resistance_grows_in_the_cold(balance):
 
 
 def test_phones_of_a_batch_are_themselves_and_not_each_other():
-    shipped = Phone.shipped()
-    glossy = replace(shipped, emissivity=0.1)
-    heavy = with_values(shipped, {"capacitance_J_K.battery": 80.0, "conductance_W_K.soc-board1": 0.02})
+    shipped = _PHONE
+    glossy = shipped.with_values({f"nodes.{node}.emissivity": 0.1 for node in NODES})
+    heavy = shipped.with_values({"nodes.battery.capacitance_J_K": 80.0, "conductance_W_K.soc-board1": 0.02})
     phones = [shipped, glossy, heavy]
-    activities = np.full(300, _ACTIVITIES.index(Activity.CPU_100))
+    activities = np.full(300, _PHONE.activity_index(["cpu_100"]))
     runs = [Run(phone, 20.0, np.full(300, 20.0), activities, np.ones(300), 0) for phone in phones]
     together = integrate(runs, 1.0)
     alone = [integrate([run], 1.0)[0] for run in runs]
     for one, other in zip(together, alone):
         assert one.nodes_degC == pytest.approx(other.nodes_degC, abs=1e-8)
     assert abs(together[0].nodes_degC[-1] - together[2].nodes_degC[-1]).max() > 1
-    assert shipped.capacitance_J_K["battery"] != 80.0
+    assert shipped.nodes["battery"].capacitance_J_K != 80.0

@@ -9,17 +9,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.simulator.additions import AIR, TERMS, Added, Additions, Body, Link, Term, together
-from ambient_trainer.simulator.constants import NODES, SURFACE_M2, Activity
-from ambient_trainer.simulator.device import Phone
-from ambient_trainer.simulator.effects.effect import Hidden
-from ambient_trainer.simulator.effects.physics import Setting, added
-from ambient_trainer.simulator.effects.sensors import Ailing
-from ambient_trainer.simulator.effects.signals import DECOYS, SIGNALS, signal, switched
-from ambient_trainer.simulator.effects.text import hidden_text
-from ambient_trainer.simulator.heat import SOC, HeatBalance
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.heat import HeatBalance
+from ambient_trainer.simulator.hidden import Hidden, Setting
 from ambient_trainer.simulator.run import Run, integrate
+from ambient_trainer.simulator.signals import DECOYS, SIGNALS, signal, switched
+from ambient_trainer.simulator.simulate import FaultyInstruments, added
+from ambient_trainer.simulator.text import hidden_text
 
-_ACTIVITIES = list(Activity)
+_PHONE = load_device()
+NODES = tuple(_PHONE.nodes)
+SOC = _PHONE.index("soc")
 _COUNT = 1500
 _ONSET_S, _END_S = 300.0, 1200.0
 
@@ -49,11 +49,11 @@ _ALL = [*_HEAT, *_LOSSES, *_BODIES]
 
 def _setting(effect, count=_COUNT, period_s=1.0):
     time_s = np.arange(count) * period_s
-    bare = Setting(time_s, period_s, {})
+    bare = Setting(_PHONE, time_s, period_s, {})
     if effect.signal is None:
         return bare
     drawn = signal(effect.signal, time_s, bare.lasting(effect), np.random.default_rng(3))
-    return Setting(time_s, period_s, {effect.signal: drawn})
+    return Setting(_PHONE, time_s, period_s, {effect.signal: drawn})
 
 
 def _added(effect, setting, number=0):
@@ -61,9 +61,9 @@ def _added(effect, setting, number=0):
 
 
 def _run(count=_COUNT):
-    activity = np.full(count, _ACTIVITIES.index(Activity.IDLE))
-    activity[200:700] = _ACTIVITIES.index(Activity.CPU_50)
-    return Run(Phone.shipped(), 10.0, 10.0 + 15.0 * np.arange(count) / count, activity, np.ones(count), 0)
+    activity = np.full(count, _PHONE.activity_index([]))
+    activity[200:700] = _PHONE.activity_index(["cpu_50"])
+    return Run(_PHONE, 10.0, 10.0 + 15.0 * np.arange(count) / count, activity, np.ones(count), 0)
 
 
 def _means(values):
@@ -94,7 +94,7 @@ def clean():
 def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
     """A budget of the whole run from temperatures alone: what flows between two things appears in none of its sums."""
     part, done = driven[effect]
-    balance = HeatBalance([Phone.shipped()])
+    balance = HeatBalance([_PHONE])
     nodes, bodies, air = done.nodes_degC, done.bodies_degC, done.run.air_degC
     taken_W = balance.heat_in(nodes, balance.demand(done.run.activity, np.ones(_COUNT))).sum(axis=1)
     terms_W = np.zeros(_COUNT - 1)
@@ -121,7 +121,7 @@ def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
 @pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
 def test_links_give_what_they_take(effect):
     part = _added(effect, _setting(effect))
-    additions = Additions(HeatBalance([Phone.shipped()]), [part])
+    additions = Additions(HeatBalance([_PHONE]), [part])
     state = np.random.default_rng(5).uniform(-10, 60, (1, additions.width))
     for k in (0, 400, _COUNT - 1):
         flows = additions.during(k).linked(state, np.array([7.0]))
@@ -133,7 +133,7 @@ def test_integration_agrees_with_an_adaptive_solver():
     part = together([_added(effect, _setting(effect), number) for number, effect in enumerate(effects)])
     run = _run(500)
     ours = integrate([run], 1.0, added=[part])[0]
-    additions = Additions(HeatBalance([run.phone]), [part])
+    additions = Additions(HeatBalance([run.device]), [part])
     state = np.concatenate([ours.nodes_degC[0], ours.bodies_degC[0]])
     for k in range(run.samples - 1):
         demand = additions.balance.demand(run.activity[k : k + 1], np.ones(1))
@@ -178,7 +178,7 @@ def test_phones_of_a_batch_have_their_own_effects(driven):
 
 def test_what_is_attached_since_ever_is_at_rest_with_the_phone():
     mass = Hidden("thermal_mass", "display", None, 0.0, None, 100.0)
-    run = Run(Phone.shipped(), 20.0, np.full(900, 20.0), np.zeros(900, dtype=int), np.ones(900), 0)
+    run = Run(_PHONE, 20.0, np.full(900, 20.0), np.zeros(900, dtype=int), np.ones(900), 0)
     done = integrate([run], 1.0, added=[_added(mass, _setting(mass, 900))])[0]
     assert np.ptp(done.nodes_degC, axis=0).max() < 1e-6
     assert np.ptp(done.bodies_degC, axis=0).max() < 1e-6
@@ -194,7 +194,7 @@ def test_a_mass_of_layers_holds_the_stated_heat():
 def test_a_strap_conducts_the_stated_heat_at_rest():
     strap = Hidden("path", "flash-usb", None, 0.0, None, 0.2)
     part = _added(strap, _setting(strap))
-    additions = Additions(HeatBalance([Phone.shipped()]), [part])
+    additions = Additions(HeatBalance([_PHONE]), [part])
     flash, usb = NODES.index("flash"), NODES.index("usb")
     state = np.zeros((1, additions.width))
     state[0, flash], state[0, usb] = 40.0, 20.0
@@ -206,7 +206,7 @@ def test_a_strap_conducts_the_stated_heat_at_rest():
 def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
     fan = Hidden("ambient_coupling", None, None, 0.0, None, -0.5)
     part = _added(fan, _setting(fan))
-    balance = HeatBalance([Phone.shipped()])
+    balance = HeatBalance([_PHONE])
     nodes, air = np.full((1, len(NODES)), 30.0), np.array([20.0])
     more_W = TERMS["blown"](nodes, air, balance)[0] * part.terms[0].pattern
     own_W = balance.convected(nodes, air)[0]
@@ -225,7 +225,7 @@ def test_a_case_takes_from_convection_and_from_radiation():
 
 
 def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and_limited_above():
-    balance = HeatBalance([Phone.shipped()])
+    balance = HeatBalance([_PHONE])
     nodes = np.full((4, len(NODES)), 20.0)
     air = np.array([5.0, 17.0, 35.0, -180.0])
     drawn_W, own_W = TERMS["draught"](nodes, air, balance), -balance.convected(nodes, air)
@@ -242,7 +242,7 @@ def test_a_case_on_the_back_covers_the_rim_too():
 def test_whatever_covers_a_surface_it_still_loses_heat():
     cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
     part = together([_added(case, _setting(case)) for case in cases])
-    coefficients = Additions(HeatBalance([Phone.shipped()]), [part]).during(0).coefficients
+    coefficients = Additions(HeatBalance([_PHONE]), [part]).during(0).coefficients
     assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
 
 
@@ -254,7 +254,7 @@ def test_a_term_and_a_body_do_what_they_say():
         (Body("b", 10.0),),
         (Link("soc", "b", 0.5 * ones), Link("b", AIR, 0.1 * ones)),
     )
-    balance = HeatBalance([Phone.shipped()])
+    balance = HeatBalance([_PHONE])
     state = np.full((1, len(NODES) + 1), 20.0)
     state[0, SOC], state[0, -1] = 50.0, 30.0
     demand, air = balance.demand(np.zeros(1, dtype=int), np.ones(1)), np.array([20.0])
@@ -268,9 +268,9 @@ def test_a_contact_is_shared_by_area():
     hand = Hidden("contact", None, None, 0.0, None, 0.3)
     part = _added(hand, _setting(hand))
     shares = {link.other: link.conductance_W_K[9] for link in part.links if link.other in NODES}
-    total = sum(SURFACE_M2.values())
+    areas = {node: _PHONE.nodes[node].surface_m2 for node in _PHONE.surfaces}
     grip = sum(shares.values())
-    assert shares == pytest.approx({node: grip * area / total for node, area in SURFACE_M2.items()})
+    assert shares == pytest.approx({node: grip * area / sum(areas.values()) for node, area in areas.items()})
     assert 0.3 * 0.3 <= grip <= 1.7 * 0.3
 
 
@@ -313,7 +313,7 @@ def test_sessions_begin_soon_and_last_about_as_long_as_asked():
 
 
 def _ailing(*effects, count=3000):
-    return Ailing(effects, _setting(effects[0], count), lambda effect: np.random.default_rng(1))
+    return FaultyInstruments(effects, _setting(effects[0], count), lambda effect: np.random.default_rng(1))
 
 
 def test_a_bias_slews_in_at_its_sensor_only():

@@ -11,18 +11,15 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, Term
-from ambient_trainer.simulator.constants import NODES
-from ambient_trainer.simulator.device import Phone
-from ambient_trainer.simulator.effects.draw import CHOICES, draw_hidden
-from ambient_trainer.simulator.effects.effect import KINDS, Hidden
-from ambient_trainer.simulator.effects.figures import Ran
-from ambient_trainer.simulator.effects.physics import Setting
-from ambient_trainer.simulator.effects.runs import simulate_hidden
-from ambient_trainer.simulator.effects.truth import truth
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.draw import choices, draw_hidden
+from ambient_trainer.simulator.hidden import Hidden, Ran, Setting, checked, effects
 from ambient_trainer.simulator.run import Driven, Run
 from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.simulate import simulate, simulate_many
+from ambient_trainer.simulator.truth import truth
 
+NODES = tuple(load_device().nodes)
 _SCENARIO = "3"
 _LASTS_S = load_scenario(_SCENARIO).duration_s
 _PERIOD_S = 10.0
@@ -50,12 +47,12 @@ _ONE_OF_EACH = [
 @pytest.fixture(scope="module")
 def simulated():
     runs = [(_SCENARIO, 11, [effect]) for effect in _ONE_OF_EACH]
-    return dict(zip(_ONE_OF_EACH, simulate_hidden(runs, _PERIOD_S, sizes=True)))
+    return dict(zip(_ONE_OF_EACH, simulate_many(runs, _PERIOD_S, sizes=True)))
 
 
 @pytest.fixture(scope="module")
 def plain():
-    return simulate(_SCENARIO, 11, _PERIOD_S)
+    return simulate(_SCENARIO, seed=11, period_s=_PERIOD_S).trace
 
 
 def _same(one, other):
@@ -126,7 +123,7 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
 
 def test_twice_the_heat_is_twice_the_truth_and_nearly_twice_the_rise():
     effects = [Hidden("heat_source", "display", "radio_on", 0.0, None, amount) for amount in (0.3, 0.6)]
-    runs = simulate_hidden([("1", 2, [effect]) for effect in effects], _PERIOD_S, sizes=True)
+    runs = simulate_many([("1", 2, [effect]) for effect in effects], _PERIOD_S, sizes=True)
     (half_W, half_K), (whole_W, whole_K) = (
         (run.truths[0].magnitude, np.mean(run.trace.columns["display_degC"] - run.clean.columns["display_degC"]))
         for run in runs
@@ -156,12 +153,12 @@ def _ran(hidden, loss, pattern):
     time_s = np.arange(count) * 10.0
     air_degC = np.full(count, 20.0)
     nodes_degC = 20.0 + np.repeat(np.linspace(-15.0, 25.0, count)[:, None], len(NODES), axis=1)
-    phone = replace(Phone.shipped(), emissivity=0.0)
+    phone = load_device().with_values({f"nodes.{node}.emissivity": 0.0 for node in NODES})
     run = Run(phone, 20.0, air_degC, np.zeros(count, dtype=int), np.ones(count), 0)
     driven = Driven(run, nodes_degC, np.zeros(count), np.zeros(count), np.empty((count, 0)))
     part = Added((Term(loss, np.ones(count), pattern),))
     trace = Trace("", time_s, {})
-    return Ran(hidden, Setting(time_s, 10.0, {}), driven, part, part, trace, lambda: np.random.default_rng(0))
+    return Ran(hidden, Setting(phone, time_s, 10.0, {}), driven, part, part, trace, lambda: np.random.default_rng(0))
 
 
 def test_a_changed_resistance_is_exact_where_the_loss_scales():
@@ -182,13 +179,13 @@ def test_a_loss_that_scales_has_no_other_exponent():
 def test_effects_of_size_zero_leave_the_trace_as_it_is(plain):
     """But for the columns of signals; a sensor that sticks has a value, not a size."""
     effects = [replace(each, size=0.0) for each in _ONE_OF_EACH if each.cause != "sensor_stuck"]
-    for run in simulate_hidden([(_SCENARIO, 11, [effect]) for effect in effects], _PERIOD_S):
+    for run in simulate_many([(_SCENARIO, 11, [effect]) for effect in effects], _PERIOD_S):
         assert _same(run.trace, plain)
 
 
 def test_several_effects_add_up_and_are_each_sized_alone(simulated):
     both = [_ONE_OF_EACH[0], _ONE_OF_EACH[11]]
-    run = simulate_hidden([(_SCENARIO, 11, both)], _PERIOD_S, sizes=True)[0]
+    run = simulate_many([(_SCENARIO, 11, both)], _PERIOD_S, sizes=True)[0]
     assert [told.cause for told in run.truths] == ["heat_source", "sensor_bias"]
     for told, one in zip(run.truths, both):
         assert told.size_degC == simulated[one].truths[0].size_degC
@@ -200,11 +197,11 @@ def test_several_effects_add_up_and_are_each_sized_alone(simulated):
 
 def test_a_seed_gives_the_same_again_alone_or_in_a_batch(simulated):
     for effect in (_ONE_OF_EACH[1], _ONE_OF_EACH[7]):
-        alone = simulate_hidden([(_SCENARIO, 11, [effect])], _PERIOD_S)[0]
+        alone = simulate_many([(_SCENARIO, 11, [effect])], _PERIOD_S)[0]
         assert _same(alone.trace, simulated[effect].trace)
         assert alone.truths[0].magnitude == pytest.approx(simulated[effect].truths[0].magnitude)
         assert alone.clean is None
-    other = simulate_hidden([(_SCENARIO, 12, [_ONE_OF_EACH[1]])], _PERIOD_S)[0]
+    other = simulate_many([(_SCENARIO, 12, [_ONE_OF_EACH[1]])], _PERIOD_S)[0]
     assert not np.array_equal(other.trace.columns["radio_on"], simulated[_ONE_OF_EACH[1]].trace.columns["radio_on"])
 
 
@@ -214,8 +211,8 @@ def test_runs_of_unlike_length_are_what_each_is_alone():
         ("2.4", 5, [Hidden("heat_source", "usb", None, 300.0, 900.0, 0.3), Hidden("path", "flash-usb", size=0.1)]),
         ("2.3", 6, []),
     ]
-    for run, together in zip(runs, simulate_hidden(runs, _PERIOD_S)):
-        alone = simulate_hidden([run], _PERIOD_S)[0]
+    for run, together in zip(runs, simulate_many(runs, _PERIOD_S)):
+        alone = simulate_many([run], _PERIOD_S)[0]
         assert _same(together.trace, alone.trace)
         assert [told.magnitude for told in together.truths] == pytest.approx([told.magnitude for told in alone.truths])
 
@@ -223,37 +220,39 @@ def test_runs_of_unlike_length_are_what_each_is_alone():
 def test_decoys_change_nothing_and_stand_among_the_signals(simulated):
     effect = _ONE_OF_EACH[1]
     decoys = ("wifi_on", "light_lux", "radio_on", "gps_on")
-    run = simulate_hidden([(_SCENARIO, 11, [effect])], _PERIOD_S, decoys)[0]
+    run = simulate_many([(_SCENARIO, 11, [effect])], _PERIOD_S, decoys)[0]
     assert list(run.trace.columns)[-4:] == sorted(decoys)
     assert _same(run.trace, simulated[effect].trace)
     assert not np.array_equal(run.trace.columns["wifi_on"], run.trace.columns["radio_on"])
 
 
 def test_a_run_without_effects_is_the_plain_one(plain):
-    run = simulate_hidden([(_SCENARIO, 11, [])], _PERIOD_S, sizes=True)[0]
+    run = simulate_many([(_SCENARIO, 11, [])], _PERIOD_S, sizes=True)[0]
     assert _same(run.trace, plain)
     assert run.truths == ()
 
 
 def test_what_cannot_be_is_refused_with_every_fault():
+    phone = load_device()
     with pytest.raises(Refused) as refused:
-        Hidden("heat_source", "moon", "fan_on", -1.0, -2.0, 99.0, "hand")
+        checked(Hidden("heat_source", "moon", "fan_on", -1.0, -2.0, 99.0, "hand"), phone)
     assert [fault.place for fault in refused.value.faults] == ["location", "signal", "body", "size", "from", "to"]
     for cause, place in (("path", "usb-usb"), ("path", "usb"), ("sensor_bias", "frame"), ("contact", "soc")):
-        with pytest.raises(Refused, match=f"it cannot be at '{place}'"):
-            Hidden(cause, place, size=0.1)
-    with pytest.raises(Refused, match="'warmth' is none; take one of heat_source, "):
-        Hidden("warmth")
+        with pytest.raises(Refused) as refused:
+            simulate("2.1", hide=[Hidden(cause, place, size=0.1)])
+        assert [fault.place for fault in refused.value.faults] == ["location"]
+    with pytest.raises(Refused, match="warmth"):
+        checked(Hidden("warmth"), phone)
     for size in (float("nan"), float("inf")):
-        with pytest.raises(Refused, match="out of range; take 0 to 2000 J/K"):
-            Hidden("thermal_mass", "display", size=size)
+        with pytest.raises(Refused, match="0 to 2000 J/K"):
+            checked(Hidden("thermal_mass", "display", size=size), phone)
 
 
 def test_times_outside_the_run_and_unlike_windows_of_a_signal_are_refused():
     late = Hidden("sensor_bias", "usb", None, 1e5, None, 1.0)
     long = Hidden("heat_source", "soc", "radio_on", 0.0, 1e6, 1.0)
     with pytest.raises(Refused) as refused:
-        simulate_hidden([("1", 0, [late, long, replace(long, end_s=1000.0)])], decoys=["noise"])
+        simulate_many([("1", 0, [late, long, replace(long, end_s=1000.0)])], decoys=["noise"])
     assert [str(fault).split(";")[0] for fault in refused.value.faults] == [
         "effect 1 (sensor_bias), from: 100000 s is outside the run",
         "effect 2 (heat_source), to: 1e+06 s is outside the run",
@@ -264,11 +263,11 @@ def test_times_outside_the_run_and_unlike_windows_of_a_signal_are_refused():
 
 def test_what_is_drawn_at_scale_1_matters_and_halves_at_a_half():
     runs = []
-    for number, cause in enumerate(KINDS):
+    for number, cause in enumerate(effects()):
         for scale in (0.5, 1.0):
             effect = draw_hidden(np.random.default_rng(number), cause, load_scenario("5").duration_s, scale)
             runs.append(("5", 3, [effect]))
-    told = [run.truths[0] for run in simulate_hidden(runs, 20.0, sizes=True)]
+    told = [run.truths[0] for run in simulate_many(runs, 20.0, sizes=True)]
     for half, whole in zip(told[::2], told[1::2]):
         assert (half.cause, half.location, half.onset_s) == (whole.cause, whole.location, whole.onset_s)
         if whole.cause != "sensor_stuck":
@@ -279,25 +278,25 @@ def test_what_is_drawn_at_scale_1_matters_and_halves_at_a_half():
 
 
 def test_the_extremes_of_every_kind_stay_finite():
-    effects = [
+    every = [
         Hidden(cause, place, signal, onset_s, None, size)
-        for cause, kind in KINDS.items()
+        for cause, kind in effects().items()
         for size in (kind.low, kind.high)
-        for place in (kind.places[:: 19 if cause == "path" else 4] or (None,))
+        for place in (kind.places(load_device())[:: 19 if cause == "path" else 4] or (None,))
         for signal in (None, *kind.signals)
         for onset_s in (0.0, 300.0)
     ]
-    for run in simulate_hidden([("2.5", 1, [effect]) for effect in effects], _PERIOD_S):
+    for run in simulate_many([("2.5", 1, [effect]) for effect in every], _PERIOD_S):
         (told,) = run.truths
         json.dumps(told.as_data(), allow_nan=False)
         assert max(np.abs(values).max() for values in run.trace.columns.values()) < 2000
 
 
-@pytest.mark.parametrize("cause", KINDS)
+@pytest.mark.parametrize("cause", effects())
 def test_every_place_and_signal_can_be_drawn(cause):
     random = np.random.default_rng(8)
     drawn = [draw_hidden(random, cause, _LASTS_S) for _ in range(200)]
-    assert {(each.location, each.signal) for each in drawn} == set(CHOICES[cause])
+    assert {(each.location, each.signal) for each in drawn} == set(choices(cause, load_device()))
     assert all(each.end_s is None or each.end_s <= _LASTS_S for each in drawn)
     again = draw_hidden(np.random.default_rng(8), cause, _LASTS_S)
     assert again == draw_hidden(np.random.default_rng(8), cause, _LASTS_S) == drawn[0]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,16 +12,21 @@ from scipy.integrate import solve_ivp
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.lti.lag import lagged
-from ambient_trainer.simulator.calibrated import constants_text, load_constants, rounded
-from ambient_trainer.simulator.chamber import coloured, ramped, wobble
-from ambient_trainer.simulator.constants import NODES, Activity
-from ambient_trainer.simulator.device import Chamber, Phone, with_values
-from ambient_trainer.simulator.instruments import probe_reading, zone_reading
-from ambient_trainer.simulator.phone import simulate, simulate_many, simulate_zones
+from ambient_trainer.simulator.chamber import Chamber, coloured, ramped, wobble
+from ambient_trainer.simulator.device import Bursts, Zone
+from ambient_trainer.simulator.device_file import (
+    device_path,
+    load_constants,
+    load_device,
+    rounded,
+    with_calibrated,
+)
+from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
 from ambient_trainer.simulator.run import bursts, schedule
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names
-from ambient_trainer.simulator.zones import THESIS_ZONES, Zone, all_zones, weights
+from ambient_trainer.simulator.simulate import simulate, simulate_many
 
+_PHONE = load_device()
 _STATED_MIN = {  # section 3.2, added up
     "1": 30,
     "2.1": 5 + 10,  # ten under load, and the idle before it that the published errors show
@@ -68,7 +73,7 @@ def test_a_faulty_scenario_is_refused_whole(tmp_path):
 
 
 def test_the_trace_keeps_to_the_contract(tmp_path):
-    trace = simulate("2.1", seed=3)
+    trace = simulate("2.1", seed=3).trace
     assert list(trace.columns) == [
         *("soc_degC", "flash_degC", "battery_degC", "usb_degC", "display_degC", "ambient_degC"),
         *("soc_power_W", "charging_on", "cpu_load_frac", "battery_current_A"),
@@ -79,14 +84,14 @@ def test_the_trace_keeps_to_the_contract(tmp_path):
     read = load_trace(path)
     assert read.notes == {"simulated": "yes", "scenario": "2.1", "seed": "3"}
     assert all(np.array_equal(read.columns[name], trace.columns[name]) for name in trace.columns)
-    for sensor in THESIS_ZONES:
+    for sensor in _PHONE.sensors:
         tenths = 10 * trace.columns[f"{sensor}_degC"]
         assert tenths == pytest.approx(np.round(tenths), abs=1e-9)
 
 
 def test_a_seed_gives_its_own_bytes_again(tmp_path):
     def written(name, seed):
-        save_trace(str(tmp_path / name), simulate("2.1", seed=seed))
+        save_trace(str(tmp_path / name), simulate("2.1", seed=seed).trace)
         return (tmp_path / name).read_bytes()
 
     assert written("a", 1) == written("b", 1)
@@ -94,15 +99,15 @@ def test_a_seed_gives_its_own_bytes_again(tmp_path):
 
 
 def test_a_period_that_divides_nothing_covers_the_scenario():
-    trace = simulate("2.5", period_s=7.0)
+    trace = simulate("2.5", period_s=7.0).trace
     assert len(trace.time_s) == 129  # 900 s / 7 s, rounded up
     assert trace.time_s[-1] == 896.0
     assert np.unique(np.diff(trace.time_s)).tolist() == [7.0]
 
 
 def test_a_step_takes_effect_at_its_first_sample():
-    _, activity = schedule(load_scenario("2.5"), np.arange(900.0))
-    assert [list(Activity)[index] for index in activity] == [Activity.IDLE] * 300 + [Activity.CPU_100] * 600
+    _, _, activity = schedule(load_scenario("2.5"), np.arange(900.0), _PHONE)
+    assert [list(_PHONE.activities)[index] for index in activity] == ["idle"] * 300 + ["cpu_100"] * 600
 
 
 def test_progress_is_told():
@@ -112,7 +117,7 @@ def test_progress_is_told():
 
 
 def test_the_die_reaches_about_90_degrees_at_full_load_whatever_the_ambient():
-    trace = simulate("4", period_s=5.0)
+    trace = simulate("4", period_s=5.0).trace
     soc_degC, load = trace.column("soc_degC"), trace.column("cpu_load_frac")
     steady = (load == 1.0) & (np.roll(load, 36) == 1.0)  # three minutes after the load began
     for ambient_degC in (-10, 30, 50):
@@ -123,7 +128,7 @@ def test_the_die_reaches_about_90_degrees_at_full_load_whatever_the_ambient():
 
 
 def test_the_recording_begins_where_what_came_before_ended():
-    trace = simulate("3", period_s=5.0)
+    trace = simulate("3", period_s=5.0).trace
     assert trace.reference[0] == pytest.approx(50, abs=2)  # the chamber then falls to -10 degC
     assert trace.reference[(trace.time_s > 1700) & (trace.time_s < 1800)].mean() == pytest.approx(-10, abs=2)
     assert trace.column("usb_degC")[-1] == pytest.approx(trace.column("usb_degC")[0], abs=2.5)
@@ -131,39 +136,39 @@ def test_the_recording_begins_where_what_came_before_ended():
 
 def test_many_runs_at_once_are_what_each_is_alone():
     runs = [("2.1", 3), ("1", 4), ("2.1", 5)]
-    for trace, (name, seed) in zip(simulate_many(runs, period_s=5.0), runs):
-        alone = simulate(name, seed, 5.0)
+    for run, (name, seed) in zip(simulate_many(runs, period_s=5.0), runs):
+        trace = run.trace
+        alone = simulate(name, seed=seed, period_s=5.0).trace
         assert trace.notes == alone.notes
         assert all(np.array_equal(trace.columns[column], alone.columns[column]) for column in alone.columns)
 
 
 def test_the_zones_are_about_fifty_most_of_them_near_the_soc():
-    zones = all_zones()
+    zones = _PHONE.zones
     assert 48 <= len(zones) <= 55
     assert len({zone.name for zone in zones}) == len(zones)
     near = [zone for zone in zones if {zone.near, zone.beside} & {"soc", "board1"}]
     assert len(near) > len(zones) / 2
     for zone in zones:
-        assert sum(weights(zone, 0.3)) == pytest.approx(1.0)
-        assert {zone.near, zone.beside} <= {*NODES, None}
+        assert felt_weights(zone, _PHONE).sum() == pytest.approx(1.0)
 
 
 def test_all_zones_come_on_request_and_change_nothing_else():
-    few, many = simulate("2.5", 1, 10.0), simulate_zones("2.5", 1, 10.0)
-    assert len(many.columns) == len(few.columns) + len(all_zones()) - len(THESIS_ZONES)
+    few, many = (simulate("2.5", seed=1, period_s=10.0, all_zones=every).trace for every in (False, True))
+    assert len(many.columns) == len(few.columns) + len(_PHONE.zones) - len(_PHONE.sensors)
     assert all(np.array_equal(few.columns[name], many.columns[name]) for name in few.columns)
     loaded = few.column("cpu_load_frac") == 1.0
     rises = {
         zone.name: many.columns[f"{zone.name}_degC"][loaded][-1] - many.columns[f"{zone.name}_degC"][0]
-        for zone in all_zones()
+        for zone in _PHONE.zones
     }
     assert rises["cpu0"] == pytest.approx(rises["soc"], abs=2)
     assert rises["soc"] > rises["board1"] > rises["battery-cell"] > 1
 
 
 def test_another_phone_can_be_simulated():
-    heavy = with_values(Phone.shipped(), {"capacitance_J_K.usb": 30.0})
-    one, other = simulate("2.1", 0, 5.0), simulate("2.1", 0, 5.0, phone=heavy)
+    heavy = _PHONE.with_values({"nodes.usb.capacitance_J_K": 30.0})
+    one, other = (simulate("2.1", device, period_s=5.0).trace for device in (_PHONE, heavy))
     assert other.column("usb_degC").std() < 0.9 * one.column("usb_degC").std()
 
 
@@ -196,7 +201,7 @@ def test_a_lag_is_exact_between_straight_lines():
 
 @pytest.mark.parametrize("period_s", [1.0, 10.0])
 def test_the_wobbles_statistics_do_not_depend_on_the_period(period_s):
-    chamber = replace(Chamber.shipped(), wobble_degC=1.0)
+    chamber = Chamber(heating_K_min=2.0, cooling_K_min=2.0, wobble_degC=1.0)
     swing = wobble(round(40_000 / period_s), period_s, chamber, np.random.default_rng(5))
     assert swing.std() == pytest.approx(np.sqrt(0.5 + 0.08**2), rel=0.05)
     noise = coloured(400_000, period_s, 60.0, np.random.default_rng(5))
@@ -206,22 +211,22 @@ def test_the_wobbles_statistics_do_not_depend_on_the_period(period_s):
 
 
 def test_bursts_have_the_stated_spread_about_one():
-    phone = replace(Phone.shipped(), burst_frac=0.4)
-    factor = bursts(np.arange(0.0, 1200.0), phone, np.random.default_rng(1))  # three whole periods
+    swing = Bursts(frac=0.4, period_s=400.0)
+    factor = bursts(np.arange(0.0, 1200.0), swing, np.random.default_rng(1))  # three whole periods
     assert factor.mean() == pytest.approx(1.0, abs=1e-3)
     assert factor.std() == pytest.approx(0.4, rel=1e-3)
-    assert bursts(np.arange(0.0, 1200.0), replace(phone, burst_frac=2.0), np.random.default_rng(1)).min() == 0.1
+    assert bursts(np.arange(0.0, 1200.0), swing.model_copy(update={"frac": 2.0}), np.random.default_rng(1)).min() == 0.1
 
 
 def test_the_air_stays_within_about_a_degree_of_a_constant_set_point():
-    off = simulate("1", 6).reference - 20
+    off = simulate("1", seed=6).trace.reference - 20
     assert 0.5 < np.abs(off).max() < 1.5
 
 
 def test_instruments_round_and_err_as_stated():
     random = np.random.default_rng(7)
     flat = np.full(20_000, 21.234)
-    zone = Zone(name="x", near="usb", lag_s=1.0, offset_degC=0.5, noise_degC=0.03, step_degC=0.1)
+    zone = Zone(name="x", near="usb", sensor="thermistor", lag_s=1.0, offset_degC=0.5, noise_degC=0.03, step_degC=0.1)
     reading = zone_reading(zone, flat, random)
     assert sorted(set(reading.tolist())) == [21.6, 21.7, 21.8, 21.9]
     assert reading.mean() == pytest.approx(21.734, abs=0.01)
@@ -229,29 +234,26 @@ def test_instruments_round_and_err_as_stated():
     assert np.std(errors) == pytest.approx(0.1 / np.sqrt(4), rel=0.1)
 
 
-def test_every_calibrated_constant_lies_within_its_bounds_and_has_a_unit_and_a_role():
+def test_a_device_file_with_other_calibrated_numbers_keeps_all_else(tmp_path):
     constants = load_constants()
     assert len(constants) > 40
-    for each in constants.values():
-        assert each.low <= each.value <= each.high
-        assert each.unit
-        assert each.role
-
-
-def test_a_constants_file_reads_as_it_was_written(tmp_path):
-    constants = load_constants()
     values = {name: rounded(np.sqrt(each.low * each.high)) for name, each in constants.items()}
     path = tmp_path / "phone.yaml"
-    path.write_text(constants_text(constants, values))
-    read = load_constants(path)
+    path.write_text(with_calibrated(Path(device_path("phone")).read_text(), values))
+    read = load_constants(str(path))
     assert {name: each.value for name, each in read.items()} == values
-    assert {name: (each.low, each.start, each.role) for name, each in read.items()} == {
-        name: (each.low, each.start, each.role) for name, each in constants.items()
-    }
+    assert load_device(str(path)) == load_device().with_values(values)
 
 
-def test_a_constant_outside_its_bounds_is_refused(tmp_path):
+def test_a_constant_outside_its_bounds_and_unknown_names_are_refused(tmp_path):
+    text = Path(device_path("phone")).read_text()
     path = tmp_path / "phone.yaml"
-    path.write_text("burst_frac: {value: 2, unit: '1', start: 1, low: 0.5, high: 1.5, role: x}\n")
-    with pytest.raises(Refused, match=r"burst_frac.*start or value lies outside low to high"):
-        load_constants(path)
+    path.write_text(text.replace("low: 0.024", "low: 0.3"))
+    with pytest.raises(Refused, match=r"activities\.idle\.heat_W\.soc"):
+        load_device(str(path))
+    path.write_text(text.replace("near: flash", "near: moon").replace("sensors: [soc", "sensors: [sun"))
+    with pytest.raises(Refused) as refused:
+        load_device(str(path))
+    assert {fault.place for fault in refused.value.faults} == {"zones.flash", "sensors"}
+    with pytest.raises(Refused, match="phone, set_top_box"):
+        load_device("toaster")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from ambient_model.atomic import replacing
@@ -31,8 +33,7 @@ def command(output: str, seed: int, budget: int) -> None:
     """
     from ambient_studies.thesis.calibration import calibrate
     from ambient_studies.thesis.outcome import outcome_table, outcomes, rank_table, ranked
-    from ambient_trainer.simulator.calibrated import constants_text, load_constants, rounded
-    from ambient_trainer.simulator.device import from_values
+    from ambient_trainer.simulator.device_file import device_path, load_constants, load_device, rounded, with_calibrated
 
     if budget:
         check_outputs([output], [])
@@ -47,13 +48,13 @@ def command(output: str, seed: int, budget: int) -> None:
             )
         values = {name: rounded(value) for name, value in found.values.items()}
         with replacing(output) as stream:
-            stream.write(constants_text(constants, values))
+            stream.write(with_calibrated(Path(device_path("phone")).read_text(encoding="utf-8"), values))
         click.echo(
             f"{len(values)} constants from {found.evaluations} evaluations, cost {found.cost_before:.1f} to "
             f"{found.cost:.1f}: {output}"
         )
-    phone, chamber = from_values(values)
-    console.print(for_terminal(outcome_table(outcomes(phone, chamber, seed))))
+    device = load_device().with_values(values)
+    console.print(for_terminal(outcome_table(outcomes(device, seed))))
     with counted_progress() as progress:
-        rows = ranked(phone, chamber, seed, progress)
+        rows = ranked(device, seed, progress)
     console.print(for_terminal(rank_table(rows)))

@@ -15,7 +15,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.cli.effort import jobs_option
 from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures, write_page
-from ambient_trainer.simulator.zones import THESIS_ZONES
+from ambient_trainer.simulator.device_file import load_device
 
 if TYPE_CHECKING:
     from ambient_studies.discovery.runner import Done
@@ -52,12 +52,12 @@ def command(
 
     check_outputs([json_path], [circuit_name], report_folder)
     circuit = thermal_circuit(circuit_name)
-    unread = set(THESIS_ZONES) - {node.sensor for node in circuit.states}
+    unread = set(load_device().sensors) - {node.sensor for node in circuit.states}
     if unread:
         # an effect that only a sensor unknown to the circuit feels can be found by nobody
         raise click.UsageError(
             f"{circuit.name}: no node with a capacitance is read by {', '.join(sorted(unread))}; "
-            f"take a circuit that reads {', '.join(THESIS_ZONES)}"
+            f"take a circuit that reads {', '.join(load_device().sensors)}"
         )
     done: list[Done] = []
     try:

@@ -14,7 +14,6 @@ from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.table import for_terminal
-from ambient_trainer.simulator.scenario import scenario_names
 
 
 @click.command("limit")
@@ -39,6 +38,8 @@ def command(
     phone. Every figure is simulated.
     """
     check_outputs([json_path], [model_path])
+    from ambient_trainer.simulator.scenario import scenario_names
+
     scenarios = scenario_names() if scenario_list == "all" else tuple(dict.fromkeys(scenario_list.split(",")))
     seeds = Seeds.after(whole_numbers("--seeds", seed_list), fitted)
     model = load_model(model_path)

@@ -15,7 +15,6 @@ from ambient_trainer.cli.outputs import check_outputs
 from ambient_trainer.cli.printing import printer, write_figures, write_page
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.table import for_terminal
-from ambient_trainer.simulator.constants import Activity
 
 _WORKLOADS = ("cpu_100", "cpu_50", "camera_1080p", "camera_4k", "streaming")
 _ROOMS = ("5", "20", "35", "35/5/35")
@@ -119,7 +118,7 @@ def command(
         limit_degC=limit_degC,
         hottest_degC=hottest_degC,
         usual_degC=usual_degC,
-        workload=Activity(workload),
+        workload=workload,
         work_min=work_min,
         idle_min=settling_min(model, period_s) if idle_min is None else idle_min,
         period_s=period_s,

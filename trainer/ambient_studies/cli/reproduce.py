@@ -21,11 +21,11 @@ def command(output: Output, seed: int) -> None:
     from ambient_studies.thesis.published import published_results
     from ambient_studies.thesis.report import report_of
     from ambient_studies.thesis.reproduction import all_methods, errata_of, reproduce
-    from ambient_trainer.simulator.device import Chamber, Phone
+    from ambient_trainer.simulator import load_device
 
     output.check([])
     with staged_progress() as progress:
         found = reproduce(seed, all_methods, published_results(), progress)
         errata = errata_of(found.runs, progress) if output.json_path or output.report_folder else []
-        calibration = outcomes(Phone.shipped(), Chamber.shipped(), seed) if output.report_folder else []
+        calibration = outcomes(load_device(), seed) if output.report_folder else []
     output.show(report_of(found, errata, calibration))

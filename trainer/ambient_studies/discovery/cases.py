@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.simulator.effects.draw import draw_hidden
-from ambient_trainer.simulator.effects.effect import KINDS, Hidden
-from ambient_trainer.simulator.effects.runs import Simulated, simulate_hidden
-from ambient_trainer.simulator.effects.signals import SIGNALS
+from ambient_trainer.simulator.draw import draw_hidden
+from ambient_trainer.simulator.hidden import Hidden, effects
 from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.signals import SIGNALS
+from ambient_trainer.simulator.simulate import Simulated, simulate_many
 
 SCENARIO = "5"
 """Seven hours, with every load and air from cold to hot."""
 BASELINES = ("5", "5", "2.4")
 PERIOD_S = 5.0
-CAUSES = tuple(KINDS)
+CAUSES = tuple(effects())
 SCALES = (0.3, 0.7, 1.5, 3.0)
 """Of typical effects, which are about 2 degC in the sensor that feels most: half of them below the noise's fivefold."""
 _PAIR_SCALES = SCALES[-2:]
@@ -54,14 +54,14 @@ def simulated(cases: Sequence[Case]) -> list[Simulated]:
     runs = [(case.scenario, case.seed, case.hidden) for case in cases]
     return [
         replace(run, trace=_logging(run.trace, case), clean=None if run.clean is None else _logging(run.clean, case))
-        for case, run in zip(cases, simulate_hidden(runs, PERIOD_S, SIGNALS, sizes=True))
+        for case, run in zip(cases, simulate_many(runs, PERIOD_S, SIGNALS, sizes=True))
     ]
 
 
 def baselines(seed: int, scenarios: Sequence[str] = BASELINES) -> list[Trace]:
     """Known-good runs of the same phone, none of them with a case's seed."""
     random = np.random.default_rng([seed, _LARGEST_SEED])
-    return [run.trace for run in simulate_hidden([(name, _run_seed(random), ()) for name in scenarios], PERIOD_S)]
+    return [run.trace for run in simulate_many([(name, _run_seed(random), ()) for name in scenarios], PERIOD_S)]
 
 
 def _drawn(seed: int, number: int) -> Case:

@@ -27,8 +27,8 @@ from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.diagnosis.selection import known_good_model
 from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.simulator.effects.runs import Simulated
-from ambient_trainer.simulator.effects.truth import Truth
+from ambient_trainer.simulator.simulate import Simulated
+from ambient_trainer.simulator.truth import Truth
 
 _AT_ONCE = 24
 """Runs that are simulated together."""

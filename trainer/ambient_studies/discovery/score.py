@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from ambient_studies.discovery.outcome import Outcome
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.diagnosis.result import Cause, Diagnosis, Step
-from ambient_trainer.simulator.effects.truth import FELT_BY, Truth
+from ambient_trainer.simulator import load_device
+from ambient_trainer.simulator.truth import Truth
 
 ONSET_S = 120.0
 MAGNITUDE_FRAC = 0.25
@@ -76,7 +77,7 @@ def place_in(circuit: Circuit, simulated: str) -> str:
     for name in (_CALLED.get(simulated), simulated):
         if name in read:
             return str(name)
-    sensor = FELT_BY.get(simulated)
+    sensor = load_device().sensor_of(simulated)
     return next((name for name, own in read.items() if own is not None and own == sensor), simulated)
 
 

@@ -22,9 +22,9 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.simulator.effects.runs import simulate_hidden
+from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.zones import all_zones
+from ambient_trainer.simulator.simulate import simulate_many
 
 Progress = Callable[[str, int, int], None]
 """What is under way, how much of it is done, of how much."""
@@ -85,7 +85,7 @@ def limits(model: Model, scenarios: Sequence[str], seeds: Seeds, period_s: float
     for name in scenarios:
         runs = [(name, seed, ()) for seed in (*seeds.fitted, *seeds.scored)]
         told = partial(progress, f"scenario {name}: simulating")
-        simulated = simulate_hidden(runs, period_s, progress=told, zones=all_zones())
+        simulated = simulate_many(runs, period_s, progress=told, zones=load_device().zones)
         traces = [each.trace for each in simulated]
         found.append(_limit(model, name, traces[: len(seeds.fitted)], traces[len(seeds.fitted) :], progress))
     return found
@@ -113,7 +113,7 @@ def _limit(model: Model, name: str, fitted: Sequence[Trace], scored: Sequence[Tr
 
 
 def _require_inputs(model: Model) -> None:
-    logged = {*_DRIVES, *(f"{zone.name}_degC" for zone in all_zones())}
+    logged = {*_DRIVES, *(f"{zone.name}_degC" for zone in load_device().zones)}
     missing = [each.column for each in model.main.inputs if each.column not in logged]
     if missing:
         raise refuse(

@@ -21,17 +21,16 @@ from ambient_studies.mitigation.governor import Governor, Identified
 from ambient_studies.mitigation.plant import Plant, skin_degC
 from ambient_studies.mitigation.room import Room
 from ambient_studies.mitigation.setting import Case, Setting, Told
-from ambient_trainer.simulator.constants import Activity
-from ambient_trainer.simulator.heat import SOC, HeatBalance
+from ambient_trainer.simulator.device import Zone
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.run import Progress, Run, bursts, stream
-from ambient_trainer.simulator.zones import Zone, all_zones
 
 Array = NDArray[np.float64]
 
 TRUSTED = (TRACKING, DEGRADED, COASTING)
 """With any other status the governor assumes the hottest room, as if it had no estimate."""
 
-_ACTIVITIES = tuple(Activity)
 _PROGRESS_EVERY = 50
 
 
@@ -94,7 +93,7 @@ def closed_loop(
 
 def phone_zones(model: Model, sensor: str) -> list[Zone]:
     """The zones of the phone that ``model`` and a governor on ``sensor`` read; raises :class:`Refused`."""
-    known = {zone.name: zone for zone in all_zones()}
+    known = {zone.name: zone for zone in load_device().zones}
     lacking = [each.column for each in model.main.inputs if each.unit != "degC" or each.name not in known]
     if lacking:
         problem = f"reads {', '.join(lacking)}, which the simulated phone has no zone for"
@@ -140,17 +139,17 @@ def _heard(readings: Array, names: Sequence[str], setting: Setting, now_s: float
 def _run(case: Case, setting: Setting) -> Run:
     idle, count, phone = setting.idle_samples, setting.samples, setting.phone
     air_degC = case.room.air_degC(idle, count, setting.period_s, stream(case.seed, f"room {case.room.name}"))
-    activity = np.full(count, _ACTIVITIES.index(setting.workload))
-    activity[:idle] = _ACTIVITIES.index(Activity.IDLE)
+    activity = np.full(count, phone.activity_index([setting.workload]))
+    activity[:idle] = phone.activity_index([])
     burst = np.ones(count)
-    if setting.workload is Activity.STREAMING:
+    if swing := phone.activities[setting.workload].bursts:
         time_s: Array = np.arange(count, dtype=np.float64) * setting.period_s
-        burst[idle:] = bursts(time_s, phone, stream(case.seed, "bursts"))[idle:]
+        burst[idle:] = bursts(time_s, swing, stream(case.seed, "bursts"))[idle:]
     return Run(phone, float(air_degC[0]), air_degC, activity, burst, idle)
 
 
 def _most_W(setting: Setting) -> float:
     """The most that any activity asks of the SoC."""
-    every = np.arange(len(_ACTIVITIES))
-    heat_W = HeatBalance([setting.phone] * len(every)).demand(every, np.ones(len(every))).heat_W
-    return float(heat_W[:, SOC].max())
+    every = np.arange(len(setting.phone.activities))
+    balance = HeatBalance([setting.phone] * len(every))
+    return float(balance.demand(every, np.ones(len(every))).heat_W[:, balance.processor].max())

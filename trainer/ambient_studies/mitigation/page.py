@@ -71,7 +71,7 @@ def _facts(comparison: Comparison, seeds: Sequence[int]) -> list[tuple[str, str]
     return [
         (
             "phone",
-            f"simulated; {setting.workload.value} for {setting.work_min:g} min after {setting.idle_min:.0f} min idle",
+            f"simulated; {setting.workload} for {setting.work_min:g} min after {setting.idle_min:.0f} min idle",
         ),
         ("limit", f"{setting.limit_degC:g} °C for the hottest of display, back and frame"),
         ("ambient model", f"{model.name}, reads {', '.join(each.name for each in model.main.inputs)}"),

@@ -17,7 +17,7 @@ from ambient_studies.mitigation.loop import Record
 from ambient_studies.mitigation.room import Room
 from ambient_studies.mitigation.setting import Setting, Told
 from ambient_trainer.report.table import Table
-from ambient_trainer.simulator.device import Phone
+from ambient_trainer.simulator.device_file import load_device
 
 _NOTICED_FRAC = 0.02
 _NOTICED_MIN = 0.5
@@ -70,7 +70,7 @@ def score_table(found: Sequence[Score], setting: Setting) -> Table:
     )
     columns = ("room", "governor", "max skin", "95 % skin", "min above", "SoC [W]", "work", "estimate off")
     caption = (
-        f"Simulated. {setting.work_min:g} min of {setting.workload.value}; temperatures in degC. Skin: the hottest of "
+        f"Simulated. {setting.work_min:g} min of {setting.workload}; temperatures in degC. Skin: the hottest of "
         f"display, back and frame; max: of all runs; 95 % skin: it was cooler for 95 % of the time. Min above: minutes "
         f"above {setting.limit_degC:g} degC. Work: what the SoC drew above standby, as a share of what it draws with "
         "no governor but the die's own protection. Estimate off: RMSE against the air."
@@ -99,9 +99,9 @@ def fixed_trip(comparison: Comparison) -> str:
     """What an assumed ambient amounts to."""
     setting, identified = comparison.setting, comparison.identified
     trips = [identified.trip_degC(setting.limit_degC, each) for each in (setting.hottest_degC, setting.usual_degC)]
-    never = (
-        " (which the die's own protection never lets it reach)" if trips[1] > setting.phone.governor_high_degC else ""
-    )
+    governor = setting.phone.processor.governor
+    assert governor
+    never = " (which the die's own protection never lets it reach)" if trips[1] > governor.high_degC else ""
     return (
         f"To assume {setting.hottest_degC:g} degC is to hold {identified.sensor} at {trips[0]:.0f} degC, "
         f"{setting.usual_degC:g} degC at {trips[1]:.0f} degC{never}"
@@ -116,7 +116,7 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
         "simulated": True,
         "model": comparison.model.name,
         "seeds": list(dict.fromkeys(each.case.seed for each in comparison.records)),
-        "setting": {**asdict(setting), "workload": setting.workload.value},
+        "setting": asdict(setting),
         "governor": {
             "sensor": identified.sensor,
             "rest_gains": dict(zip((identified.sensor, "ambient"), identified.rest_gains)),
@@ -151,7 +151,7 @@ def _score(group: Sequence[Record], setting: Setting, free_J: dict[tuple[Room, i
 
 def _work_J(record: Record, setting: Setting) -> float:
     drawn_W = record.soc_W[record.time_s >= 0]
-    return float((drawn_W - Phone.shipped().power_W["idle.soc"]).sum()) * setting.period_s
+    return float((drawn_W - _idle_W()).sum()) * setting.period_s
 
 
 def _sentence(by_place: dict[tuple[str, Told], Score], room: str, setting: Setting) -> str:
@@ -190,3 +190,9 @@ def _above(score: Score, setting: Setting) -> str:
         f"above {setting.limit_degC:g} degC for {score.above_limit_min:.1f} of {setting.work_min:g} min, up to "
         f"{score.max_skin_degC:.1f} degC"
     )
+
+
+def _idle_W() -> float:
+    """What the processor draws while the device idles."""
+    device = load_device()
+    return device.activities[device.idle].heat_W[device.processor.node]

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 from ambient_studies.mitigation.room import Room
-from ambient_trainer.simulator.constants import Activity
-from ambient_trainer.simulator.device import Phone
+from ambient_trainer.simulator.device import Device
+from ambient_trainer.simulator.device_file import load_device
 
 
 class Told(Enum):
@@ -39,7 +39,7 @@ class Setting:
     hottest_degC: float = 35.0
     """The hottest room that the phone is made for: assumed by who knows no better."""
     usual_degC: float = 20.0
-    workload: Activity = Activity.CPU_100
+    workload: str = "cpu_100"
     work_min: float = 60.0
     idle_min: float = 120.0
     """Before the work: the estimate settles."""
@@ -49,11 +49,11 @@ class Setting:
     outage: Outage | None = None
 
     @property
-    def phone(self) -> Phone:
+    def phone(self) -> Device:
         """The calibrated phone, in this air."""
         if self.convection_W_m2_K125 is None:
-            return Phone.shipped()
-        return replace(Phone.shipped(), convection_W_m2_K125=self.convection_W_m2_K125)
+            return load_device()
+        return load_device().with_values({"convection_W_m2_K125": self.convection_W_m2_K125})
 
     @property
     def idle_samples(self) -> int:

@@ -15,11 +15,11 @@ from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.plant import skin_degC
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.fit import Effort, Fit, fit_free_filter
-from ambient_trainer.simulator.device import Chamber, Phone
+from ambient_trainer.simulator.device import Zone
+from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Progress, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.zones import Zone
 
 Array = NDArray[np.float64]
 
@@ -31,14 +31,14 @@ _MARGIN_PERCENT = 95
 
 def training_trace(zone: Zone, period_s: float = 1.0, progress: Progress | None = None) -> Trace:
     """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin in the reference's place."""
-    phone, chamber = Phone.shipped(), Chamber.shipped()
-    driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone, chamber)], period_s, progress)[0]
+    phone = load_device()
+    driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone)], period_s, progress)[0]
     kept = slice(driven.run.unrecorded, None)
     reading = zone_reading(zone, felt(zone, phone, driven.nodes_degC, period_s), stream(SEED, f"zone {zone.name}"))
     columns = {
         f"{zone.name}_degC": reading[kept],
         _AIR: probe_reading(driven.run.air_degC, period_s, stream(SEED, "probes"))[kept],
-        _POWER: np.round(driven.soc_W[kept], 3),
+        _POWER: np.round(driven.processor_W[kept], 3),
         REFERENCE: probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[kept],
     }
     time_s = np.round(np.arange(len(reading[kept])) * period_s, 6)

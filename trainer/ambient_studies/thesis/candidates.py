@@ -23,11 +23,10 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.evaluation.metrics import Metrics, score
 from ambient_trainer.lti.statespace import dc_gain
-from ambient_trainer.simulator.device import from_values
+from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt
 from ambient_trainer.simulator.run import Driven, integrate, prepare
 from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.zones import thesis_zones
 
 SCENARIOS = (*CONSTANT_SCENARIOS, "3")
 """What candidates go through; 4 and 5 are left for the evaluation."""
@@ -36,7 +35,7 @@ FORMULAS = ("linear_battery", "linear_usb", "linear_flash", "linear_combined", "
 """Models whose published parameters tell of the sensors; the last by its DC gains."""
 
 PERIOD_S = 2.0
-_SENSORS = tuple(zone.name for zone in thesis_zones())
+_SENSORS = load_device().sensors
 
 
 class Formula(NamedTuple):
@@ -63,8 +62,8 @@ def record(candidates: Sequence[Mapping[str, float]], seed: int) -> list[dict[st
     """Simulate every candidate in all ``SCENARIOS``, in one integration."""
     runs = []
     for values in candidates:
-        phone, chamber = from_values(values)
-        runs += [prepare(load_scenario(name), seed, PERIOD_S, phone, chamber) for name in SCENARIOS]
+        device = load_device().with_values(values)
+        runs += [prepare(load_scenario(name), seed, PERIOD_S, device) for name in SCENARIOS]
     recorded = [_recorded(each) for each in integrate(runs, PERIOD_S)]
     size = len(SCENARIOS)
     return [dict(zip(SCENARIOS, recorded[start : start + size])) for start in range(0, len(recorded), size)]
@@ -99,5 +98,7 @@ def _steady_state(model: str) -> Formula:
 
 def _recorded(driven: Driven) -> Recorded:
     kept = slice(driven.run.unrecorded, None)
-    sensors = [felt(zone, driven.run.phone, driven.nodes_degC, PERIOD_S)[kept] for zone in thesis_zones()]
+    sensors = [
+        felt(zone, driven.run.device, driven.nodes_degC, PERIOD_S)[kept] for zone in driven.run.device.main_zones
+    ]
     return Recorded(driven.run.air_degC[kept], np.array(sensors))

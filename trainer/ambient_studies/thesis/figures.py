@@ -15,8 +15,7 @@ from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SA
 from ambient_trainer.report import Figure, Section
 from ambient_trainer.report.palette import AXIS, ESTIMATE, INTERVAL, REFERENCE, SENSOR_COLOURS, sensor_colours
 from ambient_trainer.report.plots import Band, Line, Panel, panel_figure, stacked_figure
-from ambient_trainer.simulator.device import Phone, with_values
-from ambient_trainer.simulator.phone import simulate, simulate_zones
+from ambient_trainer.simulator import load_device, simulate
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -125,14 +124,15 @@ def _section(title: str, note: str, draw: partial[go.Figure]) -> Section:
 
 
 def _loaded_figure(seed: int) -> go.Figure:
-    loaded = simulate_zones(_LOADED, seed)
+    loaded = simulate(_LOADED, seed=seed, all_zones=True).trace
     return _plot(loaded, [_line(loaded, zone) for zone in _ZONES if f"{zone}_degC" in loaded.columns])
 
 
 def _display_figure(seed: int) -> go.Figure:
     """Two runs with the same weather and noise."""
-    lit = with_values(Phone.shipped(), {"power_W.idle.display": _DISPLAY_W, "power_W.cpu_100.display": _DISPLAY_W})
-    off, on = simulate(_LOADED, seed), simulate(_LOADED, seed, phone=lit)
+    phone = load_device()
+    lit = phone.with_values({f"activities.{name}.heat_W.display": _DISPLAY_W for name in ("idle", "cpu_100")})
+    off, on = (simulate(_LOADED, device, seed).trace for device in (phone, lit))
     lines = [
         Line("display on", on.columns["display_degC"], SENSOR_COLOURS[1]),
         Line("display off", off.columns["display_degC"], SENSOR_COLOURS[0]),

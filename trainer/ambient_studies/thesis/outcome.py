@@ -11,8 +11,7 @@ from ambient_studies.thesis.methods import Progress, thesis_methods
 from ambient_studies.thesis.published import CONSTANT_SCENARIOS, MODELS, published_results, sensor_statistics
 from ambient_studies.thesis.rows import Row, evaluate, like_published, spearman
 from ambient_trainer.report.table import Table
-from ambient_trainer.simulator.device import Chamber, Phone
-from ambient_trainer.simulator.phone import simulate_many
+from ambient_trainer.simulator import Device, simulate_many
 
 MEAN_BAR_DEGC = 1.0
 STD_BAR_FRAC = 0.3
@@ -41,10 +40,10 @@ class Outcome:
         return abs(self.difference_degC) <= bar
 
 
-def outcomes(phone: Phone, chamber: Chamber, seed: int) -> list[Outcome]:
+def outcomes(device: Device, seed: int) -> list[Outcome]:
     """Every published statistic of a raw sensor beside that of the simulated phone's trace."""
     runs = [(name, seed) for name in CONSTANT_SCENARIOS]
-    traces = dict(zip(CONSTANT_SCENARIOS, simulate_many(runs, phone=phone, chamber=chamber)))
+    traces = {name: run.trace for name, run in zip(CONSTANT_SCENARIOS, simulate_many(runs, device=device))}
     found = []
     for (scenario, sensor), published in sensor_statistics().items():
         values = traces[scenario].column(f"{sensor}_degC")
@@ -75,10 +74,10 @@ def outcome_table(found: Sequence[Outcome]) -> Table:
     return Table(caption, ("scenario", "sensor", "figure", "published", "simulated", "difference", "within"), rows)
 
 
-def ranked(phone: Phone, chamber: Chamber, seed: int, progress: Progress) -> list[Row]:
+def ranked(device: Device, seed: int, progress: Progress) -> list[Row]:
     """The thesis's 60 errors, simulated: trained on scenario 5 with ``seed``, evaluated with the one after it."""
     runs = [("5", seed), *((name, seed + 1) for name in _RANKED)]
-    training, *evaluated = simulate_many(runs, phone=phone, chamber=chamber)
+    training, *evaluated = (run.trace for run in simulate_many(runs, device=device))
     with threadpool_limits(1):
         methods = thesis_methods(training, progress)
     compared = [each for each in methods if each.variant in ("corrected", "noncausal")]

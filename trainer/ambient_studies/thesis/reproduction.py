@@ -15,7 +15,7 @@ from ambient_studies.thesis.published import Results
 from ambient_studies.thesis.rows import Evaluated, evaluate
 from ambient_studies.thesis.verdict import Verdict, verdict
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.simulator.phone import simulate_many
+from ambient_trainer.simulator import simulate_many
 
 TRAINING = "5"
 IDLE = "1"
@@ -74,10 +74,11 @@ def simulated_runs(seed: int, progress: Progress) -> Runs:
     """Simulate every run, each with a seed of its own that follows from ``seed``."""
     names = (TRAINING, IDLE, *EVALUATED)
     first = seed * len(names)
-    training, idle, *evaluated = simulate_many(
+    runs = simulate_many(
         [(name, first + index) for index, name in enumerate(names)],
         progress=lambda done, total: progress("simulating the scenarios", done, total),
     )
+    training, idle, *evaluated = (run.trace for run in runs)
     return Runs(training, idle, dict(zip(EVALUATED, evaluated)))
 
 

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
 from ambient_studies.unit_variation.unit import Case, Skewed, Unit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, together
-from ambient_trainer.simulator.device import Chamber
-from ambient_trainer.simulator.effects.effect import Hidden
-from ambient_trainer.simulator.effects.physics import Setting, added
-from ambient_trainer.simulator.phone import trace_of
+from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.run import Progress, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
+from ambient_trainer.simulator.simulate import added, setting_of, trace_of
 
 CALIBRATION = "calibration"
 CALIBRATION_DEGC = 25.0
@@ -36,8 +32,7 @@ class Asked(NamedTuple):
 
 def traces(runs: Sequence[Asked], period_s: float, progress: Progress | None = None) -> list[Trace]:
     """What each run logs, in the time of the longest."""
-    chamber = Chamber.shipped()
-    prepared = [prepare(scenario_of(each.scenario), each.seed, period_s, each.unit.phone, chamber) for each in runs]
+    prepared = [prepare(scenario_of(each.scenario), each.seed, period_s, each.unit.phone) for each in runs]
     covered = [
         _case(each.unit.case, run, period_s, each.seed) if each.cased else Added() for each, run in zip(runs, prepared)
     ]
@@ -62,8 +57,7 @@ def scenario_of(name: str) -> Scenario:
 
 def _case(case: Case, run: Run, period_s: float, seed: int) -> Added:
     """A case covers the rear shell since ever."""
-    time_s = (np.arange(run.samples, dtype=np.float64) - run.unrecorded) * period_s
-    setting, random = Setting(time_s, period_s, {}), stream(seed, "case")
+    setting, random = setting_of(run, period_s), stream(seed, "case")
     effects = (
         Hidden("ambient_coupling", "back", size=case.resistance_frac),
         Hidden("thermal_mass", "back", size=case.capacitance_J_K),

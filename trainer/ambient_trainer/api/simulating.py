@@ -13,12 +13,9 @@ import pandas as pd
 from ambient_trainer.api.result import Result
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.report import Facts, Report, Section, Table
-from ambient_trainer.simulator.effects.effect import Hidden
-from ambient_trainer.simulator.effects.runs import Simulated, simulate_hidden
-from ambient_trainer.simulator.effects.text import hidden_text, parse_hidden
-from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.zones import all_zones as every_zone
-from ambient_trainer.simulator.zones import thesis_zones
+from ambient_trainer.simulator import Hidden, Simulated
+from ambient_trainer.simulator import simulate as simulated_run
+from ambient_trainer.simulator.text import hidden_text
 
 
 @dataclass(frozen=True)
@@ -145,7 +142,15 @@ def simulate(
     >>> run.truth["cause"].tolist()
     ['sensor_bias']
     """
-    effects = parse_hidden(tuple(hide), seed, load_scenario(scenario).duration_s)
-    zones = every_zone() if all_zones else thesis_zones()
-    run = simulate_hidden([(scenario, seed, effects)], period_s, tuple(decoys), sizes, progress, zones)[0]
-    return SimulationResult(run, tuple(effects), scenario)
+    run = simulated_run(
+        scenario,
+        device,
+        seed,
+        period_s,
+        hide,
+        decoys=decoys,
+        all_zones=all_zones,
+        sizes=sizes,
+        progress=progress,
+    )
+    return SimulationResult(run, run.hidden, scenario)

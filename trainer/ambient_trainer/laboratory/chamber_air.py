@@ -12,8 +12,8 @@ import threading
 import numpy as np
 
 from ambient_trainer.lti.lag import lag_weights
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.device import Chamber
+from ambient_trainer.simulator.chamber import Chamber
+from ambient_trainer.simulator.device_file import load_device
 
 _STEP_S = 1.0
 _STANDING_S = 1800.0  # how slowly a chamber that is stopped goes back to the room's temperature; chosen
@@ -28,7 +28,7 @@ class ChamberAir:
         random = np.random.default_rng(seed)
         self._start_s = start_s
         self._room_degC = room_degC
-        self._dynamics = dynamics or Chamber.shipped()
+        self._dynamics = dynamics or load_device().chamber
         self._random = random
         self._phase = random.uniform(0.0, 2.0 * math.pi)
         self._draught = random.standard_normal()
@@ -72,17 +72,17 @@ class ChamberAir:
             up_K = min(self._up_K_min, self._dynamics.heating_K_min) / 60.0 * _STEP_S
             down_K = min(self._down_K_min, self._dynamics.cooling_K_min) / 60.0 * _STEP_S
             self._ramp_degC += min(max(self._wanted_degC - before_degC, -down_K), up_K)
-        settling = lag_weights(c.CHAMBER_SETTLING_S, _STEP_S)
+        settling = lag_weights(self._dynamics.settling_s, _STEP_S)
         self._mean_degC = settling.step(self._mean_degC, before_degC, self._ramp_degC)
         stirred = 0.0 if self._wanted_degC is None else 1.0
-        self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / c.CHAMBER_SETTLING_S)
-        kept = math.exp(-_STEP_S / c.CHAMBER_DRAUGHT_S)
+        self._stir += (stirred - self._stir) * -math.expm1(-_STEP_S / self._dynamics.settling_s)
+        kept = math.exp(-_STEP_S / self._dynamics.draught_s)
         self._draught = kept * self._draught + math.sqrt(1.0 - kept * kept) * self._random.standard_normal()
         self._grid_degC.append(self._swung(len(self._grid_degC) * _STEP_S))
 
     def _swung(self, seconds: float) -> float:
         """The mean with the controller's swing and the draughts, both of which a chamber that is stopped lacks."""
-        swing = math.sin(2.0 * math.pi / c.CHAMBER_WOBBLE_PERIOD_S * seconds + self._phase)
+        swing = math.sin(2.0 * math.pi / self._dynamics.wobble_period_s * seconds + self._phase)
         return self._mean_degC + self._stir * (
-            self._dynamics.wobble_degC * swing + c.CHAMBER_DRAUGHT_DEGC * self._draught
+            self._dynamics.wobble_degC * swing + self._dynamics.draught_degC * self._draught
         )

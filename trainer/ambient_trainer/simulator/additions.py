@@ -1,6 +1,6 @@
-"""What hidden effects add to the heat balance of a batch of phones: heat, changed losses, bodies, conductances.
+"""What hidden effects add to the heat balance of a batch of devices: heat, changed losses, bodies, conductances.
 
-A conductance takes from the one side what it gives to the other; every other term is heat into a node, known here only.
+A conductance takes from one side what it gives to the other; every other term is heat into a node.
 Coefficients change at samples and hold until the next.
 """
 
@@ -8,22 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import root
 
-from ambient_model.faults import refuse
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.constants import NODES
-from ambient_trainer.simulator.heat import Demand, HeatBalance
+from ambient_trainer.simulator.heat import ZERO_DEGC_K, Demand, HeatBalance, steady_state
 
 Array = NDArray[np.float64]
 
-AIR = "air"
-_PHONE = len(NODES)
+AIR = "ambient air"
 _DRAUGHT_K = 15.0
+_OHM_ACTIVATION_K, _OHM_REFERENCE_DEGC = 2000.0, 25.0  # chosen, as for a lithium-ion cell
+_APART_S = 120.0  # how fast a body that is not attached follows the air; chosen
 _LEAST_LOSS = 0.02
 """Of convection and radiation, whatever covers a surface."""
 
@@ -33,9 +30,9 @@ def _steady(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
 
 
 def _ohmic(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    """What a resistance sets free that falls with temperature as a cell's does."""
-    inverse = 1.0 / (nodes + c.ZERO_DEGC_K) - 1.0 / (c.BATTERY_REFERENCE_DEGC + c.ZERO_DEGC_K)
-    return np.exp(c.BATTERY_OHM_ACTIVATION_K * inverse)
+    """Of a resistance that falls with temperature as a cell's does."""
+    inverse = 1.0 / (nodes + ZERO_DEGC_K) - 1.0 / (_OHM_REFERENCE_DEGC + ZERO_DEGC_K)
+    return np.exp(_OHM_ACTIVATION_K * inverse)
 
 
 def _convected(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
@@ -47,7 +44,7 @@ def _radiated(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
 
 
 def _blown(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    """Forced convection is proportional to the difference, where the phone's own is not: equal at 10 K."""
+    """Forced convection is proportional to the difference, where the device's own is not: equal at 10 K."""
     return -balance.convection * 10.0**0.25 * (nodes - air_degC[:, None])
 
 
@@ -80,7 +77,7 @@ class Term:
 
 @dataclass(frozen=True)
 class Body:
-    """Something beside the phone; of infinite capacity it keeps its temperature. None: it starts at the air's."""
+    """Something beside the device; of infinite capacity it keeps its temperature. None: it starts at the air's."""
 
     name: str
     capacity_J_K: float
@@ -89,7 +86,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Link:
-    """A conductance, shape (n,), between two of: a node of the phone, a body's name, ``AIR``."""
+    """A conductance, shape (n,), between two of: a node of the device, a body's name, ``AIR``."""
 
     one: str
     other: str
@@ -105,6 +102,11 @@ class Added:
     links: tuple[Link, ...] = ()
 
 
+def apart(attached: Array, capacity_J_K: float) -> Array:
+    """The conductance to the air of a body that is ``attached`` by so much, 0 to 1."""
+    return np.maximum(1.0 - attached, 0.0) * capacity_J_K / _APART_S
+
+
 def together(added: Sequence[Added]) -> Added:
     """What several effects add to one run."""
     return Added(
@@ -115,41 +117,45 @@ def together(added: Sequence[Added]) -> Added:
 
 
 class Additions:
-    """What is added to every run of a batch, ``added[i]`` to the phone ``i`` of ``balance``."""
+    """What is added to every run of a batch, ``added[i]`` to the device ``i`` of ``balance``."""
 
     def __init__(self, balance: HeatBalance, added: Sequence[Added]) -> None:
         self.balance = balance
         self._added = tuple(added)
         bodies = max((len(each.bodies) for each in added), default=0)
-        self.width = _PHONE + bodies
+        size = balance.size
+        self.width = size + bodies
         self.capacitance = np.full((len(added), self.width), math.inf)
-        self.capacitance[:, :_PHONE] = balance.capacitance
+        self.capacitance[:, :size] = balance.capacitance
         for row, each in zip(self.capacitance, added):
-            row[_PHONE : _PHONE + len(each.bodies)] = [body.capacity_J_K for body in each.bodies]
-        self._kinds = {kind: _Stacked(kind, added) for kind in TERMS if any(_of(kind, each) for each in added)}
-        self._ends, self._conductances = _linked(added, self.width)
+            row[size : size + len(each.bodies)] = [body.capacity_J_K for body in each.bodies]
+        self._kinds = {kind: _stacked(kind, added, size) for kind in TERMS if any(_of(kind, each) for each in added)}
+        self._ends, self._conductances = _linked(added, tuple(balance.devices[0].nodes), self.width)
 
     def during(self, k: int) -> Physics:
         """The equations from sample ``k`` to the next."""
-        coefficients = {kind: stacked.at(k) for kind, stacked in self._kinds.items()}
+        coefficients = {kind: _coefficients(kind, *stacked, k) for kind, stacked in self._kinds.items()}
         conductance = self._conductances[min(k, len(self._conductances) - 1)]
         return Physics(self.balance, coefficients, self._ends, conductance, self.capacitance)
 
     def start(self, nodes: Array, air_degC: Array, demand: Demand) -> Array:
-        """The state to start from, shape (batch, width), with the phones' own equilibrium, shape (batch, nodes).
+        """The state to start from, shape (batch, width), with the devices' own steady state, shape (batch, nodes).
 
-        Where an effect lasts since ever, the equilibrium is the one with it.
+        Where an effect lasts since ever, it is the steady state with it.
         """
+        size = self.balance.size
         state = np.repeat(air_degC[:, None], self.width, axis=1)
-        state[:, :_PHONE] = nodes
+        state[:, :size] = nodes
         for row, each in zip(state, self._added):
-            for index, body in enumerate(each.bodies, start=_PHONE):
+            for index, body in enumerate(each.bodies, start=size):
                 row[index] = row[index] if body.start_degC is None else body.start_degC
         for index, each in enumerate(self._added):
             if any(term.course[0] for term in each.terms) or each.links:
                 asked = Demand(demand.heat_W[index : index + 1], demand.charging_A[index : index + 1])
-                one = Additions(HeatBalance([self.balance.phones[index]]), [each])
-                state[index, : one.width] = _resting(one, state[index, : one.width], air_degC[index : index + 1], asked)
+                one = Additions(HeatBalance([self.balance.devices[index]]), [each])
+                begun, air = state[index, : one.width], air_degC[index : index + 1]
+                rates, free = one.during(0).rates, np.isfinite(one.capacitance[0])
+                state[index, : one.width] = steady_state(rates, begun, air, asked, free)
         return state
 
 
@@ -167,10 +173,10 @@ class Physics:
 
     def rates(self, state: Array, air_degC: Array, demand: Demand) -> Array:
         """dT/dt in K/s."""
-        nodes = np.ascontiguousarray(state[:, :_PHONE])
+        nodes = np.ascontiguousarray(state[:, : self.balance.size])
         own = self.balance.heat_in(nodes, demand) + self.balance.conducted(nodes) - self.balance.lost(nodes, air_degC)
         heat = np.zeros_like(state)
-        heat[:, :_PHONE] = own + self.added(nodes, air_degC)
+        heat[:, : self.balance.size] = own + self.added(nodes, air_degC)
         if self.ends.shape[2]:
             heat += self.linked(state, air_degC)[:, :-1]
         return heat / self.capacitance
@@ -190,66 +196,41 @@ class Physics:
         return into
 
 
-@dataclass(frozen=True)
-class _Stacked:
-    """The terms of one kind of a batch."""
+def _stacked(kind: str, added: Sequence[Added], size: int) -> tuple[Array, Array]:
+    """The terms of one kind of a batch: courses, shape (n, batch, terms), and patterns, (batch, terms, nodes)."""
+    most = max(len(_of(kind, each)) for each in added)
+    count = max(len(term.course) for each in added for term in _of(kind, each))
+    courses = np.zeros((count, len(added), most))
+    patterns = np.zeros((len(added), most, size))
+    for index, each in enumerate(added):
+        for place, term in enumerate(_of(kind, each)):
+            courses[: len(term.course), index, place] = term.course
+            patterns[index, place] = term.pattern
+    return courses, patterns
 
-    kind: str
-    added: Sequence[Added]
-    courses: Array = field(init=False)
-    patterns: Array = field(init=False)
 
-    def __post_init__(self) -> None:
-        most = max(len(_of(self.kind, each)) for each in self.added)
-        count = max(len(term.course) for each in self.added for term in _of(self.kind, each))
-        courses = np.zeros((count, len(self.added), most))
-        patterns = np.zeros((len(self.added), most, _PHONE))
-        for index, each in enumerate(self.added):
-            for place, term in enumerate(_of(self.kind, each)):
-                courses[: len(term.course), index, place] = term.course
-                patterns[index, place] = term.pattern
-        object.__setattr__(self, "courses", courses)
-        object.__setattr__(self, "patterns", patterns)
-
-    def at(self, k: int) -> Array:
-        """The coefficients from sample ``k`` on, shape (batch, nodes)."""
-        course = self.courses[min(k, len(self.courses) - 1)]
-        result: Array = np.matmul(course[:, None, :], self.patterns)[:, 0]
-        return np.maximum(result, _LEAST_LOSS - 1.0) if self.kind in _COVERING else result
+def _coefficients(kind: str, courses: Array, patterns: Array, k: int) -> Array:
+    """The coefficients of one kind from sample ``k`` on, shape (batch, nodes)."""
+    course = courses[min(k, len(courses) - 1)]
+    result: Array = np.matmul(course[:, None, :], patterns)[:, 0]
+    return np.maximum(result, _LEAST_LOSS - 1.0) if kind in _COVERING else result
 
 
 def _of(kind: str, added: Added) -> list[Term]:
     return [term for term in added.terms if term.kind == kind]
 
 
-def _linked(added: Sequence[Added], width: int) -> tuple[Array, Array]:
+def _linked(added: Sequence[Added], nodes: Sequence[str], width: int) -> tuple[Array, Array]:
     """Ends, shape (batch, width + 1, links), and conductances, shape (n, batch, links); none after a run's end."""
     most = max((len(each.links) for each in added), default=0)
     count = max((len(link.conductance_W_K) for each in added for link in each.links), default=1)
     ends = np.zeros((len(added), width + 1, most))
     conductances = np.zeros((count, len(added), most))
     for index, each in enumerate(added):
-        places = {AIR: width, **{node: place for place, node in enumerate(NODES)}}
-        places.update({body.name: _PHONE + place for place, body in enumerate(each.bodies)})
+        names = (*nodes, *(body.name for body in each.bodies))
+        places = {AIR: width, **{name: place for place, name in enumerate(names)}}
         for number, link in enumerate(each.links):
             ends[index, places[link.one], number] = 1.0
             ends[index, places[link.other], number] = -1.0
             conductances[: len(link.conductance_W_K), index, number] = link.conductance_W_K
     return ends, conductances
-
-
-def _resting(one: Additions, start: Array, air_degC: Array, demand: Demand) -> Array:
-    physics = one.during(0)
-    free = np.isfinite(one.capacitance[0])
-
-    def rates(found: Array) -> Array:
-        state = start.copy()
-        state[free] = found
-        return physics.rates(state[None], air_degC, demand)[0, free]
-
-    found = np.asarray(root(rates, start[free], method="hybr", tol=1e-12).x)
-    if np.abs(rates(found)).max() > 1e-8:
-        raise refuse("simulation", "", "no thermal equilibrium with what is hidden", "hide less, or from later on")
-    result = start.copy()
-    result[free] = found
-    return result

@@ -1,84 +1,233 @@
-"""The parameters of a phone and of the chamber it lies in: values that the equations are given, never globals."""
+"""A device is data: one YAML file in ``devices`` or the user's own. No code knows a node's or an activity's name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import TypeVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Literal
 
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.calibrated import shipped_values
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
 
+from ambient_model.faults import refuse
+from ambient_trainer.data.strict_yaml import Strict
+from ambient_trainer.simulator.chamber import Chamber
+
+Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
-
-@dataclass(frozen=True)
-class Phone:
-    """One unit of the simulated phone; mappings are by node, ``a-b`` of two nodes, or ``activity.node``."""
-
-    capacitance_J_K: Values
-    conductance_W_K: Values
-    power_W: Values
-    """Heat set free in a node while an activity lasts; the SoC's is a demand, which the governor may cut."""
-    share: Values
-    """By zone: how much of its second node a sensor feels."""
-    convection_W_m2_K125: float
-    burst_frac: float
-    """Standard deviation of the SoC's power while streaming, over its mean."""
-    surface_m2: Values = field(default_factory=lambda: c.SURFACE_M2)
-    emissivity: float = c.EMISSIVITY
-    governor_low_degC: float = c.GOVERNOR_LOW_DEGC
-    governor_high_degC: float = c.GOVERNOR_HIGH_DEGC
-    governor_floor_frac: float = c.GOVERNOR_FLOOR_FRAC
-    battery_V: float = c.BATTERY_V
-    battery_ohm: float = c.BATTERY_OHM
-
-    @staticmethod
-    def shipped() -> Phone:
-        """The calibrated phone."""
-        return _shipped()[0]
+_Positive = Annotated[float, Field(gt=0)]
+_NotNegative = Annotated[float, Field(ge=0)]
+_Share = Annotated[float, Field(ge=0, le=1)]
 
 
-@dataclass(frozen=True)
-class Chamber:
-    """The climate chamber's air: the controller's ramp, and its swing about the set point."""
+class Node(Strict):
+    """A part with one temperature; without a surface it loses heat to its neighbours only."""
 
-    heating_K_min: float
-    cooling_K_min: float
-    wobble_degC: float
-
-    @staticmethod
-    def shipped() -> Chamber:
-        """The calibrated chamber."""
-        return _shipped()[1]
+    capacitance_J_K: _Positive
+    surface_m2: _NotNegative = 0.0
+    emissivity: _Share = 0.9
 
 
-_Part = TypeVar("_Part", Phone, Chamber)
+class Governor(Strict):
+    """Cuts the power of a hot node: all of it below ``low_degC``, the floor's share above ``high_degC``."""
+
+    low_degC: float
+    high_degC: float
+    floor_frac: _Share
 
 
-def from_values(values: Values) -> tuple[Phone, Chamber]:
-    """The phone and chamber that the calibrated constants of these names make, with all the others as they are."""
-    phone = Phone(c.CAPACITANCE_J_K, {}, c.POWER_W, {}, 0.0, 0.0)
-    in_chamber = {name.partition(".")[2]: value for name, value in values.items() if name.startswith("chamber.")}
-    of_phone = {name: value for name, value in values.items() if not name.startswith("chamber.")}
-    return with_values(phone, of_phone), Chamber(**in_chamber)
+class Processor(Strict):
+    """The node whose power is logged, and cut by a governor."""
+
+    node: str
+    logs: str
+    governor: Governor | None = None
 
 
-def with_values(part: _Part, values: Values) -> _Part:
-    """``part`` with some numbers changed: ``emissivity`` for a field, ``capacitance_J_K.battery`` inside a mapping."""
-    changed: dict[str, float | dict[str, float]] = {}
-    for name, value in values.items():
-        owner, _, key = name.partition(".")
-        if key:
-            inside = changed.setdefault(owner, dict(getattr(part, owner)))
-            assert isinstance(inside, dict)
-            inside[key] = value
-        else:
-            changed[owner] = value
-    return replace(part, **changed)  # type: ignore[arg-type]
+class Bursts(Strict):
+    """A swing of the processor's power while an activity lasts: standard deviation over the mean, and period."""
+
+    frac: _NotNegative
+    period_s: _Positive
 
 
-@cache
-def _shipped() -> tuple[Phone, Chamber]:
-    return from_values(shipped_values())
+class Activity(Strict):
+    """Heat by node, the charger's current, and what is logged; what it does not name is as in the first activity."""
+
+    heat_W: dict[str, _NotNegative] = Field(default_factory=dict)
+    charging_A: _NotNegative = 0.0
+    bursts: Bursts | None = None
+    logs: dict[str, float] = Field(default_factory=dict)
+
+
+class Battery(Strict):
+    """A cell that all power comes from; its resistance grows in the cold (Arrhenius)."""
+
+    node: str
+    logs: str
+    volt_V: _Positive
+    ohm: _Positive
+    activation_K: float
+    reference_degC: float
+
+
+class Fan(Strict):
+    """Its speed follows a node from ``least_frac`` to 1; at 1 it carries ``vents_W_K`` from nodes to the air."""
+
+    follows: str
+    logs: str
+    low_degC: float
+    high_degC: float
+    least_frac: _Share
+    vents_W_K: dict[str, _NotNegative]
+
+
+class Zone(Strict):
+    """A thermal zone: ``near`` is the node that its sensor feels; ``share`` of ``beside`` is mixed in."""
+
+    name: str
+    near: str
+    beside: str | None = None
+    share: _Share = 0.0
+    sensor: Literal["silicon", "thermistor"]
+    """Which tolerances of manufacture it has."""
+    lag_s: _Positive
+    offset_degC: float = 0.0
+    noise_degC: _NotNegative
+    step_degC: _Positive
+    """What the reading is rounded to."""
+
+
+class SensorTolerance(Strict):
+    """Error of offset (the sum of several) and of gain, as standard deviations or as bounds."""
+
+    drawn: Literal["normal", "uniform"]
+    offset_K: tuple[_NotNegative, ...]
+    gain: _NotNegative
+
+
+class Tolerances(Strict):
+    """How units of one make differ: the standard deviation of a log-normal factor each, but for sensors' errors."""
+
+    capacitance: _NotNegative
+    conductance: _NotNegative
+    loss: _NotNegative
+    idle_power: _NotNegative
+    load_power: _NotNegative
+    battery_ohm: _NotNegative = 0.0
+    lag: _NotNegative
+    share: _NotNegative
+    sensors: dict[str, SensorTolerance]
+
+
+class HiddenPlace(Strict):
+    """Where a hidden effect is drawn (None: everywhere), its typical size there, and what may drive it."""
+
+    at: str | None = None
+    size: _Positive | None = None
+    signals: tuple[str | None, ...] = (None,)
+
+
+class Device(Strict):
+    """A device and the climate chamber that it is simulated in.
+
+    Mappings keep the file's order: of nodes in arrays of shape (..., nodes), of activities as indices.
+    """
+
+    about: str
+    nodes: Annotated[dict[str, Node], Field(min_length=1)]
+    conductance_W_K: dict[str, _NotNegative]
+    """By ``a-b`` of two nodes."""
+    convection_W_m2_K125: _NotNegative
+    """h = this x dT^0.25."""
+    sides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Surfaces that are covered or touched together, by the name of one of them."""
+    processor: Processor
+    activities: Annotated[dict[str, Activity], Field(min_length=1)]
+    battery: Battery | None = None
+    fan: Fan | None = None
+    sensors: Annotated[tuple[str, ...], Field(min_length=1)]
+    """Zones that are logged where not all are asked for."""
+    zones: Annotated[tuple[Zone, ...], Field(min_length=1)]
+    tolerances: Tolerances | None = None
+    hidden: dict[str, tuple[HiddenPlace, ...]] = Field(default_factory=dict)
+    """By cause, where a drawn effect is hidden."""
+    chamber: Chamber
+
+    @property
+    def idle(self) -> str:
+        """The activity of a device that nothing is asked of: the first one."""
+        return next(iter(self.activities))
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Nodes that lose heat to air and walls."""
+        return tuple(name for name, node in self.nodes.items() if node.surface_m2)
+
+    @property
+    def main_zones(self) -> tuple[Zone, ...]:
+        """The zones of ``sensors``, in its order."""
+        return tuple(self.zone(name) for name in self.sensors)
+
+    def zone(self, name: str) -> Zone:
+        """The zone of that name."""
+        return next(zone for zone in self.zones if zone.name == name)
+
+    def index(self, node: str) -> int:
+        """The place of a node in arrays."""
+        return list(self.nodes).index(node)
+
+    def pattern(self, values: Values) -> Array:
+        """``values`` by node as an array, shape (nodes,), zero where there is none."""
+        return np.array([values.get(node, 0.0) for node in self.nodes])
+
+    def activity_index(self, load: Sequence[str]) -> int:
+        """The index of what a step asks for: its one load, or idle; raises :class:`Refused` for an unknown one."""
+        name = load[0] if load else self.idle
+        if name not in self.activities:
+            raise refuse("scenario", "load", f"the device does not know {name!r}", f"take {', '.join(self.activities)}")
+        return list(self.activities).index(name)
+
+    def covered(self, location: str | None) -> tuple[str, ...]:
+        """The surfaces that something on the outside touches: all, a side's, or one."""
+        return self.surfaces if location is None else self.sides.get(location, (location,))
+
+    def sensor_of(self, node: str) -> str | None:
+        """The logged zone that feels most of a node; None where none feels half of it."""
+        for zone in self.main_zones:
+            if zone.near == node or (zone.beside == node and zone.share >= 0.5):
+                return zone.name
+        return None
+
+    def with_values(self, values: Values) -> Device:
+        """The device with some numbers changed, by path: ``nodes.usb.capacitance_J_K``, ``zones.usb.share``."""
+        data = self.model_dump()
+        for path, value in values.items():
+            *owners, key = path.split(".")
+            part = data
+            for owner in owners:
+                part = part[owner] if isinstance(part, dict) else next(each for each in part if each["name"] == owner)
+            part[key] = value
+        return Device.model_validate(data)
+
+    def names(self) -> Iterator[tuple[str, Sequence[str], Sequence[str]]]:
+        """(place, names that are used there, names that there are)."""
+        nodes, zones = tuple(self.nodes), tuple(zone.name for zone in self.zones)
+        for edge in self.conductance_W_K:
+            yield f"conductance_W_K.{edge}", edge.split("-"), nodes
+        for zone in self.zones:
+            yield f"zones.{zone.name}", [zone.near, *([zone.beside] if zone.beside else [])], nodes
+        for name, activity in self.activities.items():
+            yield f"activities.{name}.heat_W", list(activity.heat_W), nodes
+            yield f"activities.{name}.logs", list(activity.logs), list(self.activities[self.idle].logs)
+        for side, covered in self.sides.items():
+            yield f"sides.{side}", [side, *covered], self.surfaces
+        yield "processor.node", [self.processor.node], nodes
+        yield "sensors", self.sensors, zones
+        if self.battery:
+            yield "battery.node", [self.battery.node], nodes
+        if self.fan:
+            yield "fan", [self.fan.follows, *self.fan.vents_W_K], nodes
+        if self.tolerances:
+            yield "zones", [zone.sensor for zone in self.zones], list(self.tolerances.sensors)

@@ -6,18 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.lti.lag import lagged
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.device import Phone
-from ambient_trainer.simulator.zones import Zone, weights
+from ambient_trainer.simulator.chamber import Probes
+from ambient_trainer.simulator.device import Device, Zone
 
 Array = NDArray[np.float64]
 
 
-class Sound:
-    """Instruments without faults; what has some overrides what they touch. Arrays have the shape (n,)."""
+class Instruments:
+    """Instruments without faults; faulty ones override what they touch. Arrays have the shape (n,)."""
 
     def felt(self, zone: str, felt_degC: Array) -> Array:
-        """What ``zone``'s sensor has itself as temperature."""
+        """The temperature of ``zone``'s sensor itself."""
         return felt_degC
 
     def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
@@ -25,18 +24,18 @@ class Sound:
         return reading_degC
 
     def air(self, air_degC: Array) -> Array:
-        """The air that the reference's record is about, sample by sample."""
+        """The air that the reference records, sample by sample."""
         return air_degC
 
 
-def felt(zone: Zone, phone: Phone, nodes_degC: Array, period_s: float) -> Array:
-    """What a zone's sensor has itself as temperature, shape (n,), from the nodes', shape (n, nodes)."""
-    return lagged(nodes_degC @ felt_weights(zone, phone), zone.lag_s, period_s)
+def felt(zone: Zone, device: Device, nodes_degC: Array, period_s: float) -> Array:
+    """The temperature of a zone's sensor, shape (n,), from the nodes', shape (n, nodes)."""
+    return lagged(nodes_degC @ felt_weights(zone, device), zone.lag_s, period_s)
 
 
-def felt_weights(zone: Zone, phone: Phone) -> Array:
-    """How much of every node a zone's sensor feels, shape (nodes,)."""
-    return np.array(weights(zone, phone.share.get(zone.name, 0.0) if zone.share is None else zone.share))
+def felt_weights(zone: Zone, device: Device) -> Array:
+    """How much of every node a zone's sensor feels, shape (nodes,); they sum to one."""
+    return device.pattern({zone.near: 1.0 - zone.share, **({zone.beside: zone.share} if zone.beside else {})})
 
 
 def zone_reading(zone: Zone, felt_degC: Array, random: np.random.Generator) -> Array:
@@ -50,9 +49,10 @@ def reported(zone: Zone, felt_degC: Array, noise: Array) -> Array:
     return np.round(np.round(noisy / zone.step_degC) * zone.step_degC, 6)
 
 
-def probe_reading(air_degC: Array, period_s: float, random: np.random.Generator) -> Array:
+def probe_reading(air_degC: Array, period_s: float, random: np.random.Generator, probes: Probes | None = None) -> Array:
     """The mean of the probes in the air, each with its own constant calibration error, shape (n,)."""
-    calibration = c.PROBE_CALIBRATION_DEGC * random.standard_normal(c.PROBES)
-    noise = c.PROBE_NOISE_DEGC * random.standard_normal((len(air_degC), c.PROBES))
-    mean: Array = lagged(air_degC, c.PROBE_LAG_S, period_s) + (calibration + noise).mean(axis=1)
-    return np.round(mean, c.PROBE_DIGITS)
+    probes = probes or Probes()
+    calibration = probes.calibration_degC * random.standard_normal(probes.count)
+    noise = probes.noise_degC * random.standard_normal((len(air_degC), probes.count))
+    mean: Array = lagged(air_degC, probes.lag_s, period_s) + (calibration + noise).mean(axis=1)
+    return np.round(mean, probes.digits)

@@ -1,6 +1,6 @@
-"""Runs are integrated together: many phones, each with its own scenario and weather, in one loop over arrays.
+"""Runs are integrated together: units of one device, each with its own scenario and weather, in one loop over arrays.
 
-What is asked of phone and chamber changes at samples and holds until the next; the air moves in straight lines between
+What is asked of device and chamber changes at samples and holds until the next; the air moves in straight lines between
 them.
 """
 
@@ -10,43 +10,41 @@ import math
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator import constants as c
 from ambient_trainer.simulator.additions import Added, Additions
-from ambient_trainer.simulator.chamber import ramped, wobble
-from ambient_trainer.simulator.constants import NODES, Activity
-from ambient_trainer.simulator.device import Chamber, Phone
-from ambient_trainer.simulator.heat import SOC, Demand, HeatBalance, rk4_step
+from ambient_trainer.simulator.chamber import Chamber, ramped, wobble
+from ambient_trainer.simulator.device import Bursts, Device
+from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.scenario import Scenario
+from ambient_trainer.simulator.stepper import advanced
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
+"""Receives (samples done, all)."""
 _Number = TypeVar("_Number", np.float64, np.intp)
 
-LONGEST_STEP_S = 1.0
 _LEAST_BURST = 0.1
 _PROGRESS_EVERY = 500
-_ACTIVITIES = tuple(Activity)
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a phone is put through: n samples, the first ``unrecorded`` of them before the recording.
+    """What a device is put through: n samples, the first ``unrecorded`` of them before the recording.
 
-    It starts from equilibrium with ``start_degC``, its first activity and no burst.
+    It starts from the steady state at ``start_degC``, with its first activity and no burst.
     """
 
-    phone: Phone
+    device: Device
     start_degC: float
     air_degC: Array
     activity: NDArray[np.intp]
-    """Indices of ``Activity``."""
+    """Indices of the device's activities."""
     burst: Array
-    """What the SoC's demanded power is multiplied with."""
+    """Factor of the processor's demanded power."""
     unrecorded: int
 
     @property
@@ -61,10 +59,10 @@ class Driven:
 
     run: Run
     nodes_degC: Array
-    soc_W: Array
+    processor_W: Array
     current_A: Array
     bodies_degC: Array
-    """Of what is added to the phone, shape (n, bodies)."""
+    """Of what is added to the device, shape (n, bodies)."""
 
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
@@ -72,34 +70,38 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
 
 
-def prepare(scenario: Scenario, seed: int, period_s: float, phone: Phone, chamber: Chamber) -> Run:
-    """The air, the activities and the bursts of one run."""
+def prepare(scenario: Scenario, seed: int, period_s: float, device: Device, chamber: Chamber | None = None) -> Run:
+    """The air, the activities and the bursts of one run, in the device's chamber unless another is given."""
+    chamber = chamber or device.chamber
     unrecorded = math.ceil(scenario.before_s / period_s - 1e-9)
     recorded = math.ceil(scenario.duration_s / period_s - 1e-9)
     time_s: Array = np.arange(-unrecorded, recorded, dtype=np.float64) * period_s
-    set_point_degC, activity = schedule(scenario, time_s)
-    count = len(time_s)
-    air_degC = ramped(set_point_degC, period_s, chamber) + wobble(count, period_s, chamber, stream(seed, "wobble"))
-    streaming = activity == _ACTIVITIES.index(Activity.STREAMING)
-    burst = np.where(streaming, bursts(time_s, phone, stream(seed, "bursts")), 1.0)
-    return Run(phone, float(set_point_degC[0]), air_degC, activity, burst, unrecorded)
+    set_point_degC, gradient_K_min, activity = schedule(scenario, time_s, device)
+    swing = wobble(len(time_s), period_s, chamber, stream(seed, "wobble"))
+    air_degC = ramped(set_point_degC, period_s, chamber, gradient_K_min) + swing
+    burst = np.ones(len(time_s))
+    for index, each in enumerate(device.activities.values()):
+        if each.bursts:
+            burst = np.where(activity == index, bursts(time_s, each.bursts, stream(seed, "bursts")), burst)
+    return Run(device, float(set_point_degC[0]), air_degC, activity, burst, unrecorded)
 
 
-def bursts(time_s: Array, phone: Phone, random: np.random.Generator) -> Array:
-    """What the SoC's power is multiplied with while it streams: a buffer that is filled and emptied, never negative."""
+def bursts(time_s: Array, swing: Bursts, random: np.random.Generator) -> Array:
+    """The factor of the processor's power while it works in bursts, never negative."""
     phase = random.uniform(0.0, 2.0 * math.pi)
-    swing = math.sqrt(2.0) * np.sin(2.0 * math.pi / c.BURSTS_PERIOD_S * time_s + phase)
-    return np.maximum(1.0 + phone.burst_frac * swing, _LEAST_BURST)
+    wave = math.sqrt(2.0) * np.sin(2.0 * math.pi / swing.period_s * time_s + phase)
+    return np.maximum(1.0 + swing.frac * wave, _LEAST_BURST)
 
 
-def schedule(scenario: Scenario, time_s: Array) -> tuple[Array, NDArray[np.intp]]:
-    """The chamber's set point in degC and the activity's index, shape (n,), at each of ``time_s`` (0: recording)."""
-    steps = (*scenario.before, *scenario.steps)
+def schedule(scenario: Scenario, time_s: Array, device: Device) -> tuple[Array, Array, NDArray[np.intp]]:
+    """The chamber's set point in degC, its gradient, the activity's index at ``time_s`` (0: recording), shape (n,)."""
+    steps = scenario.program
     ends_s = np.cumsum([60.0 * (step.duration_min or 0.0) for step in steps]) - scenario.before_s
     current = np.searchsorted(ends_s, time_s + 1e-9, side="right")
     set_points = np.array([step.chamber_degC for step in steps])
-    activities = np.array([_ACTIVITIES.index(Activity(step.load[0]) if step.load else Activity.IDLE) for step in steps])
-    return set_points[current], activities[current]
+    gradients = np.array([step.gradient_K_min or math.inf for step in steps])
+    activities = np.array([device.activity_index(step.load) for step in steps])
+    return set_points[current], gradients[current], activities[current]
 
 
 def integrate(
@@ -107,30 +109,30 @@ def integrate(
 ) -> list[Driven]:
     """The runs' temperatures, sample by sample; the longest run sets the time it takes.
 
-    ``added`` is what comes to each run's phone, or nothing for all of them.
+    ``added`` is what each run's device has in addition, or nothing for all of them.
     """
-    balance = HeatBalance([run.phone for run in runs])
+    balance = HeatBalance([run.device for run in runs])
     additions = Additions(balance, added) if any(each.terms or each.links for each in added) else None
     count = max(run.samples for run in runs)
     air = _stacked([run.air_degC for run in runs], count)
     activity = _stacked([run.activity for run in runs], count)
     burst = _stacked([run.burst for run in runs], count)
-    size = len(NODES)
+    size = balance.size
     nodes = np.empty((count, len(runs), additions.width if additions else size))
     drives = np.empty((count, 2, len(runs)))
     start_degC = np.array([run.start_degC for run in runs])
-    resting = balance.demand(activity[0], np.ones(len(runs)))
-    state = balance.equilibrium(start_degC, resting)
+    first = balance.demand(activity[0], np.ones(len(runs)))
+    state = balance.equilibrium(start_degC, first)
     if additions:
-        state = additions.start(state, start_degC, resting)
+        state = additions.start(state, start_degC, first)
     for k in range(count):
         demand = balance.demand(activity[k], burst[k])
         nodes[k] = state
         drawn, current_A = balance.drawn(state, demand)
-        drives[k] = drawn[:, SOC], current_A
+        drives[k] = drawn[:, balance.processor], current_A
         if k + 1 < count:
-            physics = additions.during(k) if additions else balance
-            state = advanced(physics, state, demand, (air[k], air[k + 1]), period_s)
+            rates = additions.during(k).rates if additions else balance.rates
+            state = advanced(rates, state, demand, (air[k], air[k + 1]), period_s)
         if progress and k % _PROGRESS_EVERY == 0:
             progress(k, count)
     return [
@@ -140,27 +142,6 @@ def integrate(
     ]
 
 
-class Rates(Protocol):
-    """Equations: those of the phones alone, or with what is added to them."""
-
-    def rates(self, state: Array, air_degC: Array, demand: Demand, /) -> Array:
-        """dT/dt in K/s."""
-
-
-def advanced(balance: Rates, state: Array, demand: Demand, air_degC: tuple[Array, Array], period_s: float) -> Array:
-    """The state one sample later, while the air goes straight from the one temperature to the other."""
-    now, slope_K_s = air_degC[0], (air_degC[1] - air_degC[0]) / period_s
-    substeps = math.ceil(period_s / LONGEST_STEP_S)
-    step_s = period_s / substeps
-
-    def rates(elapsed_s: float, nodes: Array) -> Array:
-        return balance.rates(nodes, now + slope_K_s * elapsed_s, demand)
-
-    for substep in range(substeps):
-        state = rk4_step(rates, substep * step_s, state, step_s)
-    return state
-
-
 def _stacked(rows: Sequence[NDArray[_Number]], count: int) -> NDArray[_Number]:
-    """Rows of unlike length as columns, the shorter ones going on as they end, shape (count, batch)."""
+    """Rows of unlike length as columns, the shorter ones continued as they end, shape (count, batch)."""
     return np.stack([np.pad(row, (0, count - len(row)), mode="edge") for row in rows], axis=1)

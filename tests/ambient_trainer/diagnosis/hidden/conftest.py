@@ -21,10 +21,10 @@ from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.diagnosis.selection import known_good_model
 from ambient_trainer.diagnosis.training import train_on_baselines
-from ambient_trainer.simulator.effects.draw import draw_hidden
-from ambient_trainer.simulator.effects.runs import Simulated
-from ambient_trainer.simulator.effects.signals import SIGNALS
+from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.signals import SIGNALS
+from ambient_trainer.simulator.simulate import Simulated
 
 PERIOD_S = 20.0
 """Of the phone's records: half as many samples as a diagnosis takes by itself, for half the time."""

@@ -13,7 +13,7 @@ import pytest
 
 from ambient_model.codec import load_model
 from ambient_trainer.data.trace import save_trace
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator.simulate import simulate
 
 LID = Path(__file__).parents[3] / "data" / "circuits" / "lid.yaml"
 CAUSE = {"cause", "location", "signal"}
@@ -126,7 +126,7 @@ def test_a_wrong_call_names_what_is_wrong(folder, arguments, status, words):
 
 def test_ctrl_c_stops_it_and_writes_nothing(tmp_path):
     trace, out = tmp_path / "phone.csv", tmp_path / "out.json"
-    save_trace(str(trace), simulate("3", seed=1, period_s=5.0))
+    save_trace(str(trace), simulate("3", seed=1, period_s=5.0).trace)
     terminal, end = pty.openpty()  # the bar shows on a terminal only, and says what is under way
     arguments = ["diagnose", str(trace), "--circuit", "phone", "--json", str(out)]
     running = subprocess.Popen(

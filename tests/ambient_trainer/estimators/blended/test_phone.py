@@ -22,7 +22,7 @@ from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
-from ambient_trainer.simulator.phone import simulate, simulate_many
+from ambient_trainer.simulator.simulate import simulate, simulate_many
 
 pytestmark = pytest.mark.slow
 
@@ -34,7 +34,7 @@ SENSORS = ("soc", "flash", "battery", "usb", "display")
 @pytest.fixture(scope="module")
 def model_file(tmp_path_factory) -> str:
     path = str(tmp_path_factory.mktemp("phone") / "model.json")
-    save_model(path, model_of(estimator("phone_observer").fit([simulate("5", TRAINING)], Effort()), [], {}))
+    save_model(path, model_of(estimator("phone_observer").fit([simulate("5", seed=TRAINING).trace], Effort()), [], {}))
     return path
 
 
@@ -46,7 +46,7 @@ def model(model_file):
 @pytest.fixture(scope="module")
 def traces() -> dict[tuple[str, int], Trace]:
     runs = [(scenario, seed) for seed in UNSEEN for scenario in SCENARIOS]
-    return dict(zip(runs, simulate_many(runs)))
+    return dict(zip(runs, (each.trace for each in simulate_many(runs))))
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def limit(traces) -> float:
 
     The better one of two: the free filter of as many states, and sensors behind so many lags that poles do not matter.
     """
-    own = simulate_many([("4", seed) for seed in LIMIT])
+    own = [each.trace for each in simulate_many([("4", seed) for seed in LIMIT])]
     weights = shown(own)
     lags = [np.mean((weights @ lagged(traces["4", seed]) - traces["4", seed].reference) ** 2) for seed in UNSEEN]
     columns = tuple(f"{name}_degC" for name in SENSORS)

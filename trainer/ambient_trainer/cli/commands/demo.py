@@ -19,7 +19,7 @@ from ambient_trainer.estimators.base import Effort
 from ambient_trainer.evaluation import compare
 from ambient_trainer.evaluation.compare import Contender, contend, held_out_contest
 from ambient_trainer.evaluation.report import report_of
-from ambient_trainer.simulator.phone import simulate
+from ambient_trainer.simulator import simulate
 
 _CIRCUITS = ("linear_combined", "model2_ss", "model2_ss_free_cd", "free-2")
 _EXPORTED = "free-2"
@@ -41,8 +41,8 @@ def command(folder: str) -> None:
     model_path, replayed = Path(folder) / "model.json", Path(folder) / "replay.csv"
     click.echo(f"1. A simulated phone goes through the thesis's scenario {_TRAINING} (training) and {_VERIFICATION}.")
     with Console(stderr=True).status("simulating 16 hours"):
-        save_trace(str(training), simulate(_TRAINING, seed=0))
-        save_trace(str(verification), simulate(_VERIFICATION, seed=1))
+        save_trace(str(training), simulate(_TRAINING, seed=0).trace)
+        save_trace(str(verification), simulate(_VERIFICATION, seed=1).trace)
     click.echo("2. Circuits are fitted to the first run and scored on the second, which none of them saw.")
     contest = held_out_contest([load_trace(str(training))], load_trace(str(verification)))
     contenders = []

@@ -24,7 +24,7 @@ from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, Simu
 from ambient_trainer.laboratory.reading import InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
 from ambient_trainer.lti.lag import lag_weights
-from ambient_trainer.simulator import constants as c
+from ambient_trainer.simulator.chamber import Probes
 
 RESET = b"*RST\n*CLS\n"
 OPEN = 9.9e37
@@ -32,6 +32,7 @@ OPEN = 9.9e37
 CHANNELS_WITH_READINGS = b"FORM:READ:CHAN ON\n"
 """Puts each reading's channel behind it; CONF switches it off again."""
 
+_PROBES = Probes()
 _LONGEST = 8192  # 120 channels of 16 characters, with the numbers of the channels
 _NUMBER = r"[+-]\d\.\d{8}E[+-]\d\d"
 _SCAN = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*")
@@ -233,7 +234,7 @@ class Simulated(SimulatedInstrument):
         self.probes: dict[int, _Probe] = {}
         self.errors_K: dict[str, float] = {}
         for channel, name in sorted((channel, name) for name, channel in settings.probes.items()):
-            drawn_K = c.PROBE_CALIBRATION_DEGC * float(random.standard_normal())
+            drawn_K = _PROBES.calibration_degC * float(random.standard_normal())
             self.errors_K[name] = drawn_K if errors_K is None else errors_K[name]
             self.probes[channel] = _Probe(air, self.errors_K[name], random)
         self._received = b""
@@ -330,8 +331,8 @@ class _Probe:
         felt_degC = self.felt(at_s)
         if self.open:
             return None
-        noise_K = c.PROBE_NOISE_DEGC * float(self._random.standard_normal())
-        return round(felt_degC + self._error_K + noise_K, c.PROBE_DIGITS)
+        noise_K = _PROBES.noise_degC * float(self._random.standard_normal())
+        return round(felt_degC + self._error_K + noise_K, _PROBES.digits)
 
     def felt(self, at_s: float) -> float:
         """The thermocouple's own temperature."""
@@ -343,7 +344,7 @@ class _Probe:
         step_s = (at_s - last_s) / steps
         if step_s <= 0.0:
             return felt_degC
-        lag = lag_weights(c.PROBE_LAG_S, step_s)
+        lag = lag_weights(_PROBES.lag_s, step_s)
         for step in range(1, steps + 1):
             before_degC, air_degC = air_degC, self._air(last_s + step * step_s)
             felt_degC = lag.step(felt_degC, before_degC, air_degC)

@@ -16,13 +16,10 @@ from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import instrument
 from ambient_trainer.laboratory.simulation.phone import SimulatedPhone
-from ambient_trainer.simulator import constants as c
-from ambient_trainer.simulator.constants import Activity
+from ambient_trainer.simulator import Device, Zone, load_device
 from ambient_trainer.simulator.run import stream
-from ambient_trainer.simulator.zones import Zone, all_zones
 
 _SWITCH_S = 2e-4
-_ACTIVITIES = {activity.value: activity for activity in Activity if activity is not Activity.IDLE}
 
 
 class SimulatedLaboratory(NamedTuple):
@@ -42,10 +39,11 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
 
     It begins with the chamber at the program's first set point and the phone in equilibrium with it. With the same
     ``seed``, chamber, probes and phone have the swing, errors and noise of
-    :func:`ambient_trainer.simulator.phone.simulate`. Raises :class:`Refused` for what the simulated phone has not.
+    :func:`ambient_trainer.simulator.simulate`. Raises :class:`Refused` for what the simulated phone has not.
     """
     campaign = loaded.campaign
-    zones = _zones(loaded)
+    device = load_device()
+    zones = _zones(loaded, device)
     named, first = campaign.laboratory.instruments, campaign.program[0]
     with contextlib.ExitStack() as stack:
         # many threads that each do little: with the usual 5 ms, an answer costs a second of a fast clock
@@ -59,13 +57,13 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
 
         chamber = simulated(named.chamber, stream(seed, "wobble"), first.chamber_degC)
         probes = sorted(named.multiplexer.probes, key=named.multiplexer.probes.__getitem__)
-        errors_K = c.PROBE_CALIBRATION_DEGC * stream(seed, "probes").standard_normal(len(probes))
+        errors_K = device.chamber.probes.calibration_degC * stream(seed, "probes").standard_normal(len(probes))
         multiplexer = simulated(named.multiplexer, chamber.air_degC, seed, dict(zip(probes, errors_K.tolist())))
         thermometer = simulated(named.thermometer, chamber.air_degC) if named.thermometer else None
         supply = campaign.laboratory.device.power_supply
-        activity = _ACTIVITIES[first.load[0]] if first.load else Activity.IDLE
+        activity = first.load[0] if first.load else device.idle
         phone = stack.enter_context(
-            SimulatedPhone(clock, chamber.air_degC, zones, supply, activity, seed, campaign.before_s)
+            SimulatedPhone(clock, chamber.air_degC, device, zones, supply, activity, seed, campaign.before_s)
         )
         ports = {"chamber": chamber.port, "multiplexer": multiplexer.port}
         if thermometer is not None:
@@ -91,10 +89,10 @@ def _with_simulated(campaign: Campaign, ports: Mapping[str, str], root: str) -> 
     return campaign.model_copy(update={"laboratory": laboratory.model_copy(update=there)})
 
 
-def _zones(loaded: LoadedCampaign) -> dict[str, Zone]:
+def _zones(loaded: LoadedCampaign, device: Device) -> dict[str, Zone]:
     """By the type that the campaign reads, the simulated zone that its column names; raises :class:`Refused`."""
-    known = {f"{zone.name}_degC": zone for zone in all_zones()}
-    campaign = loaded.campaign
+    known = {f"{zone.name}_degC": zone for zone in device.zones}
+    campaign, does = loaded.campaign, [name for name in device.activities if name != device.idle]
     faults = [
         Fault(f"laboratory.device.zones.{kind}", f"the simulated phone has no {column}", f"it has {', '.join(known)}")
         for kind, column in campaign.laboratory.device.zones.items()
@@ -102,9 +100,9 @@ def _zones(loaded: LoadedCampaign) -> dict[str, Zone]:
     ]
     for part, steps in (("before", campaign.before), ("steps", campaign.steps)):
         for index, step in enumerate(steps):
-            if len(step.load) > 1 or any(name not in _ACTIVITIES for name in step.load):
+            if len(step.load) > 1 or any(name not in does for name in step.load):
                 problem = f"the simulated phone cannot do {' and '.join(step.load)}"
-                hint = f"it does one at a time of {', '.join(_ACTIVITIES)}"
+                hint = f"it does one at a time of {', '.join(does)}"
                 faults.append(Fault(f"{part}[{index}].load", problem, hint))
     if faults:
         raise Refused(loaded.path, faults)

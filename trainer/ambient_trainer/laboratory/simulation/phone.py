@@ -20,15 +20,11 @@ import numpy as np
 
 from ambient_trainer.laboratory.campaign import PowerSupply
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.lti.lag import lag_weights
-from ambient_trainer.simulator.constants import NODES, Activity
-from ambient_trainer.simulator.device import Phone
-from ambient_trainer.simulator.heat import Demand, HeatBalance
-from ambient_trainer.simulator.instruments import felt_weights, reported
-from ambient_trainer.simulator.run import advanced, bursts, stream
-from ambient_trainer.simulator.zones import Zone
+from ambient_trainer.simulator.device import Bursts, Device, Zone
+from ambient_trainer.simulator.heat import Demand
+from ambient_trainer.simulator.run import bursts, stream
+from ambient_trainer.simulator.stepper import Stepper
 
-_ACTIVITIES = tuple(Activity)
 _STEP_S = 1.0
 _BLOCK = 3600
 _WIDTH = 12
@@ -51,7 +47,7 @@ activity=${0%/bin/phone}/activity
 read -r now <"$activity"
 case $1 in
 start) next=$2 ;;
-stop) [ "$now" = "$2" ] || exit 0; next=idle ;;
+stop) [ "$now" = "$2" ] || exit 0; next=IDLE ;;
 *) exit 2 ;;
 esac
 echo "$next" >"$activity.$$" && mv "$activity.$$" "$activity"
@@ -59,19 +55,21 @@ echo "$next" >"$activity.$$" && mv "$activity.$$" "$activity"
 
 
 class SimulatedPhone:
-    """The phone, at rest in the air of the clock's now; a ``with`` block is its life.
+    """The phone, settled in the air of the clock's now; a ``with`` block is its life.
 
-    ``zones`` maps the types that its kernel shows to the simulated zones behind them; ``began_s`` is the clock's time
-    that the noise of ``seed`` counts from, ``recording_s`` how long after it a scenario's recording begins.
+    ``phone`` is the simulated device; ``zones`` maps the types that its kernel shows to the simulated zones
+    behind them; ``began_s`` is the clock's time that the noise of ``seed`` counts from, ``recording_s`` how long
+    after it a scenario's recording begins.
     """
 
     def __init__(
         self,
         clock: Clock,
         air_degC: Callable[[float], float],
+        phone: Device,
         zones: Mapping[str, Zone],
         supply: PowerSupply | None,
-        activity: Activity = Activity.IDLE,
+        activity: str | None = None,
         seed: int = 0,
         recording_s: float = 0.0,
     ) -> None:
@@ -88,18 +86,16 @@ class SimulatedPhone:
         self._here = Path(self._folder.name)
         self._ending = threading.Event()
         self._lock = threading.Lock()
-        self._phone = Phone.shipped()
-        self._balance = HeatBalance([self._phone])
+        self._phone = phone
+        self._stepper = Stepper([phone], self._zones, _STEP_S)
         self._noise = [stream(seed, f"zone {zone.name}") for zone in self._zones]
-        self._weights = np.array([felt_weights(zone, self._phone) for zone in self._zones])
-        self._lag = lag_weights([zone.lag_s for zone in self._zones], _STEP_S)
         self._seconds = 0
         self._burst_block = np.ones(0)
         air = np.array([air_degC(self._began_s)])
-        demand = self._balance.demand(np.array([_ACTIVITIES.index(activity)]), np.ones(1))
-        self._nodes = self._balance.equilibrium(air, demand)
+        activity = activity or phone.idle
+        demand = self._stepper.balance.demand(np.array([phone.activity_index([activity])]), np.ones(1))
+        self._stepper.start(air, demand)
         self._current_A = self._drawn_A(demand)
-        self._felt = self._touched = self._weights @ self._nodes[0]
         self._readings = self._read()
         self._make_files(activity)
         self._threads = [
@@ -148,7 +144,7 @@ class SimulatedPhone:
         """Start it anew, with the cable out until ``plug_cable``: nothing runs, and its zones have new numbers."""
         self.pull_cable()
         with self._lock:
-            (self._here / "activity").write_text("idle\n")
+            (self._here / "activity").write_text(f"{self._phone.idle}\n")
             self._booted_s = self._clock.now_s()
             folder = self._here / "sys/class/thermal"
             for index in range(len(self._types)):
@@ -156,7 +152,7 @@ class SimulatedPhone:
             for index in range(len(self._types)):
                 (folder / f"was{index}").rename(folder / f"thermal_zone{len(self._types) - 1 - index}")
 
-    def _make_files(self, activity: Activity) -> None:
+    def _make_files(self, activity: str) -> None:
         places = []
         for index, kind in enumerate(self._types):
             folder = self._here / f"sys/class/thermal/thermal_zone{index}"
@@ -172,10 +168,10 @@ class SimulatedPhone:
         self._files = [os.open(place, os.O_WRONLY | os.O_CREAT, 0o644) for place in places]
         programs = self._here / "bin"
         programs.mkdir()
-        for name, text in (("adb", _ADB), ("phone", _PHONE)):
+        for name, text in (("adb", _ADB), ("phone", _PHONE.replace("IDLE", self._phone.idle))):
             (programs / name).write_text(text)
             (programs / name).chmod(0o755)
-        (self._here / "activity").write_text(f"{activity.value}\n")
+        (self._here / "activity").write_text(f"{activity}\n")
         self.plug_cable()
         self._show()
 
@@ -204,37 +200,32 @@ class SimulatedPhone:
     def _activity(self) -> int:
         """The index of what it does; what it does not know, it does not do."""
         name = (self._here / "activity").read_text().strip()
-        known = [each.value for each in Activity]
-        return known.index(name) if name in known else known.index(Activity.IDLE.value)
+        return self._phone.activity_index([name] if name in self._phone.activities else [])
 
     def _step(self, activity: int) -> None:
         at_s = self._began_s + self._seconds * _STEP_S
-        burst = self._burst() if _ACTIVITIES[activity] is Activity.STREAMING else 1.0
-        demand = self._balance.demand(np.array([activity]), np.array([burst]))
+        swing = tuple(self._phone.activities.values())[activity].bursts
+        burst = self._burst(swing) if swing else 1.0
+        demand = self._stepper.balance.demand(np.array([activity]), np.array([burst]))
         air = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
-        self._nodes = advanced(self._balance, self._nodes, demand, air, _STEP_S)
-        touched = self._weights @ self._nodes[0]
-        self._felt, self._touched = self._lag.step(self._felt, self._touched, touched), touched
+        self._stepper.step(demand, air)
         self._current_A = self._drawn_A(demand)
         self._readings = self._read()
         self._seconds += 1
 
     def _drawn_A(self, demand: Demand) -> float:
-        return float(self._balance.drawn(self._nodes, demand)[1][0])
+        return float(self._stepper.balance.drawn(self._stepper.nodes_degC, demand)[1][0])
 
     def _read(self) -> list[int]:
         """What the zones report now, in millidegrees."""
-        noise = np.array([random.standard_normal() for random in self._noise])
-        readings = [reported(zone, self._felt[k : k + 1], noise[k : k + 1]) for k, zone in enumerate(self._zones)]
-        return [round(1000.0 * float(each[0])) for each in readings]
+        noise = np.array([[random.standard_normal() for random in self._noise]])
+        return [round(1000.0 * each) for each in self._stepper.readings_degC(noise)[0].tolist()]
 
-    def _burst(self) -> float:
+    def _burst(self, swing: Bursts) -> float:
         place = self._seconds % _BLOCK
         if place == 0 or not len(self._burst_block):
             first = self._seconds - place - self._recording_s
-            self._burst_block = bursts(
-                first + np.arange(_BLOCK, dtype=np.float64), self._phone, stream(self._seed, "bursts")
-            )
+            self._burst_block = bursts(first + np.arange(_BLOCK, dtype=np.float64), swing, stream(self._seed, "bursts"))
         return float(self._burst_block[place])
 
     def _show(self) -> None:
@@ -246,10 +237,12 @@ class SimulatedPhone:
     def _gauge(self, attribute: str) -> int:
         """What the battery's gauge says, in its own units."""
         current_A = self._current_A
+        cell = self._phone.battery
+        assert cell
         if attribute == "temp":
-            return round(10.0 * self._nodes[0, NODES.index("battery")])
+            return round(10.0 * self._stepper.nodes_degC[0, self._phone.index(cell.node)])
         if attribute == "voltage_now":
-            return round(1e6 * (self._phone.battery_V + current_A * self._phone.battery_ohm))
+            return round(1e6 * (cell.volt_V + current_A * cell.ohm))
         assert self._supply is not None
         return round(1e6 * (current_A if self._supply.charging_is == "positive" else -current_A))
 

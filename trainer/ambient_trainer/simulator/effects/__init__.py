@@ -1,1 +1,1 @@
-"""Effects hidden in a simulated run, for a diagnosis to find; the truth about them never enters the trace."""
+"""Effects that can be hidden in a simulated run, one file each; the truth about them never enters the trace."""

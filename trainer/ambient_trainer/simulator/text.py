@@ -1,8 +1,8 @@
-"""An effect as the command line says it: ``heat_source:board2:0.8W:from=2h:to=3h:signal=radio_on``.
+"""An effect as the command line writes it: ``heat_source:board2:0.8W:from=2h:to=3h:signal=radio_on``.
 
 ``CAUSE[:PLACE][:SIZE][:KEY=VALUE]...``, or ``random``; what is left out is drawn from the run's seed, but a signal
 only where neither size nor times are given. Keys are from, to, signal, body and scale, which multiplies what is drawn.
-All faults of all effects are told at once.
+All faults of all effects are reported at once.
 """
 
 from __future__ import annotations
@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from ambient_model.faults import Fault, Refused
-from ambient_trainer.simulator.effects.draw import draw_any, draw_hidden
-from ambient_trainer.simulator.effects.effect import KINDS, Hidden, outside_faults, run_faults
+from ambient_trainer.simulator.device import Device
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.draw import draw_any, draw_hidden
+from ambient_trainer.simulator.hidden import Hidden, effects, outside_faults, run_faults
 from ambient_trainer.simulator.run import stream
 
 SOURCE = "--hide"
@@ -25,15 +27,14 @@ HELD = "held"
 """The size of a sensor that sticks at what it reads."""
 _EVERYWHERE, _NO_SIGNAL, _FOR_GOOD = "all", "none", "end"
 _SIZE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(.*)", re.IGNORECASE | re.ASCII | re.DOTALL)
-_UNITS: Mapping[str, Mapping[str, float]] = {
-    "W": {"W": 1.0, "mW": 1e-3},
-    "W/K": {"W/K": 1.0, "mW/K": 1e-3},
-    "J/K": {"J/K": 1.0},
-    "degC": {"degC": 1.0, "K": 1.0},
-    "K/h": {"K/h": 1.0},
-    "s": {"s": 1.0, "min": 60.0},
+_ALSO: Mapping[str, Mapping[str, float]] = {
+    "W": {"mW": 1e-3},
+    "W/K": {"mW/K": 1e-3},
+    "degC": {"K": 1.0},
+    "s": {"min": 60.0},
     "": {"%": 0.01},
 }
+"""Other units that a size may be given in, by its own, with their factors."""
 _TIMES = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -47,23 +48,24 @@ class Wish:
     scale: float = 1.0
 
 
-def parse_hidden(texts: Sequence[str], seed: int, duration_s: float) -> list[Hidden]:
+def parse_hidden(texts: Sequence[str], seed: int, duration_s: float, device: Device | None = None) -> list[Hidden]:
     """The effects that ``texts`` ask for in a run of ``duration_s``; raises :class:`Refused` with every fault."""
+    device = device or load_device()
     found: list[Fault] = []
-    effects = []
+    hidden = []
     for number, text in enumerate(texts):
         wish, unread = read_wish(text)
         outside = outside_faults(wish.given.get("onset_s"), wish.given.get("end_s"), duration_s)
         unread += outside
-        effect, wrong = _granted(wish, stream(seed, f"hide {number}"), duration_s)
-        told = {fault.place for fault in unread}
-        found += [_placed(text, fault) for fault in [*unread, *[each for each in wrong if each.place not in told]]]
-        effects += [effect] if effect else []
+        effect, wrong = _granted(wish, stream(seed, f"hide {number}"), duration_s, device)
+        known = {fault.place for fault in unread}
+        found += [_placed(text, fault) for fault in [*unread, *[each for each in wrong if each.place not in known]]]
+        hidden += [effect] if effect else []
     if not found:
-        found = run_faults(effects, duration_s)
+        found = run_faults(hidden, duration_s)
     if found:
         raise Refused(SOURCE, found)
-    return effects
+    return hidden
 
 
 def hidden_text(hidden: Hidden) -> str:
@@ -71,7 +73,7 @@ def hidden_text(hidden: Hidden) -> str:
     parts = [
         hidden.cause,
         hidden.location or _EVERYWHERE,
-        HELD if hidden.size is None else f"{hidden.size!r}{KINDS[hidden.cause].unit}",
+        HELD if hidden.size is None else f"{hidden.size!r}{effects()[hidden.cause].unit}",
         f"from={hidden.onset_s!r}",
         f"to={_FOR_GOOD if hidden.end_s is None else repr(hidden.end_s)}",
         f"signal={hidden.signal or _NO_SIGNAL}",
@@ -101,8 +103,8 @@ def read_wish(text: str) -> tuple[Wish, list[Fault]]:
         try:
             given[name] = read(value, cause)
         except ValueError as error:
-            problem, mend = error.args
-            found.append(Fault(_PLACES.get(name, name), problem, mend))
+            problem, hint = error.args
+            found.append(Fault(_PLACES.get(name, name), problem, hint))
     scale = given.pop("scale", 1.0)
     if cause == RANDOM:
         fixed = [name for name in given if name not in ("onset_s", "end_s")]
@@ -113,14 +115,16 @@ def read_wish(text: str) -> tuple[Wish, list[Fault]]:
     return Wish(text, None if cause == RANDOM else cause, given, scale), found
 
 
-def _granted(wish: Wish, random: np.random.Generator, duration_s: float) -> tuple[Hidden | None, tuple[Fault, ...]]:
-    if wish.cause is not None and wish.cause not in KINDS:
-        mend = f"take one of {', '.join(KINDS)}, or {RANDOM}"
-        return None, (Fault("cause", f"{wish.cause!r} is none", mend),)
+def _granted(
+    wish: Wish, random: np.random.Generator, duration_s: float, device: Device
+) -> tuple[Hidden | None, tuple[Fault, ...]]:
+    if wish.cause is not None and wish.cause not in effects():
+        hint = f"take one of {', '.join(effects())}, or {RANDOM}"
+        return None, (Fault("cause", f"{wish.cause!r} is none", hint),)
     try:
         if wish.cause is None:
-            return draw_any(random, duration_s, wish.scale, **wish.given), ()
-        return draw_hidden(random, wish.cause, duration_s, wish.scale, **wish.given), ()
+            return draw_any(random, duration_s, wish.scale, device, **wish.given), ()
+        return draw_hidden(random, wish.cause, duration_s, wish.scale, device, **wish.given), ()
     except Refused as refused:
         return None, refused.faults
 
@@ -137,9 +141,10 @@ def _size(text: str, cause: str) -> float | None:
     if text == HELD:
         return None
     number, unit = _matched(text, "a number with its unit")
-    if cause not in KINDS:
+    if cause not in effects():
         return number
-    units = _UNITS[KINDS[cause].unit]
+    own = effects()[cause].unit
+    units = {**({own: 1.0} if own else {}), **_ALSO.get(own, {})}
     if unit and unit not in units:
         raise ValueError(f"{unit!r} is not a unit of it", f"give it in {' or '.join(units)}")
     return number * units.get(unit, 1.0)

@@ -9,26 +9,17 @@ import numpy as np
 
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.simulator.effects.figures import FIGURES, Ran
-
-FELT_BY = {
-    "soc": "soc",
-    "flash": "flash",
-    "board2": "battery",
-    "battery": "battery",
-    "usb": "usb",
-    "display": "display",
-}
-"""The thesis's sensor that feels most of a node; the others have none of their own."""
+from ambient_trainer.simulator.device import Device
+from ambient_trainer.simulator.hidden import Ran, effects
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What a diagnosis should say of one effect.
+    """What a diagnosis should report of one effect.
 
     ``location`` is the simulated node, ``a-b``, the sensor, or None; ``sensor_location`` is the same by the names of
-    the thesis's sensors, which its circuits call their nodes, None where no sensor is there. ``onset_s`` is None for
-    since ever, ``end_s`` for to the end. ``magnitude`` is in ``unit``; ``others`` are further figures, (value, unit).
+    the device's sensors, which circuits call their nodes, None where no sensor is there. ``onset_s`` is None for since
+    ever, ``end_s`` for to the end. ``magnitude`` is in ``unit``; ``others`` are further figures, (value, unit).
     """
 
     cause: str
@@ -53,11 +44,11 @@ class Truth:
 def truth(ran: Ran) -> Truth:
     """The truth about one effect; zero where it was never in force."""
     hidden, there = ran.hidden, ran.there
-    magnitude, unit, others = FIGURES[hidden.cause](ran) if there.any() else (0.0, "", {})
+    magnitude, unit, others = effects()[hidden.cause].magnitude(ran) if there.any() else (0.0, "", {})
     return Truth(
         hidden.cause,
         hidden.location,
-        _by_sensors(hidden.location),
+        _by_sensors(ran.setting.device, hidden.location),
         hidden.signal,
         _onset(ran),
         None if hidden.end_s is None or hidden.end_s >= ran.setting.time_s[-1] else hidden.end_s,
@@ -70,11 +61,11 @@ def truth(ran: Ran) -> Truth:
 def size_degC(effect: Trace, clean: Trace, ran: Ran) -> tuple[float, str]:
     """RMS of what an effect changes while it is there, in the worst column, and that column.
 
-    ``clean`` is the same run, with the same noise, without it. The column is a sensor, but for a clock, which changes
-    the reference alone.
+    ``clean`` is the same run, with the same noise, without it. The column is a sensor, or the reference where the
+    effect changes that alone.
     """
     there = ran.there[ran.driven.run.unrecorded :]
-    names = [REFERENCE] if ran.hidden.cause == "clock_offset" else _sensors(clean)
+    names = [REFERENCE] if effects()[ran.hidden.cause].in_reference else _sensors(clean)
     if not there.any():
         return 0.0, names[0]
     rms = {name: float(np.sqrt(np.mean((effect.columns[name] - clean.columns[name])[there] ** 2))) for name in names}
@@ -86,10 +77,10 @@ def _sensors(trace: Trace) -> list[str]:
     return [name for name in trace.columns if name.endswith("_degC") and name != REFERENCE]
 
 
-def _by_sensors(location: str | None) -> str | None:
+def _by_sensors(device: Device, location: str | None) -> str | None:
     if location is None:
         return None
-    named = [FELT_BY.get(part) for part in location.split("-")]
+    named = [device.sensor_of(part) for part in location.split("-")]
     return None if None in named else "-".join(str(each) for each in named)
 
 

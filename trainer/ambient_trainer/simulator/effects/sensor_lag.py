@@ -1,0 +1,32 @@
+"""A sensor's delay: two lags, one behind the other, as through grease and a housing."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_trainer.lti.lag import lagged
+from ambient_trainer.simulator.hidden import Hidden, SensorEffect, Setting
+
+Array = NDArray[np.float64]
+
+_LAGS = (0.7, 0.3)  # shares of the delay
+
+
+class SensorLag(SensorEffect):
+    """A mean delay."""
+
+    rank = 8
+    unit, low, high = "s", 0.0, 3600.0
+    meaning = "mean delay"
+    typical = 150.0
+
+    def felt(self, hidden: Hidden, setting: Setting, felt_degC: Array, random: np.random.Generator) -> Array:
+        """Late."""
+        late = felt_degC
+        for share in _LAGS if hidden.amount else ():
+            late = lagged(late, share * hidden.amount, setting.period_s)
+        return felt_degC + setting.share(hidden) * (late - felt_degC)
+
+
+EFFECT = SensorLag()

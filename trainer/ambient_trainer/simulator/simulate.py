@@ -1,0 +1,310 @@
+"""What simulated devices log in scenarios, with effects hidden in them; apart from the trace, the truth about them.
+
+The same scenario, device, seed, period and effects give the same trace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.faults import Fault, Refused
+from ambient_model.trace import REFERENCE
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.simulator.additions import Added, together
+from ambient_trainer.simulator.chamber import Chamber
+from ambient_trainer.simulator.device import Device, Zone
+from ambient_trainer.simulator.device_file import DEFAULT, load_device
+from ambient_trainer.simulator.heat import HeatBalance
+from ambient_trainer.simulator.hidden import SOURCE, Hidden, Ran, Setting, effects, faults, run_faults
+from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
+from ambient_trainer.simulator.run import Driven, Progress, Run, integrate, prepare, stream
+from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator.signals import SIGNALS, signal
+from ambient_trainer.simulator.text import parse_hidden
+from ambient_trainer.simulator.truth import Truth, size_degC, truth
+
+Array = NDArray[np.float64]
+
+Asked = tuple[str, int] | tuple[str, int, Sequence[Hidden]]
+"""Scenario, seed and, where there are some, effects."""
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A run: what was logged, and what only a test or a benchmark may know."""
+
+    trace: Trace
+    hidden: tuple[Hidden, ...]
+    truths: tuple[Truth, ...]
+    """One an effect."""
+    clean: Trace | None
+    """The same run with the same noise, its signals and decoys, and nothing hidden; None where it was not run."""
+
+
+def simulate(
+    scenario: str,
+    device: str | Device = DEFAULT,
+    seed: int = 0,
+    period_s: float = 1.0,
+    hide: Sequence[str | Hidden] = (),
+    *,
+    decoys: Sequence[str] = (),
+    all_zones: bool = False,
+    sizes: bool = False,
+    progress: Progress | None = None,
+) -> Simulated:
+    """Simulate what a device logs in a scenario.
+
+    Parameters
+    ----------
+    scenario : str
+        Name of a shipped scenario, or a YAML file.
+    device : str or Device
+        Name of a shipped device, or a YAML file.
+    seed : int
+        Of weather, noise, and what is drawn.
+    period_s : float
+        Seconds between samples.
+    hide : sequence of str or Hidden
+        Effects, each as data or as text: ``CAUSE[:PLACE][:SIZE][:KEY=VALUE]...``, or ``random``.
+    decoys : sequence of str
+        Signals to log that change no temperature.
+    all_zones : bool
+        All of the device's zones, not only its ``sensors``.
+    sizes : bool
+        Run once more without the effects, and with each alone, for ``clean`` and ``Truth.size_degC``.
+    progress : callable, optional
+        Receives (samples done, all).
+
+    Returns
+    -------
+    Simulated
+        The trace, with a column for every zone, for ``ambient_degC`` and for what the device logs; the effects, and
+        the truth about each.
+
+    Raises
+    ------
+    Refused
+        With every fault of the scenario, the device or the effects.
+
+    Notes
+    -----
+    C dT/dt = P + sum G (T_j - T) - h A (T - T_a)^1.25 - e s A (T^4 - T_a^4) at every node, by RK4 in steps of at most
+    1 s; see :mod:`ambient_trainer.simulator.heat`.
+
+    Examples
+    --------
+    >>> simulate("1", period_s=60).trace.columns["usb_degC"].shape
+    (30,)
+    """
+    unit = load_device(device) if isinstance(device, str) else device
+    texts = [each for each in hide if isinstance(each, str)]
+    read = iter(parse_hidden(texts, seed, load_scenario(scenario).duration_s, unit))
+    hidden = [next(read) if isinstance(each, str) else each for each in hide]
+    zones = unit.zones if all_zones else unit.main_zones
+    return simulate_many([(scenario, seed, hidden)], period_s, decoys, sizes, progress, zones, unit)[0]
+
+
+def simulate_many(
+    runs: Sequence[Asked],
+    period_s: float = 1.0,
+    decoys: Sequence[str] = (),
+    sizes: bool = False,
+    progress: Progress | None = None,
+    zones: Sequence[Zone] | None = None,
+    device: Device | None = None,
+    chamber: Chamber | None = None,
+) -> list[Simulated]:
+    """Simulate several (scenario, seed, effects), each as :func:`simulate` does, in the time of the longest.
+
+    A run without effects, or with some of size zero, has the same bytes but for the columns of signals and decoys.
+    """
+    device = device or load_device()
+    each = _Batch(device, chamber or device.chamber, period_s, decoys, zones or device.main_zones, progress)
+    asked = [_key(run) for run in runs]
+    _check(asked, decoys, device)
+    every = list(dict.fromkeys([*asked, *_twins(asked)] if sizes else asked))
+    done = dict(zip(every, each.run(every)))
+    return [_answered(key, done, sizes) for key in asked]
+
+
+def trace_of(
+    driven: Driven, scenario: str, seed: int, period_s: float, zones: Sequence[Zone], instruments: Instruments
+) -> Trace:
+    """What device and laboratory log of a run, from the recording's first sample on."""
+    run, device = driven.run, driven.run.device
+    kept = slice(run.unrecorded, None)
+    columns: dict[str, Array] = {}
+    for zone in zones:
+        warm = instruments.felt(zone.name, felt(zone, device, driven.nodes_degC, period_s))
+        reading = zone_reading(zone, warm, stream(seed, f"zone {zone.name}"))
+        columns[f"{zone.name}_degC"] = instruments.read(zone.name, reading, zone.step_degC)[kept]
+    air_degC = instruments.air(run.air_degC)
+    columns[REFERENCE] = probe_reading(air_degC, period_s, stream(seed, "probes"), device.chamber.probes)[kept]
+    columns[device.processor.logs] = np.round(driven.processor_W[kept], 3)
+    for name, idle in device.activities[device.idle].logs.items():
+        logged = np.array([each.logs.get(name, idle) for each in device.activities.values()])
+        columns[name] = logged[run.activity[kept]]
+    if device.battery:
+        columns[device.battery.logs] = np.round(driven.current_A[kept], 3)
+    if device.fan:
+        columns[device.fan.logs] = np.round(HeatBalance([device]).fan_frac(driven.nodes_degC[kept]), 3)
+    time_s = np.round(np.arange(run.samples - run.unrecorded) * period_s, 6)
+    notes = {"simulated": "yes", "scenario": scenario, "seed": str(seed)}
+    return Trace(f"scenario {scenario}", time_s, columns, notes)
+
+
+_Key = tuple[str, int, tuple[Hidden, ...]]
+
+
+@dataclass(frozen=True)
+class _Done:
+    trace: Trace
+    ran: tuple[Ran, ...]
+
+
+@dataclass(frozen=True)
+class FaultyInstruments(Instruments):
+    """The instruments of a run with what is hidden in them; each is used once a run."""
+
+    hidden: Sequence[Hidden]
+    setting: Setting
+    random: Callable[[Hidden], np.random.Generator]
+    """An effect's own random numbers, from their beginning."""
+
+    def felt(self, zone: str, felt_degC: Array) -> Array:
+        """The temperature of ``zone``'s sensor itself, shape (n,)."""
+        for each in self._at(zone):
+            felt_degC = effects()[each.cause].felt(each, self.setting, felt_degC, self.random(each))
+        return felt_degC
+
+    def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
+        """What ``zone`` reports, shape (n,), in steps of ``step_degC``."""
+        for each in self._at(zone):
+            effect = effects()[each.cause]
+            reading_degC = effect.read(each, self.setting, reading_degC, step_degC, self.random(each))
+        return reading_degC
+
+    def air(self, air_degC: Array) -> Array:
+        """The air that the reference records, shape (n,)."""
+        for each in self.hidden:
+            air_degC = effects()[each.cause].air(each, self.setting, air_degC, self.random(each))
+        return air_degC
+
+    def _at(self, zone: str) -> list[Hidden]:
+        return [each for each in self.hidden if each.location == zone]
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """What all runs have in common."""
+
+    device: Device
+    chamber: Chamber
+    period_s: float
+    decoys: Sequence[str]
+    zones: Sequence[Zone]
+    progress: Progress | None
+
+    def run(self, runs: Sequence[_Key]) -> list[_Done]:
+        prepared = [
+            prepare(load_scenario(name), seed, self.period_s, self.device, self.chamber) for name, seed, _ in runs
+        ]
+        settings = [self._setting(run, seed, hidden) for run, (_, seed, hidden) in zip(prepared, runs)]
+        parts = [
+            [added(each, setting, index, _random(seed, each)) for index, each in enumerate(hidden)]
+            for setting, (_, seed, hidden) in zip(settings, runs)
+        ]
+        driven = integrate(prepared, self.period_s, self.progress, [together(each) for each in parts])
+        return [self._done(*each) for each in zip(runs, driven, settings, parts)]
+
+    def _done(self, key: _Key, driven: Driven, setting: Setting, parts: Sequence[Added]) -> _Done:
+        name, seed, hidden = key
+        instruments = FaultyInstruments(hidden, setting, lambda each: _random(seed, each))
+        trace = trace_of(driven, name, seed, self.period_s, self.zones, instruments)
+        trace = replace(trace, columns={**trace.columns, **self._logged(setting, seed, driven.run)})
+        both = together(parts)
+        ran = [
+            Ran(each, setting, driven, part, both, trace, partial(_random, seed, each))
+            for each, part in zip(hidden, parts)
+        ]
+        return _Done(trace, tuple(ran))
+
+    def _setting(self, run: Run, seed: int, hidden: Sequence[Hidden]) -> Setting:
+        bare = setting_of(run, self.period_s)
+        windows = {each.signal: bare.lasting(each) for each in hidden if each.signal is not None}
+        drawn = {
+            name: signal(name, bare.time_s, (max(window[0], 0.0), window[1]), stream(seed, f"signal {name}"))
+            for name, window in windows.items()
+        }
+        return replace(bare, signals=drawn)
+
+    def _logged(self, setting: Setting, seed: int, run: Run) -> dict[str, Array]:
+        """Signals and decoys in the order of their names, which reveals nothing."""
+        end_s = float(setting.time_s[-1]) + setting.period_s
+        columns = dict(setting.signals)
+        for name in self.decoys:
+            if name not in columns:
+                columns[name] = signal(name, setting.time_s, (0.0, end_s), stream(seed, f"signal {name}"))
+        return {name: columns[name][run.unrecorded :] for name in sorted(columns)}
+
+
+def setting_of(run: Run, period_s: float) -> Setting:
+    """Where an effect without a signal acts."""
+    time_s: Array = (np.arange(run.samples, dtype=np.float64) - run.unrecorded) * period_s
+    return Setting(run.device, time_s, period_s, {})
+
+
+def added(hidden: Hidden, setting: Setting, number: int, random: np.random.Generator) -> Added:
+    """What ``hidden`` adds to a run's heat balance; nothing where it is of size zero."""
+    if not hidden.amount:
+        return Added()
+    return effects()[hidden.cause].added(hidden, setting, f"effect {number}", random)
+
+
+def _key(run: Asked) -> _Key:
+    name, seed, *hidden = run
+    return name, seed, tuple(hidden[0]) if hidden else ()
+
+
+def _twins(asked: Sequence[_Key]) -> list[_Key]:
+    """Each run without its effects and, where there are several, with each of them alone."""
+    alone: list[_Key] = [(name, seed, (each,)) for name, seed, hidden in asked for each in hidden]
+    return [*((name, seed, ()) for name, seed, _ in asked), *alone]
+
+
+def _answered(key: _Key, done: dict[_Key, _Done], sizes: bool) -> Simulated:
+    name, seed, hidden = key
+    run = done[key]
+    truths = tuple(truth(ran) for ran in run.ran)
+    if not sizes:
+        return Simulated(run.trace, hidden, truths, None)
+    clean = done[name, seed, ()].trace
+    alone = [done[name, seed, (each,)] for each in hidden]
+    measured = [size_degC(one.trace, clean, one.ran[0]) for one in alone]
+    truths = tuple(replace(each, size_degC=size, worst=worst) for each, (size, worst) in zip(truths, measured))
+    logged = {column: values for column, values in run.trace.columns.items() if column not in clean.columns}
+    return Simulated(run.trace, hidden, truths, replace(clean, columns={**clean.columns, **logged}))
+
+
+def _random(seed: int, hidden: Hidden) -> np.random.Generator:
+    """An effect's own, whatever its size and whatever else is hidden."""
+    return stream(seed, f"hidden {hidden.cause} {hidden.location} {hidden.signal} {hidden.onset_s:g}")
+
+
+def _check(runs: Sequence[_Key], decoys: Sequence[str], device: Device) -> None:
+    found = []
+    for name, _, hidden in runs:
+        own = [fault for each in hidden for fault in faults(each, device)]
+        found += own or run_faults(hidden, load_scenario(name).duration_s)
+    unknown = [name for name in decoys if name not in SIGNALS]
+    found += [
+        Fault(f"decoy {name!r}", "there is no such signal", f"take one of {', '.join(SIGNALS)}") for name in unknown
+    ]
+    if found:
+        raise Refused(SOURCE, found)
