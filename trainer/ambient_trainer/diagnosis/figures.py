@@ -22,7 +22,7 @@ from ambient_trainer.report.palette import (
     SKY,
     STEP_COLOURS,
 )
-from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure, with_legend_above
+from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure
 from ambient_trainer.report.units import written
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def gains(diagnosis: Diagnosis) -> go.Figure:
         )  # fmt: skip
     figure.update_yaxes(showticklabels=False)
     figure.update_layout(bargap=0.6, legend_traceorder="reversed", margin_l=12)
-    return with_legend_above(figure)
+    return figure
 
 
 def _sensor_of(step: Step, sensors: tuple[str, ...]) -> str | None:

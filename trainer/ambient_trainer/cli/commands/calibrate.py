@@ -12,7 +12,7 @@ import click
 from rich.console import Console
 
 from ambient_model.atomic import replacing
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.options import FiniteRange
 from ambient_trainer.cli.output import Output
 
 if TYPE_CHECKING:

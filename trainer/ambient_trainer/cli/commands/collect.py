@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ambient_model.faults import Fault, Refused
-from ambient_trainer.cli.number import FiniteRange
+from ambient_trainer.cli.options import FiniteRange
 from ambient_trainer.cli.output import Output, printer
 from ambient_trainer.simulator.scenario import scenario_path
 

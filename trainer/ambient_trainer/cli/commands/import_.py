@@ -12,7 +12,8 @@ from rich.markup import escape
 from ambient_trainer.cli.output import check_outputs
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.report.table import Table, for_terminal
+from ambient_trainer.report import Table
+from ambient_trainer.report.terminal import for_terminal
 
 if TYPE_CHECKING:
     from ambient_trainer.data.importers._table import Imported
