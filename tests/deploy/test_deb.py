@@ -13,15 +13,18 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
+FIXED_S = 1767225600
 INSTALLED = {
     "./etc/ambientd/ambientd.yaml": 0o644,
     "./usr/bin/ambientd": 0o755,
     "./usr/lib/systemd/system/ambientd.service": 0o644,
     "./usr/share/doc/ambientd/README.md": 0o644,
+    "./usr/share/doc/ambientd/changelog.gz": 0o644,
     "./usr/share/doc/ambientd/copyright": 0o644,
     "./usr/share/doc/ambientd/examples/node-exporter/ambientd.conf": 0o644,
     "./usr/share/doc/ambientd/examples/thermald/ambientd.conf": 0o644,
     "./usr/share/doc/ambientd/examples/thermald/thermal-conf.xml": 0o644,
+    "./usr/share/man/man1/ambientd.1.gz": 0o644,
 }
 
 
@@ -57,10 +60,10 @@ def test_two_builds_are_the_same_bytes(deb, build, tmp_path):
 
 def test_it_holds_what_belongs_where_and_all_of_it_is_roots(deb):
     parts = members(deb)
-    assert list(parts) == ["debian-binary", "control.tar", "data.tar"]
-    with tarfile.open(fileobj=io.BytesIO(parts["data.tar"])) as archive:
+    assert list(parts) == ["debian-binary", "control.tar.xz", "data.tar.xz"]
+    with tarfile.open(fileobj=io.BytesIO(parts["data.tar.xz"])) as archive:
         files = {entry.name: entry.mode for entry in archive if entry.isfile()}
-        assert {(entry.uid, entry.gid, entry.uname, entry.mtime) for entry in archive} == {(0, 0, "root", 0)}
+        assert {(entry.uid, entry.gid, entry.uname, entry.mtime) for entry in archive} == {(0, 0, "root", FIXED_S)}
         unit = archive.extractfile("./usr/lib/systemd/system/ambientd.service").read()
         program = archive.extractfile("./usr/bin/ambientd").read()
     assert files == INSTALLED
@@ -89,7 +92,7 @@ def test_dpkg_understands_it(dpkg_deb, deb, build):
     assert (fields["Package"], fields["Version"], fields["Architecture"]) == ("ambientd", version, "all")
     assert fields["Depends"] == "python3 (>= 3.10), python3-yaml"
     assert fields["Maintainer"] == "Jane Doe <jane@example.com>"
-    with tarfile.open(fileobj=io.BytesIO(members(deb)["data.tar"])) as archive:
+    with tarfile.open(fileobj=io.BytesIO(members(deb)["data.tar.xz"])) as archive:
         kib = sum(-(-entry.size // 1024) for entry in archive)
     assert int(fields["Installed-Size"]) == kib
     assert "./usr/bin/ambientd" in dpkg_deb("-c", str(deb)).stdout

@@ -229,12 +229,12 @@ def wheel(tmp_path_factory):
     return path
 
 
-def test_the_wheel_holds_the_three_packages_and_asks_the_device_for_nothing(wheel):
+def test_the_wheel_holds_the_packages_and_asks_the_device_for_nothing(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         [metadata] = [archive.read(name).decode() for name in names if name.endswith(".dist-info/METADATA")]
     tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
-    assert tops == {"ambient_model", "ambientd", "ambient_trainer"}
+    assert tops == {"ambient_model", "ambientd", "ambient_trainer", "ambient_studies"}
     needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist:") and "extra ==" not in line]
     assert needed == []
 
