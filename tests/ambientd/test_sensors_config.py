@@ -1,14 +1,10 @@
 """Which sensor carries which input: said under 'zones' or 'sensors', refused whole, and checked by what it reads."""
 
-import json
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambient_model.codec import encode
 from ambient_model.faults import Refused
-from ambient_model.model import Input
 from ambientd.config import load_settings, settings_for_model
 from ambientd.sources.assign import open_sensors
 from ambientd.sources.hwmon import Hwmon
@@ -102,17 +98,6 @@ supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 
     ]
 
 
-@pytest.mark.parametrize("value", ["usb", ["usb"], 3, None])
-def test_what_is_no_mapping_is_refused(tmp_path, value):
-    path = saved(tmp_path, json.dumps({"model": "m", "sensors": value, "supervision": value}), "c.json")
-    with pytest.raises(Refused) as refused:
-        load_settings(path)
-    assert [str(each) for each in refused.value.faults] == [
-        f"sensors: is {value!r}; a mapping from input name to where it is read is wanted",
-        f"supervision: is {value!r}; a mapping with stuck_after_s, stuck_within_K, jump_K_per_s is wanted",
-    ]
-
-
 values = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
     lambda inner: (
@@ -153,98 +138,6 @@ def test_a_width_without_a_time_says_nothing():
     ]
 
 
-POWERED = (
-    Input("inlet", "degC", "inlet", -20.0, 90.0),
-    Input("battery_current", "A", "battery_current", -5.0, 5.0),
-)
-
-
-@pytest.fixture
-def powered(make_model, make_hwmon, make_supply, tmp_path):
-    """A model of a temperature and a current, its device, and a configuration with a sensors mapping."""
-    (tmp_path / "powered.json").write_text(encode(make_model(POWERED)))
-    make_hwmon(1, "board", (1, "inlet", "21500\n"))
-    root = make_supply("bms", current_now="-750000\n", voltage_now="4100000\n")
-
-    def config(sensors):
-        text = json.dumps({"model": "powered.json", "sysfs_root": str(root), "sensors": sensors})
-        return saved(tmp_path, text, "powered-c.json")
-
-    return config
-
-
-WHOLE = {
-    "inlet": {"hwmon": "board", "label": "inlet"},
-    "battery_current": {"power_supply": "bms", "property": "current_now", "sign": -1},
-}
-
-
-def test_check_names_each_sensor_with_the_value_read(ambientd, powered, sysfs):
-    done = ambientd("check", "--config", powered(WHOLE))
-    assert (done.returncode, done.stderr) == (0, "")
-    said = done.stdout.splitlines()
-    assert said[1:3] == [
-        "input        inlet_degC, -20 to 90, hwmon board inlet",
-        "input        battery_current_A, -5 to 5, power_supply bms current_now",
-    ]
-    assert said[-2:] == [
-        f"sensor       inlet, {sysfs.root}/class/hwmon/hwmon1/temp1_input: 21.5 degC",
-        f"sensor       battery_current, {sysfs.root}/class/power_supply/bms/current_now: 0.75 A",
-    ]
-
-
-def test_check_says_where_a_name_stands_for_several(ambientd, powered, make_hwmon):
-    folder = make_hwmon(0, "board", (1, "inlet", "19000\n"))
-    done = ambientd("check", "--config", powered(WHOLE))
-    assert f"sensor       inlet, {folder}/temp1_input: 19 degC, the first of 2 by this name" in done.stdout.splitlines()
-
-
-def test_check_names_every_sensor_that_gives_nothing_of_use(ambientd, powered, sysfs):
-    (sysfs.root / "class/power_supply/bms/current_now").write_text("-7500000\n")
-    done = ambientd("check", "--config", powered({**WHOLE, "inlet": {"hwmon": "board", "label": "outlet"}}))
-    assert done.returncode == 1
-    assert done.stderr.splitlines() == [
-        f"ambientd: {sysfs.root}: 2 faults",
-        "  sensor inlet: no hwmon chip 'board' with a temperature labelled 'outlet';"
-        " temperatures here are {hwmon: board, label: inlet}: name one of them under 'sensors'",
-        f"  sensor battery_current: {sysfs.root}/class/power_supply/bms/current_now: 7.5 A is outside -5 to 5;"
-        " name the right sensor, or fit the model to it",
-    ]
-
-
-def test_a_sensor_in_another_unit_or_for_no_input_is_refused(ambientd, powered):
-    wrong = {
-        "inlet": {"power_supply": "bms", "property": "voltage_now"},
-        "battery_current": {"zone": "battery"},
-        "skin": {"zone": "skin"},
-    }
-    path = powered(wrong)
-    done = ambientd("check", "--config", path)
-    assert done.returncode == 1
-    assert done.stderr.splitlines() == [
-        f"ambientd: {path}: 3 faults",
-        "  sensors.skin: is no input of the model; its inputs are inlet, battery_current",
-        "  sensors.inlet: power_supply bms voltage_now is in V, and the input in degC;"
-        " name a sensor with the input's unit",
-        "  sensors.battery_current: zone battery is in degC, and the input in A; name a sensor with the input's unit",
-    ]
-
-
-def test_a_current_without_a_sensor_says_what_to_name(ambientd, powered, tmp_path):
-    done = ambientd("check", "--config", powered({}))
-    assert done.returncode == 1
-    assert done.stderr == (
-        f"ambientd: {tmp_path}/powered.json: input battery_current: is in A, and thermal zones give only degC;"
-        " name a power_supply for it, 'sensors.battery_current' in a configuration, or fit a model without it\n"
-    )
-
-
-def test_the_sensors_that_a_configuration_names_are_read(powered, make_model):
-    sensors = open_sensors(load_settings(powered(WHOLE)), make_model(POWERED), print)
-    assert sensors.read(0.0) == [21.5, 0.75]
-    sensors.close()
-
-
 def test_the_rules_of_a_configuration_are_kept(phone, make_model):
     taken = settings_for_model("m")._replace(sysfs_root=str(phone.root), supervision=Rules(jump_K_per_s=5.0))
     notes = []
@@ -254,28 +147,3 @@ def test_the_rules_of_a_configuration_are_kept(phone, make_model):
     assert sensors.read(1.0) == [30.0, None]
     sensors.close()
     assert notes == ["sensor battery: set aside (jumped from 25 to 50 degC)"]
-
-
-def test_the_daemon_runs_on_every_kind_and_finds_a_renumbered_one_again(
-    start, until, ended, powered, make_hwmon, sysfs, tmp_path
-):
-    status = tmp_path / "status"
-
-    def raw():
-        report = json.loads(status.read_text()) if status.exists() else {"sensors": {}}
-        return {name: each["raw"] for name, each in report["sensors"].items()}
-
-    daemon = start("run", "--config", powered(WHOLE), "--rate", "20", "--publish", f"status:{status}")
-    until(lambda: raw() == {"inlet": 21.5, "battery_current": 0.75})
-    chip = sysfs.root / "class/hwmon/hwmon1"
-    (chip / "temp1_input").write_text("")
-    until(lambda: raw()["inlet"] is None)
-    chip.rename(tmp_path / "gone")
-    make_hwmon(5, "board", (2, "inlet", "22500\n"))
-    until(lambda: raw() == {"inlet": 22.5, "battery_current": 0.75})
-    code, _, log = ended(daemon)
-    assert code == 0
-    assert log.splitlines()[1:] == [
-        "ambientd: sensor inlet: no value (its content is b'')",
-        "ambientd: sensor inlet: is back",
-    ]

@@ -1,0 +1,225 @@
+"""``ambientd check``: the model, its self-consistency, the sensors that its inputs are read from, and the outputs."""
+
+import json
+import re
+
+import pytest
+
+from ambient_model.codec import encode
+from ambient_model.model import Input
+
+
+@pytest.fixture
+def check(ambientd):
+    """Run the command: its exit status, and of what it prints and refuses each line by its subject."""
+
+    def run(*arguments):
+        done = ambientd("check", *arguments)
+        printed = [
+            line.split(maxsplit=1) if line[0] != " " else ["", line.strip()] for line in done.stdout.splitlines()
+        ]
+        faults = dict(
+            re.findall(r"^ *(?:ambientd: )?((?:sensor|input|sensors\.|zones\.|output)[^:]*): (.*)", done.stderr, re.M)
+        )
+        return done.returncode, printed, faults or done.stderr
+
+    return run
+
+
+def test_it_prints_the_model_and_reads_its_sensors(check, fallback_model_file, phone):
+    status, printed, refused = check("--model", fallback_model_file, "--sysfs-root", phone.root)
+    assert (status, refused) == (0, "")
+    zones = f"{phone.root}/class/thermal/thermal_zone"
+    subjects = [
+        "model",
+        "input",
+        "input",
+        "states",
+        "periods",
+        "interval",
+        "fallbacks",
+        "conformance",
+        "",
+        "sensor",
+        "sensor",
+    ]
+    assert [subject for subject, _ in printed] == subjects
+    text = [text for _, text in printed]
+    assert text[1:5] == [
+        "usb_degC, -20 to 90, zone usb-therm",
+        "battery_degC, -20 to 70, zone battery",
+        "usb_lagged, battery_lagged",
+        "0.1, 0.2, 0.5, 1 s",
+    ]
+    assert re.match(r"-0.5 to \+0.75 degC .* 90 %", text[5])
+    assert re.match(r"passed: 20 samples at 4 periods", text[7])
+    assert re.match(r"passed: 2 fallbacks", text[8])
+    assert text[-2:] == [f"usb, {zones}10/temp: 30 degC", f"battery, {zones}3/temp: 25 degC"]
+
+
+def test_it_prints_the_secondary_estimator_and_the_error_variance(check, guarded_model_file):
+    status, printed, _ = check("--model", guarded_model_file)
+    assert status == 0
+    assert re.match(r"-0.75 to \+1 degC .* 90 %; wider with movement, guard", dict(printed)["interval"])
+    assert "1 degC" in dict(printed)["secondary"]
+    assert [text for subject, text in printed if not subject and "secondary" in text]
+
+
+def test_on_a_host_missing_sensors_are_only_reported(check, model_file):
+    status, printed, refused = check("--model", model_file)
+    assert (status, refused) == (0, "")
+    assert [text for subject, text in printed if subject == "sensor"] == [
+        "usb: no thermal zone of type 'usb-therm'",
+        "battery: no thermal zone of type 'battery'",
+    ]
+
+
+def damaged(estimator, matrix):
+    """The estimator with a coefficient of its second period off by 1e-3."""
+    discrete = estimator.discrete[1]
+    row, *rows = getattr(discrete, matrix)
+    wrong = discrete._replace(**{matrix: ((row[0] + 1e-3, *row[1:]), *rows)})
+    return estimator._replace(discrete=(estimator.discrete[0], wrong, *estimator.discrete[2:]))
+
+
+def test_what_contradicts_itself_is_a_warning(check, make_model, tmp_path):
+    model = make_model(fallbacks=True, guarded=True)
+    wrong = model._replace(
+        fallbacks={**model.fallbacks, "battery": damaged(model.fallbacks["battery"], "B")},
+        secondary=model.secondary._replace(estimator=damaged(model.secondary.estimator, "A")),
+    )
+    (tmp_path / "m.json").write_text(encode(wrong))
+    status, printed, refused = check("--model", tmp_path / "m.json")
+    assert (status, refused) == (0, "")
+    warnings = [text for subject, text in printed if subject == "warning"]
+    # most where usb goes from 25 to 26 degC: 1e-3 * 26 beside the 25.00995 degC that a right step of 0.2 s reaches
+    assert "without battery" in warnings[0]
+    assert "0.00103959" in warnings[0]
+    assert "secondary" in warnings[1]
+    assert len(warnings) == 2
+
+
+def test_a_recursion_that_does_not_give_the_files_outputs_fails(check, model_file):
+    with open(model_file) as stream:
+        data = json.load(stream)
+    data["conformance"]["outputs"][3]["values"][7] += 1e-6
+    with open(model_file, "w") as stream:
+        json.dump(data, stream)
+    status, _, refused = check("--model", model_file)
+    assert status == 1
+    assert f"{model_file}: conformance: " in refused
+    assert "1e-06" in refused
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_an_input_that_no_zone_gives_is_refused_by_name(ambientd, make_model, phone, tmp_path, command):
+    main = make_model().main
+    inputs = (main.inputs[0], main.inputs[1]._replace(name="cpu_power", unit="W"))
+    (tmp_path / "power.json").write_text(encode(make_model(inputs)))
+    done = ambientd(command, "--model", tmp_path / "power.json", "--sysfs-root", phone.root)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"ambientd: {tmp_path}/power.json: input cpu_power: is in W")
+
+
+POWERED = (
+    Input("inlet", "degC", "inlet", -20.0, 90.0),
+    Input("battery_current", "A", "battery_current", -5.0, 5.0),
+)
+WHOLE = {
+    "inlet": {"hwmon": "board", "label": "inlet"},
+    "battery_current": {"power_supply": "bms", "property": "current_now", "sign": -1},
+}
+
+
+@pytest.fixture
+def powered(make_model, make_hwmon, make_supply, tmp_path):
+    """A model of a temperature and a current, its device, and a configuration with a sensors mapping."""
+    (tmp_path / "powered.json").write_text(encode(make_model(POWERED)))
+    make_hwmon(1, "board", (1, "inlet", "21500\n"))
+    root = make_supply("bms", current_now="-750000\n", voltage_now="4100000\n")
+
+    def config(sensors, **more):
+        path = tmp_path / "powered-c.json"
+        path.write_text(json.dumps({"model": "powered.json", "sysfs_root": str(root), "sensors": sensors, **more}))
+        return path
+
+    return config
+
+
+def test_each_configured_sensor_is_read_and_the_first_of_a_name_is_named(check, powered, make_hwmon, sysfs):
+    status, printed, refused = check("--config", powered(WHOLE))
+    assert (status, refused) == (0, "")
+    assert [text for subject, text in printed if subject == "input"] == [
+        "inlet_degC, -20 to 90, hwmon board inlet",
+        "battery_current_A, -5 to 5, power_supply bms current_now",
+    ]
+    sensors = [text for subject, text in printed if subject == "sensor"]
+    root = f"{sysfs.root}/class"
+    assert sensors == [
+        f"inlet, {root}/hwmon/hwmon1/temp1_input: 21.5 degC",
+        f"battery_current, {root}/power_supply/bms/current_now: 0.75 A",
+    ]
+    folder = make_hwmon(0, "board", (1, "inlet", "19000\n"))
+    _, printed, _ = check("--config", powered(WHOLE))
+    assert re.match(rf"inlet, {folder}/temp1_input: 19 degC, .* 2 ", dict(printed[:-1])["sensor"])
+
+
+def test_every_sensor_that_gives_no_usable_value_is_named_with_what_is_here(check, powered, sysfs, model_file):
+    (sysfs.root / "class/power_supply/bms/current_now").write_text("-7500000\n")
+    status, _, refused = check("--config", powered({**WHOLE, "inlet": {"hwmon": "board", "label": "outlet"}}))
+    assert status == 1
+    assert refused.keys() == {"sensor inlet", "sensor battery_current"}
+    assert "'outlet'" in refused["sensor inlet"]
+    assert "{hwmon: board, label: inlet}" in refused["sensor inlet"]
+    assert "7.5 A is outside -5 to 5" in refused["sensor battery_current"]
+    sysfs.zone(0, "cpu", "40000\n")
+    sysfs.zone(1, "usb-therm", "-274000\n")
+    status, _, refused = check("--model", model_file, "--sysfs-root", sysfs.root)
+    assert status == 1
+    assert "-274000" in refused["sensor usb"]
+    assert all("types here are cpu, usb-therm:" in each for each in refused.values())
+
+
+def test_a_sensor_in_another_unit_or_for_no_input_is_refused(check, powered):
+    wrong = {
+        "inlet": {"power_supply": "bms", "property": "voltage_now"},
+        "battery_current": {"zone": "battery"},
+        "skin": {"zone": "skin"},
+    }
+    status, _, refused = check("--config", powered(wrong))
+    assert status == 1
+    assert refused.keys() == {"sensors.skin", "sensors.inlet", "sensors.battery_current"}
+    assert "inlet, battery_current" in refused["sensors.skin"]
+    assert "in V, and the input in degC" in refused["sensors.inlet"]
+    status, _, refused = check("--config", powered({}))
+    assert status == 1
+    assert "power_supply" in refused
+    assert "'sensors.battery_current'" in refused
+    status, _, refused = check("--config", powered(WHOLE, zones={"soc": "cpu-0-0"}))
+    assert status == 1
+    assert "zones.soc: " in refused
+
+
+def test_the_daemon_reads_every_kind_and_finds_a_renumbered_one_again(
+    start, until, ended, powered, make_hwmon, sysfs, tmp_path
+):
+    status = tmp_path / "status"
+
+    def raw():
+        report = json.loads(status.read_text()) if status.exists() else {"sensors": {}}
+        return {name: each["raw"] for name, each in report["sensors"].items()}
+
+    daemon = start("run", "--config", powered(WHOLE), "--rate", "20", "--publish", f"status:{status}")
+    until(lambda: raw() == {"inlet": 21.5, "battery_current": 0.75})
+    chip = sysfs.root / "class/hwmon/hwmon1"
+    (chip / "temp1_input").write_text("")
+    until(lambda: raw()["inlet"] is None)
+    chip.rename(tmp_path / "gone")
+    make_hwmon(5, "board", (2, "inlet", "22500\n"))
+    until(lambda: raw() == {"inlet": 22.5, "battery_current": 0.75})
+    code, _, log = ended(daemon)
+    assert code == 0
+    assert [line.partition("(")[0] for line in log.splitlines()[1:]] == [
+        "ambientd: sensor inlet: no value ",
+        "ambientd: sensor inlet: is back",
+    ]
