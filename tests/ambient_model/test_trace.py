@@ -1,7 +1,6 @@
 import contextlib
 import gzip
 import os
-import sys
 
 import pytest
 from hypothesis import example, given, settings
@@ -84,111 +83,71 @@ def test_what_the_contract_allows(tmp_path, content: str, wanted: tuple[Header, 
 
 
 HEAD = b"time_s,usb_degC\n"
-NUMBER = "correct it, or leave the cell empty for a missing value"
-FINITE = "leave the cell empty for a missing value"
-SORT = "sort the rows and drop doubles: time must increase"
-CUT = "fill or cut the row; an empty cell is a missing value"
-CSV = "save it as UTF-8 CSV"
 ZIPPED = gzip.compress(HEAD + b"".join(b"%d,20\n" % k for k in range(2000)), mtime=0)
-COPY = "cut off or damaged? copy it again"
 
 FAULTY = {
-    "empty": (b"", "the file is empty; a trace starts with a header line 'time_s,<name>_<unit>,...'"),
-    "notes only": (b"# a: b\n\n", "the file is empty; a trace starts with a header line 'time_s,<name>_<unit>,...'"),
-    "first column": (
-        b"# a: b\ntime,usb_degC\n",
-        "line 2: the first column is 'time', not 'time_s'; "
-        "put the time in seconds first, or use 'ambient-trainer import'",
-    ),
-    "no unit": (b"time_s,usb\n", "line 1: column 'usb' names no unit; name it <name>_<unit>, such as usb_degC"),
-    "empty unit": (b"time_s,usb_\n", "line 1: column 'usb_' names no unit; name it <name>_<unit>, such as usb_degC"),
-    "empty name": (b"time_s,,\n", "line 1: column '' names no unit; name it <name>_<unit>, such as usb_degC"),
-    "double column": (b"time_s,a_K,b_K,a_K\n", "line 1: column 'a_K' stands twice; rename or remove one"),
-    "time twice": (b"time_s,time_s\n", "line 1: column 'time_s' stands twice; rename or remove one"),
-    "comma in a name": (
-        b'time_s,"a,b_K"\n',
-        "line 1: column 'a,b_K' holds a comma, a quote or a control character; rename it without",
-    ),
-    "NUL in a name": (
-        b"time_s,a\0_K\n",
-        r"line 1: column 'a\x00_K' holds a comma, a quote or a control character; rename it without"
-        if sys.version_info >= (3, 11)
-        else f"line 1: not CSV (line contains NUL); {CSV}",
-    ),
-    "text": (HEAD + b"0,20\n\n1,warm\n", f"line 4, column usb_degC: 'warm' is not a number; {NUMBER}"),
-    "text in the time": (HEAD + b"now,20\n", f"line 2, column time_s: 'now' is not a number; {NUMBER}"),
-    "decimal comma": (HEAD + b'0,"20,5"\n', f"line 2, column usb_degC: '20,5' is not a number; {NUMBER}"),
-    "NaN": (HEAD + b"0,NaN\n", f"line 2, column usb_degC: 'NaN' is not a finite number; {FINITE}"),
-    "NaN beside a blank": (
-        b"time_s,a_K,b_K\n0, ,nan\n",
-        f"line 2, column b_K: 'nan' is not a finite number; {FINITE}",
-    ),
-    "inf": (HEAD + b"0,-inf\n", f"line 2, column usb_degC: '-inf' is not a finite number; {FINITE}"),
-    "an open thermocouple": (
-        HEAD + b"0,20\n1,-9.9E+37\n",
-        f"line 3, column usb_degC: '-9.9E+37' is beyond any measurement; {FINITE}",
-    ),
-    "a time of its own": (HEAD + b"1.1e30,0\n", f"line 2, column time_s: '1.1e30' is beyond any measurement; {FINITE}"),
-    "a line without an end": (
-        HEAD + b"0," + b"0" * 2**20,
-        "line 2: not CSV (a line of more than 1048576 characters); save it as UTF-8 CSV",
-    ),
-    "1e999": (HEAD + b"1e999,0\n", f"line 2, column time_s: '1e999' is not a finite number; {FINITE}"),
-    "backwards": (HEAD + b"2,0\n1,0\n", f"line 3, column time_s: 1 s does not come after 2 s; {SORT}"),
+    # what is read, and the place and the cell that its message names
+    "empty": (b"", "the file is empty"),
+    "notes only": (b"# a: b\n\n", "the file is empty"),
+    "first column": (b"# a: b\ntime,usb_degC\n", "line 2: 'time'"),
+    "no unit": (b"time_s,usb\n", "line 1: 'usb'"),
+    "empty unit": (b"time_s,usb_\n", "line 1: 'usb_'"),
+    "empty name": (b"time_s,,\n", "line 1: ''"),
+    "double column": (b"time_s,a_K,b_K,a_K\n", "line 1: 'a_K'"),
+    "time twice": (b"time_s,time_s\n", "line 1: 'time_s'"),
+    "comma in a name": (b'time_s,"a,b_K"\n', "line 1: 'a,b_K'"),
+    "NUL in a name": (b"time_s,a\0_K\n", "line 1"),
+    "text": (HEAD + b"0,20\n\n1,warm\n", "line 4, column usb_degC: 'warm'"),
+    "text in the time": (HEAD + b"now,20\n", "line 2, column time_s: 'now'"),
+    "decimal comma": (HEAD + b'0,"20,5"\n', "line 2, column usb_degC: '20,5'"),
+    "NaN": (HEAD + b"0,NaN\n", "line 2, column usb_degC: 'NaN'"),
+    "NaN beside a blank": (b"time_s,a_K,b_K\n0, ,nan\n", "line 2, column b_K: 'nan'"),
+    "inf": (HEAD + b"0,-inf\n", "line 2, column usb_degC: '-inf'"),
+    "an open thermocouple": (HEAD + b"0,20\n1,-9.9E+37\n", "line 3, column usb_degC: '-9.9E+37'"),
+    "a time of its own": (HEAD + b"1.1e30,0\n", "line 2, column time_s: '1.1e30'"),
+    "a line without an end": (HEAD + b"0," + b"0" * 2**20, "line 2: not CSV (a line"),
+    "1e999": (HEAD + b"1e999,0\n", "line 2, column time_s: '1e999'"),
+    "backwards": (HEAD + b"2,0\n1,0\n", "line 3, column time_s: 1 s does not"),
     "equal": (
         b"# a: b\n" + HEAD + b"1700000000.1,0\n1700000000.1,0\n",
-        f"line 4, column time_s: 1700000000.1 s does not come after 1700000000.1 s; {SORT}",
+        "line 4, column time_s: 1700000000.1 s does not",
     ),
-    "no time": (HEAD + b",20\n", "line 2, column time_s: no time; every row needs one"),
-    "short row": (HEAD + b"0\n", f"line 2: 1 cells where the header has 2; {CUT}"),
-    "long row": (HEAD + b"0,1,\n", f"line 2: 3 cells where the header has 2; {CUT}"),
-    "open quote": (HEAD + b'0,"20\n', f"line 2: not CSV (unexpected end of data); {CSV}"),
-    "not UTF-8": (
-        HEAD + b"0,1\n1,\xb0\n",
-        rf"line 3, column usb_degC: '\udcb0' is not a number; {NUMBER}",
-    ),
-    "not UTF-8 in a name": (b"# a: b\ntime_s,usb_\xb0C\n", f"line 2: not UTF-8 text; {CSV}"),
-    "not UTF-8 in a note": (b"# a: \xb0\n", f"line 1: not UTF-8 text; {CSV}"),
-    "NUL": (
-        HEAD + b"0,1\0\n",
-        rf"line 2, column usb_degC: '1\x00' is not a number; {NUMBER}"
-        if sys.version_info >= (3, 11)
-        else f"line 2: not CSV (line contains NUL); {CSV}",
-    ),
-    "not gzip.gz": (HEAD, f"cannot be read (Not a gzipped file (b'ti')); {COPY}"),
-    "truncated.gz": (
-        ZIPPED[:-4],
-        f"after line 2001: cannot be read (Compressed file ended before the end-of-stream marker was reached); {COPY}",
-    ),
-    "damaged.gz": (
-        ZIPPED[:10] + b"\xff" * 10 + ZIPPED[20:],
-        f"cannot be read (Error -3 while decompressing data: invalid block type); {COPY}",
-    ),
+    "no time": (HEAD + b",20\n", "line 2, column time_s: no time"),
+    "short row": (HEAD + b"0\n", "line 2: 1 cells where the"),
+    "long row": (HEAD + b"0,1,\n", "line 2: 3 cells where the"),
+    "open quote": (HEAD + b'0,"20\n', "line 2: not CSV (unexpected end"),
+    "not UTF-8": (HEAD + b"0,1\n1,\xb0\n", "line 3, column usb_degC: '\\udcb0'"),
+    "not UTF-8 in a name": (b"# a: b\ntime_s,usb_\xb0C\n", "line 2: not UTF-8 text"),
+    "not UTF-8 in a note": (b"# a: \xb0\n", "line 1: not UTF-8 text"),
+    "NUL": (HEAD + b"0,1\0\n", "line 2"),
+    "not gzip.gz": (HEAD, ""),
+    "truncated.gz": (ZIPPED[:-4], "after line 2001"),
+    "damaged.gz": (ZIPPED[:10] + b"\xff" * 10 + ZIPPED[20:], ""),
 }
 
 
 @pytest.mark.parametrize("case", FAULTY)
 def test_a_faulty_file_is_refused_with_its_place(tmp_path, case: str) -> None:
-    content, message = FAULTY[case]
+    content, expected = FAULTY[case]
+    place, _, fact = expected.partition(": ") if "line " in expected else ("", "", expected)
     path = tmp_path / ("trace.csv.gz" if case.endswith(".gz") else "trace.csv")
     path.write_bytes(content)
     with pytest.raises(Refused) as refused:
         read(str(path))
-    assert str(refused.value) == f"{path}: {message}"
+    [fault] = refused.value.faults
+    assert fault.place.startswith(place)
+    assert fact in fault.problem
+    assert fault.hint
 
 
 @pytest.mark.parametrize("suffix", ["csv", "csv.gz"])
 def test_what_is_no_file_is_refused(tmp_path, suffix: str) -> None:
     path = tmp_path / f"trace.{suffix}"
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{path}: .*No such file"):
         read(str(path))
-    assert (
-        str(refused.value) == f"{path}: cannot be read (No such file or directory); check the name and the permissions"
-    )
     path.mkdir()
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=f"^{path}: .*Is a directory"):
         read(str(path))
-    assert str(refused.value) == f"{path}: cannot be read (Is a directory); check the name and the permissions"
 
 
 def test_good_rows_come_before_the_fault(tmp_path) -> None:
@@ -246,26 +205,22 @@ def test_arbitrary_compressed_bytes_are_rows_or_refused(folder: str, content: by
 
 
 @pytest.mark.parametrize(
-    ("columns", "rows", "message"),
+    ("columns", "rows", "place"),
     [
-        (["usb"], [], "header: column 'usb' names no unit; name it <name>_<unit>, such as usb_degC"),
-        (["a_K", "a_K"], [], "header: column 'a_K' stands twice; rename or remove one"),
-        (["time_s"], [], "header: column 'time_s' stands twice; rename or remove one"),
-        (["a\n_K"], [], r"header: column 'a\n_K' holds a comma, a quote or a control character; rename it without"),
-        (["a_K"], [(0, [1.0]), (1, [float("nan")])], "row 2: [1.0, nan] is no sample of 1 values after 0 s"),
-        (["a_K"], [(0, [float("inf")])], "row 1: [0.0, inf] is no sample of 1 values after -inf s"),
-        (["a_K"], [(1, [None]), (1, [None])], "row 2: [1.0, None] is no sample of 1 values after 1 s"),
-        (["a_K"], [(float("nan"), [None])], "row 1: [nan, None] is no sample of 1 values after -inf s"),
-        (["a_K"], [(1, [2.0, 3.0])], "row 1: [1.0, 2.0, 3.0] is no sample of 1 values after -inf s"),
+        *[([name], [], "header") for name in ("usb", "time_s", "a\n_K")],
+        (["a_K", "a_K"], [], "header"),
+        (["a_K"], [(0, [1.0]), (1, [float("nan")])], "row 2"),
+        (["a_K"], [(0, [float("inf")])], "row 1"),
+        (["a_K"], [(1, [None]), (1, [None])], "row 2"),
+        (["a_K"], [(float("nan"), [None])], "row 1"),
+        (["a_K"], [(1, [2.0, 3.0])], "row 1"),
     ],
 )
-def test_what_would_not_be_read_is_not_written(tmp_path, columns: list[str], rows: list, message: str) -> None:
+def test_what_would_not_be_read_is_not_written(tmp_path, columns: list[str], rows: list, place: str) -> None:
     path = tmp_path / "trace.csv"
     path.write_text("old")
-    if rows:
-        message += "; time increases, and what is not a finite number, or a huge one, is missing: nothing was written"
     with pytest.raises(Refused) as refused:
         write_trace(str(path), columns, rows)
-    assert str(refused.value) == f"{path}: {message}"
+    assert refused.value.faults[0].place == place
     assert path.read_text() == "old"
     assert os.listdir(tmp_path) == ["trace.csv"]

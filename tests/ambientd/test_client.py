@@ -4,7 +4,6 @@ import json
 import math
 import os
 import re
-import signal
 import socket
 import subprocess
 import sys
@@ -72,46 +71,41 @@ def test_a_file_is_read_in_degrees(value_file, content, degC):
     assert read_file_degC(value_file(content), 60) == degC
 
 
-def test_a_files_offset_is_taken_off_again_and_not_off_its_poison(value_file):
+def test_a_files_offset_is_subtracted_and_not_from_its_poison(value_file):
     path = value_file(b"95000\n")
     assert read_file_degC(path, 60, offset_millidegC=100_000) == -5.0
-    with pytest.raises(Poisoned, match="holds 95000, the poison"):
+    with pytest.raises(Poisoned, match="95000"):
         read_file_degC(path, 60, poison_millidegC=95_000, offset_millidegC=100_000)
 
 
+# torn, overwritten and not cut off yet, or never the daemon's
+MALFORMED = [b"", b"23400", b"-\n", b"26.5\n", b"nan\n", b"2_3\n", b" 23\n", b"5000\n00\n", b"1" * 16 + b"\n"]
+
+
 @pytest.mark.parametrize(
-    ("content", "ago_s", "kind", "message"),
+    ("content", "ago_s", "kind"),
     [
-        (b"23400\n", 61, Stale, "is 61.0 s old"),
-        (b"23400\n", -61, Stale, "is -61.0 s old"),  # written before the clock was set back
-        (b"60000\n", 0, Poisoned, "holds 60000, the poison"),
-        (b"-274000\n", 0, Poisoned, "holds -274000, below absolute zero"),
-        (b"", 0, Malformed, "holds b''"),
-        (b"23400", 0, Malformed, "holds b'23400'"),  # torn
-        (b"-\n", 0, Malformed, "holds b'-"),
-        (b"26.5\n", 0, Malformed, "holds b'26.5"),
-        (b"nan\n", 0, Malformed, "holds b'nan"),
-        (b"2_3\n", 0, Malformed, "holds b'2_3"),
-        (b" 23\n", 0, Malformed, "holds b' 23"),
-        (b"5000\n00\n", 0, Malformed, "holds b'5000"),  # a longer value overwritten and not cut off yet
-        (b"1" * 16 + b"\n", 0, Malformed, "is longer than 15 bytes"),
+        (b"23400\n", 61, Stale),
+        (b"23400\n", -61, Stale),  # written before the clock was set back
+        (b"60000\n", 0, Poisoned),
+        (b"-274000\n", 0, Poisoned),
+        *[(content, 0, Malformed) for content in MALFORMED],
     ],
 )
-def test_a_file_without_a_value_to_be_trusted_gives_none(value_file, content, ago_s, kind, message):
+def test_a_file_without_a_trustworthy_value_gives_none(value_file, content, ago_s, kind):
     path = value_file(content, ago_s)
-    with pytest.raises(kind, match=f"^{path}: {message}"):
+    with pytest.raises(kind, match=f"^{path}: "):
         read_file_degC(path, 60, poison_millidegC=60_000)
 
 
 def test_what_is_not_there_or_no_file_neither_gives_a_value_nor_hangs(tmp_path):
-    with pytest.raises(Absent, match="No such file or directory"):
+    with pytest.raises(Absent):
         read_file_degC(str(tmp_path / "none"), 60)
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(Malformed, match="is no regular file"):
-        read_file_degC(str(tmp_path / "pipe"), 60)
-    with pytest.raises(Malformed, match="is no regular file"):
-        read_file_degC(str(tmp_path), 60)
-    with pytest.raises(Malformed, match="is no regular file"):
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(Malformed):
+            read_file_degC(str(path), 60)
+    with pytest.raises(Malformed):
         read_status("/dev/zero", 60)
 
 
@@ -137,32 +131,31 @@ def test_a_line_becomes_a_reading():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "said"),
+    "wrong",
     [
-        (line()[:-30], "JSONDecodeError"),
-        (line().decode().encode("utf-16"), "UnicodeDecodeError"),
-        (b"[]", "TypeError"),
-        (b"{}", "KeyError: 'time_s'"),
-        (b"[" * 60000, "RecursionError"),
-        (line(time_s=None), "TypeError: None is no number"),
-        (line(time_s=10**400), "OverflowError"),
-        (line(ambient_degC=math.nan), "TypeError: nan is no number"),
-        (line(low_degC=-math.inf), "TypeError: -inf is no number"),
-        (line(ambient_degC=True), "TypeError: True is no number"),
-        (line(ambient_degC=-300.0), "ValueError: -300.0 degC is below absolute zero"),
-        (line(status="fine"), "ValueError: unknown status 'fine'"),
-        (line(status="faulted"), "ValueError: faulted with ambient_degC 23.4"),
-        (line(ambient_degC=None), "ValueError: tracking with ambient_degC None"),
-        (line(sensors=[]), "AttributeError"),
-        (line(sensors={"usb": 30.0}), "TypeError"),
-        (line(model=7), "TypeError: 7 is no text"),
+        line()[:-30],
+        line().decode().encode("utf-16"),
+        b"[]",
+        b"{}",
+        b"[" * 60000,
+        line(time_s=None),
+        line(time_s=10**400),
+        line(ambient_degC=math.nan),
+        line(low_degC=-math.inf),
+        line(ambient_degC=True),
+        line(ambient_degC=-300.0),
+        line(status="fine"),
+        line(status="faulted"),
+        line(ambient_degC=None),
+        line(sensors=[]),
+        line(sensors={"usb": 30.0}),
+        line(model=7),
     ],
-    ids=lambda value: None if isinstance(value, bytes) else value,
+    ids=range(17),
 )
-def test_a_line_that_the_daemon_does_not_write_is_no_reading(wrong, said):
+def test_a_line_that_the_daemon_does_not_write_is_no_reading(wrong):
     with pytest.raises(ValueError, match=r"^is no reading") as refused:
         parse_reading(wrong)
-    assert str(said) in str(refused.value)
     assert len(str(refused.value)) <= 200
 
 
@@ -289,18 +282,6 @@ def test_who_talks_without_lines_is_left(server, path):
         assert follower.problem == "what is received has no lines"
 
 
-def test_half_a_line_at_the_end_of_a_daemon_is_nothing(server, path):
-    with Follower(path, 60) as follower:
-        follower.wait(0)
-        with server.accept() as daemon:
-            daemon.sendall(line(1)[:-1])
-        assert follower.wait(0.3) is None
-        assert follower.skipped == 0
-        with server.accept() as daemon:  # it is back by itself, and what was begun is not joined to what comes
-            daemon.sendall(line(2))
-            assert follower.wait(10).time_s == 2
-
-
 def test_without_a_daemon_it_tries_ever_more_rarely_and_never_hangs(path, clock, monkeypatch):
     follower = Follower(path, 5)
     tried_s = []
@@ -321,22 +302,6 @@ def test_without_a_daemon_it_tries_ever_more_rarely_and_never_hangs(path, clock,
     tried_s.clear()
     assert follower.wait(0.35) is None  # something was said: it starts over
     assert len(tried_s) == 2
-
-
-def test_a_path_that_no_socket_can_have_is_a_problem_and_no_traceback(tmp_path):
-    follower = Follower(f"{tmp_path}/{'x' * 200}", 5)
-    assert follower.wait(0) is None
-    assert follower.problem == "AF_UNIX path too long"
-
-
-def test_without_a_free_descriptor_there_is_a_problem_and_no_traceback(path, monkeypatch):
-    def refuse(*_):
-        raise OSError(24, "Too many open files")
-
-    monkeypatch.setattr(socket, "socket", refuse)
-    follower = Follower(path, 5)
-    assert follower.wait(0) is None
-    assert follower.problem == "Too many open files"
 
 
 def test_the_newest_becomes_stale_by_the_clock_alone(server, path, clock):
@@ -369,18 +334,6 @@ def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, cloc
             threading.Timer(0.05, daemon.sendall, [line(162)]).start()
             assert follower.wait(3).time_s == 162
             assert follower.age_s == pytest.approx(0)
-
-
-def test_what_waited_since_the_connection_is_taken_for_as_old_as_that(server, path, clock):
-    with Follower(path, 5) as follower:
-        follower.wait(0)
-        with server.accept() as daemon:
-            daemon.sendall(line(100) + line(101))
-            clock[0] += 4
-            assert follower.wait(0).time_s == 100
-            assert follower.age_s == 4
-            clock[0] += 2
-            assert follower.wait(0) is None
 
 
 def test_iterating_says_none_when_it_becomes_stale_and_then_regularly(server, path, clock):
@@ -434,41 +387,6 @@ def test_it_follows_a_real_daemon_over_its_death_and_return(start, until, model_
         start(*run)
         until(lambda: follower.wait(0.5))
         assert follower.newest().status in ("warming_up", "tracking")
-
-
-def test_a_daemon_that_is_stopped_makes_it_stale(start, until, model_file, phone, tmp_path, path):
-    daemon = start(
-        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20"),
-        *(
-            "--publish",
-            f"socket:{path}",
-            "--publish",
-            f"file:{tmp_path}/temp",
-            "--publish",
-            f"status:{tmp_path}/status",
-        ),
-    )
-    with Follower(path, 0.5) as follower:
-        until(lambda: follower.wait(0.5))
-        assert read_file_degC(f"{tmp_path}/temp", 5) == pytest.approx(23.0)
-        assert read_status(f"{tmp_path}/status", 5).model == "bench"
-        os.kill(daemon.pid, signal.SIGSTOP)
-        rounds = iter(follower)
-        until(lambda: next(rounds) is None)
-        with pytest.raises(Stale):
-            follower.newest()
-        until(lambda: raised(Stale, read_file_degC, f"{tmp_path}/temp", 0.5))
-        os.kill(daemon.pid, signal.SIGCONT)
-        until(lambda: next(rounds))
-        until(lambda: not raised(Stale, read_status, f"{tmp_path}/status", 0.5))
-
-
-def raised(kind, call, *arguments):
-    try:
-        call(*arguments)
-    except kind:
-        return True
-    return False
 
 
 def test_it_may_be_copied_and_reads_a_file_without_sockets_or_json(tmp_path):

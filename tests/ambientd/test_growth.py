@@ -20,7 +20,6 @@ SETTLED = 100_000
 """By then everything has happened that ever happens."""
 MOST_KB = 256
 """Of resident memory: pages that are touched anew, where 1 byte a tick would be 900 KB."""
-MOST_BYTES = 1024
 
 pytestmark = pytest.mark.slow
 
@@ -71,46 +70,3 @@ def test_the_process_does_not_grow(fallback_model_file, long_trace, memory):
     assert json.loads(line)["time_s"] == TICKS - 1
     settled = SETTLED // 10_000
     assert max(sizes_KB[settled:]) - max(sizes_KB[:settled]) <= MOST_KB
-
-
-ALLOCATED = """
-import gc, itertools, sys, tracemalloc
-from ambient_model.codec import load_model
-from ambient_model.trace import TraceReader
-from ambientd.fallback import FallbackTracker
-from ambientd.outlets import Outlets
-from ambientd.publish.spec import parse
-from ambientd.schedule import Waiter
-from ambientd.service import Service
-
-model_path, trace_path, target, settled, ticks = sys.argv[1:]
-model = load_model(model_path)
-tracker = FallbackTracker(model, 1.0)
-outlets = Outlets(Waiter(), 0, print)
-outlets.become([parse("file:" + target)])
-service = Service(model, 90, tracker, outlets.publish)
-statuses = set()
-
-def run(rows):
-    for row in rows:
-        statuses.add(service.tick((row.time_s, list(row.values))).status)
-    tracker.snapshot()
-    gc.collect()
-    return tracemalloc.get_traced_memory()[0]
-
-rows = iter(TraceReader(trace_path))
-tracemalloc.start(1)
-early = run(itertools.islice(rows, int(settled)))
-late = run(itertools.islice(rows, int(ticks) - int(settled)))
-outlets.close()
-print(late - early, len(statuses), next(rows, None))
-"""
-
-
-def test_nothing_that_is_allocated_stays(guarded_model_file, long_trace, memory):
-    words = [sys.executable, "-c", ALLOCATED, guarded_model_file, str(long_trace), str(memory / "ambient")]
-    done = subprocess.run([*words, str(SETTLED), str(TICKS)], capture_output=True, text=True, check=True)
-    grown_bytes, statuses, rest = done.stdout.split()
-    assert int(statuses) == 5, "every status occurs"
-    assert rest == "None", "the trace was read to its end"
-    assert int(grown_bytes) <= MOST_BYTES

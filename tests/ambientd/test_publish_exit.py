@@ -51,18 +51,6 @@ def test_who_keeps_it_open_in_place_hears_the_next_daemon(start, until, ended, c
         until(lambda: os.pread(reader.fileno(), 15, 0) == b"23000\n")
 
 
-def test_a_killed_daemons_unfinished_file_is_swept_by_the_next(start, until, configure, said, tmp_path):
-    daemon = start("run", "--config", configure())
-    until(said)
-    daemon.kill()
-    daemon.wait()
-    (tmp_path / "out" / f"temp.{daemon.pid}.part").write_text("23")
-    (tmp_path / "status").unlink()
-    start("run", "--config", configure())
-    until((tmp_path / "status").exists)
-    assert [each for each in os.listdir(tmp_path / "out") if str(daemon.pid) in each] == []
-
-
 def test_a_reload_to_another_offset_leaves_no_gap_and_to_another_mode_comes_back(
     start, until, ended, configure, said, tmp_path
 ):

@@ -48,24 +48,6 @@ def test_a_file_says_integer_millidegrees(kind, tmp_path, ambient_degC, text):
     assert os.listdir(tmp_path) == []
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
-@given(values=st.lists(st.floats(allow_nan=False) | st.floats(-60, 90), min_size=1, max_size=8))
-@pytest.mark.parametrize("kind", [RenamedFile, InPlaceFile])
-def test_a_file_is_one_whole_line_of_at_most_15_bytes_or_absent(kind, values, tmp_path_factory):
-    path = tmp_path_factory.mktemp("files") / "temp"
-    publisher = kind(Spec("file", str(path)))
-    for value in values:
-        publisher.publish(report(value))
-        if path.exists():
-            content = path.read_bytes()
-            assert re.fullmatch(rb"-?[0-9]+\n", content)
-            assert len(content) <= 15
-            assert abs(int(content) - value * 1000) <= 0.5 + abs(value) * 1e-12
-        else:
-            assert abs(value) >= 10**9 - 1
-    publisher.close()
-
-
 def test_what_is_not_trusted_is_removed_and_comes_back(kind, tmp_path):
     publisher = kind(Spec("file", str(tmp_path / "temp")))
     publisher.publish(report(23.4))
@@ -104,24 +86,6 @@ def test_in_place_goes_on_with_a_file_that_is_there(tmp_path):
         assert os.pread(reader.fileno(), 15, 0) == b"7000\n"
         publisher.close()
         assert os.pread(reader.fileno(), 15, 0) == b"-40000\n"  # who keeps it open is not left with a last value
-
-
-def test_in_place_comes_back_after_someone_removed_the_file(tmp_path):
-    publisher = InPlaceFile(Spec("file", str(tmp_path / "temp")))
-    publisher.publish(report(20.0))
-    (tmp_path / "temp").unlink()
-    publisher.publish(report(21.0))
-    assert (tmp_path / "temp").read_text() == "21000\n"
-    publisher.close()
-
-
-def test_a_value_that_cannot_be_replaced_does_not_stay(tmp_path):
-    publisher = RenamedFile(Spec("file", str(tmp_path / "temp")))
-    publisher.publish(report(20.0))
-    (tmp_path / f"temp.{os.getpid()}.part").mkdir()  # in the way of the next value
-    with pytest.raises(OSError, match="Is a directory"):
-        publisher.publish(report(21.0))
-    assert not (tmp_path / "temp").exists()
 
 
 def test_status_is_one_json_object(tmp_path):

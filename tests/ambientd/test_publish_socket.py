@@ -106,14 +106,6 @@ def test_a_reader_that_leaves_is_let_go(server, path):
     assert len(os.listdir("/proc/self/fd")) == before
 
 
-def test_one_reader_too_many_is_let_go(server, path):
-    readers = [connected(server, path) for _ in range(257)]
-    server.publish(report(1))
-    assert [bool(received(reader)) for reader in readers] == [True] * 256 + [False]
-    for reader in readers:
-        reader.close()
-
-
 def test_where_all_places_are_taken_who_reads_least_makes_room(server, path):
     """A consumer that leaks its connections does not shut the others out."""
     readers = [connected(server, path) for _ in range(256)]
@@ -151,14 +143,6 @@ def test_two_hundred_readers_of_which_half_never_read(server, path):
         assert times(received(reader)) == [200]  # and none that was lost
     for reader in readers:
         reader.close()
-
-
-def test_without_readers_no_line_is_made(server, path, monkeypatch):
-    monkeypatch.setattr("ambientd.publish.socket.as_json", lambda _: pytest.fail("made"))
-    server.publish(report(1))
-    monkeypatch.undo()
-    with connected(server, path) as reader:
-        assert times(received(reader)) == [1]
 
 
 def test_where_no_descriptor_is_free_the_slowest_makes_room(server, path):
@@ -241,10 +225,6 @@ def test_no_one_enters_before_it_is_settled_who_may(path, monkeypatch):
     with connected(server, path) as reader:
         assert times(received(reader)) == [2]
     server.close()
-
-
-def test_whoever_may_enter_the_folder_may_connect(server, path):
-    assert stat.S_IMODE(os.stat(path).st_mode) == 0o666
 
 
 def test_the_socket_is_removed_at_the_end(path):

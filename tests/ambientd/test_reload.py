@@ -142,21 +142,6 @@ def test_a_bad_model_is_refused_and_the_old_goes_on(start, until, ended, configu
     assert len(said) == 3
 
 
-def test_every_fault_of_a_bad_configuration_is_named_once(start, until, ended, configure, status, tmp_path):
-    daemon = start("run", "--config", configure())
-    until(lambda: status().get("model") == "bench")
-    configure(rate_hz=0, level_percent=1)
-    reload(daemon)
-    before = status()["time_s"]
-    until(lambda: status()["time_s"] > before + 0.5)
-    _, _, log = ended(daemon)
-    assert log.splitlines()[1:] == [
-        f"ambientd: not reloaded, the old configuration stays: {tmp_path}/c.json: 2 faults",
-        "  rate_hz: is 0; a number between 0.1 and 20 is wanted",
-        "  level_percent: is 1; one of 50, 90, 98 is wanted",
-    ]
-
-
 def test_publishers_come_and_go_and_those_that_stay_are_not_touched(start, until, ended, configure, status, tmp_path):
     daemon = start("run", "--config", configure())
     until(status)
@@ -202,20 +187,6 @@ def test_a_new_rate_holds(start, until, ended, configure, status):
     until(lambda: status()["time_s"] != first)  # at once: the next deadline was ten seconds off
     assert status()["time_s"] < first + 9
     assert ended(daemon)[0] == 0
-
-
-def test_the_manager_hears_of_a_reload(start, until, ended, configure, monkeypatch, tmp_path):
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.settimeout(10)
-        manager.bind(str(tmp_path / "n"))
-        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "n"))
-        daemon = start("run", "--config", configure())
-        assert manager.recv(100) == b"READY=1\nSTATUS=model 'bench': warming_up"
-        for _ in range(2):
-            reload(daemon)
-            assert manager.recv(100).startswith(b"RELOADING=1\nMONOTONIC_USEC=")
-            assert manager.recv(100) == b"READY=1\nSTATUS=model 'bench': warming_up"
-        assert ended(daemon)[0] == 0
 
 
 def test_many_reloads_in_a_row_leave_no_descriptor_behind(start, until, ended, configure, status):

@@ -8,8 +8,6 @@ import pytest
 
 from ambient_model.model import Input
 from ambientd.notices import Notice
-from ambientd.sources.hwmon import Hwmon, HwmonTemperature
-from ambientd.sources.power_supply import PowerSupply, PowerSupplyProperty
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.sensors import Sensors
 from ambientd.sources.supervision import Rules
@@ -114,24 +112,6 @@ def test_a_read_that_keeps_failing_is_not_paid_for_at_every_tick(sensors, failin
     assert len(tries) < 12
 
 
-def test_a_zone_that_moves_to_another_number_is_found_again_at_once(sensors, phone, failing):
-    """As a driver's new start does it: the old file has nothing more to say."""
-    assert sensors.read(0.0) == [30.0, 25.0]
-    failing(errno.ENODEV)
-    (phone.root / "class/thermal/thermal_zone10").rename(phone.root / "thermal_zone10")
-    phone.zone(4, "usb-therm", "31000\n")
-    assert sensors.read(1.0) == [31.0, 25.0]
-
-
-def test_a_sensor_that_comes_after_the_start_is_taken(sysfs, notes):
-    sensors = Sensors([zone_sensor(USB, sysfs.root)], Rules(), notes.append)
-    assert sensors.read(0.0) == [None]
-    sysfs.zone(0, "usb-therm", "20000\n")
-    assert sensors.read(1.0) == [20.0]
-    sensors.close()
-    assert notes == ["sensor usb: no value (no thermal zone of type 'usb-therm')", "sensor usb: is back"]
-
-
 def test_doubles_are_noted_and_the_lowest_number_is_taken(phone, make_sensors, notes):
     phone.zone(11, "usb-therm", "99000\n")
     assert make_sensors(inputs=[USB]).read(0.0) == [30.0]
@@ -144,14 +124,6 @@ def test_a_value_outside_its_range_is_told_once_and_shown(sensors, phone, notes)
     temp(phone, 10).write_text("31000\n")
     sensors.read(3.0)
     assert notes == ["sensor usb: set aside (125 degC is outside -20 to 90)", "sensor usb: is back"]
-
-
-def test_a_jump_is_a_missing_value_told_once(make_sensors, phone, notes):
-    sensors = make_sensors(Rules(jump_K_per_s=5.0))
-    sensors.read(0.0)
-    temp(phone, 10).write_text("60000\n")
-    assert [sensors.read(float(k)) for k in range(1, 12)] == [[None, 25.0]] * 10 + [[60.0, 25.0]]
-    assert notes == ["sensor usb: set aside (jumped from 30 to 60 degC)", "sensor usb: is back"]
 
 
 def test_a_stuck_one_is_a_missing_value_told_once(make_sensors, phone, notes):
@@ -219,35 +191,6 @@ def test_without_a_thread_to_spare_it_reads_by_itself(sensors, monkeypatch):
 
     monkeypatch.setattr("_thread.start_new_thread", none_left)
     assert [sensors.read(float(k)) for k in range(3)] == [[30.0, 25.0]] * 3
-
-
-def test_every_kind_side_by_side(sysfs, make_hwmon, make_supply, notes):
-    sysfs.zone(3, "battery", "25000\n")
-    chip = make_hwmon(4, "board", (1, "inlet", "21500\n"))
-    root = str(make_supply("bms", current_now="-750000\n", voltage_now="4100000\n"))
-    inlet, current, volts = (
-        Input("inlet", "degC", "x", -20.0, 70.0),
-        Input("battery_current", "A", "x", -5.0, 5.0),
-        Input("battery_voltage", "V", "x", 2.0, 5.0),
-    )
-    sensors = Sensors(
-        [
-            zone_sensor(BATTERY, root),
-            Sensor(inlet, HwmonTemperature(Hwmon("board", "inlet"), root)),
-            Sensor(current, PowerSupplyProperty(PowerSupply("bms", "current_now", -1), root)),
-            Sensor(volts, PowerSupplyProperty(PowerSupply("bms", "voltage_now"), root)),
-        ],
-        Rules(),
-        notes.append,
-    )
-    assert sensors.read(0.0) == [25.0, 21.5, 0.75, 4.1]
-    (chip / "temp1_input").write_text("")
-    assert sensors.read(1.0) == [25.0, None, 0.75, 4.1]
-    chip.rename(chip.with_name("gone"))
-    make_hwmon(7, "board", (2, "inlet", "22000\n"))
-    assert sensors.read(2.0) == [25.0, 22.0, 0.75, 4.1]
-    sensors.close()
-    assert notes == ["sensor inlet: no value (its content is b'')", "sensor inlet: is back"]
 
 
 def test_descriptors_are_let_go(phone):

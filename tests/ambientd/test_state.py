@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from ambient_model.codec import encode as encode_model
 from ambient_model.error_variance import VarianceState
 from ambient_model.faults import Refused
-from ambient_model.observer import Background
 from ambient_model.tracking import Snapshot, Tracker, nearest_discrete
 from ambientd.config import StateSpec, load_settings
 from ambientd.fallback import FallbackState, FallbackTracker
@@ -39,45 +38,6 @@ def test_a_tracker_goes_on_to_the_bit_where_another_stood(make_model, at):
     assert second.fits(snapshot)
     second.restore(snapshot)
     assert fed(second, rows(400 - at, at)) == wanted[at:]
-
-
-def test_a_restored_tracker_bridges_a_gap_as_the_other_would_have(make_model):
-    main = make_model().main
-    for gap, status in ((20, "tracking"), (31, "warming_up")):
-        other, restored = (Tracker(main, nearest_discrete(main, 1.0)) for _ in range(2))
-        fed(other, rows(200))
-        restored.restore(other.snapshot())
-        late = rows(1, 199 + gap)
-        said = fed(restored, late)
-        assert said == fed(other, late)
-        assert said[0].status == status
-
-
-def test_what_has_not_begun_has_no_snapshot(make_model):
-    main = make_model().main
-    assert Tracker(main, nearest_discrete(main, 1.0)).snapshot() is None
-
-
-def test_a_snapshot_fits_its_own_period_and_shape_only(make_model):
-    main = make_model().main
-    tracker = Tracker(main, nearest_discrete(main, 1.0))
-    fed(tracker, rows(3))
-    snapshot = tracker.snapshot()
-    assert not tracker.fits(snapshot._replace(period_s=0.5))
-    assert not tracker.fits(snapshot._replace(x=(1.0,)))
-    assert not tracker.fits(snapshot._replace(u=(1.0, 2.0, 3.0)))
-
-
-def test_a_restart_while_a_fallback_speaks_makes_no_jump(make_model):
-    model = make_model(fallbacks=True)
-    lost = [(time_s, (None, values[1])) for time_s, values in rows(100, 200)]
-    whole, first, second = (FallbackTracker(model, 1.0) for _ in range(3))
-    wanted = fed(whole, rows(200) + lost)
-    fed(first, rows(200) + lost[:40])
-    second.restore(first.snapshot())
-    assert [each.ambient_degC for each in fed(second, lost[40:])] == pytest.approx(
-        [each.ambient_degC for each in wanted[240:]], abs=1e-12
-    )
 
 
 def test_another_models_state_is_refused_and_changes_nothing(make_model):
@@ -254,45 +214,11 @@ def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s
         assert all(value is None or math.isfinite(value) for value in estimate[:3])
 
 
-@given(
-    x=NUMBERS,
-    u=st.lists(NUMBERS, min_size=2, max_size=2),
-    unrest=st.builds(
-        VarianceState,
-        st.lists(NUMBERS, min_size=3, max_size=3).map(tuple),
-        st.lists(st.floats(0, 1e12), min_size=3, max_size=3).map(tuple),
-    ),
-)
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_background_of_any_numbers_makes_finite_estimates(make_model, x, u, unrest):
-    tracker = guarded(make_model)
-    voices = (Snapshot(1.0, 90.0, 8, (x, x), tuple(u)), None, None)
-    background = Background(Snapshot(1.0, 90.0, 8, (x,), tuple(u)), unrest)
-    state = FallbackState(voices, 0, 0.0, None, 98.0, background)
-    tracker.restore(decode(encode(State("m", "b", 99.0, state))).tracker)
-    for time_s, values in [*rows(3, 99), (102.0, (None, None)), (140.0, (None, 25.0))]:
-        estimate = tracker.update(time_s, values)
-        assert all(value is None or math.isfinite(value) for value in estimate[:3])
-
-
 @pytest.fixture
 def state_file(make_model, tmp_path):
     notes = []
     model = make_model(fallbacks=True)
     return StateFile(StateSpec(str(tmp_path / "state"), 30.0), model, notes.append), notes, tmp_path / "state"
-
-
-def test_it_is_saved_every_so_often_and_at_the_end(state_file, settled):
-    file, notes, path = state_file
-    saved = []
-    for now_s in range(100, 125):
-        file.ticked(settled, float(now_s))
-        saved.append(decode(path.read_bytes()).time_s)
-    assert saved == [100.0] * 10 + [110.0] * 10 + [120.0] * 5
-    file.close()
-    assert decode(path.read_bytes()).time_s == 124.0
-    assert os.listdir(path.parent) == ["state"]
-    assert notes == []
 
 
 def test_a_tracker_that_never_began_leaves_no_state(state_file, make_model):
@@ -417,13 +343,13 @@ def test_a_killed_daemon_leaves_a_whole_state(start, until, configured, ambientd
     assert decode((tmp_path / "state").read_bytes()).tracker.last_degC is None  # no fallbacks: nothing to bridge
 
 
-def test_another_models_state_is_told_once_and_not_used(start, until, ended, configured, make_model, tmp_path):
-    first = start(*configured)
-    until(lambda: status_of(tmp_path))
-    ended(first)
-    (tmp_path / "model.json").write_text(encode_model(make_model()._replace(name="other")))
-    second = start(*configured)
-    until(lambda: status_of(tmp_path).get("model") == "other")
-    _, _, log = ended(second)
-    assert log.splitlines()[0] == f"ambientd: state {tmp_path}/state: it is of another model; starting anew"
-    assert len(log.splitlines()) == 2
+def test_it_is_saved_every_so_often_and_at_the_end(state_file, settled):
+    file, notes, path = state_file
+    saved = []
+    for now_s in range(100, 125):
+        file.ticked(settled, float(now_s))
+        saved.append(decode(path.read_bytes()).time_s)
+    file.close()
+    assert saved == [100.0] * 10 + [110.0] * 10 + [120.0] * 5
+    assert decode(path.read_bytes()).time_s == 124.0
+    assert (os.listdir(path.parent), notes) == (["state"], [])

@@ -4,8 +4,6 @@ import signal
 import subprocess
 import sys
 
-import pytest
-
 FOR_EVER_S = 1e6
 
 
@@ -30,22 +28,6 @@ def test_one_that_blocks_is_done_without_until_it_answers(tracking, zones):
     ]
 
 
-@pytest.mark.parametrize("kind", ["usb-therm", "battery", "cpu-0-0"])
-@pytest.mark.parametrize("block_s", [0.4, 1.5])
-def test_one_that_always_takes_too_long_is_never_waited_for_again(tracking, zones, kind, block_s):
-    zones.fail(kind, block_s=block_s)
-    tracking.steps(60)
-    assert zones.tries(kind) <= 9  # the first, and those of the back-off
-    assert tracking.threads <= 4
-    assert len(tracking.end()) == 1
-
-
-def test_one_that_blocks_and_then_fails_is_one_that_blocks(tracking, zones):
-    zones.fail("battery", "ETIMEDOUT", block_s=1.0)
-    assert {each["status"] for each in tracking.steps(20)} == {"degraded"}
-    assert tracking.end() == ["ambientd: sensor battery: no value (a reading takes more than 0.25 s)"]
-
-
 def test_one_that_blocks_from_the_start_on_delays_no_start(start, zones):
     zones.fail("usb-therm", block_s=FOR_EVER_S)
     daemon = start()
@@ -53,18 +35,6 @@ def test_one_that_blocks_from_the_start_on_delays_no_start(start, zones):
     assert set(statuses) == {"degraded"}  # the fallback without it never knew it
     zones.heal("usb-therm")
     assert daemon.steps(120)[-1]["status"] == "tracking"
-
-
-def test_when_all_block_it_says_so_and_goes_on(tracking, zones):
-    kinds = ("usb-therm", "battery", "cpu-0-0")
-    for kind in kinds:
-        zones.fail(kind, block_s=FOR_EVER_S)
-    statuses = [each["status"] for each in tracking.steps(40)]
-    assert statuses == ["coasting"] * 30 + ["faulted"] * 10
-    for kind in kinds:
-        zones.heal(kind)
-    assert tracking.steps(120)[-1]["status"] == "tracking"
-    assert len(tracking.end()) == 6
 
 
 def test_it_ends_and_reloads_while_one_blocks(tracking, zones):

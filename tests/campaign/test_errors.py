@@ -35,12 +35,6 @@ def test_one_that_fails_is_done_without_and_taken_back(tracking, zones, error):
     ]
 
 
-def test_one_that_goes_on_failing_is_tried_less_and_less_often(tracking, zones):
-    zones.fail("usb-therm", "EIO")
-    tracking.steps(600)
-    assert 5 < zones.tries("usb-therm") < 30
-
-
 def test_when_all_fail_the_state_coasts_and_then_no_value_stays(tracking, zones):
     kinds = ("usb-therm", "battery", "cpu-0-0")
     for kind, error in zip(kinds, ERRORS):
@@ -56,11 +50,3 @@ def test_when_all_fail_the_state_coasts_and_then_no_value_stays(tracking, zones)
         "tracking",
     ]
     assert len(tracking.end()) == 6
-
-
-def test_a_flapping_sensor_is_told_of_a_few_times_and_no_more(tracking, zones):
-    """Four hours in which it fails and works by turns."""
-    for k in range(1800):
-        (zones.heal if k % 2 else zones.fail)("usb-therm", *(() if k % 2 else ("EIO",)))
-        tracking.step(8.0)
-    assert len(tracking.end()) <= 6 * (4 * 6 + 1)

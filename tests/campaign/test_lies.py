@@ -50,29 +50,6 @@ def test_a_jump_reaches_no_consumer(start, zones):
     assert len(daemon.end()) <= 12
 
 
-@pytest.mark.parametrize(
-    "content",
-    [b"", b"\n", b"-32768000\n", b"-274000\n", b"nan\n", b"30000", b"3 0\n", b"0x75\n", b"9" * 4096, b"\xff\xfe\0"],
-    ids=["empty", "newline", "sentinel", "below zero", "nan", "bare", "two", "hex", "long", "binary"],
-)
-def test_what_is_no_temperature_is_missing(tracking, zones, content):
-    zones.say("usb-therm", content)
-    report = tracking.step()
-    good = content == b"30000"  # the newline is the kernel's habit, not its promise
-    assert report["status"] == ("tracking" if good else "degraded")
-    zones.say("usb-therm", 30000)
-    assert tracking.steps(3)[-1]["sensors"]["usb"]["used"] == 30.0
-    assert len(tracking.end()) == (0 if good else 2)
-
-
-def test_a_value_out_of_range_is_shown_and_not_used(tracking, zones):
-    zones.say("usb-therm", 125000)
-    assert tracking.step()["sensors"]["usb"] == {"unit": "degC", "raw": 125.0, "used": None}
-    zones.say("usb-therm", 30000)
-    assert tracking.step()["status"] == "tracking"
-    assert len(tracking.end()) == 2
-
-
 TRACE = Path(__file__).parents[3] / "shared" / "measured" / "s25plus-zones" / "s25_zones_tidy.csv"
 PHONE_ZONES = ("battery", "chassis", "modem", "ambient")
 
@@ -119,17 +96,6 @@ def follow_phone(start, zones, tmp_path, first, last):
 
 def believed(seen):
     return [each["sensors"]["ambient"]["used"] is not None for each in seen]
-
-
-def test_the_dead_ambient_zone_of_a_real_phone_is_rejected_for_good(start, zones, tmp_path):
-    """A Galaxy S25+, whose zone AMBIENT says 25.5 degC whatever the weather: an hour of its life."""
-    daemon, seen = follow_phone(start, zones, tmp_path, 0, 3500)
-    first = believed(seen).index(False)
-    assert 1750 < first < 3000  # no earlier than the rule says, and then it needs others that move
-    assert not any(believed(seen)[first:])
-    assert {each["status"] for each in seen[first:]} == {"degraded"}
-    assert all(each["sensors"][name]["used"] is not None for each in seen[first:] for name in PHONE_ZONES[:3])
-    assert [line.split(" (")[0] for line in daemon.log] == ["ambientd: sensor ambient: set aside"]
 
 
 @pytest.mark.slow
