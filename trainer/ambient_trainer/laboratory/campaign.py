@@ -62,14 +62,7 @@ class Instruments(Strict):
 class Ambient(Strict):
     """The ambient is the mean of several probes in the chamber's middle, as in the thesis.
 
-    Attributes
-    ----------
-    probes : tuple of str
-        Their names.
-    at_least : int
-        With fewer probes that answer, the ambient is missing.
-    offsets : str or None
-        The file that ``ambient-trainer calibrate`` wrote, beside the file that names it.
+    With fewer than ``at_least`` that answer it is missing; ``offsets`` is the file that ``calibrate`` wrote.
     """
 
     probes: Annotated[tuple[Name, ...], Field(min_length=1)]
@@ -108,22 +101,10 @@ class PowerSupply(Strict):
 
 
 class Device(Strict):
-    """The device under test.
+    """The device under test: ``zones`` maps a thermal zone's type to a column, ``root`` stands before ``/sys``.
 
-    Attributes
-    ----------
-    connect : str
-        ``adb``, ``adb SERIAL``, ``ssh HOST``, or ``local`` for this machine.
-    root : str
-        The folder before ``/sys`` and ``/proc``.
-    period_s, timeout_s : float
-        Of its samples, and the longest wait for one.
-    zones : dict of str to str
-        A thermal zone's type to the trace's column.
-    power_supply : PowerSupply or None
-        The battery's gauge.
-    setup : str
-        Shell text for every connection, such as functions that actions use; it starts nothing.
+    ``connect`` is ``adb``, ``adb SERIAL``, ``ssh HOST``, or ``local`` for this machine; ``setup`` is shell text for
+    every connection, such as functions that actions use, and starts nothing.
     """
 
     connect: Annotated[str, Field(pattern=r"^(adb|adb [A-Za-z0-9_.:-]+|ssh [A-Za-z0-9_][A-Za-z0-9_.@:-]*|local)$")]
@@ -165,16 +146,7 @@ class ChamberLimits(Strict):
 class Safety(Strict):
     """Where the chamber goes at the end of a run or when something is wrong, and what is wrong.
 
-    Attributes
-    ----------
-    set_point_degC : float
-        The safe set point.
-    chamber : ChamberLimits
-        The limits of set points and air.
-    device_high_degC : dict of str to float
-        The highest temperature by column of the device.
-    ambient_lost_s : float
-        The longest time without an ambient while the chamber works.
+    ``device_high_degC`` is by column; ``ambient_lost_s`` the longest time without an ambient while the chamber works.
     """
 
     set_point_degC: _Temperature

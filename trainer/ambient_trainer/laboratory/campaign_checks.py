@@ -12,20 +12,13 @@ from typing import Any
 
 from ambient_model.faults import Fault
 from ambient_model.trace import REFERENCE
+from ambient_trainer.simulator.scenario import Settle
+
+_DEFAULTS = {"at_most_min": Settle.model_fields["at_most_min"].default}
 
 
 def faults_between(data: Any, ports: bool, offsets: Iterable[str] = ()) -> Iterator[Fault]:
-    """Every such fault in the ``data`` of a campaign file.
-
-    Parameters
-    ----------
-    data : object
-        The file's content.
-    ports : bool
-        Whether a port that is not there is a fault.
-    offsets : iterable of str
-        The probes in the file of offsets.
-    """
+    """Every such fault in the ``data`` of a campaign file; ``ports``: also where a port is not there."""
     laboratory = _mapping(data, "laboratory")
     yield from _port_faults(_mapping(laboratory, "instruments"), ports)
     yield from _probe_faults(laboratory, offsets)
@@ -93,8 +86,9 @@ def _step_faults(place: str, step: dict[Any, Any], laboratory: dict[Any, Any]) -
         if name not in actions:
             known = ", ".join(map(str, actions)) or "none"
             yield Fault(f"{place}.load[{index}]", f"no action is called {name!r}", f"known are {known}")
-    for_min, at_most_min = (_number(_mapping(step, "settle").get(key)) for key in ("for_min", "at_most_min"))
-    if for_min is not None and for_min > (240.0 if at_most_min is None else at_most_min):
+    settle = {**_DEFAULTS, **_mapping(step, "settle")}
+    for_min, at_most_min = _number(settle.get("for_min")), _number(settle["at_most_min"])
+    if for_min is not None and at_most_min is not None and for_min > at_most_min:
         yield Fault(f"{place}.settle", "'for_min' is longer than 'at_most_min'", "it could never settle: swap them")
 
 

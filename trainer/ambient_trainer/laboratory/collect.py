@@ -27,21 +27,7 @@ from ambient_trainer.laboratory.watchdog import Watchdog
 
 
 class Job(NamedTuple):
-    """A campaign to run into a trace.
-
-    Attributes
-    ----------
-    loaded : LoadedCampaign
-        The campaign.
-    output : str
-        The trace's path.
-    clock : Clock
-        The run's.
-    simulated : bool
-        Whether the instruments are.
-    environment : mapping or None
-        Added to that of the device's shells.
-    """
+    """A campaign to run into a trace; ``environment`` is added to that of the device's shells."""
 
     loaded: LoadedCampaign
     output: str

@@ -2,20 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
+from collections.abc import Iterator
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from ambient_trainer.laboratory.run import Run
+from ambient_trainer.laboratory.collect import Job
+from ambient_trainer.laboratory.run import Monitor, Run
 from ambient_trainer.laboratory.schedule import clock_text, expected
 
 _REDRAW_S = 0.25
 _LINE_S = 60.0
 """Of the run's time, and of the machine's no more often than:"""
 _LINE_WALL_S = 2.0
+
+
+@contextlib.contextmanager
+def monitor_of(console: Console, job: Job) -> Iterator[Monitor]:
+    """The monitor for a terminal, or for anything else that ``console`` writes to."""
+    if not console.is_terminal:
+        yield LineMonitor(console)
+        return
+    simulated = f", simulated at {job.clock.speed:g} times real time" if job.simulated else ""
+    monitor = LiveMonitor(console, f"{job.loaded.name}{simulated}")
+    with monitor.live:
+        yield monitor
 
 
 class LineMonitor:
@@ -40,30 +55,23 @@ class LineMonitor:
 
 
 class LiveMonitor:
-    """A picture on a terminal; used as a ``with`` block."""
+    """A picture on a terminal, while its ``live`` display is started."""
 
     def __init__(self, console: Console, title: str) -> None:
         self._title = title
-        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self.live = Live(console=console, auto_refresh=False, transient=True)
         self._due_wall_s = 0.0
-
-    def __enter__(self) -> LiveMonitor:
-        self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._live.stop()
 
     def update(self, run: Run) -> None:
         """Draw it anew where that is due."""
         wall_s = time.monotonic()
         if wall_s >= self._due_wall_s:
             self._due_wall_s = wall_s + _REDRAW_S
-            self._live.update(self._picture(run), refresh=True)
+            self.live.update(self._picture(run), refresh=True)
 
     def event(self, at_s: float, text: str) -> None:
         """Print it above the picture, where it stays."""
-        self._live.console.print(Text(f"{clock_text(at_s)}  {text}"))
+        self.live.console.print(Text(f"{clock_text(at_s)}  {text}"))
 
     def _picture(self, run: Run) -> Group:
         now_s = run.timebase.now_s()

@@ -21,17 +21,7 @@ VERSION = 1
 
 
 class OffsetPoint(Strict):
-    """One probe at one temperature of the bath.
-
-    Attributes
-    ----------
-    reading_degC : float
-        The mean of what the probe read.
-    offset_K : float
-        To be added to it.
-    standard_error_K : float
-        Of the offset; the reference's own error is not in it.
-    """
+    """One probe at one temperature of the bath; the standard error is without the reference's own error."""
 
     reading_degC: float
     offset_K: float

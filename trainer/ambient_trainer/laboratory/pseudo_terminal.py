@@ -17,8 +17,6 @@ from typing import NamedTuple
 from ambient_trainer.laboratory.clock import Clock
 
 XON, XOFF = b"\x11", b"\x13"
-Distortion = Callable[[bytes], Sequence[tuple[float, bytes]]]
-
 _BITS_A_BYTE = 10  # with start and stop bit
 _SHORTEST_WAIT_S = 0.0005
 
@@ -30,27 +28,25 @@ class Response(NamedTuple):
     reply: bytes
 
 
-class _Due(NamedTuple):
-    at_s: float
-    data: bytes
-
-
 class SimulatedInstrument(ABC):
-    """An instrument in a thread of its own; its port is a link that outlives the terminal behind it."""
+    """An instrument in a thread of its own; its port is a link that outlives the terminal behind it.
+
+    While ``muted`` it obeys and does not answer.
+    """
 
     def __init__(self, name: str, clock: Clock, baud: int, folder: str | None) -> None:
+        self.muted = False
         self._clock = clock
         self._byte_s = _BITS_A_BYTE / baud
-        self._made = None if folder else tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
-        self._link = Path(folder or (self._made.name if self._made else ""), name)
+        self._resources = contextlib.ExitStack()
+        if folder is None:
+            folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="ambient-laboratory-"))
+        self._link = Path(folder, name)
         self._lock = threading.RLock()
-        self._due: deque[_Due] = deque()
-        self._distortions: deque[Distortion] = deque()
-        self._free_s = clock.now_s()
-        self._sent_s = clock.now_s()
-        self.muted = False
-        """It obeys everything and answers nothing."""
-        self._held_up = self._ended = False
+        self._due: deque[tuple[float, bytes]] = deque()
+        self._distortions: deque[Callable[[bytes], Sequence[tuple[float, bytes]]]] = deque()
+        self._free_s = self._sent_s = clock.now_s()
+        self._stopped = self._ended = False
         self._ends: tuple[int, int] | None = None
         self._woken, self._wake = os.pipe()
         self.plug()
@@ -79,11 +75,11 @@ class SimulatedInstrument(ABC):
                 self._ends = os.openpty()
                 tty.setraw(self._ends[1])
                 os.set_blocking(self._ends[0], False)
-                self._held_up = False
+                self._stopped = False
                 self._link.symlink_to(os.ttyname(self._ends[1]))
         os.write(self._wake, b"!")
 
-    def distort(self, function: Distortion) -> None:
+    def distort(self, function: Callable[[bytes], Sequence[tuple[float, bytes]]]) -> None:
         """Let the next reply be ``function(reply)``: parts, each so many seconds later than it would have come."""
         with self._lock:
             self._distortions.append(function)
@@ -91,7 +87,7 @@ class SimulatedInstrument(ABC):
     def send(self, data: bytes) -> None:
         """Send ``data`` unasked, at once."""
         with self._lock:
-            self._due.appendleft(_Due(self._clock.now_s(), data))
+            self._due.appendleft((self._clock.now_s(), data))
         os.write(self._wake, b"!")
 
     def close(self) -> None:
@@ -101,8 +97,7 @@ class SimulatedInstrument(ABC):
         self._thread.join()
         os.close(self._woken)
         os.close(self._wake)
-        if self._made:
-            self._made.cleanup()
+        self._resources.close()
 
     @abstractmethod
     def _respond(self, data: bytes) -> Iterable[Response]:
@@ -111,7 +106,7 @@ class SimulatedInstrument(ABC):
     def _run(self) -> None:
         while not self._ended:
             with self._lock:
-                wait_s = self._send_what_is_due()
+                wait_s = self._send_due()
                 ends = self._ends
             watched = [self._woken] if ends is None else [self._woken, ends[0]]
             try:
@@ -128,29 +123,28 @@ class SimulatedInstrument(ABC):
     def _take(self, data: bytes) -> None:
         for byte in data:
             if byte in XON + XOFF:
-                self._held_up = byte in XOFF
+                self._stopped = byte in XOFF
         received = data.translate(None, XON + XOFF)
         self._free_s = max(self._free_s, self._clock.now_s() + len(received) * self._byte_s)
         for duration_s, reply in self._respond(received):
             self._free_s += duration_s
-            if not reply or self.muted:
-                continue
-            parts = self._distortions.popleft()(reply) if self._distortions else ((0.0, reply),)
-            self._due.extend(_Due(self._free_s + delay_s, part) for delay_s, part in parts)
+            if reply and not self.muted:
+                parts = self._distortions.popleft()(reply) if self._distortions else ((0.0, reply),)
+                self._due.extend((self._free_s + delay_s, part) for delay_s, part in parts)
 
-    def _send_what_is_due(self) -> float | None:
-        """Send what should be there by now; how many of the machine's seconds until there is more, None for ever."""
-        while self._due and self._ends is not None and not self._held_up:
+    def _send_due(self) -> float | None:
+        """Send what should be there by now; the machine's seconds until there is more, None for ever."""
+        while self._due and self._ends is not None and not self._stopped:
             now_s = self._clock.now_s()
-            at_s, data = self._due[0]
+            at_s, data = self._due.popleft()
             begin_s = max(at_s, self._sent_s)
-            count = min(int((now_s - begin_s) / self._byte_s), len(data))
-            if count < 1:
-                return max(self._clock.wall_s(begin_s + self._byte_s - now_s), _SHORTEST_WAIT_S)
-            with contextlib.suppress(BlockingIOError):  # nobody reads: what does not fit is lost, as on a wire
-                os.write(self._ends[0], data[:count])
-            self._sent_s = begin_s + count * self._byte_s
-            self._due.popleft()
+            count = max(min(int((now_s - begin_s) / self._byte_s), len(data)), 0)
+            if count:
+                with contextlib.suppress(BlockingIOError):  # nobody reads: what does not fit is lost, as on a wire
+                    os.write(self._ends[0], data[:count])
+                self._sent_s = begin_s + count * self._byte_s
             if count < len(data):
-                self._due.appendleft(_Due(at_s, data[count:]))
+                self._due.appendleft((at_s, data[count:]))
+            if not count:
+                return max(self._clock.wall_s(begin_s + self._byte_s - now_s), _SHORTEST_WAIT_S)
         return None

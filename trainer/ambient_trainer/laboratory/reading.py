@@ -7,16 +7,9 @@ from typing import NamedTuple
 
 
 class Reading(NamedTuple):
-    """One answer of an instrument.
+    """One answer: values by column (None for none), and when, in the clock's seconds.
 
-    Attributes
-    ----------
-    asked_s, answered_s : float
-        When the query went out and when the whole answer was there, in the clock's seconds.
-    values : mapping of str to float or None
-        By column, each in the unit that its name ends in; None where the instrument has no value.
-    note : str or None
-        What else it says, such as a chamber's alarm or why a thermometer has no value.
+    The note is what else the instrument reports, such as an alarm, or why it has no value.
     """
 
     asked_s: float

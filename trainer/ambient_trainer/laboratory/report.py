@@ -9,6 +9,7 @@ from ambient_trainer.laboratory.campaign import Campaign
 from ambient_trainer.laboratory.collect import Collected, Job, laboratory_path
 from ambient_trainer.laboratory.journal import Record
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note
+from ambient_trainer.laboratory.run import Outcome
 from ambient_trainer.laboratory.schedule import clock_text
 from ambient_trainer.laboratory.trace_rows import Rows
 from ambient_trainer.report import Finding, Report, Section, Table
@@ -81,3 +82,18 @@ def report_of(collected: Collected, job: Job) -> Report:
     simulated = " All of it is simulated." if job.simulated else ""
     found = [Finding(text) for text in events(record)]
     return Report(f"{title}{simulated}", [], [Section("", [*tables, *found])], {}, "Collection")
+
+
+def problems_of(outcome: Outcome, job: Job) -> list[str]:
+    """What is not as it should be at the end of a run, and what to do about it."""
+    safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
+    problems = []
+    if not outcome.safe:
+        left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
+        problems.append(f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}")
+    elif outcome.alarm is not None:
+        problems.append(f"the chamber is stopped, after its alarm: {outcome.alarm}")
+    if not outcome.finished:
+        where = f"the chamber holds {safe_degC:g} degC; " if outcome.safe and outcome.alarm is None else ""
+        problems.append(f"{outcome.why}; {where}--resume goes on with it")
+    return problems

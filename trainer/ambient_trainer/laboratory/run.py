@@ -87,16 +87,7 @@ class Supervision(NamedTuple):
 class Run:
     """One run of the program on ``equipment``, from the program's position on.
 
-    Attributes
-    ----------
-    latest : dict of str to Sample
-        The newest sample of each instrument.
-    failures : dict of str to Failure
-        What does not work now, by instrument, as it began.
-    ambient_degC : float or None
-        The newest ambient.
-    alarm : str or None
-        The chamber's.
+    ``latest`` holds the newest sample of each instrument, ``failures`` what does not work now, as it began.
     """
 
     def __init__(

@@ -17,7 +17,8 @@ import termios
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import serial  # type: ignore[import-untyped]
 
@@ -97,61 +98,32 @@ def shown(data: bytes) -> str:
     return data.hex(" ").upper()
 
 
-class PortSettings(Protocol):
-    """The settings of an instrument on a serial line."""
-
-    port: str
-    timeout_s: float
-
-
+@dataclass(eq=False)
 class SerialLine:
     """One instrument's line; opened by the first query, and again after it was lost.
 
-    Parameters
-    ----------
-    instrument : str
-        Its name in errors.
-    settings : PortSettings
-        The port, and the longest wait for an answer.
-    clock : Clock
-        Stamps queries and answers.
-    decode : Decode
-        The instrument's protocol.
-    synchronise : Query
-        A query whose answer no other query has.
-    baud : int
-        Bits a second.
-    pause_s : float
-        The least time between two requests.
-    xonxoff : bool
-        Whether the instrument stops the sender with XOFF.
+    ``synchronise_query`` is one whose answer no other query has; ``pause_s`` the least time between two requests;
+    with ``xonxoff`` the instrument stops the sender with XOFF.
     """
 
-    def __init__(
-        self,
-        instrument: str,
-        settings: PortSettings,
-        clock: Clock,
-        decode: Decode,
-        synchronise: Query,
-        baud: int,
-        pause_s: float = 0.0,
-        xonxoff: bool = False,
-    ) -> None:
-        self.instrument = instrument
-        self.port = settings.port
-        self._timeout_s = settings.timeout_s
-        self._decode = decode
-        self._synchronise_query = synchronise
-        self._clock = clock
-        self._baud = baud
-        self._pause_s = pause_s
-        self._xonxoff = xonxoff
-        self._lock = threading.RLock()
-        self._serial: serial.Serial | None = None
-        self._synchronised = False
-        self._synchronisations_due = 0
-        self._may_send_s = -float("inf")
+    instrument: str
+    settings: Any
+    clock: Clock
+    decode: Decode
+    synchronise_query: Query
+    baud: int
+    pause_s: float = 0.0
+    xonxoff: bool = False
+    _lock: threading.RLock = field(default_factory=threading.RLock, init=False)
+    _serial: serial.Serial | None = field(default=None, init=False)
+    _synchronised: bool = field(default=False, init=False)
+    _synchronisations_due: int = field(default=0, init=False)
+    _may_send_s: float = field(default=-float("inf"), init=False)
+
+    @property
+    def port(self) -> str:
+        """Where the instrument is."""
+        return str(self.settings.port)
 
     def query(self, query: Query) -> Answer:
         """The answer to ``query``; raises :class:`InstrumentError`."""
@@ -195,19 +167,19 @@ class SerialLine:
             end_s = self._patience_end_s()
             while self._receive(_QUIET_S) and time.monotonic() < end_s:
                 pass
-            self._send(self._synchronise_query.request)
+            self._send(self.synchronise_query.request)
             self._synchronisations_due += 1
             answer: Any = None
             rest = b""
             end_s = self._patience_end_s()
             while self._synchronisations_due and (data := self._receive(end_s - time.monotonic())):
-                replies, rest = self._decode(rest + data)
+                replies, rest = self.decode(rest + data)
                 for reply in replies:
-                    if not isinstance(reply, Malformed) and self._synchronise_query.is_answer(reply):
+                    if not isinstance(reply, Malformed) and self.synchronise_query.is_answer(reply):
                         self._synchronisations_due -= 1
                         answer = reply
             if answer is None:
-                raise self._missing(self._synchronise_query, rest)
+                raise self._missing(self.synchronise_query, rest)
             self._synchronisations_due = 0
             self._synchronised = True
             return answer
@@ -224,7 +196,7 @@ class SerialLine:
             self._synchronised = False
 
     def _patience_end_s(self) -> float:
-        return time.monotonic() + self._clock.patience_s(self._timeout_s)
+        return time.monotonic() + self.clock.patience_s(self.settings.timeout_s)
 
     def _exchange(self, query: Query) -> Answer:
         asked_s = self._send(query.request)
@@ -233,24 +205,24 @@ class SerialLine:
         rest = b""
         while not replies:
             data = self._receive(end_s - time.monotonic())
-            answered_s = self._clock.now_s()
+            answered_s = self.clock.now_s()
             if not data:
                 raise self._missing(query, rest)
-            replies, rest = self._decode(rest + data)
+            replies, rest = self.decode(rest + data)
         first, *more = replies
         if isinstance(first, Malformed):
             raise self._failed(query.expected, first.got)
         if not query.is_answer(first):
             raise self._failed(query.expected, f"the answer to another question, {first}")
-        beyond = self._receive(self._clock.wall_s(_QUIET_S))
+        beyond = self._receive(self.clock.wall_s(_QUIET_S))
         if more or rest or beyond:
             raise self._failed(f"{query.expected}, and nothing more", f"{first}, and more in {shown(data + beyond)}")
         return Answer(asked_s, answered_s, first)
 
     def _missing(self, query: Query, rest: bytes) -> InstrumentError:
         if rest:
-            return self._failed(query.expected, f"only {shown(rest)} in {self._timeout_s:g} s")
-        return self._failed(query.expected, f"nothing in {self._timeout_s:g} s", NoResponse)
+            return self._failed(query.expected, f"only {shown(rest)} in {self.settings.timeout_s:g} s")
+        return self._failed(query.expected, f"nothing in {self.settings.timeout_s:g} s", NoResponse)
 
     def _failed(self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError) -> InstrumentError:
         self._synchronised = False
@@ -262,13 +234,13 @@ class SerialLine:
         try:
             port = serial.Serial(
                 self.port,
-                self._baud,
+                self.baud,
                 timeout=0,
-                write_timeout=self._clock.patience_s(self._timeout_s),
-                xonxoff=self._xonxoff,
+                write_timeout=self.clock.patience_s(self.settings.timeout_s),
+                xonxoff=self.xonxoff,
                 exclusive=True,  # two instruments on one port would read each other's answers
             )
-            if self._xonxoff:  # an XOFF that nobody took back stays with the port: stop it ourselves, and let it go
+            if self.xonxoff:  # an XOFF that nobody took back stays with the port: stop it ourselves, and let it go
                 port.set_output_flow_control(False)
                 port.set_output_flow_control(True)
         except _PORT_ERRORS as error:
@@ -280,9 +252,9 @@ class SerialLine:
     def _send(self, request: bytes) -> float:
         port = self._serial
         assert port is not None, "nothing is sent on a line that is not open"
-        self._clock.sleep(self._may_send_s - self._clock.now_s())
-        self._may_send_s = self._clock.now_s() + self._pause_s
-        asked_s = self._clock.now_s()
+        self.clock.sleep(self._may_send_s - self.clock.now_s())
+        self._may_send_s = self.clock.now_s() + self.pause_s
+        asked_s = self.clock.now_s()
         try:
             port.write(request)
         except serial.SerialTimeoutException as error:

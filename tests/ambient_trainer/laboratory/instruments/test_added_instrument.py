@@ -37,7 +37,7 @@ class Settings(ThermometerSettings):
 
 class Driver(SerialDriver):
     def __init__(self, settings, clock):
-        self.line = SerialLine("thermometer", settings, clock, decode, WHO, baud=settings.baud)
+        self.line = SerialLine("thermometer", settings, clock, decode, WHO, settings.baud)
 
     def identify(self):
         return self.line.query(WHO).reply

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -25,6 +25,7 @@ _KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 _PATIENCE_S = 3600.0
+_DRIFT = FiniteRange(min=0.0, min_open=True)
 
 
 def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, int]:
@@ -37,6 +38,11 @@ def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[s
             raise click.UsageError(f"--probe {text}: {name} stands twice")
         channels[name] = int(channel)
     return channels
+
+
+def _seconds(name: str, least_s: float, default_s: float, meaning: str) -> Callable[[Any], Any]:
+    bound, parameter = FiniteRange(least_s), f"{name.lstrip('-')}_s"
+    return click.option(name, parameter, type=bound, default=default_s, show_default=True, help=meaning)
 
 
 @click.command("calibrate")
@@ -52,25 +58,9 @@ def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[s
 @click.option("--address", type=click.IntRange(0, 255), default=1, show_default=True, help="Of the thermometer.")
 @click.option("--points", type=click.IntRange(1, 20), default=1, show_default=True, help="Temperatures of the bath.")
 @click.option("--reference", default="bath_degC", show_default=True, metavar="COLUMN", help="Of TRACE.csv.")
-@click.option(
-    "--window",
-    "window_s",
-    type=FiniteRange(min=30.0),
-    default=300.0,
-    show_default=True,
-    help="Seconds for which it must be settled.",
-)
-@click.option(
-    "--drift",
-    "drift_K",
-    type=FiniteRange(min=0.0, min_open=True),
-    default=0.05,
-    show_default=True,
-    help="K that it may drift in them.",
-)
-@click.option(
-    "--period", "period_s", type=FiniteRange(0.5), default=2.0, show_default=True, help="Seconds between readings."
-)
+@_seconds("--window", 30.0, 300.0, "Seconds for which it must be settled.")
+@click.option("--drift", "drift_K", type=_DRIFT, default=0.05, show_default=True, help="K that it may drift in them.")
+@_seconds("--period", 0.5, 2.0, "Seconds between readings.")
 @click.option("--record", "record_path", metavar="TRACE.csv", help="Write what was read to this trace, too.")
 @click.option("--simulate", is_flag=True, help="Simulated instruments in a simulated bath, 100 times as fast.")
 def command(
@@ -97,12 +87,27 @@ def command(
     file as its 'offsets'.
     """
     from ambient_trainer.laboratory.calibration.bath import Settled, calibrated, load_bath, settled_windows
+    from ambient_trainer.laboratory.calibration.live_bath import BATHS_DEGC
     from ambient_trainer.laboratory.calibration.report import report_of
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.probe_offsets import offsets_text
 
     live = bool(thermometer or multiplexer or probes)
-    _check_call(live, thermometer, multiplexer, probes, trace_path, points, record_path, simulate)
+    wrong = {
+        "take the bath from TRACE.csv, or from --thermometer, --multiplexer and --probe, or --simulate it": (
+            (trace_path is not None) + live + simulate != 1
+        ),
+        "live, it needs --thermometer PORT, --multiplexer PORT and a --probe NAME=CHANNEL each": (
+            live and not (thermometer and multiplexer and probes)
+        ),
+        f"{thermometer} is named for both instruments: each has a port of its own": live and thermometer == multiplexer,
+        "--record is for a live bath: TRACE.csv is the record": trace_path is not None and record_path is not None,
+        "--points is for a live bath: TRACE.csv has as many as it settled at": trace_path is not None and points != 1,
+        f"the simulated bath goes to {len(BATHS_DEGC)} temperatures, no more": simulate and points > len(BATHS_DEGC),
+    }
+    for message, is_so in wrong.items():
+        if is_so:
+            raise click.UsageError(message)
     Output().check([trace_path] if trace_path else [], [output, record_path])
     settled = Settled(window_s, drift_K)
     errors_K = None
@@ -122,34 +127,6 @@ def command(
     with replacing(output) as stream:
         stream.write(offsets_text(offsets, source, datetime.datetime.now(datetime.timezone.utc)))
     Output().show(report_of(offsets, output, source, errors_K))
-
-
-def _check_call(
-    live: bool,
-    thermometer: str | None,
-    multiplexer: str | None,
-    probes: Mapping[str, int],
-    trace_path: str | None,
-    points: int,
-    record_path: str | None,
-    simulate: bool,
-) -> None:
-    from ambient_trainer.laboratory.calibration.live_bath import BATHS_DEGC
-
-    if (trace_path is not None) + live + simulate != 1:
-        raise click.UsageError(
-            "take the bath from TRACE.csv, or from --thermometer, --multiplexer and --probe, or --simulate it"
-        )
-    if live and not (thermometer and multiplexer and probes):
-        raise click.UsageError("live, it needs --thermometer PORT, --multiplexer PORT and a --probe NAME=CHANNEL each")
-    if live and thermometer == multiplexer:
-        raise click.UsageError(f"{thermometer} is named for both instruments: each has a port of its own")
-    if trace_path is not None and record_path is not None:
-        raise click.UsageError("--record is for a live bath: TRACE.csv is the record")
-    if trace_path is not None and points != 1:
-        raise click.UsageError("--points is for a live bath: TRACE.csv has as many as it settled at")
-    if simulate and points > len(BATHS_DEGC):
-        raise click.UsageError(f"the simulated bath goes to {len(BATHS_DEGC)} temperatures, no more")
 
 
 @contextlib.contextmanager

@@ -17,8 +17,7 @@ from ambient_trainer.simulator.scenario import scenario_path
 
 if TYPE_CHECKING:
     from ambient_trainer.laboratory.campaign import LoadedCampaign
-    from ambient_trainer.laboratory.collect import Collected, Job
-    from ambient_trainer.laboratory.run import Monitor
+    from ambient_trainer.laboratory.collect import Job
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -93,10 +92,11 @@ def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed
 
 def _run(job: Job, again: bool) -> int:
     from ambient_trainer.laboratory.collect import collect, resume
-    from ambient_trainer.laboratory.report import report_of
+    from ambient_trainer.laboratory.monitor import monitor_of
+    from ambient_trainer.laboratory.report import problems_of, report_of
     from ambient_trainer.laboratory.run import Supervision
 
-    with _caught_signals() as caught, _monitor(job) as monitor:
+    with _caught_signals() as caught, monitor_of(printer(), job) as monitor:
         supervision = Supervision(
             monitor,
             lambda: f"stopped by {signal.Signals(caught[0]).name}" if caught else None,
@@ -104,7 +104,10 @@ def _run(job: Job, again: bool) -> int:
         )
         collected = (resume if again else collect)(job, supervision)
     Output().show(report_of(collected, job))
-    return _exit_status(job, collected)
+    for problem in problems_of(collected.outcome, job):
+        click.echo(f"ambient-trainer: {problem}", err=True)
+    outcome = collected.outcome
+    return 0 if outcome.finished and outcome.alarm is None and outcome.safe else 1
 
 
 @contextlib.contextmanager
@@ -119,32 +122,3 @@ def _caught_signals() -> Iterator[list[int]]:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
-
-
-@contextlib.contextmanager
-def _monitor(job: Job) -> Iterator[Monitor]:
-    from ambient_trainer.laboratory.monitor import LineMonitor, LiveMonitor
-
-    console = printer()
-    if not console.is_terminal:
-        yield LineMonitor(console)
-        return
-    simulated = f", simulated at {job.clock.speed:g} times real time" if job.simulated else ""
-    with LiveMonitor(console, f"{job.loaded.name}{simulated}") as monitor:
-        yield monitor
-
-
-def _exit_status(job: Job, collected: Collected) -> int:
-    """0 for a run that came to its end, with the chamber at its safe set point; else why not, and 1."""
-    outcome = collected.outcome
-    safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
-    if not outcome.safe:
-        left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
-        problem = f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}"
-        click.echo(f"ambient-trainer: {problem}", err=True)
-    elif outcome.alarm is not None:
-        click.echo(f"ambient-trainer: the chamber is stopped, after its alarm: {outcome.alarm}", err=True)
-    if not outcome.finished:
-        where = f"the chamber holds {safe_degC:g} degC; " if outcome.safe and outcome.alarm is None else ""
-        click.echo(f"ambient-trainer: {outcome.why}; {where}--resume goes on with it", err=True)
-    return 0 if outcome.finished and outcome.alarm is None and outcome.safe else 1

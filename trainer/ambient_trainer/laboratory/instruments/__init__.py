@@ -47,19 +47,7 @@ NotNegative = Annotated[float, Field(ge=0)]
 
 
 class ChamberSettings(Strict):
-    """A climate chamber on a serial line.
-
-    Attributes
-    ----------
-    kind, port : str
-        Which driver, and where.
-    period_s : float
-        Of its readings; the trace's ambient comes from the probes.
-    timeout_s : float
-        The longest wait for an answer.
-    heating_K_min, cooling_K_min : float
-        How fast its air gets warmer and colder, for the estimate of the schedule.
-    """
+    """A climate chamber; ``heating_K_min`` and ``cooling_K_min`` are its air's usual rates, for the schedule."""
 
     kind: str
     port: str
@@ -70,17 +58,7 @@ class ChamberSettings(Strict):
 
 
 class MultiplexerSettings(Strict):
-    """A multiplexer with probes.
-
-    Attributes
-    ----------
-    kind, port : str
-        Which driver, and where.
-    period_s, timeout_s : float
-        Of its scans, and the longest wait for one.
-    probes : dict of str to int
-        Name to channel.
-    """
+    """A multiplexer; ``probes`` maps a name to its channel."""
 
     kind: str
     port: str
@@ -101,7 +79,7 @@ class MultiplexerSettings(Strict):
 
 
 class ThermometerSettings(Strict):
-    """A reference thermometer: which driver, where, how often it is read, and the longest wait for an answer."""
+    """A reference thermometer, read every ``period_s``."""
 
     kind: str
     port: str
