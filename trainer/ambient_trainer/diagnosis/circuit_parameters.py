@@ -15,7 +15,7 @@ _LEAST_SHARE = 0.1
 def changed(plant: Plant, name: str, step: float) -> float:
     """A parameter moved by ``step``."""
     value = plant.values[name]
-    # a parameter that the data do not tell asks for steps beyond all measure
+    # the step of a parameter that the data do not determine has no bound of its own
     step = min(max(step, -_LONGEST), _LONGEST)
     return value + step * _share_unit(value) if _is_share(plant, name) else value * float(np.exp(step))
 

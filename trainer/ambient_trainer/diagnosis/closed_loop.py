@@ -6,7 +6,7 @@ What effects add to the plain circuit, z, follows
 
 h being their heat over the capacitance. About any course of the nodes, h is a line of z with slope J; then the step is
 linear and implicit, (1 - Phi1 J[k+1]) z[k+1] = (E + Phi0 J[k]) z[k] + ..., and all steps' matrices are made together.
-A term with a memory adds that to the state.
+A term with a lag adds that to the state.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def closed_loop(
 
 @dataclass(frozen=True)
 class Loop:
-    """The linear closed loop about a course of the nodes (n, N); d states, the n nodes' z and what terms remember."""
+    """The linear closed loop about a course of the nodes (n, N); d states, the n nodes' z and the lags of terms."""
 
     plant: Plant
     parts: tuple[Part, ...]
@@ -64,7 +64,7 @@ class Loop:
     slopes: tuple[Array, ...]
     """Per part, what each node's temperature does to the law, (N, n, n)."""
     rows: tuple[NDArray[np.intp], ...]
-    """Per part, the nodes for which it remembers something."""
+    """Per part, the nodes for which it has a lag."""
     before: Array
     """(N - 1, d, d): what the step's right-hand side takes of the state before."""
     now: Array

@@ -1,8 +1,7 @@
-"""Everything that a model leaves free is fitted together: starts, circuit parameters, the effects' coefficients.
+"""The joint fit of starts, circuit parameters and the effects' coefficients.
 
-One step solves the linear problem about the model as it stands and simulates again. By blocks of time, the same normal
-equations less a block's own give what would have been fitted without it: that is how the gain on held-out data is
-measured.
+One step (Gauss-Newton) solves the linear problem about the model and simulates again. The same normal equations less
+those of a block of time give the fit without it: by that the gain on held-out data is measured.
 """
 
 from __future__ import annotations
@@ -213,7 +212,7 @@ class _System:
 
     def held_out(self) -> tuple[Array, ...]:
         """Per view the residual (s, N) with coefficients that have not seen the sample's block."""
-        # where a run began, and when an effect did, belongs to the run: no other block could tell it
+        # the start of a run, and the onset of an effect, belong to the run: no other block determines them
         edges = [each.kind in (Kind.ONSET, Kind.END) for each in self.unknowns]
         learned = np.flatnonzero(
             np.r_[np.ones(len(self.columns[0]) - len(edges), dtype=bool), ~np.array(edges, dtype=bool)]
@@ -305,7 +304,7 @@ class _System:
 
 
 def _inverse(matrix: Array) -> Array:
-    """Of a symmetric matrix whose rows differ in size; zero where it tells nothing."""
+    """Inverse of a symmetric matrix whose rows differ in size; zero where it is singular."""
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
     scaled = matrix / np.outer(size, size)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) / np.outer(size, size))

@@ -1,8 +1,8 @@
-"""What is known of a model's unknowns before a record is fitted: a quadratic about values holds them there.
+"""The prior of a model's parameters: a quadratic about values, from the circuit's file or from known-good records.
 
-By the circuit's file, a parameter is about its initial value, between its bounds. Known-good records tell more, and how
-well: what they hardly told - the way out of a node that they never heated - the diagnosed records may then still tell,
-but what they told for sure does not move to explain a change.
+By the file, a parameter is about its initial value, between its bounds. Known-good records give values and their
+information: a parameter that they hardly determine (the loss of a node that they never heated) is left to the diagnosed
+records, one that they determine well does not move to explain a change.
 """
 
 from __future__ import annotations

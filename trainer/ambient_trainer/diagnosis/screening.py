@@ -135,7 +135,7 @@ def scored(frame: Regression, candidate: Candidate, onsets_s: Sequence[float]) -
     if candidate.window is not None:
         begin = np.array([0 if candidate.window[0] is None else 1], dtype=np.intp)
         end = np.array([G if candidate.window[1] is None else G - 1], dtype=np.intp)
-    # what has a memory ends otherwise than it begins: its ends stand behind all beginnings
+    # a term with a lag ends otherwise than it begins: its ends stand behind all beginnings
     D, M = _differences(gram, towards, begin, np.where(end == G, columns, end + columns - G))
     values, explained = _solved(D, M, candidate.fixed)
     lasts = np.array([-np.inf, *starts[1:], np.inf], dtype=float)
@@ -164,12 +164,12 @@ def _normal_equations(
 ) -> tuple[Array, Array, float]:
     """Gram matrix (k, G, k, G) of the columns, their products with what is left, (k, G), and the square of that.
 
-    The columns are those from each of ``starts_s`` on, and, for what has a memory, those after each of them as an end.
+    The columns are those from each of ``starts_s`` on, and, for terms with a lag, those after each of them as an end.
     Where there are known-good records, what the candidate explains of them is taken out first: only what it does
     beyond that is a change.
     """
     X = frame.columns(candidate, starts_s)
-    if _remembers(frame, candidate):
+    if _has_lag(frame, candidate):
         X = np.concatenate([X, frame.ends(candidate, starts_s)], axis=1)
     k, G, R = X.shape
     flat = X.reshape(k * G, R)
@@ -186,7 +186,7 @@ def _normal_equations(
     return gram.reshape(k, G, k, G), towards.reshape(k, G), square
 
 
-def _remembers(frame: Regression, candidate: Candidate) -> bool:
+def _has_lag(frame: Regression, candidate: Candidate) -> bool:
     terms = candidate.terms(frame.views[0])
     return any(isinstance(term, HeatTerm) and term.lag_s is not None for term in terms)
 
@@ -283,7 +283,7 @@ def _solved(D: Array, M: Array, fixed: tuple[float | None, ...]) -> tuple[Array,
         towards = D[:, free] - np.einsum("wij,wj->wi", M[:, free], values)
         inner = M[:, free][:, :, free]
         size = np.einsum("wii->wi", inner)
-        # what nothing tells stays at zero
+        # a coefficient without information stays at zero
         inner = inner + np.einsum("wi,ij->wij", 1e-9 * size + 1e-12, np.eye(len(free)))
         values[:, free] = np.linalg.solve(inner, towards[..., None])[..., 0]
     explained = 2 * np.einsum("wi,wi->w", values, D) - np.einsum("wi,wij,wj->w", values, M, values)

@@ -1,7 +1,7 @@
 """Effects are added one after the other, each the one that gains most on held-out data, until nothing gains.
 
 All candidates are scored by regression; the best are simulated, fitted and measured on held-out blocks. The simplest of
-those that the data cannot tell from the best is taken.
+those that the data do not distinguish from the best is selected.
 """
 
 from __future__ import annotations
@@ -251,7 +251,7 @@ def _one_more(
     onsets = [
         first + period_s * round(each / period_s) for each in np.arange(step_s, last - first - step_s / 2, step_s)
     ]
-    # of the forms of a cause, the best with each number of coefficients: which is the better, held-out data tell
+    # of the forms of a cause, the best with each number of coefficients: held-out data decide between them
     found: dict[tuple[Cause, int], Screened] = {}
     most = _SIMULATED if trained.normal else _SIMULATED_WITH_CIRCUIT
     for index, candidate in enumerate(candidates):
@@ -265,7 +265,7 @@ def _one_more(
     before = Blocks.of(current, noise)
     tries = len(candidates) * len(onsets)
     models = (from_here.model, current.model)
-    # by as many processes as whoever called has configured
+    # by as many processes as the caller has configured
     done = Parallel(return_as="generator", max_nbytes=None)(
         delayed(_trial)(models, each, training, before, tries, not trained.normal) for each in ranked
     )

@@ -1,4 +1,4 @@
-"""What there is to choose candidates from: signals that vary, sensors that stood still, and whether watts are known."""
+"""What candidates are made of: signals that vary, sensors that stood still, and whether watts are known."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def setting_of(model: Model, views: Sequence[View], circuit_is_free: bool = Fals
 
 
 def _varies(signal: Array) -> bool:
-    """Whether it tells one time from another: what hardly leaves its mean is a constant to whatever it drives."""
+    """Whether it varies enough to drive anything: a signal that hardly leaves its mean acts as a constant."""
     return bool(np.nanmax(signal) - np.nanmin(signal) > _VARIES * np.nanmax(np.abs(signal)))
 
 
@@ -60,7 +60,7 @@ def loss_of(model: Model, view: View) -> Callable[[Plant], Law]:
 
 
 def heat_in_watts(circuit: Circuit) -> bool:
-    """Whether something fixed sets the scale of heat: temperatures alone only tell heat over capacitance."""
+    """Whether something fixed sets the scale of heat: temperatures alone determine only heat over capacitance."""
     fixed = {each.name for each in circuit.parameters if not each.free}
     # a share that was given in watts for a load does as well; the default of one does for a power only
     values = {each.name: each.initial for each in circuit.parameters}

@@ -1,6 +1,6 @@
-"""What is known before the question is put: the circuit's parameters, and what noise a good simulation leaves.
+"""The circuit before any step of a diagnosis: its parameters with their prior, and the noise that it leaves.
 
-With known-good records of the same device the circuit is trained by them and then held: the question is what changed.
+With known-good records of the same device the circuit is fitted to them and then held: the question is what changed.
 Without, it is fitted to the diagnosed records themselves and stays free: the question is what it lacks.
 """
 
@@ -54,8 +54,8 @@ def train_on_baselines(
     model = known_good_model(_by_design(Model(plant), normal, searched(circuit)), normal)
     noise = residual_noise(model, normal)
     names = searched(circuit)
-    told = information(model, TrainingSet(normal, noise, names, Prior.by_design(model, names)))
-    return TrainedCircuit(model, noise, normal, names, Prior.trained(model, names, told))
+    known = information(model, TrainingSet(normal, noise, names, Prior.by_design(model, names)))
+    return TrainedCircuit(model, noise, normal, names, Prior.trained(model, names, known))
 
 
 def train_on_diagnosed(
@@ -68,7 +68,7 @@ def train_on_diagnosed(
 
 
 def _by_design(model: Model, own: Sequence[Record], names: tuple[str, ...]) -> TrainedCircuit:
-    """What the records do not tell goes back towards what the circuit's file says of it."""
+    """Parameters that the records do not determine go back towards the values of the circuit's file."""
     noise = residual_noise(model, own)
     prior = Prior.by_design(model, names)
     model = fit_model(model, TrainingSet(tuple(own), noise, names, prior), _ROUNDS).model

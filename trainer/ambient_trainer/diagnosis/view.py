@@ -1,4 +1,4 @@
-"""A record seen through the model as it stands: what each node was, as well as is known, and what is left over."""
+"""A record beside its simulation: every node's temperature, what the sensors should read, and the residual."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _PULL = 1.0
 
 @dataclass(frozen=True)
 class View:
-    """``nodes_degC`` (n, N) is measured where a sensor can be trusted_sensors, else simulated.
+    """``nodes_degC`` (n, N) is measured where a sensor is trusted, else simulated.
 
     ``truth_degC`` (s, N) is what each sensor should read, ``error_degC`` (s, N) what the model's sensor faults add;
     ``starts`` (n, s, N) is what each initial state leaves in the sensors: where a run began is never known.
@@ -90,11 +90,11 @@ def joined(plant: Plant) -> set[frozenset[str]]:
 
 
 def fitted_start(starts: Array, left: Array, expected: Array) -> Array:
-    """The initial states (n,) that explain most of ``left`` (s, N), drawn to where they are ``expected`` (n,).
+    """The initial states (n,) that explain most of ``left`` (s, N), regularised towards those ``expected`` (n,).
 
-    What a node that no sensor sees began with is told by little: without a pull it may explain what it did not cause.
+    The start of a node without a sensor is hardly determined: without regularisation it may explain other things.
     """
-    # a trial that runs away tells nothing either
+    # neither does a trial that runs away
     known = np.isfinite(left)
     columns = starts[:, known]
     system = columns @ columns.T + _PULL * np.eye(len(starts))
@@ -102,19 +102,19 @@ def fitted_start(starts: Array, left: Array, expected: Array) -> Array:
 
 
 def expected_start(plant: Plant, record: Record) -> Array:
-    """Where a run begins as far as its first readings tell, (n,): a node without one is taken for their mean."""
+    """The start of a run by its first readings, (n,); for a node without a sensor their mean."""
     first = np.array([row[~np.isnan(row)][0] if (~np.isnan(row)).any() else np.nan for row in record.sensors])
     result = np.full(len(plant.nodes), np.nanmean(first) if (~np.isnan(first)).any() else 0.0)
     result[plant.reads] = np.where(np.isnan(first), result[plant.reads], first)
     return result
 
 
-def with_measured(plant: Plant, record: Record, nodes_degC: Array, trusted_sensors: frozenset[int]) -> Array:
-    """``nodes_degC`` with what the trusted_sensors sensors read, and the nodes without one as those make them."""
+def with_measured(plant: Plant, record: Record, nodes_degC: Array, trusted: frozenset[int]) -> Array:
+    """``nodes_degC`` with the readings of trusted sensors, and the nodes without one as those drive them."""
     result = nodes_degC.copy()
     known = np.zeros(len(nodes_degC), dtype=bool)
     for sensor, node in enumerate(plant.reads):
-        if sensor in trusted_sensors:
+        if sensor in trusted:
             read = record.sensors[sensor]
             result[node] = np.where(np.isnan(read), result[node], read)
             known[node] = True

@@ -9,9 +9,9 @@ import pytest
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Parameter, Source
 from ambient_trainer.diagnosis.candidate import Candidate
 from ambient_trainer.diagnosis.causes import all_candidates
-from ambient_trainer.diagnosis.experiment.choice import LONGEST_S
 from ambient_trainer.diagnosis.experiment.difference import Difference, Hypothesis, Limits, largest_difference
 from ambient_trainer.diagnosis.experiment.plan import Intervention, bench_of, plans
+from ambient_trainer.diagnosis.experiment.proposal import LONGEST_S
 from ambient_trainer.diagnosis.fit import FitResult
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.gain import Blocks

@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 from ambient_trainer.diagnosis.candidate import Candidate
 from ambient_trainer.diagnosis.causes import claim
 from ambient_trainer.diagnosis.experiment import next_experiment
-from ambient_trainer.diagnosis.experiment.choice import LONGEST_S
 from ambient_trainer.diagnosis.experiment.difference import Difference
 from ambient_trainer.diagnosis.experiment.plan import Switch
+from ambient_trainer.diagnosis.experiment.proposal import LONGEST_S
 from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Step

@@ -27,9 +27,9 @@ from ambient_trainer.diagnosis.selection import Selection
     ],
 )
 def test_a_drive_rests_where_it_does_least(
-    single: Plant, selection: Callable[..., Selection], low: float, high: float, drive: Drive
+    single: Plant, chosen: Callable[..., Selection], low: float, high: float, drive: Drive
 ) -> None:
-    seen = selection(single, 0.1).plain.views[0]
+    seen = chosen(single, 0.1).plain.views[0]
     row = np.where(np.arange(seen.record.samples) % 2, low, high)
     power = single.circuit.inputs.index("power_W")
     inputs = np.array([row if index == power else each for index, each in enumerate(seen.record.inputs)])

@@ -1,5 +1,5 @@
-"""The experiment that tells apart what the data cannot: what to switch, for how long, and what each cause predicts."""
+"""The experiment that distinguishes what the data do not: what to switch, for how long, and what each predicts."""
 
-from ambient_trainer.diagnosis.experiment.choice import next_experiment
+from ambient_trainer.diagnosis.experiment.proposal import next_experiment
 
 __all__ = ["next_experiment"]

@@ -1,6 +1,6 @@
-"""Where models part: the plan and the reading that first differ by three standard deviations of what is left.
+"""The plan and the reading by which models first differ by three standard deviations of the residual.
 
-What a simulation leaves is correlated in time, so that waiting does not average it out: the deviation itself counts.
+The residual is correlated in time, so that waiting does not average it out: the deviation itself counts.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Difference:
-    """What to read, when, and what one model and those of the ``others`` that it is told from predict for it.
+    """What to read, when, and the predictions of one model and of the ``others`` that it is distinguished from.
 
     ``beside`` compares with a second thermometer at the sensor's place. ``crossing_s`` is when the one first differs by
     ``three_sigma_degC`` from all of them, None where it never does, ``reading_s`` a moment from then on to look; both
@@ -70,15 +70,15 @@ class Difference:
     """By the one, then by each of ``others``."""
     three_sigma_degC: float
     others: tuple[int, ...] = (0,)
-    """Which of those that were asked about; where it is told from none, the one that differs most."""
+    """Indices of the others; where it is distinguished from none, the one that differs most."""
 
 
 def largest_difference(
     one: Hypothesis, others: Sequence[Hypothesis], plans: Sequence[Plan], bench: Bench, facts: Limits
 ) -> Difference:
-    """Of all plans the one whose reading tells ``one`` from most of ``others`` soonest, or, where none does, best.
+    """Of all plans the one whose reading distinguishes ``one`` from most of ``others`` soonest, or, if none does, best.
 
-    Where not all can be told at once, those that come first are preferred.
+    Where one reading does not distinguish all, those that come first are preferred.
     """
     every = [one, *others]
     step_s = facts.longest_s / _STEPS
@@ -136,9 +136,9 @@ class _Readings:
         )
 
     def distinguished(self) -> tuple[tuple[int, ...], Array]:
-        """The others that one look tells from the one, and the least difference to them in units of three sigma.
+        """The others that one reading distinguishes, and the least difference to them in units of three sigma.
 
-        That is (E, o, N), zero where the device cannot bear the plan, and below one where no look tells any.
+        That is (E, o, N), zero where the device cannot bear the plan, and below one where no reading distinguishes any.
         """
         with np.errstate(invalid="ignore", over="ignore"):
             ratios = np.abs(self.values[0] - self.values[1:]) / self.three_sigma[:, None]

@@ -1,4 +1,4 @@
-"""What can be done with a device: take the room, or anything that was logged, from where it rests to another level.
+"""The plans for a device: take the room, or anything that was logged, from its level at rest to another.
 
 Every plan starts from rest, with all readings still; what is switched is switched at once.
 """
@@ -66,7 +66,7 @@ class Switch:
 class Plan:
     """Switches in the order of time; ``again_s`` is when what is suspected happens again.
 
-    None leaves it as it is, ``NEVER`` undoes it for good, ``ALWAYS`` waits until it is there. ``undone`` tells that it
+    None leaves it as it is, ``NEVER`` undoes it for good, ``ALWAYS`` waits until it is there. ``undone``: it
     goes on, and is undone first.
     """
 
@@ -139,7 +139,7 @@ class Intervention(Enum):
     UNDONE = 2
     """It goes on, is undone, and may be done again."""
     AWAITED = 3
-    """It is over, and nobody can do it on purpose."""
+    """It is over, and cannot be done on purpose."""
 
 
 _AGAIN_S = {

@@ -16,8 +16,7 @@ from ambient_trainer.diagnosis.words import digits, unit_of, window
 class Wording:
     """What sentences on explanations have in common: what each claims, the bench, and the sensors' names.
 
-    The first claim is to be told from all others; ``repeated`` is the effect that tells when what may be done again
-    happened.
+    The first claim is to be distinguished from all others; ``repeated`` is the effect that is made to act again.
     """
 
     claims: tuple[str, ...]
@@ -26,10 +25,10 @@ class Wording:
     repeated: Effect | None
 
     def distinguished(self, found: Difference) -> str:
-        """What to do, what to read, what each of those that it tells apart predicts, and which it does not tell."""
+        """What to do, what to read, what each claim predicts, and which it leaves open."""
         first, *others = self.claims
-        told = [first, *(others[each] for each in found.others)]
-        *before, last = (f"{each:.2f} degC if {said}" for each, said in zip(found.predicted_degC, told))
+        distinguished = [first, *(others[each] for each in found.others)]
+        *before, last = (f"{each:.2f} degC if {said}" for each, said in zip(found.predicted_degC, distinguished))
         open_still = [said for each, said in enumerate(others) if each not in found.others]
         more = f" It does not tell whether {' or '.join([first, *open_still])}." if open_still else ""
         return (
@@ -38,7 +37,7 @@ class Wording:
         )
 
     def not_distinguished(self, found: Difference, longest_s: float) -> str:
-        """That nothing tells the first from any other, and how far the best plan comes."""
+        """That no plan distinguishes the first from any other, and how far the best plan comes."""
         differ_degC = abs(found.predicted_degC[0] - found.predicted_degC[1])
         all_of_them, any_two = ("both", "the two") if len(self.claims) == 2 else ("all", "the first and another")
         none = f"No experiment of up to {span(longest_s)} that was simulated tells whether {' or '.join(self.claims)}"

@@ -10,8 +10,9 @@ fast, and of second order for the rest (Hochbruck and Ostermann 2010).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from scipy.linalg import expm
 from ambient_trainer.diagnosis.model import Effect, Model
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
-from ambient_trainer.diagnosis.terms import DriftTerm, HeatTerm, Law, SensorTerm, Term
+from ambient_trainer.diagnosis.terms import HeatTerm, SensorTerm, Term
 from ambient_trainer.diagnosis.view import View
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ _CURVED_K = 7.0
 
 @dataclass(frozen=True)
 class Course:
-    """One plan carried out: each column (N,) by name, and 1 where what is suspected happens, (N,); None leaves it."""
+    """One plan carried out: each column (N,) by name, and 1 where the effect is made to act, (N,); None leaves it."""
 
     columns: Mapping[str, Array]
     happens: Array | None
@@ -54,87 +55,62 @@ def predicted(
 ) -> Predicted:
     """The readings of ``model`` in each course, on the even ``time_s`` (N,) of the device's own clock.
 
-    What ``model`` saw going on at the end of its records goes on; what was over then is over; but
-    ``repeated`` acts where a course says that it happens. ``since_s`` is when the records began.
+    Effects that lasted to the end of the records go on, those that ended stay over; ``repeated`` acts where a course
+    says so. ``since_s`` is when the records began.
     """
     plant = replace(model.plant, period_s=float(time_s[1] - time_s[0]))
     views = [_bare(plant, course, time_s) for course in courses]
     parts = [part for effect in model.effects for part in _parts(effect, effect is repeated, courses, views)]
     inputs = np.array([view.record.inputs for view in views])
     air = np.array([view.ambient_degC for view in views])
-    heats = [_Heat.of(part) for part in parts if isinstance(part.term, HeatTerm)]
+    heats = [_Heat(part.weight, part.term) for part in parts if isinstance(part.term, HeatTerm)]
     with np.errstate(over="ignore", invalid="ignore"):
-        device = _Device(plant, np.einsum("nm,emk->nek", plant.B, inputs), air, heats)
-        truth = device.run()[plant.reads]
+        truth = _Device(plant, np.einsum("nm,emk->nek", plant.B, inputs), air, heats).run()[plant.reads]
         errors = np.zeros_like(truth)
-        for part in parts:
-            if not isinstance(part.term, HeatTerm):
-                errors[part.term.sensor] += part.error_degC(part.term, truth[part.term.sensor], time_s, since_s)
+        for term, weight, onset_s in parts:
+            if isinstance(term, SensorTerm):
+                errors[term.sensor] += weight * term.law(truth[term.sensor])
+            elif not isinstance(term, HeatTerm):
+                began_s = since_s if onset_s is None else onset_s
+                errors[term.sensor] += weight * np.maximum(0.0, time_s - began_s)
     return Predicted(np.swapaxes(truth + errors, 0, 1), np.swapaxes(errors, 0, 1))
 
 
 def _bare(plant: Plant, course: Course, time_s: Array) -> View:
-    """All that terms need to know of a course."""
+    """The signals and inputs of a course, which is all that terms depend on."""
     inputs = np.array([course.columns[name] for name in plant.circuit.inputs])
     unread = np.full((len(plant.reads), len(time_s)), np.nan)
-    record = Record(plant.period_s, time_s, inputs, unread, course.columns)
-    return View.bare(plant, record)
+    return View.bare(plant, Record(plant.period_s, time_s, inputs, unread, course.columns))
 
 
-@dataclass(frozen=True)
-class _Part:
-    """One term of an effect: its coefficient, and its own course (E, N)."""
+class _Part(NamedTuple):
+    """One term of an effect, its coefficient times all that weighs it, (E, N), and the effect's onset."""
 
-    effect: Effect
-    value: float
     term: Term
-    course: Array
-
-    def error_degC(self, term: SensorTerm | DriftTerm, truth_degC: Array, time_s: Array, since_s: float) -> Array:
-        """What the sensor reads beside the truth (E, N)."""
-        if isinstance(term, SensorTerm):
-            return np.asarray(self.value * self.course * term.law(truth_degC))
-        began_s = since_s if self.effect.onset_s is None else self.effect.onset_s
-        return np.asarray(self.value * self.course * np.maximum(0.0, time_s - began_s))
+    weight: Array
+    onset_s: float | None
 
 
-def _parts(effect: Effect, repeated: bool, courses: Sequence[Course], views: Sequence[View]) -> list[_Part]:
-    acting = np.array([_acting(effect, repeated, course, views[0].record.samples) for course in courses])
-    rows = [effect.candidate.terms(view) for view in views]
-    result = []
-    for index, value in enumerate(effect.values):
-        terms = [row[index] for row in rows]
-        weights = [term.weight if isinstance(term, HeatTerm) else 1.0 for term in terms]
-        course = np.array([own * weight for own, weight in zip(acting, weights)])
-        result.append(_Part(effect, float(value), terms[0], course))
-    return result
+def _parts(effect: Effect, repeated: bool, courses: Sequence[Course], views: Sequence[View]) -> Iterator[_Part]:
+    going_on = np.full(views[0].record.samples, float(effect.end_s is None))
+    acting = np.array([going_on if not repeated or each.happens is None else each.happens for each in courses])
+    for value, terms in zip(effect.values, zip(*(effect.candidate.terms(view) for view in views))):
+        weights = [term.weight if isinstance(term, HeatTerm) else np.ones_like(going_on) for term in terms]
+        yield _Part(terms[0], float(value) * (acting * np.array(weights)), effect.onset_s)
 
 
-def _acting(effect: Effect, repeated: bool, course: Course, samples: int) -> Array:
-    if repeated and course.happens is not None:
-        return course.happens
-    return np.ones(samples) if effect.end_s is None else np.zeros(samples)
-
-
-@dataclass(frozen=True)
-class _Heat:
-    """One term's heat: ``weight`` (E, N) times the law, less its lag where it has a memory."""
+class _Heat(NamedTuple):
+    """``weight`` (E, N) times the term's law, less its lag where it has one."""
 
     weight: Array
-    law: Law
-    lag_s: float | None
-
-    @staticmethod
-    def of(part: _Part) -> _Heat:
-        assert isinstance(part.term, HeatTerm)
-        return _Heat(part.value * part.course, part.term.law, part.term.lag_s)
+    term: HeatTerm
 
 
 @dataclass(frozen=True)
 class _Device:
     """A plant with effects in E courses: ``drive`` (n, E, N) is B u.
 
-    Its state y (d, E) holds the nodes, then for every heat with a memory what the law's lag is.
+    Its state y (d, E) holds the nodes, then the lag of every heat that has one.
     """
 
     plant: Plant
@@ -143,8 +119,8 @@ class _Device:
     heats: Sequence[_Heat]
 
     def run(self) -> Array:
-        """The nodes from rest, (n, E, N)."""
-        y = self._rest()
+        """The nodes from equilibrium, (n, E, N)."""
+        y = self._equilibrium()
         switched = self._switched()
         curved = not np.allclose(self._jacobian(y, 0), self._jacobian(y + _CURVED_K, 0), rtol=1e-6, atol=1e-12)
         result = np.empty_like(self.drive)
@@ -156,8 +132,7 @@ class _Device:
             slope = self._slope(y, k)
             moved = y + _times(phi1, slope)
             if curved:
-                bent = self._slope(moved, k) - slope - _times(J, moved - y)
-                moved = moved + _times(phi2, bent)
+                moved = moved + _times(phi2, self._slope(moved, k) - slope - _times(J, moved - y))
             y = moved
             result[:, :, k + 1] = y[: len(self.drive)]
         return result
@@ -168,33 +143,30 @@ class _Device:
         nodes, place = y[:n], n
         heat = np.zeros_like(nodes)
         lags = []
-        for each in self.heats:
-            value = each.law(nodes, self.air[:, k])
-            if each.lag_s is not None:
-                behind = value - y[place : place + n]
-                lags.append(behind / each.lag_s)
-                value, place = behind, place + n
-            heat += each.weight[:, k] * value
+        for weight, term in self.heats:
+            value = term.law(nodes, self.air[:, k])
+            if term.lag_s is not None:
+                value = value - y[place : place + n]
+                lags.append(value / term.lag_s)
+                place += n
+            heat += weight[:, k] * value
         slope = self.plant.A @ nodes + self.drive[:, :, k] + heat / self.plant.capacitance[:, None]
         return np.concatenate([slope, *lags])
 
     def _jacobian(self, y: Array, k: int) -> Array:
         """The slope's, in every course, (E, d, d)."""
-        columns = []
-        for index in range(len(y)):
-            step = np.zeros((len(y), 1))
-            step[index] = _SMALL_K
-            columns.append((self._slope(y + step, k) - self._slope(y - step, k)) / (2 * _SMALL_K))
-        # what has run away stays so: its slope, no number any more, is what is told
+        steps = _SMALL_K * np.eye(len(y))[:, :, None]
+        columns = [(self._slope(y + step, k) - self._slope(y - step, k)) / (2 * _SMALL_K) for step in steps]
+        # where a course has run away, its slope shows it: the Jacobian only has to stay finite
         finite = np.nan_to_num(np.array(columns), nan=0.0, posinf=0.0, neginf=0.0)
         return np.moveaxis(np.clip(finite, -_FASTEST_PER_S, _FASTEST_PER_S), (0, 1, 2), (2, 1, 0))
 
-    def _rest(self) -> Array:
-        """Where nothing moves any more, by Newton's method, (d, E); NaN where there is no such state."""
-        remembered = sum(each.lag_s is not None for each in self.heats)
-        y = np.tile(self.air[:, 0], (len(self.drive) * (1 + remembered), 1))
+    def _equilibrium(self) -> Array:
+        """The state in which nothing moves, by Newton's method, (d, E); NaN where there is none."""
+        lags = sum(each.term.lag_s is not None for each in self.heats)
+        y = np.tile(self.air[:, 0], (len(self.drive) * (1 + lags), 1))
         for _ in range(_MOST_ROUNDS):
-            # a part that nothing joins to the rest stays where it is
+            # a part that nothing joins to the others stays where it is
             step = _times(np.linalg.pinv(self._jacobian(y, 0)), self._slope(y, 0))
             y = y - step
             if not np.abs(step).max() > 1e-9:
@@ -202,7 +174,7 @@ class _Device:
         return np.where(np.abs(step).max(axis=0) < _AT_REST_K, y, np.nan)
 
     def _switched(self) -> NDArray[np.bool_]:
-        """Whether anything outside is another than a sample before, (N,)."""
+        """Whether anything outside differs from a sample before, (N,)."""
         rows = np.concatenate([self.drive.reshape(-1, self.drive.shape[2]), *(each.weight for each in self.heats)])
         return np.concatenate([[True], (np.diff(rows, axis=1) != 0).any(axis=0)])
 

@@ -1,7 +1,8 @@
-"""Which explanations an experiment is to tell apart, and what is said where there is but one."""
+"""Which explanations an experiment has to distinguish; a survey where none explains the misfit."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,30 +10,31 @@ import numpy as np
 from ambient_trainer.diagnosis.causes import claim
 from ambient_trainer.diagnosis.experiment.difference import Hypothesis, Limits, largest_difference
 from ambient_trainer.diagnosis.experiment.plan import Intervention, bench_of, plans
-from ambient_trainer.diagnosis.experiment.sentence import Wording
-from ambient_trainer.diagnosis.experiment.survey import survey
+from ambient_trainer.diagnosis.experiment.sentence import Wording, listed, rest, span, switching
 from ambient_trainer.diagnosis.gain import differ
 from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause, Step
 from ambient_trainer.diagnosis.selection import Selection, Trial
+from ambient_trainer.diagnosis.words import digits
 
 LONGEST_S = 4 * 3600.0
 _MOST_RIVALS = 3
 _LONGEST_PERIODS = 120.0
-"""What is logged every quarter of an hour does not move within four."""
+"""What is logged every quarter of an hour hardly moves within four hours."""
+_CONSTANTS = 3.0
+_SHORTEST_S = 600.0
 _HEADROOM_K = 25.0
-"""How far beyond what its records show a device may be taken."""
+"""How far beyond its records a device may be taken."""
 
 
 def next_experiment(selection: Selection, steps: tuple[Step, ...]) -> str:
     """What to switch, for how long, which sensor to read, and what each of several explanations predicts for it.
 
-    Of the last step that has rivals the taken cause is to be told from the closest of them; without any, the first
-    step's cause from the next best; without a step, the best candidate from nothing at all. ``unknown`` asks for a
-    survey.
+    The explanations are the cause of the last step that has rivals and the closest of those; without any, the cause of
+    the first step and the next best; without a step, the best candidate and none. ``unknown`` asks for a survey.
     """
     if any(step.cause.name == UNKNOWN for step in steps):
-        return survey(selection)
+        return _survey(selection)
     if not steps:
         return _to_rule_out(selection)
     taken = [(choice, choice.selected) for choice in selection.steps if choice.selected is not None]
@@ -83,7 +85,7 @@ def _hypothesis(selection: Selection, trial: Trial | None, repeated: Sequence[Ef
 
 def _intervention(effects: Sequence[Effect]) -> tuple[Intervention, list[Effect]]:
     """What can be done about what happened, and the effects that it would bring back."""
-    # what nothing logged drives somebody did at some moment; a sensor fails by itself
+    # what begins or ends was done by somebody; a sensor fails by itself
     done = [each for each in effects if not each.sensors and (each.onset_s is not None or each.end_s is not None)]
     if done:
         return Intervention.UNDONE if any(each.end_s is None for each in done) else Intervention.REPEATED, done
@@ -100,4 +102,23 @@ def _limits(selection: Selection) -> Limits:
         longest_s=max(LONGEST_S, _LONGEST_PERIODS * records[0].period_s),
         bounds_degC=(float(np.nanmin(seen)) - _HEADROOM_K, float(np.nanmax(seen)) + _HEADROOM_K),
         noise=selection.noise,
+    )
+
+
+def _survey(selection: Selection) -> str:
+    """Rest, then every drive alone for three of the slowest time constants; the sensor to watch is the one most off."""
+    views = selection.final.views
+    plant = views[0].plant
+    bench = bench_of(views, list(views[0].signals))
+    left = np.concatenate([view.residual_degC for view in views], axis=1)
+    off_degC = np.sqrt(np.nanmean(left**2, axis=1))
+    worst = int(np.argmax(off_degC))
+    slowest_s = _CONSTANTS / float(-plant.rates.max())
+    each_s = 60.0 * math.ceil(min(max(slowest_s, _SHORTEST_S), LONGEST_S) / 60.0)
+    steps = [switching(drive.column, drive.rest, drive.levels[0]) for drive in bench.drives if drive.levels]
+    steps += [switching(name, level, level + 10.0) for name, level in bench.temperatures_degC.items()]
+    return (
+        f"{rest(bench)}. Then, one at a time and back again, for {span(each_s)} each, {listed(steps)}, and log what"
+        f" else goes on at `{plant.sensors[worst]}`, where {digits(off_degC[worst], 2)} degC are unexplained: what"
+        " is wrong at rest already is an instrument or an unlogged source, what comes with one switch goes with it."
     )
