@@ -161,10 +161,8 @@ def test_the_form_and_the_estimate_stay_where_they_can(circuit):
 def test_a_body_without_a_sensor_costs_the_estimate(circuit):
     extension = extended_circuit(circuit, model_of(circuit, (MASS, 0.2)))
     assert [output.name for output in extension.circuit.outputs] == ["board", "shell", "cell"]
-    assert extension.left_out == (
-        "The estimate of the ambient: in the form of this circuit every node has a sensor, and one that was found has"
-        " none; the extended circuit simulates the sensors instead, and is none for a device.",
-    )
+    (left_out,) = extension.left_out
+    assert left_out.startswith("The estimate of the ambient")
 
 
 def test_it_can_be_extended_again(circuit):
@@ -180,44 +178,24 @@ def test_it_can_be_extended_again(circuit):
 
 
 @pytest.mark.parametrize(
-    ("effect", "said"),
+    ("cause", "values", "reason"),
     [
-        (
-            (Cause("heat_source", "cell", "battery_current_A"), 0.1, 0.01),
-            "heat_source at cell by battery_current_A: a source of a circuit is proportional to its signal: log"
-            " battery_current_A squared beside it.",
-        ),
-        (
-            (Cause("heat_source", "cell"), 0.5),
-            "heat_source at cell: a source of a circuit follows a logged signal: log what drives it.",
-        ),
-        (
-            (Cause("ambient_coupling", None, "charging_on"), 0.5),
-            "ambient_coupling by charging_on: a resistance of a circuit is constant: it cannot follow charging_on.",
-        ),
-        (
-            (Cause("contact", "shell"), 0.1, 0.5),
-            "contact at shell: a circuit needs the temperature of what touches it, which nothing logged.",
-        ),
-        (
-            (Cause("convection_law"), 0.01, 0.1),
-            "convection_law: a loss in a circuit is proportional to its difference.",
-        ),
-        (
-            (Cause("sensor_bias", "cell"), 2.0),
-            "sensor_bias at cell: it is the instrument, not the heat: repair it, or correct the column in the trace.",
-        ),
-        (
-            (Cause("clock_offset"), 1.0),
-            "clock_offset: it is the clock, not the heat: shift the reference in the trace.",
-        ),
+        (Cause("heat_source", "cell", "battery_current_A"), (0.1, 0.01), "log battery_current_A squared"),
+        (Cause("heat_source", "cell"), (0.5,), "log what drives it"),
+        (Cause("ambient_coupling", None, "charging_on"), (0.5,), "charging_on"),
+        (Cause("contact", "shell"), (0.1, 0.5), "temperature of what touches it"),
+        (Cause("convection_law"), (0.01, 0.1), "proportional"),
+        (Cause("sensor_bias", "cell"), (2.0,), "instrument"),
+        (Cause("clock_offset"), (1.0,), "shift the reference"),
     ],
 )
-def test_what_no_circuit_can_hold_is_said(circuit, effect, said):
-    extension = extended_circuit(circuit, model_of(circuit, effect))
+def test_what_no_circuit_can_hold_is_left_out_with_its_reason(circuit, cause, values, reason):
+    extension = extended_circuit(circuit, model_of(circuit, (cause, *values)))
     assert extension.circuit is None
-    assert extension.left_out == (f"A circuit cannot hold {said}",)
-    beside = extended_circuit(circuit, model_of(circuit, (SOURCE, 0.8), effect))
+    (left_out,) = extension.left_out
+    assert f"{cause}: " in left_out
+    assert reason in left_out
+    beside = extended_circuit(circuit, model_of(circuit, (SOURCE, 0.8), (cause, *values)))
     assert beside.left_out == extension.left_out
     assert len(beside.circuit.sources) == 1
 
@@ -225,9 +203,8 @@ def test_what_no_circuit_can_hold_is_said(circuit, effect, said):
 def test_what_acts_for_a_while_is_left_out(circuit):
     model = model_of(circuit, (ALL, 0.5))
     from_then_on = replace(model, effects=(replace(model.effects[0], onset_s=900.0, known=False),))
-    assert extended_circuit(circuit, from_then_on).left_out == (
-        "A circuit cannot hold ambient_coupling: it acts for a part of the time, and a circuit is always the same.",
-    )
+    (left_out,) = extended_circuit(circuit, from_then_on).left_out
+    assert "ambient_coupling: it acts for a part of the time" in left_out
 
 
 def test_what_known_good_records_need_is_held_too(circuit):
@@ -235,10 +212,8 @@ def test_what_known_good_records_need_is_held_too(circuit):
     known = replace(model, effects=tuple(replace(effect, known=True) for effect in model.effects))
     extension = extended_circuit(circuit, known)
     assert extension.circuit.edges[-1].between == ("board", "cell")
-    assert extension.left_out == (
-        "A circuit cannot hold convection_law, as in the known-good records: a loss in a circuit is proportional to its"
-        " difference.",
-    )
+    (left_out,) = extension.left_out
+    assert "convection_law, as in the known-good records" in left_out
 
 
 def test_no_circuit_comes_of_what_is_none(circuit):

@@ -29,6 +29,7 @@ def test_a_view_of_the_true_model_leaves_nothing(world) -> None:
     assert np.sqrt(np.mean(without.residual_degC**2)) > 0.05
 
 
+@pytest.mark.parametrize("world", ["contact", "convection", "mass"], indirect=True)
 def test_starts_are_those_of_the_closed_loop(world) -> None:
     seen = view(world.model, world.record)
     for node, step in enumerate(0.05 * np.eye(3)):

@@ -133,7 +133,7 @@ CASES = [
     (None, _scaled, 0, Cause("sensor_gain", "board"), 0.08),
     (None, _drifting, 0, Cause("sensor_drift", "board"), 0.8),
 ]  # fmt: skip
-QUICK = {_camera: (True, False), _hand: (True,), _biased: (True, False), _body: (False,)}
+QUICK = {_camera: (True,), _body: (False,)}
 """Beside a known-good record, and without one; the others are in the slow run."""
 
 

@@ -28,8 +28,8 @@ def _alike(found: np.ndarray, wanted: np.ndarray, share: float = 0.02) -> None:
 PARAMETERS = ["C_shell", "R_chip_board", "R_board_shell", "R_shell_ambient"]
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
-@pytest.mark.parametrize("world", ["coupling for a while", "convection", "mass"], indirect=True)
+@pytest.mark.parametrize("name", ["C_shell", "R_board_shell", "R_shell_ambient"])
+@pytest.mark.parametrize("world", ["convection", "mass"], indirect=True)
 def test_a_parameter(world, name: str) -> None:
     """By its logarithm; what an effect says of a resistance, too, moves with it."""
     seen = view(world.model, world.record)
@@ -39,6 +39,7 @@ def test_a_parameter(world, name: str) -> None:
     _alike(found, (up - down) / (2 * step))
 
 
+@pytest.mark.parametrize("world", ["coupling for a while", "convection", "contact"], indirect=True)
 def test_a_coefficient(world) -> None:
     for term, value in enumerate(world.case.values):
         step = 0.02 * max(abs(each) for each in world.case.values)

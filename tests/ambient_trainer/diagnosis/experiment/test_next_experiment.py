@@ -38,7 +38,7 @@ def seconds(text: str) -> float:
     return sum(float(count) * sizes[unit] for count, unit in re.findall(r"(\d+) (h|min|s)\b", text))
 
 
-class Told:
+class Read:
     """A sentence taken apart: levels at rest, switches, the moment and the sensor to read, both predictions."""
 
     def __init__(self, sentence: str) -> None:
@@ -97,13 +97,13 @@ class ByHand:
         self.cause, self.values, self.heat, self.body, self.error, self.lag = cause, values, heat, body, error, lag
         self.window = window
 
-    def acts(self, told: Told, moment_s: float) -> bool:
+    def acts(self, plan: Read, moment_s: float) -> bool:
         """What was over stays over until it is done again; all else goes on."""
-        return "end_s" not in self.window or (told.again_s is not None and moment_s >= told.again_s)
+        return "end_s" not in self.window or (plan.again_s is not None and moment_s >= plan.again_s)
 
-    def reads(self, told: Told) -> tuple[float, float]:
+    def reads(self, plan: Read) -> tuple[float, float]:
         """What the sensor reads, and what of that is its own error."""
-        levels = dict(told.rest)
+        levels = dict(plan.rest)
 
         def slope(t: float, y: np.ndarray) -> np.ndarray:
             T, body = y[:3], y[3]
@@ -111,16 +111,16 @@ class ByHand:
             node, constant = self.body or self.lag or (0, 1.0)
             return np.array([*(heat / CAPACITANCES), (T[node] - body) / constant])
 
-        acts = self.acts(told, -1.0)
+        acts = self.acts(plan, -1.0)
         y = np.full(4, levels["ambient_degC"])
         y = solve_ivp(slope, (0, 4e5), y, "LSODA", rtol=1e-10, atol=1e-10).y[:, -1]
-        end_s = told.reading_s or 0.0
-        moments = sorted({0.0, end_s, told.again_s or 0.0, *(at for at, _, _ in told.switches)})
+        end_s = plan.reading_s or 0.0
+        moments = sorted({0.0, end_s, plan.again_s or 0.0, *(at for at, _, _ in plan.switches)})
         for begin, end in pairwise(moments):
-            levels.update({name: level for at, name, level in told.switches if at == begin})
-            acts = self.acts(told, begin)
+            levels.update({name: level for at, name, level in plan.switches if at == begin})
+            acts = self.acts(plan, begin)
             y = solve_ivp(slope, (begin, end), y, "DOP853", rtol=1e-10, atol=1e-10).y[:, -1]
-        index = NODES.index(told.sensor)
+        index = NODES.index(plan.sensor)
         error = y[3] - y[index] if self.lag and self.lag[0] == index else self.error(y[:3])[index]
         return y[index] + error, error
 
@@ -177,14 +177,14 @@ def test_numbers_are_those_of_both_models_simulated_from_the_sentence(
         chosen(chain, 0.1, *(effect(chain, each.cause, each.values, **each.window) for each in both)), STEP
     )
 
-    told = Told(sentence)
+    plan = Read(sentence)
 
-    assert told.claims == tuple(claim(each.cause) for each in both)
-    for value, each in zip(told.values, both):
-        reading, error = each.reads(told)
-        assert value == pytest.approx(error if told.beside else reading, abs=0.006)
-    assert abs(told.values[0] - told.values[1]) >= told.three_sigma - 0.011
-    assert told.three_sigma == pytest.approx(0.42 if told.beside else 0.3)
+    assert plan.claims == tuple(claim(each.cause) for each in both)
+    for value, each in zip(plan.values, both):
+        reading, error = each.reads(plan)
+        assert value == pytest.approx(error if plan.beside else reading, abs=0.006)
+    assert abs(plan.values[0] - plan.values[1]) >= plan.three_sigma - 0.011
+    assert plan.three_sigma == pytest.approx(0.42 if plan.beside else 0.3)
 
 
 TAU_S, R = 1000.0, 10.0
@@ -195,17 +195,15 @@ def test_the_moment_is_when_a_rise_known_in_closed_form_passes_three_sigma(
 ) -> None:
     """0.5 W through 10 K/W at 1000 s: 5 K (1 - exp(-t/tau)) passes 3 sigma of 1.2 degC."""
     found = chosen(single, 1.2, effect(single, Cause("heat_source", "board", "radio_on"), (0.5,)), taken=False)
-
     sentence = next_experiment(found, ())
-
-    crossing_s = -TAU_S * np.log(1 - 3.6 / 5.0)
-    minute = int(np.ceil(crossing_s / 60))
-    assert sentence == (
-        "To show or to rule out what comes closest, heat_source at board by radio_on: Hold `ambient_degC` at 20 degC,"
-        " `power_W` at 0 W and `radio_on` at 0 until all readings stand still, then take `radio_on` from 0 to 1:"
-        f" after {minute} min `board` reads {20 + 5 * (1 - np.exp(-60 * minute / TAU_S)):.2f} degC if a source heats"
-        " `board` with `radio_on`, and 20.00 degC if nothing is missing (3 sigma is 3.6 degC)."
-    )
+    minute_s = 60 * np.ceil(-TAU_S * np.log(1 - 3.6 / 5.0) / 60)
+    assert "heat_source at board by radio_on: " in sentence
+    plan = Read(sentence.split("radio_on: ", 1)[1])
+    assert plan.rest == {"ambient_degC": 20.0, "power_W": 0.0, "radio_on": 0.0}
+    assert plan.switches == [(0.0, "radio_on", 1.0)]
+    assert (plan.reading_s, plan.sensor, plan.three_sigma) == (minute_s, "board", 3.6)
+    assert plan.values == pytest.approx((20 + 5 * (1 - np.exp(-minute_s / TAU_S)), 20.0), abs=0.006)
+    assert plan.claims == ("a source heats `board` with `radio_on`", "nothing is missing")
 
 
 @pytest.mark.parametrize("change", [-0.5, 0.8])
@@ -239,22 +237,20 @@ def test_a_bias_beside_heat_that_nothing_else_feels_takes_a_second_thermometer(
 ) -> None:
     heat = effect(single, Cause("heat_source", "board"), (0.2,))
     bias = effect(single, Cause("sensor_bias", "board"), (0.2 * R,))
-
-    assert next_experiment(chosen(single, 0.2, bias, heat), STEP) == (
-        "Hold `ambient_degC` at 20 degC and `power_W` at 0 W until all readings stand still: then `board` less a second"
-        " thermometer at its place reads 2.00 degC if `board` reads with a bias, and 0.00 degC if a source heats"
-        " `board` (3 sigma is 0.85 degC)."
-    )
+    plan = Read(next_experiment(chosen(single, 0.2, bias, heat), STEP))
+    assert plan.beside
+    assert (plan.reading_s, plan.switches, plan.values, plan.three_sigma) == (None, [], (2.0, 0.0), 0.85)
 
 
-def test_what_is_truly_the_same_is_said_to_be_so(single: Plant, chosen: Chooses, effect: Makes) -> None:
+def test_explanations_that_predict_the_same_are_not_distinguished(
+    single: Plant, chosen: Chooses, effect: Makes
+) -> None:
     bias = effect(single, Cause("sensor_bias", "board"), (1.5,))
     gain = effect(single, Cause("sensor_gain", "board"), (0.0, 1.5))
-
-    assert next_experiment(chosen(single, 0.01, bias, gain), STEP) == (
-        "No experiment of up to 4 h that was simulated tells whether `board` reads with a bias or `board` reads with a"
-        " wrong slope: both predict the same readings throughout."
-    )
+    sentence = next_experiment(chosen(single, 0.01, bias, gain), STEP)
+    assert sentence.startswith("No experiment of up to 4 h")
+    assert all(claim(each.candidate.cause) in sentence for each in (bias, gain))
+    assert "degC" not in sentence
 
 
 def test_where_nothing_reaches_three_sigma_the_largest_difference_is_said(
@@ -279,25 +275,25 @@ def test_what_happened_and_is_over_is_done_again(single: Plant, chosen: Chooses,
     sentence = next_experiment(chosen(single, 0.5, hand, source), STEP)
 
     assert "do again, on purpose, what happened from 1:00:00 to 1:30:00: after" in sentence
-    told = Told(sentence)
-    assert told.reading_s is not None
-    assert told.again_s == 0.0
-    heat_W = 1.5 + sum(level for _, column, level in told.switches if column == "power_W")
+    plan = Read(sentence)
+    assert plan.reading_s is not None
+    assert plan.again_s == 0.0
+    heat_W = 1.5 + sum(level for _, column, level in plan.switches if column == "power_W")
     # held, half the resistance and so half the time constant
-    assert told.values[0] == pytest.approx(20 + heat_W / 0.2 * -np.expm1(-2 * told.reading_s / TAU_S), abs=0.006)
-    assert told.values[1] == pytest.approx(20 + heat_W / 0.1 * -np.expm1(-told.reading_s / TAU_S), abs=0.006)
+    assert plan.values[0] == pytest.approx(20 + heat_W / 0.2 * -np.expm1(-2 * plan.reading_s / TAU_S), abs=0.006)
+    assert plan.values[1] == pytest.approx(20 + heat_W / 0.1 * -np.expm1(-plan.reading_s / TAU_S), abs=0.006)
 
 
-def test_what_goes_on_is_undone_where_nothing_simpler_tells(single: Plant, chosen: Chooses, effect: Makes) -> None:
+def test_what_goes_on_is_undone_where_nothing_simpler_distinguishes(
+    single: Plant, chosen: Chooses, effect: Makes
+) -> None:
     """At 0.5 degC the 2 degC are too little beside a second thermometer, and enough for the sensor itself."""
     source = effect(single, Cause("heat_source", "board"), (0.2,), 3600.0)
     bias = effect(single, Cause("sensor_bias", "board"), (2.0,), 3600.0)
-
-    assert next_experiment(chosen(single, 0.5, source, bias), STEP) == (
-        "Undo what happened from 1:00:00 to the end and hold `ambient_degC` at 20 degC and `power_W` at 0 W until all"
-        " readings stand still: then `board` reads 20.00 degC if a source heats `board`, and 22.00 degC if `board`"
-        " reads with a bias (3 sigma is 1.5 degC)."
-    )
+    sentence = next_experiment(chosen(single, 0.5, source, bias), STEP)
+    assert sentence.startswith("Undo what happened from 1:00:00 to the end and hold ")
+    plan = Read(sentence)
+    assert (plan.reading_s, plan.beside, plan.values, plan.three_sigma) == (None, False, (20.0, 22.0), 1.5)
 
 
 @pytest.mark.parametrize("onset_s", [None, 3600.0])
@@ -308,14 +304,14 @@ def test_switching_goes_before_a_second_thermometer_and_before_undoing(
     hand = effect(single, Cause("contact", "board"), (0.05, 0.05), onset_s)
     bias = effect(single, Cause("sensor_bias", "board"), (2.0,), onset_s)
 
-    told = Told(next_experiment(chosen(single, 0.4, hand, bias), STEP))
+    plan = Read(next_experiment(chosen(single, 0.4, hand, bias), STEP))
 
-    assert told.switches == [(0.0, "power_W", 2.0)]
-    assert told.again_s is None
-    assert not told.beside
-    assert told.reading_s is not None
-    assert told.values[0] == pytest.approx(22 + 2.0 / 0.15 * -np.expm1(-1.5 * told.reading_s / TAU_S), abs=0.006)
-    assert told.values[1] == pytest.approx(22 + 2.0 / 0.1 * -np.expm1(-told.reading_s / TAU_S), abs=0.006)
+    assert plan.switches == [(0.0, "power_W", 2.0)]
+    assert plan.again_s is None
+    assert not plan.beside
+    assert plan.reading_s is not None
+    assert plan.values[0] == pytest.approx(22 + 2.0 / 0.15 * -np.expm1(-1.5 * plan.reading_s / TAU_S), abs=0.006)
+    assert plan.values[1] == pytest.approx(22 + 2.0 / 0.1 * -np.expm1(-plan.reading_s / TAU_S), abs=0.006)
 
 
 def test_what_a_device_could_not_bear_is_not_proposed(
@@ -335,22 +331,20 @@ def test_what_a_device_could_not_bear_is_not_proposed(
 
 def test_a_fault_that_is_over_is_waited_for(single: Plant, chosen: Chooses, effect: Makes) -> None:
     bias = effect(single, Cause("sensor_bias", "board"), (2.0,), 3600.0, 5400.0)
-
-    assert next_experiment(chosen(single, 0.2, bias, taken=False), ()) == (
-        "To show or to rule out what comes closest, sensor_bias at board: Wait until it is as it was from 1:00:00 to"
-        " 1:30:00 and hold `ambient_degC` at 20 degC and `power_W` at 0 W until all readings stand still: then `board`"
-        " reads 22.00 degC if `board` reads with a bias, and 20.00 degC if nothing is missing (3 sigma is 0.60 degC)."
-    )
+    sentence = next_experiment(chosen(single, 0.2, bias, taken=False), ())
+    assert "Wait until it is as it was from 1:00:00 to 1:30:00" in sentence
+    plan = Read(sentence.split("sensor_bias at board: ", 1)[1])
+    assert (plan.reading_s, plan.values, plan.three_sigma) == (None, (22.0, 20.0), 0.6)
 
 
 def test_a_drift_has_grown_by_the_time_of_the_experiment(single: Plant, chosen: Chooses, effect: Makes) -> None:
     """1 K/h since 1000 s, and the record ends at 7190 s."""
     drift = effect(single, Cause("sensor_drift", "board"), (1 / 3600,), 1000.0)
 
-    told = Told(next_experiment(chosen(single, 0.2, drift, taken=True), STEP))
+    plan = Read(next_experiment(chosen(single, 0.2, drift, taken=True), STEP))
 
-    assert told.reading_s is None
-    assert told.values == (pytest.approx(20 + 6190 / 3600, abs=0.012), 20.0)
+    assert plan.reading_s is None
+    assert plan.values == (pytest.approx(20 + 6190 / 3600, abs=0.012), 20.0)
 
 
 def test_the_taken_cause_is_told_from_three_rivals_at_once(chain: Plant, chosen: Chooses, effect: Makes) -> None:
@@ -358,14 +352,14 @@ def test_the_taken_cause_is_told_from_three_rivals_at_once(chain: Plant, chosen:
     names = ("convection_law", "thermal_mass", "sensor_gain", "path", "heat_source")
     effects = [effect(chain, CASES[name].cause, CASES[name].values, **CASES[name].window) for name in names]
 
-    told = Told(next_experiment(chosen(chain, 0.1, *effects), STEP))
+    plan = Read(next_experiment(chosen(chain, 0.1, *effects), STEP))
 
-    assert told.claims == tuple(claim(CASES[name].cause) for name in names[:4])
-    for value, name in zip(told.values, names):
-        reading, error = CASES[name].reads(told)
-        assert value == pytest.approx(error if told.beside else reading, abs=0.006)
-    assert min(abs(told.values[0] - value) for value in told.values[1:]) >= told.three_sigma - 0.011
-    assert told.open == ()
+    assert plan.claims == tuple(claim(CASES[name].cause) for name in names[:4])
+    for value, name in zip(plan.values, names):
+        reading, error = CASES[name].reads(plan)
+        assert value == pytest.approx(error if plan.beside else reading, abs=0.006)
+    assert min(abs(plan.values[0] - value) for value in plan.values[1:]) >= plan.three_sigma - 0.011
+    assert plan.open == ()
 
 
 def test_a_rival_that_predicts_the_same_is_said_to_be_left(single: Plant, chosen: Chooses, effect: Makes) -> None:
@@ -373,23 +367,21 @@ def test_a_rival_that_predicts_the_same_is_said_to_be_left(single: Plant, chosen
     taken, same = effect(single, bias, (1.5,)), effect(single, gain, (0.0, 1.5))
     heat = effect(single, Cause("heat_source", "board", "radio_on"), (0.5,))
 
-    told = Told(next_experiment(chosen(single, 0.1, taken, same, heat), STEP))
+    plan = Read(next_experiment(chosen(single, 0.1, taken, same, heat), STEP))
 
-    assert told.claims == tuple(claim(each) for each in (bias, heat.candidate.cause))
-    assert told.open == tuple(claim(each) for each in (bias, gain))
-    assert abs(told.values[0] - told.values[1]) >= told.three_sigma
+    assert plan.claims == tuple(claim(each) for each in (bias, heat.candidate.cause))
+    assert plan.open == tuple(claim(each) for each in (bias, gain))
+    assert abs(plan.values[0] - plan.values[1]) >= plan.three_sigma
 
 
 def test_several_that_predict_the_same_are_all_named(single: Plant, chosen: Chooses, effect: Makes) -> None:
     bias = effect(single, Cause("sensor_bias", "board"), (1.5,))
     gain = effect(single, Cause("sensor_gain", "board"), (0.0, 1.5))
     weak = effect(single, Cause("heat_source", "board", "radio_on"), (1e-9,))
-
-    assert next_experiment(chosen(single, 1000.0, bias, gain, weak), STEP).startswith(
-        "No experiment of up to 4 h that was simulated tells whether `board` reads with a bias or `board` reads with a"
-        " wrong slope or a source heats `board` with `radio_on`. The most that the first and another differ by is"
-        " about 1.5 degC on `board` "
-    )
+    sentence = next_experiment(chosen(single, 1000.0, bias, gain, weak), STEP)
+    assert sentence.startswith("No experiment of up to 4 h")
+    assert all(claim(each.candidate.cause) in sentence for each in (bias, gain, weak))
+    assert "about 1.5 degC on `board`" in sentence
 
 
 def test_a_rival_of_the_same_cause_is_none(single: Plant, chosen: Chooses, effect: Makes) -> None:
@@ -397,9 +389,9 @@ def test_a_rival_of_the_same_cause_is_none(single: Plant, chosen: Chooses, effec
     heat, later = (effect(single, Cause("heat_source", "board"), (0.2,), onset) for onset in (1000.0, 2000.0))
     bias = effect(single, Cause("sensor_bias", "board"), (3.0,))
 
-    told = Told(next_experiment(chosen(single, 0.1, heat, later, bias), STEP))
+    plan = Read(next_experiment(chosen(single, 0.1, heat, later, bias), STEP))
 
-    assert told.claims == tuple(claim(each.candidate.cause) for each in (heat, bias))
+    assert plan.claims == tuple(claim(each.candidate.cause) for each in (heat, bias))
 
 
 def test_of_several_rivals_and_candidates_the_closest_is_asked_about(
@@ -409,7 +401,7 @@ def test_of_several_rivals_and_candidates_the_closest_is_asked_about(
     effects.append(effect(single, Cause("sensor_bias", "board"), (3.0,)))
 
     rivals, candidates = (
-        Told(next_experiment(chosen(single, 0.1, *effects, rivals=rivals), STEP)) for rivals in (True, False)
+        Read(next_experiment(chosen(single, 0.1, *effects, rivals=rivals), STEP)) for rivals in (True, False)
     )
 
     assert rivals.claims[1:] == ("a source heats `board` with `radio_on`", "`board` reads with a bias")
@@ -429,20 +421,17 @@ def test_the_last_step_that_has_rivals_is_asked_about(single: Plant, chosen: Cho
     found = replace(second, steps=(*first.steps, *second.steps))
     none_last = replace(second, steps=(*first.steps, *chosen(single, 0.1, bias, rivals=False).steps))
 
-    assert Told(next_experiment(found, STEP * 2)).claims == ("`board` reads with a bias", "`board` reads late")
-    assert Told(next_experiment(none_last, STEP * 2)).claims == tuple(
+    assert Read(next_experiment(found, STEP * 2)).claims == ("`board` reads with a bias", "`board` reads late")
+    assert Read(next_experiment(none_last, STEP * 2)).claims == tuple(
         claim(each.candidate.cause) for each in (heat, coupling)
     )
 
 
 def test_unknown_asks_for_a_survey_of_every_drive(single: Plant, chosen: Chooses) -> None:
     sentence = next_experiment(chosen(single, 0.1), (step(UNKNOWN),))
-
-    assert sentence.startswith(
-        "Hold `ambient_degC` at 20 degC, `power_W` at 0 W and `radio_on` at 0 until all readings stand still. Then, one"
-        " at a time and back again, for 50 min each, take `power_W` from 0 to 2 W, take `radio_on` from 0 to 1 and take"
-        " `ambient_degC` from 20 to 30 degC, and log what else goes on at `board`, where "
-    )
+    for fact in ("`power_W` at 0 W", "for 50 min each", "`power_W` from 0 to 2 W", "`radio_on` from 0 to 1",
+                 "`ambient_degC` from 20 to 30 degC", "at `board`"):  # fmt: skip
+        assert fact in sentence
 
 
 def test_nothing_to_rule_out_is_said(single: Plant, chosen: Chooses) -> None:
