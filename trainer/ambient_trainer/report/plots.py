@@ -126,7 +126,7 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     for trace in figure.data:
         trace.update(legendgroup=trace.name, showlegend=trace.name not in seen)
         seen.add(trace.name)
-    return with_legend_above(figure)
+    return figure
 
 
 def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
@@ -138,7 +138,7 @@ def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
     figure.update_layout(hovermode="closest", margin={**_MARGIN_PX, "t": 30})
     figure.update_xaxes(title_text=_plain(x_title))
     figure.update_yaxes(title_text=_plain(y_title))
-    return with_legend_above(figure)
+    return figure
 
 
 def add_curve(
@@ -203,11 +203,7 @@ def matrix_figure(
 
 
 def with_legend_above(figure: go.Figure) -> go.Figure:
-    """``figure`` with its legend in rows above it and no buttons there: narrow screens have no room."""
-    figure.update_layout(
-        legend={"orientation": "h", "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
-        modebar={"remove": ["zoom", "pan", "zoomIn", "zoomOut", "autoScale", "resetScale", "toImage"]},
-    )
+    """``figure``: its legend stands above anyhow; goes when nothing calls it."""
     return figure
 
 
@@ -224,6 +220,7 @@ def to_markup(figure: go.Figure, identity: str) -> Markup:
 
 
 def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
+    place = {"row": row, "col": 1}
     for band in panel.bands:
         outline_x, outline_y = _outline(x, band)
         figure.add_scatter(
@@ -236,8 +233,7 @@ def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
             fillcolor=band.colour,
             opacity=0.35,
             hoverinfo="skip",
-            row=row,
-            col=1,
+            **place,
         )
     for line in panel.lines:
         line_x, line_y = broken_at_gaps(x, line.values)
@@ -248,10 +244,9 @@ def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
             name=_plain(line.name),
             mode="lines",
             line={"color": line.colour, "width": line.width},
-            row=row,
-            col=1,
+            **place,
         )
-    figure.update_yaxes(title_text=_plain(panel.title).replace("\n", "<br>"), row=row, col=1)
+    figure.update_yaxes(title_text=_plain(panel.title).replace("\n", "<br>"), **place)
 
 
 def _outline(x: Array, band: Band) -> tuple[Array, Array]:
@@ -265,20 +260,9 @@ def _outline(x: Array, band: Band) -> tuple[Array, Array]:
 
 
 def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
+    box = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "line": {"width": 0}, "layer": "below"}
     for start_s, stop_s in shade.spans:
-        figure.add_shape(
-            type="rect",
-            xref="x",
-            yref="paper",
-            x0=start_s / seconds,
-            x1=stop_s / seconds,
-            y0=0,
-            y1=1,
-            fillcolor=shade.colour,
-            opacity=0.18,
-            line={"width": 0},
-            layer="below",
-        )
+        figure.add_shape(**box, x0=start_s / seconds, x1=stop_s / seconds, fillcolor=shade.colour, opacity=0.18)
     figure.add_scatter(
         x=[None],
         y=[None],
@@ -291,6 +275,7 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
 
 
 def _style(figure: go.Figure, height_px: int) -> None:
+    """One look, with the legend in rows above and no buttons: narrow screens have no room beside a plot."""
     axis = {"gridcolor": GRID, "linecolor": AXIS, "zerolinecolor": AXIS, "showline": True}
     figure.update_xaxes(**axis, ticks="outside", tickcolor=AXIS, hoverformat=".3f", zeroline=False)
     figure.update_yaxes(**axis, hoverformat=".2f", title_standoff=8)
@@ -299,6 +284,8 @@ def _style(figure: go.Figure, height_px: int) -> None:
         height=height_px,
         margin=_MARGIN_PX,
         font={"family": _FONT, "size": 13, "color": TEXT},
+        legend={"orientation": "h", "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "font": {"size": 12}},
+        modebar={"remove": ["zoom", "pan", "zoomIn", "zoomOut", "autoScale", "resetScale", "toImage"]},
         hovermode="x unified",
         hoverlabel={"bgcolor": "white", "bordercolor": AXIS},
         plot_bgcolor=_CLEAR,

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import click
 import numpy as np
-from rich.console import Console
-from rich.markup import escape
+import pandas as pd
 
-from ambient_trainer.cli.output import check_outputs
+from ambient_trainer.cli.output import Output, check_outputs
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.report import Table
-from ambient_trainer.report.terminal import for_terminal
+from ambient_trainer.data.trace import save_trace
+from ambient_trainer.report import Finding, Report, Table
 
 if TYPE_CHECKING:
     from ambient_trainer.data.importers._table import Imported
@@ -63,21 +62,24 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
         raise click.UsageError(f"--format {kind} needs --map MAP.yaml; see 'ambient-trainer import --help' for one.")
     imported = importer.import_file(src, map_path)
     save_trace(output, imported.trace)
-    _show(imported, output)
+    Output().show(_report(imported))
+    click.echo(f"wrote {output}")
 
 
-def _show(imported: Imported, output: str) -> None:
+def _report(imported: Imported) -> Report:
     trace = imported.trace
-    console = Console(highlight=False)
-    console.print(_extent(trace.time_s), soft_wrap=True)
-    rows = tuple((name, *_figures(trace, name)) for name in trace.columns)
-    console.print(for_terminal(Table("", ("column", "min", "mean", "max", "missing"), rows)))
+    columns = pd.DataFrame(trace.columns)
+    figures = columns.agg(["min", "mean", "max"]).T
+    rows = [
+        (name, *("-" if math.isnan(each) else f"{each:.6g}" for each in figures.loc[name]), str(missing))
+        for name, missing in columns.isna().sum().items()
+    ]
     total = imported.dropped_rows + len(trace.time_s)
-    for why, count in imported.dropped.items():
-        console.print(f"dropped {count} of {total} rows: {why}")
+    notes = [f"dropped {count} of {total} rows: {why}" for why, count in imported.dropped.items()]
     if "assumed" in trace.notes:
-        console.print(f"assumed {escape(trace.notes['assumed'])}", soft_wrap=True)
-    console.print(f"wrote {escape(output)}", soft_wrap=True)
+        notes.append(f"assumed {trace.notes['assumed']}")
+    table = Table("", ("column", "min", "mean", "max", "missing"), rows)
+    return Report(_extent(trace.time_s), [table, *map(Finding, notes)], [], {})
 
 
 def _extent(time_s: np.ndarray) -> str:
@@ -94,12 +96,3 @@ def _duration(seconds: float) -> str:
         if seconds >= 2 * length:
             return f"{seconds / length:.1f} {unit}"
     return f"{seconds:.4g} s"
-
-
-def _figures(trace: Trace, name: str) -> list[str]:
-    values = trace.columns[name]
-    present = values[~np.isnan(values)]
-    missing = str(len(values) - len(present))
-    if not len(present):
-        return ["-", "-", "-", missing]
-    return [*(f"{figure:.6g}" for figure in (present.min(), present.mean(), present.max())), missing]
