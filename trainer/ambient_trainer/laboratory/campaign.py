@@ -87,7 +87,7 @@ class Ambient(Strict):
 class PowerSupply(Strict):
     """The battery's gauge: attribute to column.
 
-    ``charging_is`` says what this vendor means by a positive current; a trace's is positive into the battery.
+    ``charging_is`` is this vendor's sign of a charging current; a trace's is positive into the battery.
     """
 
     name: Name

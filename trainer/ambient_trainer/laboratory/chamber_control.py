@@ -1,6 +1,6 @@
 """The chamber is kept at its target: the target is sent until the chamber's own answer confirms it.
 
-That also holds after the chamber lost its power, or after somebody else turned it.
+That also holds after the chamber lost its power, or after it was changed by hand.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _RETRY_S = 1.0
 
 
 class Target(NamedTuple):
-    """What the chamber shall do: the set point (None: stop), and how fast it may move (None: as fast as it can).
+    """The state to hold: the set point (None: stop), and how fast it may move (None: as fast as it can).
 
     The set point of one that is ``urgent`` goes out before its gradient.
     """

@@ -65,7 +65,7 @@ def laboratory_path(output: str) -> str:
 def collect(job: Job, supervision: Supervision) -> Collected:
     """Run the campaign from its beginning; raises :class:`Refused` before anything moves."""
     if os.path.exists(job.journal_path):
-        Journal(job.journal_path, _head(job))  # its refusal says what to do about it
+        Journal(job.journal_path, _head(job))  # is refused, with what to do about it
     equipment = equipment_of(job.loaded, job.clock, job.environment)
     try:
         identities = identify(equipment, job.loaded)

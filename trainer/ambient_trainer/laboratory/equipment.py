@@ -45,7 +45,7 @@ def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str,
 
 
 def identify(equipment: Equipment, loaded: LoadedCampaign) -> list[tuple[str, str]]:
-    """What each instrument says that it is.
+    """Each instrument's own identification.
 
     Raises :class:`Refused` with each that does not answer, is in alarm, or lacks a value that the campaign needs.
     """

@@ -1,6 +1,6 @@
 """A run's journal, ``TRACE.csv.part``: a line an entry, on the disk within seconds, so that no end of a run loses it.
 
-The first line says what run it is; every other is a JSON list whose first entry is its kind. A line that a power loss
+The first line identifies the run; every other is a JSON list whose first entry is its kind. A line that a power loss
 cut is left out. Times are the run's own, which go on over a stop: the machine's calendar gives how long it lasted.
 """
 

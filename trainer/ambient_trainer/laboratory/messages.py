@@ -66,7 +66,7 @@ class Note(NamedTuple):
 
 
 class Identity(NamedTuple):
-    """What an instrument says that it is."""
+    """An instrument's own identification."""
 
     source: str
     text: str

@@ -40,7 +40,7 @@ _POLL_S = 0.02
 _PATIENCE_S = 15.0
 """For the device to stop its actions, and for threads to end."""
 _FRESH_PERIODS = 3.0
-"""An older sample of the device says nothing about its steady state."""
+"""An older sample of the device is no evidence of its steady state."""
 
 
 class Ending(Enum):

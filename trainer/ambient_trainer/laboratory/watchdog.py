@@ -80,10 +80,10 @@ def make_safe(chamber: ChamberDriver, safe_degC: float) -> None:
 def main() -> None:
     """Watch the pipe on standard input."""
     data, safe = json.loads(sys.argv[1]), float(sys.argv[2])
+    kind = instrument(data["kind"])
+    limits = SetPointLimits(data["port"], safe - 0.1, safe + 0.1)
+    chamber = kind.Driver(kind.Settings.model_validate(data), Clock(), limits)
     if sys.stdin.buffer.read() != _RELEASE:
-        kind = instrument(data["kind"])
-        limits = SetPointLimits(data["port"], safe - 0.1, safe + 0.1)
-        chamber = kind.Driver(kind.Settings.model_validate(data), Clock(), limits)
         make_safe(chamber, safe)
         chamber.close()
 

@@ -107,13 +107,13 @@ def instruments():
 
 def test_a_run_ends_when_the_bath_is_settled(instruments) -> None:
     assert instruments.identify() == "GMH thermometer, number 32407008"
-    shown: list[list[str]] = []
+    shown: list[str] = []
     recorder = BathRecorder(instruments, PERIOD_S, 5000.0)
-    window = recorder.until_settled(Settled(), lambda window, reasons: shown.append(reasons))
+    window = recorder.until_settled(Settled(), shown.append)
     for name, offset in calibrated([window], "the bath").items():
         assert offset.points[0].offset_K == pytest.approx(-instruments.errors_K[name], abs=0.02)
-    assert shown[0] == ["it lasts 0 s of 300 s"]
-    assert shown[-1] == []
+    assert shown[0].endswith("it lasts 0 s of 300 s")
+    assert shown[-1].endswith("settled")
     assert len(recorder.record()) == len(shown)
 
 
@@ -121,17 +121,15 @@ def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments
     instruments.thermometer.read = lambda: (_ for _ in ()).throw(NoResponse("thermometer", "port", "a", "b"))
     shown: list[str] = []
     with pytest.raises(NoResponse):
-        BathRecorder(instruments, PERIOD_S, 1e6).until_settled(
-            Settled(window_s=60.0), lambda window, reasons: shown.extend(reasons)
-        )
-    assert any(reason.startswith("thermometer on port") for reason in shown)
+        BathRecorder(instruments, PERIOD_S, 1e6).until_settled(Settled(window_s=60.0), shown.append)
+    assert any("thermometer on port" in text for text in shown)
 
 
 def test_patience_ends(instruments) -> None:
     read = instruments.multiplexer.read
     instruments.multiplexer.read = lambda: read()._replace(values={})
     with pytest.raises(Refused) as caught:
-        BathRecorder(instruments, PERIOD_S, 400.0).until_settled(Settled(), lambda window, reasons: None)
+        BathRecorder(instruments, PERIOD_S, 400.0).until_settled(Settled(), str)
     assert [fault.problem.split(" has ")[0] for fault in caught.value.faults] == ["a", "b"]
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import re
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import click
 from rich.console import Console
@@ -14,12 +13,6 @@ from rich.console import Console
 from ambient_model.atomic import replacing
 from ambient_trainer.cli.options import FiniteRange
 from ambient_trainer.cli.output import Output
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
-    from ambient_trainer.laboratory.calibration.bath import Settled
-    from ambient_trainer.laboratory.calibration.live_bath import BathInstruments
 
 _KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
@@ -87,10 +80,16 @@ def command(
     file as its 'offsets'.
     """
     from ambient_trainer.laboratory.calibration.bath import Settled, calibrated, load_bath, settled_windows
-    from ambient_trainer.laboratory.calibration.live_bath import BATHS_DEGC
+    from ambient_trainer.laboratory.calibration.live_bath import (
+        BATHS_DEGC,
+        BathRecorder,
+        real_bath,
+        simulated_bath,
+    )
     from ambient_trainer.laboratory.calibration.report import report_of
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.probe_offsets import offsets_text
+    from ambient_trainer.laboratory.reading import InstrumentError
 
     live = bool(thermometer or multiplexer or probes)
     wrong = {
@@ -120,51 +119,22 @@ def command(
             settings(_KINDS["thermometer"], port=thermometer or "", address=address),
             settings(_KINDS["multiplexer"], port=multiplexer or "", **named),
         )
-        with _bath(links, points, simulate) as instruments:
-            source, errors_K = instruments.identify(), instruments.errors_K
-            windows = _recorded(instruments, points, period_s, settled, record_path)
+        status = Console(stderr=True, highlight=False).status("")
+
+        def go_to(point: int) -> None:
+            if point:
+                status.stop()
+                click.pause(f"Bring the bath to its temperature {point + 1} of {points}, and press a key.", err=True)
+                status.start()
+
+        try:
+            with simulated_bath(*links) if simulate else real_bath(*links, go_to) as instruments, status:
+                source, errors_K = instruments.identify(), instruments.errors_K
+                recorder = BathRecorder(instruments, period_s, _PATIENCE_S)
+                windows = recorder.windows(points, settled, status.update, record_path)
+        except InstrumentError as error:
+            raise click.ClickException(str(error)) from error
     offsets = calibrated(windows, trace_path or "the bath")
     with replacing(output) as stream:
         stream.write(offsets_text(offsets, source, datetime.datetime.now(datetime.timezone.utc)))
     Output().show(report_of(offsets, output, source, errors_K))
-
-
-@contextlib.contextmanager
-def _bath(links: tuple[Any, Any], points: int, simulate: bool) -> Iterator[BathInstruments]:
-    from ambient_trainer.laboratory.calibration.live_bath import real_bath, simulated_bath
-    from ambient_trainer.laboratory.reading import InstrumentError
-
-    def go_to(point: int) -> None:
-        if point:
-            click.pause(f"Bring the bath to its temperature {point + 1} of {points}, and press a key.", err=True)
-
-    try:
-        with simulated_bath(*links) if simulate else real_bath(*links, go_to) as instruments:
-            yield instruments
-    except InstrumentError as error:
-        raise click.ClickException(str(error)) from error
-
-
-def _recorded(
-    instruments: BathInstruments, points: int, period_s: float, settled: Settled, record_path: str | None
-) -> list[DataFrame]:
-    """The window in which the bath is settled at each temperature; the terminal shows what it still lacks."""
-    from ambient_trainer.laboratory.calibration.bath import save_bath
-    from ambient_trainer.laboratory.calibration.live_bath import BathRecorder
-
-    recorder = BathRecorder(instruments, period_s, _PATIENCE_S)
-    windows: list[DataFrame] = []
-    try:
-        for point in range(points):
-            instruments.go_to(point)
-            with Console(stderr=True, highlight=False).status("") as status:
-
-                def show_lacking(level_degC: float, reasons: list[str]) -> None:
-                    lacks = "; ".join(reasons) or "settled"
-                    status.update(f"bath {len(windows) + 1} of {points}, {level_degC:.2f} degC: {lacks}")
-
-                windows.append(recorder.until_settled(settled, show_lacking))
-    finally:
-        if record_path is not None:
-            save_bath(recorder.record(), record_path)
-    return windows

@@ -24,7 +24,7 @@ LARGEST_OFFSET_K = 5.0
 """Twice what the worst class of thermocouples is allowed: more is a probe that is not in the bath."""
 REFERENCE = "bath"
 _UNIT = "_degC"
-_APART_K = 2.0  # temperatures that are nearer than this are one; between them an offset says nothing
+_APART_K = 2.0  # temperatures that are nearer than this are one; between them an offset has no meaning
 _PRESENT = 0.8  # of a window's samples
 
 

@@ -10,7 +10,14 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ambient_trainer.laboratory.calibration.bath import REFERENCE, Settled, last_window, not_settled, unsettled
+from ambient_trainer.laboratory.calibration.bath import (
+    REFERENCE,
+    Settled,
+    last_window,
+    not_settled,
+    save_bath,
+    unsettled,
+)
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import (
     THERMOMETER_COLUMN,
@@ -139,8 +146,26 @@ class BathRecorder:
         table = pd.DataFrame.from_dict(self._rows, orient="index", columns=list(columns), dtype=float)
         return table.rename(columns=columns)
 
-    def until_settled(self, settled: Settled, show: Callable[[float, list[str]], None]) -> pd.DataFrame:
-        """The window in which the bath is settled; ``show`` gets its level at each sample, and what it lacks.
+    def windows(
+        self, count: int, settled: Settled, show: Callable[[str], None], record_path: str | None
+    ) -> list[pd.DataFrame]:
+        """The settled window of each of ``count`` temperatures; all readings go to ``record_path``, also of a failure.
+
+        ``show`` gets a line at each sample; for errors see :meth:`until_settled`.
+        """
+        found: list[pd.DataFrame] = []
+        try:
+            for point in range(count):
+                self._instruments.go_to(point)
+                head = f"bath {point + 1} of {count}"
+                found.append(self.until_settled(settled, lambda text, head=head: show(f"{head}, {text}")))  # type: ignore[misc]
+        finally:
+            if record_path is not None:
+                save_bath(self.record(), record_path)
+        return found
+
+    def until_settled(self, settled: Settled, show: Callable[[str], None]) -> pd.DataFrame:
+        """The window in which the bath is settled; ``show`` gets its temperature at each sample, and what it lacks.
 
         Raises :class:`~ambient_model.faults.Refused` where patience ends, and an instrument's
         :class:`InstrumentError` where it did not answer in a whole window.
@@ -151,7 +176,8 @@ class BathRecorder:
             failure = self._sample()
             window = last_window(self.record().iloc[first:], settled)
             reasons = unsettled(window, settled)
-            show(window[REFERENCE].iloc[-1], [str(failure), *reasons] if failure else reasons)
+            lacking = "; ".join([str(failure), *reasons] if failure else reasons) or "settled"
+            show(f"{window[REFERENCE].iloc[-1]:.2f} degC: {lacking}")
             if not reasons:
                 return window
             now_s = self._clock.now_s()

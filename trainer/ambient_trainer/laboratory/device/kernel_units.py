@@ -5,7 +5,7 @@ from __future__ import annotations
 from ambient_trainer.laboratory.campaign import Device
 
 PLAUSIBLE_DEGC = (-60.0, 250.0)
-"""Beyond them a reading is a driver's way to say that it has none, such as -274000 or -32768000."""
+"""Beyond them a reading stands for no reading, such as -274000 or -32768000."""
 _PER_UNIT = {"temp": 10.0, "current_now": 1e6, "voltage_now": 1e6}
 
 

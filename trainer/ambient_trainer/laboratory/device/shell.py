@@ -1,6 +1,6 @@
 """A shell on the device stays open: a command is written to it, and one marked line back is its answer.
 
-``adb shell``, ``ssh`` and this machine's own ``sh`` all speak POSIX shell on a pipe. What else they print, such as
+``adb shell``, ``ssh`` and this machine's own ``sh`` are all POSIX shells on a pipe. What else they print, such as
 ``error: no devices/emulators found``, is kept for the message of the failure that follows.
 """
 

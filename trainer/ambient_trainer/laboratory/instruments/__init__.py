@@ -4,7 +4,7 @@ A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one
 ``ambient_trainer.laboratory.instruments``. It holds three classes:
 
 ``Settings``
-    What a campaign says of it: a subclass of the settings of its role, :class:`ChamberSettings`,
+    Its part of a campaign: a subclass of the settings of its role, :class:`ChamberSettings`,
     :class:`MultiplexerSettings` or :class:`ThermometerSettings`.
 ``Driver``
     Made of (settings, clock); a chamber's also of its set point's limits, a multiplexer's of the probes' offsets. It is
@@ -19,7 +19,7 @@ A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one
 from __future__ import annotations
 
 from types import ModuleType
-from typing import Annotated, Protocol
+from typing import Annotated, Any, Protocol
 
 from pydantic import Field, field_validator
 
@@ -95,7 +95,7 @@ class Driver(Protocol):
     """
 
     def identify(self) -> str:
-        """What the instrument says that it is."""
+        """The instrument's own identification."""
 
     def read(self) -> Reading:
         """One reading of all columns."""
@@ -142,6 +142,6 @@ def instrument(kind: str) -> ModuleType:
     return plugin(__name__, kind)
 
 
-def settings(kind: str, **values: object) -> Strict:
+def settings(kind: str, **values: object) -> Any:
     """The settings of an instrument of that kind; raises :class:`Refused` with every fault in ``values``."""
     return validated(instrument(kind).Settings, {"kind": kind, **values}, kind)

@@ -1,8 +1,8 @@
-"""An Agilent 34970A multiplexer with thermocouples. It speaks SCPI: readings ``+2.61950000E+01`` between commas.
+"""An Agilent 34970A multiplexer with thermocouples. Its protocol is SCPI: readings ``+2.61950000E+01`` between commas.
 
 Replies end in CR LF. An open thermocouple reads +-9.9E+37. The instrument scans in the order of the channels' numbers,
-whatever the order in the list. A bad command gets no reply; ``SYST:ERR?`` says why. In a scan every reading stands
-beside its channel's number, so none is taken for another's.
+whatever the order in the list. A bad command gets no reply; ``SYST:ERR?`` gives the reason. In a scan every reading
+stands beside its channel's number, so none is taken for another's.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class Driver(SerialDriver):
         try:
             return self.line.query(self._read_scan)
         except NoResponse as silent:
-            error = self.line.synchronise()  # it is silent where it did not understand, and then says so
+            error = self.line.synchronise()  # it is silent where it did not understand, and then reports it
             if isinstance(error, ErrorText) and error.number:
                 got = f"{silent.got}, and to SYST:ERR? {error}"
                 raise self.error(self._read_scan.expected, got, _SCAN_LOST) from silent

@@ -1,4 +1,4 @@
-"""A Greisinger GMH thermometer. It speaks EASYBus: groups of two bytes and a check, the first byte inverted.
+"""A Greisinger GMH thermometer. Its protocol is EASYBus: groups of two bytes and a check, the first byte inverted.
 
 A request is ``[~address, code << 4, check]``. A reply's first group is ``[~address, code << 4 | flags, check]``: bit 0
 of the flags marks a reply, bits 1 and 2 count the groups that follow, bit 3 is set by a fault. Nothing ends a frame, so
@@ -187,7 +187,7 @@ class Driver(SerialDriver):
         return f"GMH thermometer, number {number_of(self._query(self._read_identity).reply.body):x}"
 
     def read(self) -> Reading:
-        """The temperature; where there is none, the note says why."""
+        """The temperature; where there is none, the note has the reason."""
         asked_s, answered_s, frame = self._query(self._read_value)
         value = value_of(frame.body)
         if isinstance(value, Malformed):

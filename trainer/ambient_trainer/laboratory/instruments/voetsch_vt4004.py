@@ -1,4 +1,4 @@
-"""A Voetsch VT 4004 climate chamber. It speaks ASCII-2: ``$00``, a letter, numbers in ``%06.1f``, a carriage return.
+"""A Voetsch VT 4004 climate chamber. Its protocol is ASCII-2: ``$00``, a letter, numbers in ``%06.1f``, CR.
 
 Five pairs of nominal and actual values, the first being the temperature, and sixteen outputs, counted from 0 on the
 left: 1 starts the chamber, 3 its temperature controller. A nominal value counts only with its output. What the manual
@@ -10,17 +10,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-import numpy as np
-
-from ambient_trainer.laboratory.chamber_air import ChamberAir
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberSettings, NotNegative
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.reading import Reading
 from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, text_replies
 from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+
+if TYPE_CHECKING:
+    import numpy as np
 
 LOWEST_DEGC, HIGHEST_DEGC = -45.0, 185.0
 """What the chamber itself can do."""
@@ -175,7 +175,7 @@ _GRADIENT = re.compile(r"U (-?\d+\.\d) (-?\d+\.\d)(?: -?\d+\.\d)*")
 
 
 class Simulated(SimulatedInstrument):
-    """The chamber with the air inside it, stopped; during ``pause_s`` after a string it hears nothing."""
+    """The chamber with the air inside it, stopped; during ``pause_s`` after a string it receives nothing."""
 
     def __init__(
         self,
@@ -185,9 +185,11 @@ class Simulated(SimulatedInstrument):
         room_degC: float = 22.0,
         folder: str | None = None,
     ) -> None:
+        from ambient_trainer.laboratory.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
+
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
         self._pause_s = settings.pause_s
-        self._hears_from_s = -math.inf
+        self._receives_from_s = -math.inf
         self._received = b""
         self._nominal: tuple[float, ...] = (room_degC, 0.0, 0.0, 0.0, 0.0)
         self._outputs: tuple[bool, ...] = (False,) * OUTPUTS
@@ -215,7 +217,7 @@ class Simulated(SimulatedInstrument):
         self._broken = False
 
     def put(self, nominal: tuple[float, ...], outputs: tuple[bool, ...]) -> None:
-        """Set nominal values and outputs, as somebody at the chamber does."""
+        """Set nominal values and outputs, as at the chamber's panel."""
         run = outputs[START] and not self._fault.number
         self._nominal = nominal
         self._outputs = (*outputs[:START], run, *outputs[START + 1 :])
@@ -245,9 +247,9 @@ class Simulated(SimulatedInstrument):
         *lines, self._received = (self._received + data).split(b"\r")
         for line in lines:
             now_s = self._clock.now_s()
-            if now_s < self._hears_from_s:
+            if now_s < self._receives_from_s:
                 continue
-            self._hears_from_s = now_s + self._pause_s
+            self._receives_from_s = now_s + self._pause_s
             text = line.strip(b"\n").decode("ascii", "replace")
             if text.startswith("$00"):
                 yield Response(_ANSWERS_AFTER_S, self.answer(text.removeprefix("$00")))
