@@ -48,14 +48,14 @@ def test_the_mean_square_is_that_of_the_errors():
         said = 0.4 * now[0] + 0.5 * now[1] + 0.2 * low["a_degC"] - 0.1 * low["b_degC"] + 1.0
         squares.append((run.reference[k] - said) ** 2)
         low = {name: kept * low[name] + (1 - kept) * value for name, value in zip(COLUMNS, now)}
-    assert found.mean_square(weights) == pytest.approx(np.mean(squares), rel=1e-9)
+    assert found(weights) == pytest.approx(np.mean(squares), rel=1e-9)
     assert rmse_degC(weights, [found, found]) == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
 
 
 def test_the_ridge_keeps_a_large_bank_from_learning_noise():
     """Short runs, many weights: what it foresees of another run is not far from the noise."""
     short = [gram(_run(seed, noise_degC=0.5, samples=40), COLUMNS, 14) for seed in range(2)]
-    greedy = np.linalg.lstsq(sum(each.regressors for each in short), sum(each.target for each in short), rcond=None)[0]
+    greedy = np.linalg.lstsq(sum(each.quadratic for each in short), sum(each.linear for each in short), rcond=None)[0]
     scored = [gram(_run(seed, noise_degC=0.5, samples=40), COLUMNS, 14) for seed in range(20, 30)]
     assert rmse_degC(taught(short), scored) < 0.9 * rmse_degC(greedy, scored)
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.blocks import cut_in_blocks
+from ambient_trainer.estimation.validation import cut_in_blocks
 
 
 def segment(count, period_s=1.0):

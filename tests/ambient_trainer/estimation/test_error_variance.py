@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from ambient_model.model import Term
-from ambient_trainer.estimation.error_variance import Moment, fit_spread, half_widths, sigma_degC, unrest_degC2
+from ambient_trainer.estimation.error_variance import (
+    Moment,
+    fit_error_variance,
+    half_widths,
+    regressors_degC2,
+    sigma_degC,
+)
 
 PERIOD_S = 1.0
 
@@ -14,20 +20,20 @@ def run(seed, samples=30_000, constant=0.04, weight=0.5, lag_s=10.0):
     random = np.random.default_rng(seed)
     moving = np.repeat(random.random(samples // 500) < 0.3, 500)
     estimate = 20 + np.cumsum(random.normal(0, 0.3, samples) * moving)
-    variance = constant + weight * unrest_degC2(Term("movement", lag_s, 1.0), estimate, 0 * estimate, PERIOD_S)
+    variance = constant + weight * regressors_degC2([Term("movement", lag_s, 1.0)], estimate, 0 * estimate, PERIOD_S)[1]
     return Moment(estimate, estimate + random.standard_normal(samples) * np.sqrt(variance)), variance
 
 
 def test_a_known_variance_is_found():
     moment, variance = run(1)
-    spread = fit_spread([moment], PERIOD_S)
+    spread = fit_error_variance([moment], PERIOD_S)
     # levels are of the errors: 90 % of normal ones lie within 1.645
     sigma = sigma_degC(spread, moment.estimate_degC, 0 * variance, PERIOD_S) * spread.quantiles[90][1] / 1.645
     assert np.median(np.abs(np.log(sigma / np.sqrt(variance)))) < 0.05
 
 
 def test_the_levels_cover_another_run():
-    spread = fit_spread([run(1)[0]], PERIOD_S)
+    spread = fit_error_variance([run(1)[0]], PERIOD_S)
     moment, _ = run(2)
     off = np.abs(moment.reference_degC - moment.estimate_degC)
     sigma = sigma_degC(spread, moment.estimate_degC, 0 * off, PERIOD_S)
@@ -40,14 +46,14 @@ def test_the_levels_cover_another_run():
 
 def test_it_is_wide_where_the_estimate_moves():
     moment, _ = run(1)
-    half = half_widths(fit_spread([moment], PERIOD_S), [moment], PERIOD_S)
+    half = half_widths(fit_error_variance([moment], PERIOD_S), [moment], PERIOD_S)
     assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
     assert half["90"] > 2 * half["10"]
 
 
 def test_errors_that_do_not_care_have_a_constant_spread():
     moment, _ = run(3, weight=0.0)
-    spread = fit_spread([moment], PERIOD_S)
+    spread = fit_error_variance([moment], PERIOD_S)
     half = half_widths(spread, [moment], PERIOD_S)
     assert half["90"] < 1.1 * half["10"]
     assert all(term.weight > 0 for term in spread.terms)
@@ -57,5 +63,5 @@ def test_missing_references_do_not_count():
     moment, _ = run(1)
     holes = moment.reference_degC.copy()
     holes[::7] = np.nan
-    found = fit_spread([Moment(moment.estimate_degC, holes)], PERIOD_S)
-    assert found.constant_degC2 == pytest.approx(fit_spread([moment], PERIOD_S).constant_degC2, rel=0.1)
+    found = fit_error_variance([Moment(moment.estimate_degC, holes)], PERIOD_S)
+    assert found.constant_degC2 == pytest.approx(fit_error_variance([moment], PERIOD_S).constant_degC2, rel=0.1)

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.blocks import cut_in_blocks
+from ambient_trainer.estimation.validation import cut_in_blocks
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened

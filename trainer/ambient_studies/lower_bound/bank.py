@@ -11,34 +11,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.least_squares import Gram
 from ambient_trainer.lti.modes import one_pole
 
 Array = NDArray[np.float64]
 
 _FASTEST_S, _SLOWEST_S = 2.0, 8000.0
 _RIDGES = tuple(10.0**exponent for exponent in range(-10, -1))
-
-
-@dataclass(frozen=True)
-class Gram:
-    """Inner products of a run's regressors (p, p), with the reference (p,), of the reference, and the samples."""
-
-    regressors: Array
-    target: Array
-    square: float
-    samples: int
-
-    def mean_square(self, weights: Array) -> float:
-        """The mean square error of ``weights`` (p,) on the run, in degC^2."""
-        left = float(self.square - 2 * weights @ self.target + weights @ self.regressors @ weights)
-        return max(left, 0.0) / self.samples
 
 
 def gram(trace: Trace, columns: Sequence[str], lags: int) -> Gram:
@@ -48,8 +33,7 @@ def gram(trace: Trace, columns: Sequence[str], lags: int) -> Gram:
     poles = np.exp(-period_s / np.geomspace(_FASTEST_S, _SLOWEST_S, lags))
     lows = [(1 - a) * one_pole(a, u, u[:, 0] / (1 - a)) for a in poles.tolist()]
     S = np.concatenate([u, *lows, np.ones((1, u.shape[1]))])
-    y = trace.reference
-    return Gram(S @ S.T, S @ y, float(y @ y), len(y))
+    return Gram.of(S, trace.reference)
 
 
 def taught(runs: Sequence[Gram]) -> Array:
@@ -58,7 +42,7 @@ def taught(runs: Sequence[Gram]) -> Array:
         return _solved(runs, _RIDGES[len(_RIDGES) // 2])
     left_out = {
         ridge: sum(
-            run.mean_square(_solved([*runs[:index], *runs[index + 1 :]], ridge)) for index, run in enumerate(runs)
+            _mean_square(_solved([*runs[:index], *runs[index + 1 :]], ridge), run) for index, run in enumerate(runs)
         )
         for ridge in _RIDGES
     }
@@ -67,12 +51,13 @@ def taught(runs: Sequence[Gram]) -> Array:
 
 def rmse_degC(weights: Array, runs: Sequence[Gram]) -> float:
     """The RMSE over all ``runs``, each weighing the same."""
-    return math.sqrt(sum(run.mean_square(weights) for run in runs) / len(runs))
+    return math.sqrt(sum(_mean_square(weights, run) for run in runs) / len(runs))
+
+
+def _mean_square(weights: Array, run: Gram) -> float:
+    """In degC^2; what rounding makes negative is zero."""
+    return max(run(weights), 0.0)
 
 
 def _solved(runs: Sequence[Gram], ridge: float) -> Array:
-    G = np.sum([run.regressors / run.samples for run in runs], axis=0)
-    g = np.sum([run.target / run.samples for run in runs], axis=0)
-    scale = np.sqrt(np.diag(G))
-    scale[scale == 0] = 1.0
-    return np.asarray(np.linalg.solve(G / np.outer(scale, scale) + ridge * np.eye(len(G)), g / scale) / scale)
+    return Gram.total((1.0, run) for run in runs).minimum(ridge)

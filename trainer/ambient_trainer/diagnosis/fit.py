@@ -21,6 +21,8 @@ from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.sensitivities import columns
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.estimation.least_squares import scaled_solution
+from ambient_trainer.estimation.validation import time_blocks
 
 Array = NDArray[np.float64]
 
@@ -68,8 +70,7 @@ class FitResult:
 
 def blocks(record: Record) -> NDArray[np.intp]:
     """The block of time that each sample lies in, (N,); every fifth is held out together."""
-    length = max(4 * ORDER, record.samples // _BLOCKS)
-    return np.arange(record.samples, dtype=np.intp) // length
+    return time_blocks(record.samples, _BLOCKS, 4 * ORDER)
 
 
 def fit_model(model: Model, training: TrainingSet, rounds: int) -> FitResult:
@@ -186,7 +187,7 @@ class _System:
     def solution(self, model: Model, damping: float) -> Array:
         """The step to the least squares of all rows, held back by ``damping`` (Marquardt 1963) and by bounds."""
         matrix, side = self._all()
-        step = _solved(matrix, side, damping)
+        step = scaled_solution(matrix, side, damping)
         stopped = np.zeros(len(step), dtype=bool)
         for _ in range(_BOUNDS):
             allowed = self._allowed(model, step)
@@ -198,7 +199,7 @@ class _System:
             stopped |= beyond
             rest = ~stopped
             left = side[rest] - matrix[np.ix_(rest, stopped)] @ step[stopped]
-            step[rest] = _solved(matrix[np.ix_(rest, rest)], left, damping)
+            step[rest] = scaled_solution(matrix[np.ix_(rest, rest)], left, damping)
         return self._allowed(model, step)
 
     def _allowed(self, model: Model, step: Array) -> Array:
@@ -220,9 +221,9 @@ class _System:
         learned = learned[learned >= self.first]
         matrix, side = self._all()
         matrix, side = matrix[np.ix_(learned, learned)], side[learned]
-        whole = _solved(matrix, side, _HELD)
+        whole = scaled_solution(matrix, side, _HELD)
         folds = [
-            _solved(matrix - own[np.ix_(learned, learned)], side - part[learned], _HELD)
+            scaled_solution(matrix - own[np.ix_(learned, learned)], side - part[learned], _HELD)
             for own, part in zip(*self.parts)
         ]
         result = []
@@ -308,12 +309,6 @@ def _inverse(matrix: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
     scaled = matrix / np.outer(size, size)
     return np.asarray(np.linalg.pinv(scaled, rcond=1e-10, hermitian=True) / np.outer(size, size))
-
-
-def _solved(matrix: Array, side: Array, damping: float) -> Array:
-    size = np.sqrt(np.maximum(np.diag(matrix), 1e-30))
-    scaled = matrix / np.outer(size, size) + damping * np.eye(len(size))
-    return np.asarray(np.linalg.solve(scaled, side / size) / size)
 
 
 def _normal(views: Sequence[View], noise: Noise, columns: Sequence[Array]) -> tuple[Array, Array]:

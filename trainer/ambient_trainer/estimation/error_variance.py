@@ -1,8 +1,14 @@
-"""How wrong an observer's estimate is to be thought: a variance that grows with the estimate's own movement.
+"""Error variance model: sigma^2 = constant + sum of weight x regressor, fitted to the errors of training runs.
 
-The weights, none negative, are those with which Student's t distribution makes the training errors most likely. Its
-tails are wide: a few large errors in a jump do not widen what is said of quiet hours. Levels come from the errors
-themselves, in units of their standard deviation.
+The regressors are those of ``ambient_model.error_variance``: low-passed squares of the estimate's rate of change and of
+its distance from the secondary estimate. Two objectives find the weights, none negative:
+
+- :func:`student_weights`, for one kind of run: those with which Student's t distribution makes the errors most likely.
+  Its tails are wide: a few large errors in a jump do not widen the interval of quiet hours.
+- :func:`least_squares_weights`, for runs of several kinds that are weighed: least squares of the squared errors, each
+  over the variance of the round before (iterated non-negative least squares: Lawson and Hanson 1974, chapter 23).
+
+Quantiles are of the errors themselves, in units of their standard deviation.
 """
 
 from __future__ import annotations
@@ -12,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import minimize, nnls
 from scipy.signal import lfilter
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Term
@@ -25,6 +31,8 @@ _LAGS_IN_DATA = 50
 _FREEDOM = 3.0
 _LEAST = 1e-6
 """The share of the whole variance below which a term is none."""
+_ROUNDS = 8
+_LEAST_VARIANCE_DEGC2 = 1e-4
 _INTERVAL = 90
 _SHOWN_PERCENT = (10, 50, 90, 99)
 
@@ -36,76 +44,134 @@ class Moment(NamedTuple):
     reference_degC: Array
 
 
-def fit_spread(moments: Sequence[Moment], period_s: float) -> ErrorVariance:
-    """The spread that the errors call for."""
+class WeightedRun(NamedTuple):
+    """Errors of a run (N,), the regressors of each term (q, N), and what each sample weighs."""
+
+    error_degC: Array
+    regressors_degC2: Array
+    weight: float
+
+
+def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVariance:
+    """Error variance model of one estimator.
+
+    Parameters
+    ----------
+    moments : sequence of Moment
+        Estimates over training runs.
+    period_s : float
+        Sampling period.
+
+    Returns
+    -------
+    ErrorVariance
+        Terms of the rate of change, by lags that the runs are long enough for.
+    """
     samples = max(len(each.estimate_degC) for each in moments)
     lags = [periods for periods in _LAGS_PERIODS if periods * _LAGS_IN_DATA <= samples] or [1]
     wanted = tuple(Term("movement", periods * period_s, 1.0) for periods in lags)
     errors = np.concatenate([each.reference_degC - each.estimate_degC for each in moments])
-    table = np.concatenate([_unrest(wanted, each.estimate_degC, period_s) for each in moments], axis=1)
+    estimates = [each.estimate_degC for each in moments]
+    table = np.concatenate([regressors_degC2(wanted, each, 0 * each, period_s) for each in estimates], axis=1)
     known = ~np.isnan(errors)
-    constant, *weights = _likeliest(errors[known], table[:, known])
+    constant, *weights = student_weights(errors[known], table[:, known])
     terms = tuple(term._replace(weight=weight) for term, weight in zip(wanted, weights) if weight > 0)
     unscaled = ErrorVariance(constant, terms, {})
-    off = np.concatenate([_sigmas_off(unscaled, each, period_s) for each in moments])
-    bands = {level: float(np.nanpercentile(off, level)) for level in LEVELS_PERCENT}
-    return unscaled._replace(quantiles={level: (-reach, reach) for level, reach in bands.items()})
+    off = np.abs(errors) / np.concatenate([sigma_degC(unscaled, each, 0 * each, period_s) for each in estimates])
+    return _with_quantiles(unscaled, {level: float(np.nanpercentile(off, level)) for level in LEVELS_PERCENT})
 
 
-def half_widths(spread: ErrorVariance, moments: Sequence[Moment], period_s: float) -> dict[str, float]:
+def fit_weighted_error_variance(terms: Sequence[Term], runs: Sequence[WeightedRun]) -> ErrorVariance:
+    """Error variance model of ``terms`` over runs that do not all count the same."""
+    error = np.concatenate([each.error_degC for each in runs])
+    table = np.concatenate([each.regressors_degC2 for each in runs], axis=1)
+    weight = np.concatenate([np.full(len(each.error_degC), each.weight) for each in runs])
+    constant, *factors = (weights := least_squares_weights(error, table, weight)).tolist()
+    reach = np.abs(error) / np.sqrt(np.maximum(weights @ table, _LEAST_VARIANCE_DEGC2))
+    weighted = tuple(term._replace(weight=factor) for term, factor in zip(terms, factors))
+    model = ErrorVariance(max(constant, _LEAST_VARIANCE_DEGC2), weighted, {})
+    return _with_quantiles(model, {level: weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT})
+
+
+def half_widths(model: ErrorVariance, moments: Sequence[Moment], period_s: float) -> dict[str, float]:
     """Half the width of the 90 % interval in degC, by the percentage of samples over which it is narrower."""
-    sigmas = np.concatenate([_sigma(spread, each.estimate_degC, period_s) for each in moments])
-    halves = np.percentile(sigmas * spread.quantiles[_INTERVAL][1], _SHOWN_PERCENT)
+    sigmas = [sigma_degC(model, each.estimate_degC, 0 * each.estimate_degC, period_s) for each in moments]
+    halves = np.percentile(np.concatenate(sigmas) * model.quantiles[_INTERVAL][1], _SHOWN_PERCENT)
     return {str(percent): float(half) for percent, half in zip(_SHOWN_PERCENT, halves)}
 
 
-def _likeliest(errors: Array, table: Array) -> list[float]:
+def sigma_degC(model: ErrorVariance, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
+    """Standard deviation of the published estimate's error.
+
+    Parameters
+    ----------
+    model : ErrorVariance
+    ambient_degC : array (N,)
+        The published estimate.
+    apart_degC : array (N,)
+        The main estimate minus the secondary one, limited to the threshold; zero where there is no secondary one.
+    period_s : float
+        Sampling period.
+
+    Returns
+    -------
+    array (N,)
+    """
+    variance = np.full_like(ambient_degC, model.constant_degC2)
+    for term in model.terms:
+        variance += term.weight * _regressor_degC2(term, ambient_degC, apart_degC, period_s)
+    return np.sqrt(variance)
+
+
+def regressors_degC2(terms: Sequence[Term], ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
+    """The constant's regressor and each term's, before their weights, (1 + q, N)."""
+    rows = [_regressor_degC2(term, ambient_degC, apart_degC, period_s) for term in terms]
+    return np.vstack([np.ones_like(ambient_degC), *rows])
+
+
+def student_weights(errors: Array, table: Array) -> list[float]:
     """The weights w, none negative, of the variance w' ``table`` (q, N) that makes ``errors`` (N,) likeliest."""
     size = table.mean(axis=1)
     size[size == 0] = 1.0
     shares, whole = table / size[:, None], float(np.mean(errors**2))
 
-    def cost(logs: Array) -> tuple[float, Array]:
+    def negative_likelihood(logs: Array) -> tuple[float, Array]:
         weights = np.exp(logs)
         variance = weights @ shares
-        excess = errors**2 / (_FREEDOM * variance)
-        slope = (1 - (_FREEDOM + 1) * excess / (1 + excess)) / variance
-        value = np.mean(np.log(variance) + (_FREEDOM + 1) * np.log1p(excess))
+        ratio = errors**2 / (_FREEDOM * variance)
+        slope = (1 - (_FREEDOM + 1) * ratio / (1 + ratio)) / variance
+        value = np.mean(np.log(variance) + (_FREEDOM + 1) * np.log1p(ratio))
         return float(value), (shares * slope).mean(axis=1) * weights
 
     low, high = np.log(whole * _LEAST), np.log(whole * 10)
-    start = np.full(len(table), np.log(whole / len(table)))
-    found = np.exp(minimize(cost, start, jac=True, method="L-BFGS-B", bounds=[(low, high)] * len(table)).x)
-    # a constant there must be: with none, an estimate that stands still would be called exact
-    weights = np.where(found > 100 * _LEAST * whole, found, 0.0) / size
+    start, bounds = np.full(len(table), np.log(whole / len(table))), [(low, high)] * len(table)
+    likeliest = np.exp(minimize(negative_likelihood, start, jac=True, method="L-BFGS-B", bounds=bounds).x)
+    # without a constant, an estimate that does not change would be called exact
+    weights = np.where(likeliest > 100 * _LEAST * whole, likeliest, 0.0) / size
     return [max(float(weights[0]), whole * _LEAST), *weights[1:].tolist()]
 
 
-def _unrest(terms: Sequence[Term], estimate: Array, period_s: float) -> Array:
-    rows = [unrest_degC2(term, estimate, np.zeros_like(estimate), period_s) for term in terms]
-    return np.vstack([np.ones_like(estimate), *rows])
+def least_squares_weights(error: Array, table: Array, weight: Array) -> Array:
+    """The weights, none negative, with which ``table`` (q, N) makes the variance of ``error`` (N,)."""
+    variance = np.full(len(error), np.average(error**2, weights=weight))
+    for _ in range(_ROUNDS):
+        row = np.sqrt(weight) / variance
+        weights, _ = nnls((table * row).T, error**2 * row)
+        variance = np.maximum(weights @ table, _LEAST_VARIANCE_DEGC2)
+    return np.asarray(weights)
 
 
-def _sigmas_off(spread: ErrorVariance, moment: Moment, period_s: float) -> Array:
-    return np.abs(moment.reference_degC - moment.estimate_degC) / _sigma(spread, moment.estimate_degC, period_s)
+def weighted_quantile(values: Array, weight: Array, share: float) -> float:
+    """The value below which ``share`` of the weight lies."""
+    order = np.argsort(values)
+    return float(np.interp(share, np.cumsum(weight[order]) / weight.sum(), values[order]))
 
 
-def _sigma(spread: ErrorVariance, estimate: Array, period_s: float) -> Array:
-    return sigma_degC(spread, estimate, np.zeros_like(estimate), period_s)
+def _with_quantiles(model: ErrorVariance, reaches: dict[int, float]) -> ErrorVariance:
+    return model._replace(quantiles={level: (-reach, reach) for level, reach in reaches.items()})
 
 
-def sigma_degC(spread: ErrorVariance, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
-    """The standard deviation that ``spread`` gives the published estimate, the main one being ``apart_degC`` off the
-    guard's.
-    """
-    variance = np.full_like(ambient_degC, spread.constant_degC2)
-    for term in spread.terms:
-        variance += term.weight * unrest_degC2(term, ambient_degC, apart_degC, period_s)
-    return np.sqrt(variance)
-
-
-def unrest_degC2(term: Term, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
-    """One term of the spread, before its weight."""
+def _regressor_degC2(term: Term, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
     if term.of == "movement":
         squares = (ambient_degC - _low_pass(ambient_degC, term.lag_s, period_s)) ** 2
     else:

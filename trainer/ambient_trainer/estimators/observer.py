@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ambient_model.trace import split_column
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.error_variance import Moment, fit_spread, half_widths
+from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.lti.noise_gain import noise_gain
@@ -52,7 +52,7 @@ def with_fallbacks_and_variance(
     fallbacks, stopped = _fallbacks(fit, refit)
     moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
-    variance = fit_spread(moments, period_s)
+    variance = fit_error_variance(moments, period_s)
     gain, half = noise_gain(fit.system, period_s), half_widths(variance, moments, period_s)
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
     return replace(

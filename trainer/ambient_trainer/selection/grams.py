@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.blocks import Block
+from ambient_trainer.estimation.least_squares import constrained_solution
+from ambient_trainer.estimation.validation import Block
 from ambient_trainer.lti.statespace import StateSpace
 from ambient_trainer.selection.bank import bank_system, low_passes, noise_gram
 from ambient_trainer.selection.screen import Sensor
@@ -158,14 +159,5 @@ def _penalty(sensors: Sequence[Sensor], poles_s: tuple[float, ...], period_s: fl
 
 
 def _unit_gain(gram: Array, moment: Array) -> Array:
-    """argmin b' G b - 2 g' b with c' b = 1, batched (c, p); c is one but for the offset's row.
-
-    b = G^-1 g - G^-1 c (c' G^-1 g - 1) / (c' G^-1 c).
-    """
-    c = np.ones(gram.shape[-1])
-    c[-1] = 0.0
-    solved = np.linalg.solve(gram, np.stack([moment, np.broadcast_to(c, moment.shape)], axis=-1))
-    free, unit = solved[..., 0], solved[..., 1]
-    excess = (free @ c - 1) / (unit @ c)
-    found: Array = free - unit * excess[..., None]
-    return found
+    """The weights (c, p) of least error whose gains sum to one; the last, an offset, is no gain."""
+    return constrained_solution(gram, moment, np.arange(gram.shape[-1]) < gram.shape[-1] - 1.0)

@@ -17,7 +17,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.blocks import Block, cut_in_blocks
+from ambient_trainer.estimation.validation import Block, cut_in_blocks
 from ambient_trainer.selection.bank import banks
 from ambient_trainer.selection.floating import best_sets, swaps
 from ambient_trainer.selection.grams import Grams, Sensors, gathered

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ambient_model.blend import blended
+from ambient_trainer.estimation.error_variance import least_squares_weights, weighted_quantile
 from ambient_trainer.estimators.blended.filters import Filters
-from ambient_trainer.estimators.blended.interval import fit_variance, weighted_quantile
 
 
 def test_the_bank_over_arrays_is_the_device_s():
@@ -33,7 +33,7 @@ def test_a_known_variance_comes_back_and_nothing_turns_negative():
     random = np.random.default_rng(3)
     terms = np.vstack([np.ones(40_000), random.exponential(1.0, 40_000), random.exponential(1.0, 40_000)])
     error = random.standard_normal(40_000) * np.sqrt(np.array([0.2, 0.5, 0.0]) @ terms)
-    found = fit_variance(error, terms, np.ones(40_000))
+    found = least_squares_weights(error, terms, np.ones(40_000))
     assert found == pytest.approx([0.2, 0.5, 0.0], abs=0.03)
     assert (found >= 0).all()
 
@@ -42,8 +42,8 @@ def test_what_counts_twice_is_like_having_it_twice():
     random = np.random.default_rng(4)
     terms = np.vstack([np.ones(500), random.exponential(1.0, 500)])
     error = random.standard_normal(500) * np.sqrt(terms.sum(axis=0))
-    twice = fit_variance(np.r_[error, error[:100]], np.c_[terms, terms[:, :100]], np.ones(600))
-    weighted = fit_variance(error, terms, np.r_[np.full(100, 2.0), np.ones(400)])
+    twice = least_squares_weights(np.r_[error, error[:100]], np.c_[terms, terms[:, :100]], np.ones(600))
+    weighted = least_squares_weights(error, terms, np.r_[np.full(100, 2.0), np.ones(400)])
     assert weighted == pytest.approx(twice, rel=1e-6)
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import Progress, SearchResult, search
+from ambient_trainer.estimation.validation import successive_masks
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.kalman.constrained_filter import ConstrainedFilter
 
@@ -75,19 +76,19 @@ class Selection:
             starts = min(_FIRST_STARTS, self.effort.starts)
             self._whole[order] = search(structure, starts, self.effort.seed, self.progress, self.effort.budget)
         errors = []
-        for block in range(BLOCKS):
+        for masks in successive_masks(self.segments, BLOCKS):
             if self._whole[order].stopped:
                 return False
-            errors.append(self._held_out(order, noise_degC, block))
+            errors.append(self._held_out(order, noise_degC, masks))
         if self.effort.budget.cancel.cancelled:
             return False
         self.tried.append(Choice(order, noise_degC, float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))))
         return True
 
-    def _held_out(self, order: int, noise_degC: float, block: int) -> Array:
+    def _held_out(self, order: int, noise_degC: float, masks: Sequence[NDArray[np.bool_]]) -> Array:
         """The errors over one block of the reference, of a filter that ran through it and was not trained on it."""
         hidden, kept = [], []
-        for each, mask in zip(self.segments, _block_masks(self.segments, block)):
+        for each, mask in zip(self.segments, masks):
             hidden.append(np.where(mask, each.outputs, np.nan))
             kept.append(Segment(each.period_s, each.inputs, np.where(mask, np.nan, each.outputs)))
         structure = ConstrainedFilter(order, kept, noise_degC)
@@ -97,10 +98,3 @@ class Selection:
         return np.concatenate(
             [rows[0] - weights @ structure.signals(best.theta, index) for index, rows in enumerate(hidden)]
         )
-
-
-def _block_masks(segments: Sequence[Segment], block: int) -> list[NDArray[np.bool_]]:
-    """Which samples of each segment (1, N) belong to a block of successive samples of all of them."""
-    lengths = [each.inputs.shape[1] for each in segments]
-    number = np.arange(sum(lengths)) * BLOCKS // sum(lengths)
-    return [part[None] == block for part in np.split(number, np.cumsum(lengths)[:-1])]

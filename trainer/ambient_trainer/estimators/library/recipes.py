@@ -26,7 +26,7 @@ from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import USUAL, Effort, Fit, ParameterEstimate, SecondaryFit
 from ambient_trainer.estimators.blended.filters import Filters, fit_filters
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
-from ambient_trainer.estimators.blended.interval import fit_spread
+from ambient_trainer.estimators.blended.interval import fit_error_variance
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.summary import details, notes
 from ambient_trainer.estimators.blended.synthetic_ambient import fit_ambient
@@ -103,7 +103,7 @@ class RecipeEstimator:
             design = TrainingSetDesign(recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed)
             filters = fit_filters(recipe, design.runs(records), period, lambda number: stage(1 + number))
             # errors are smaller in the very runs that the filters were fitted to
-            variance = fit_spread(recipe, filters, replace(design, draw=1).runs(records))
+            variance = fit_error_variance(recipe, filters, replace(design, draw=1).runs(records))
         return _fit_of(recipe, filters, fitted, variance, records, effort)
 
 

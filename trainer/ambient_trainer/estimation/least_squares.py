@@ -1,0 +1,80 @@
+"""Least squares by Gram matrices: inner products are formed once, and weights are solved for as often as wanted.
+
+The mean square of target - table' w is the quadratic function w' G w - 2 g' w + c of the weights, with G the inner
+products of the regressors, g those with the target, and c the target's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_TINY = 1e-30
+
+
+class Gram(NamedTuple):
+    """w' quadratic w - 2 linear' w + constant."""
+
+    quadratic: Array
+    linear: Array
+    constant: float
+
+    @staticmethod
+    def of(table: Array, target: Array) -> Gram:
+        """The mean square error over samples: regressors (p, N), target (N,)."""
+        count = len(target)
+        return Gram(table @ table.T / count, table @ target / count, float(target @ target) / count)
+
+    @staticmethod
+    def total(parts: Iterable[tuple[float, Gram]]) -> Gram:
+        """The sum of the parts, each times its factor."""
+        quadratic, linear, constant = 0.0, 0.0, 0.0
+        for factor, part in parts:
+            quadratic = quadratic + factor * part.quadratic
+            linear = linear + factor * part.linear
+            constant += factor * part.constant
+        return Gram(np.asarray(quadratic), np.asarray(linear), constant)
+
+    def __call__(self, weights: Array) -> float:
+        """The value at ``weights``."""
+        return float(weights @ self.quadratic @ weights - 2 * weights @ self.linear + self.constant)
+
+    def minimum(self, ridge: float) -> Array:
+        """The weights (p,) at which it is least, with a ridge relative to each weight's own scale."""
+        return scaled_solution(self.quadratic, self.linear, ridge)
+
+
+def scaled_solution(matrix: Array, side: Array, ridge: float) -> Array:
+    """Solution of normal equations whose unknowns differ in scale.
+
+    Parameters
+    ----------
+    matrix : array (p, p)
+        Symmetric; scaled to a unit diagonal before the ridge is added.
+    side : array (p,)
+    ridge : float
+        Added to the unit diagonal (Marquardt 1963).
+
+    Returns
+    -------
+    array (p,)
+    """
+    size = np.sqrt(np.maximum(np.diag(matrix), _TINY))
+    scaled = matrix / np.outer(size, size) + ridge * np.eye(len(size))
+    return np.asarray(np.linalg.solve(scaled, side / size) / size)
+
+
+def constrained_solution(matrix: Array, side: Array, unit: Array) -> Array:
+    """argmin b' G b - 2 g' b with c' b = 1, for stacks G (..., p, p) and g (..., p), c being ``unit`` (p,).
+
+    b = G^-1 g - G^-1 c (c' G^-1 g - 1) / (c' G^-1 c).
+    """
+    solved = np.linalg.solve(matrix, np.stack([side, np.broadcast_to(unit, side.shape)], axis=-1))
+    free, by_unit = solved[..., 0], solved[..., 1]
+    beyond = (free @ unit - 1) / (by_unit @ unit)
+    return np.asarray(free - by_unit * beyond[..., None])
