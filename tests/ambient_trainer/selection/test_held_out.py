@@ -9,6 +9,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
+from ambient_trainer.estimation.validation import Spending, refitted
 from ambient_trainer.selection.tasks import CircuitFits, rows_of
 from ambient_trainer.selection.topology import initial_topologies
 

@@ -12,7 +12,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.structure import Structure
-from ambient_trainer.estimation.validation import Spending, refitted
+from ambient_trainer.estimation.validation import Block, Spending, refitted
 from ambient_trainer.selection.floating import best_sets
 from ambient_trainer.selection.grams import Grams, Sensors, gathered
 from ambient_trainer.selection.screen import Sensor
