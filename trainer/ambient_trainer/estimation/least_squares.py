@@ -33,12 +33,8 @@ class Gram(NamedTuple):
     @staticmethod
     def total(parts: Iterable[tuple[float, Gram]]) -> Gram:
         """The sum of the parts, each times its factor."""
-        quadratic, linear, constant = 0.0, 0.0, 0.0
-        for factor, part in parts:
-            quadratic = quadratic + factor * part.quadratic
-            linear = linear + factor * part.linear
-            constant += factor * part.constant
-        return Gram(np.asarray(quadratic), np.asarray(linear), constant)
+        scaled = [(factor * part.quadratic, factor * part.linear, factor * part.constant) for factor, part in parts]
+        return Gram(*(sum(each[1:], start=each[0]) for each in zip(*scaled)))
 
     def __call__(self, weights: Array) -> float:
         """The value at ``weights``."""
