@@ -239,12 +239,13 @@ def circuits(draw, form):
 
 
 @given(circuits("rise") | circuits("temperature"))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_derivatives_of_random_circuits(drawn):
     _assert_slopes(*drawn)
 
 
 @given(circuits("temperature"))
+@settings(max_examples=40)
 def test_heat_is_neither_made_nor_lost(drawn):
     """Where every temperature is the same no heat flows; what leaves a state enters its neighbour."""
     circuit, values = drawn
@@ -258,6 +259,7 @@ def test_heat_is_neither_made_nor_lost(drawn):
 
 
 @given(circuits("rise") | circuits("temperature"))
+@settings(max_examples=40)
 def test_the_balance_of_every_node(drawn):
     """C_i dT_i/dt = sum_j (T_j - T_i)/R_ij + sum_s share_s signal_s, summed edge by edge at random temperatures."""
     circuit, values = drawn

@@ -331,7 +331,7 @@ _PLACES = [path for path in _places(yaml.safe_load(EXAMPLE)) if path]
 
 
 @given(st.lists(st.tuples(st.sampled_from(_PLACES), _ANYTHING), min_size=1, max_size=3), st.booleans())
-@settings(max_examples=300)
+@settings(max_examples=80)
 def test_anything_in_any_place_is_taken_or_refused(changes, every_sensor):
     data = yaml.safe_load(EXAMPLE)
     if every_sensor:
@@ -352,6 +352,6 @@ def _has(container, key):
 
 
 @given(st.integers(0, len(EXAMPLE) - 1), st.integers(0, 12), st.text("{}[]:,-#&*!|>'\"%@`\t\n\x00 a1", max_size=4))
-@settings(max_examples=300)
+@settings(max_examples=80)
 def test_any_damage_is_taken_or_refused(at, cut, put):
     _taken_or_refused(EXAMPLE[:at] + put + EXAMPLE[at + cut :])

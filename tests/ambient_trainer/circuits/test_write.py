@@ -112,7 +112,7 @@ ONE_NODE = {
 }
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(circuit_files())
 @example({**ONE_NODE, "about": "\x85 or \u2028 or \n breaks a line, \ufeff none: 20 \N{DEGREE SIGN}C"})
 def test_every_circuit_comes_back(data):

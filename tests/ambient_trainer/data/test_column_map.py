@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
@@ -178,6 +178,7 @@ _entry = st.dictionaries(
 )
 
 
+@settings(max_examples=40)
 @given(st.dictionaries(st.sampled_from([*ColumnMap.model_fields]), _part), _entry)
 def test_any_structure_is_a_map_or_refused(data, entry):
     for columns in (data.get("columns"), {"usb_degC": entry}):

@@ -126,7 +126,7 @@ def test_half_a_period_rounds_up_on_every_grid_point():
 
 
 @given(irregular_traces())
-@settings(max_examples=300)
+@settings(max_examples=80)
 def test_the_recursion_over_segments_is_what_the_device_says(drawn):
     """Output ``ambient`` carries the sample's number, which tells where on which segment it lies.
 

@@ -197,7 +197,7 @@ def test_a_circuit_that_starts_anywhere(forward, periods_s, simulated, at_rest):
     _assert_same(structure, theta, brute)
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-9, 1e-5, 0.9e-3, 1.1e-3, 1e-2])
+@pytest.mark.parametrize("apart", [0.0, 1e-9, 0.9e-3, 1.1e-3])
 def test_modes_that_lie_close(apart, forward, simulated, at_rest):
     """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
     for kind, circuit in ((CircuitStructure, load_circuit("model2_ss_free_cd")), (FreelyStartingCircuit, forward)):

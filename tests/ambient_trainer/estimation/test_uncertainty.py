@@ -73,7 +73,10 @@ def _covered(structure_of, truth, u, y, phi):
     return np.sum(inside, axis=0) / told.sum(axis=0), np.nanmean(scores, axis=0)
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.9], ids=["white", "AR(1)"])
+SLOW = [pytest.param(0.0, id="white", marks=pytest.mark.slow), pytest.param(0.9, id="AR(1)", marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("phi", SLOW)
 def test_intervals_of_a_rise_circuit_cover_the_truth(rise, phi, simulated, at_rest):
     covered, bias = _covered(
         lambda segments: CircuitStructure(rise, segments), *_rise_outputs(rise, simulated, at_rest), phi
@@ -82,7 +85,7 @@ def test_intervals_of_a_rise_circuit_cover_the_truth(rise, phi, simulated, at_re
     assert (np.abs(bias) < 0.5).all()
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.9], ids=["white", "AR(1)"])
+@pytest.mark.parametrize("phi", [SLOW[0], pytest.param(0.9, id="AR(1)")])
 def test_intervals_of_a_forward_circuit_cover_the_truth(forward, phi, simulated):
     """Mean over the unknowns: a single one of 200 fits strays by 2 %."""
     covered, bias = _covered(
