@@ -1,1 +1,22 @@
-"""A circuit is data; one function makes A, B, C, D and their derivatives of it."""
+"""Thermal circuits as data: read from YAML, assembled into state spaces, extended, written back."""
+
+from ambient_trainer.circuits.assemble import Assembled, assemble
+from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter, Source
+from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
+from ambient_trainer.circuits.write import save_circuit, write_circuit
+
+__all__ = [
+    "Assembled",
+    "Circuit",
+    "Edge",
+    "Node",
+    "Output",
+    "Parameter",
+    "Source",
+    "assemble",
+    "circuit_names",
+    "load_circuit",
+    "parse_circuit",
+    "save_circuit",
+    "write_circuit",
+]

@@ -1,1 +1,38 @@
-"""Traces as arrays: read, cut, imported from other formats, laid on a uniform grid."""
+"""Traces as arrays: read, cut, imported from other formats, laid on a uniform grid.
+
+The names below are imported when they are first used: ``ambient-trainer --help`` looks for plug-ins here, and must not
+wait for numpy.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ambient_trainer.data.grid import Segment, sampling_period_s, segments
+    from ambient_trainer.data.plugins import plugin, plugin_names
+    from ambient_trainer.data.trace import Trace, load_trace, save_trace
+
+__all__ = [
+    "Segment",
+    "Trace",
+    "load_trace",
+    "plugin",
+    "plugin_names",
+    "sampling_period_s",
+    "save_trace",
+    "segments",
+]
+
+_PLACES = {
+    **dict.fromkeys(("Segment", "sampling_period_s", "segments"), "grid"),
+    **dict.fromkeys(("plugin", "plugin_names"), "plugins"),
+    **dict.fromkeys(("Trace", "load_trace", "save_trace"), "trace"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_PLACES[name]}"), name)
