@@ -46,7 +46,7 @@ def _solved(balance, run, period_s):
     return np.array(states)
 
 
-@pytest.mark.parametrize("period_s", [0.25, 1.0, 7.0])
+@pytest.mark.parametrize("period_s", [1.0, 7.0])
 def test_integration_agrees_with_an_adaptive_solver(balance, period_s):
     count = int(150 / period_s)
     activities = [each for each in ("idle", "cpu_100", "charging") for _ in range(count)]
@@ -83,8 +83,7 @@ def test_halving_the_step_divides_a_smooth_runs_error_by_sixteen(balance):
     assert error(LONGEST_STEP_S) < 1e-5
 
 
-@pytest.mark.parametrize("activity", _PHONE.activities)
-@pytest.mark.parametrize("air_degC", [-10.0, 50.0])
+@pytest.mark.parametrize(("activity", "air_degC"), [("cpu_100", -10.0), ("charging", 50.0), ("streaming", 20.0)])
 def test_heat_in_is_heat_stored_plus_heat_lost(balance, activity, air_degC):
     demand = _demand(balance, activity)
     size = len(NODES)
@@ -110,8 +109,7 @@ def test_what_is_conducted_sums_to_zero_in_every_phone_of_a_batch(balance):
     assert np.abs(flows.sum(axis=1)).max() < 1e-9 * np.abs(flows).max()
 
 
-@pytest.mark.parametrize("air_degC", [-10.0, 20.0, 50.0])
-@pytest.mark.parametrize("activity", _PHONE.activities)
+@pytest.mark.parametrize(("activity", "air_degC"), [("cpu_100", -10.0), ("charging", 50.0), ("camera_4k", 20.0)])
 def test_equilibrium_is_what_waiting_leads_to(balance, activity, air_degC):
     demand, air = _demand(balance, activity), np.array([air_degC])
     found = solve_ivp(

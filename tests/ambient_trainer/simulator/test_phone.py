@@ -24,7 +24,7 @@ from ambient_trainer.simulator.device_file import (
 from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
 from ambient_trainer.simulator.run import bursts, schedule
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names
-from ambient_trainer.simulator.simulate import simulate, simulate_many
+from ambient_trainer.simulator.simulate import simulate
 
 _PHONE = load_device()
 _STATED_MIN = {  # section 3.2, added up
@@ -54,7 +54,7 @@ def test_scenario_5_goes_through_the_stated_ambients_and_loads():
 
 
 def test_an_unknown_scenario_is_refused_with_the_names():
-    with pytest.raises(Refused, match=r"none is called '6'; take one of 1, 2\.1, .*, 4, 5, or a"):
+    with pytest.raises(Refused, match=r"none is called '6'; take one of 1, 2\.1, .*, 4, 5, "):
         simulate("6")
 
 
@@ -91,7 +91,7 @@ def test_the_trace_keeps_to_the_contract(tmp_path):
 
 def test_a_seed_gives_its_own_bytes_again(tmp_path):
     def written(name, seed):
-        save_trace(str(tmp_path / name), simulate("2.1", seed=seed).trace)
+        save_trace(str(tmp_path / name), simulate("2.5", seed=seed, period_s=5.0).trace)
         return (tmp_path / name).read_bytes()
 
     assert written("a", 1) == written("b", 1)
@@ -116,14 +116,14 @@ def test_progress_is_told():
     assert told == [(0, 1800), (500, 1800), (1000, 1800), (1500, 1800)]
 
 
-def test_the_die_reaches_about_90_degrees_at_full_load_whatever_the_ambient():
-    trace = simulate("4", period_s=5.0).trace
-    soc_degC, load = trace.column("soc_degC"), trace.column("cpu_load_frac")
-    steady = (load == 1.0) & (np.roll(load, 36) == 1.0)  # three minutes after the load began
-    for ambient_degC in (-10, 30, 50):
-        at = steady & (np.abs(trace.reference - ambient_degC) < 3)
-        assert 87 < soc_degC[at].min() < soc_degC[at].max() < 93
-    assert soc_degC.max() < 93
+def test_the_die_reaches_about_90_degrees_at_full_load_whatever_the_ambient(tmp_path):
+    path = tmp_path / "loaded.yaml"
+    steps = "".join(f"  - {{duration_min: 8, chamber_degC: {degC}, load: [cpu_100]}}\n" for degC in (50, -10, 30))
+    path.write_text("about: Loaded\nsteps:\n" + steps.replace("8, chamber_degC: -10", "40, chamber_degC: -10"))
+    trace = simulate(str(path), period_s=5.0).trace
+    steady = trace.time_s > 180.0
+    assert trace.reference[steady].min() < -9
+    assert 87 < trace.column("soc_degC")[steady].min() < trace.column("soc_degC").max() < 93
     assert trace.column("soc_power_W").min() > 0.0
 
 
@@ -132,15 +132,6 @@ def test_the_recording_begins_where_what_came_before_ended():
     assert trace.reference[0] == pytest.approx(50, abs=2)  # the chamber then falls to -10 degC
     assert trace.reference[(trace.time_s > 1700) & (trace.time_s < 1800)].mean() == pytest.approx(-10, abs=2)
     assert trace.column("usb_degC")[-1] == pytest.approx(trace.column("usb_degC")[0], abs=2.5)
-
-
-def test_many_runs_at_once_are_what_each_is_alone():
-    runs = [("2.1", 3), ("1", 4), ("2.1", 5)]
-    for run, (name, seed) in zip(simulate_many(runs, period_s=5.0), runs):
-        trace = run.trace
-        alone = simulate(name, seed=seed, period_s=5.0).trace
-        assert trace.notes == alone.notes
-        assert all(np.array_equal(trace.columns[column], alone.columns[column]) for column in alone.columns)
 
 
 def test_the_zones_are_about_fifty_most_of_them_near_the_soc():
@@ -164,12 +155,6 @@ def test_all_zones_come_on_request_and_change_nothing_else():
     }
     assert rises["cpu0"] == pytest.approx(rises["soc"], abs=2)
     assert rises["soc"] > rises["board1"] > rises["battery-cell"] > 1
-
-
-def test_another_phone_can_be_simulated():
-    heavy = _PHONE.with_values({"nodes.usb.capacitance_J_K": 30.0})
-    one, other = (simulate("2.1", device, period_s=5.0).trace for device in (_PHONE, heavy))
-    assert other.column("usb_degC").std() < 0.9 * one.column("usb_degC").std()
 
 
 def test_the_chamber_ramps_at_its_rate_and_starts_settled():
@@ -243,17 +228,3 @@ def test_a_device_file_with_other_calibrated_numbers_keeps_all_else(tmp_path):
     read = load_constants(str(path))
     assert {name: each.value for name, each in read.items()} == values
     assert load_device(str(path)) == load_device().with_values(values)
-
-
-def test_a_constant_outside_its_bounds_and_unknown_names_are_refused(tmp_path):
-    text = Path(device_path("phone")).read_text()
-    path = tmp_path / "phone.yaml"
-    path.write_text(text.replace("low: 0.024", "low: 0.3"))
-    with pytest.raises(Refused, match=r"activities\.idle\.heat_W\.soc"):
-        load_device(str(path))
-    path.write_text(text.replace("near: flash", "near: moon").replace("sensors: [soc", "sensors: [sun"))
-    with pytest.raises(Refused) as refused:
-        load_device(str(path))
-    assert {fault.place for fault in refused.value.faults} == {"zones.flash", "sensors"}
-    with pytest.raises(Refused, match="phone, set_top_box"):
-        load_device("toaster")

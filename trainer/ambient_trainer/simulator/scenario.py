@@ -76,18 +76,22 @@ class Scenario(Strict):
 
 
 def scenario_names() -> tuple[str, ...]:
-    """The names of the shipped scenarios, in the thesis's order."""
-    return tuple(sorted(path.stem for path in FOLDER.glob("[0-9]*.yaml")))
+    """The names of the thesis's scenarios, which are a phone's, in its order."""
+    return tuple(name for name in _shipped() if name[0].isdigit())
 
 
 def scenario_path(name: str) -> str:
     """The file of the shipped scenario of that name, or ``name`` itself where it is a file's; else ``Refused``."""
-    if name in scenario_names():
+    if name in _shipped():
         return str(FOLDER / f"{name}.yaml")
     if not name.endswith((".yaml", ".yml")):
-        known = ", ".join(scenario_names())
+        known = ", ".join(_shipped())
         raise refuse("scenario", "", f"none is called {name!r}", f"take one of {known}, or a .yaml file")
     return name
+
+
+def _shipped() -> tuple[str, ...]:
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.yaml") if path.stem != "laboratory"))
 
 
 def load_scenario(name: str) -> Scenario:
