@@ -113,7 +113,7 @@ def _state(data: Any) -> State:
         _number(data.pop("difference_degC")),
         None if last_degC is None else _number(last_degC),
         _number(data.pop("said_s")),
-        None if background is None else _background(**background),
+        None if background is None else _background(background),
     )
     state = State(_text(data.pop("model")), _text(data.pop("boot")), _number(data.pop("time_s")), tracker)
     if data:
@@ -121,10 +121,15 @@ def _state(data: Any) -> State:
     return state
 
 
-def _background(guard: Any, unrest: Any) -> "Background":
+def _background(data: Any) -> "Background":
     from ambient_model.observer import Background
 
-    return Background(None if guard is None else _snapshot(**guard), None if unrest is None else _variance(**unrest))
+    secondary, variance = data.pop("guard"), data.pop("unrest")
+    if data:
+        raise ValueError
+    return Background(
+        None if secondary is None else _snapshot(**secondary), None if variance is None else _variance(**variance)
+    )
 
 
 def _variance(means_degC: Any, squares_degC2: Any) -> "VarianceState":

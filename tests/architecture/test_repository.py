@@ -1,5 +1,8 @@
 import ast
+import importlib.util
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -64,3 +67,62 @@ def test_the_device_part_depends_on_nothing(sources) -> None:
     assert project["dependencies"] == []
     assert set(project["optional-dependencies"]) >= {"yaml", "trainer"}
     assert project["scripts"].keys() == {"ambientd", "ambient-trainer"}
+
+
+def test_each_top_folder_explains_itself(tracked: list[Path]) -> None:
+    folders = {path.parts[0] for path in tracked if len(path.parts) > 1 and not path.parts[0].startswith(".")}
+    assert [folder for folder in sorted(folders) if Path(folder, "README.md") not in tracked] == []
+
+
+def test_each_package_is_typed(sources, tracked: list[Path]) -> None:
+    packages = {path.parent for path in tracked if path.name == "__init__.py" and len(path.parts) == 3}
+    assert {path.name for path in packages} == set(sources.trees)
+    assert [path for path in packages if path / "py.typed" not in tracked] == []
+
+
+def test_the_layers_hold(sources) -> None:
+    """The contracts of import-linter in ``pyproject.toml``: layers, no cycles, the device apart from the host."""
+    if importlib.util.find_spec("importlinter") is None:
+        pytest.skip("import-linter is not installed")
+    call = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as lint; lint()", "--no-cache"]
+    done = subprocess.run(call, cwd=sources.root, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert " 0 broken" in done.stdout
+
+
+# Private words, each as a pattern, and the field's word for it. The field's own uses are exempt: "limit" of a range,
+# "cost" of a computation, "bank" of filters, "unit" of a quantity, "search" and "forward" as such, "at rest" of water.
+PRIVATE_WORDS = {
+    r"taught|teach(es|ing)?|lessons?|classroom": "trained, fit, sample, training set",
+    r"made[- ]up": "synthetic",
+    r"believ(e|es|ed|able)": "prior, plausible",
+    r"guard(s|ed)?": "secondary estimator",
+    r"has a say|(has the )?last word": "blended, takes precedence",
+    r"voices?|speaks?|speaking": "active estimator",
+    r"unrest": "rate of change",
+    r"spreads?": "error variance model",
+    r"told|tells?": "report, summary",
+    r"mends?": "hint, remedy",
+    r"walking ambient": "random-walk ambient",
+    r"nobody logs": "unmeasured heat",
+    r"deaf to": "insensitive to",
+    r"moving along": "re-optimised",
+}
+CONTRACTS = re.compile(
+    r"""["'`]+(guard|spread|unrest|voices|speaking|lag_guard|guard_lag_s)["'`]+|["'](guard|spread)\.[^"']*["']"""
+    r"""|f?["']spread\.terms[^"']*["']|guard +=|is 'guard'|key 'guard'"""
+)
+"""Keys of the model file and of the daemon's state, which stay: ``guard``, ``spread``, ``unrest``, ``voices``."""
+
+
+@pytest.mark.parametrize("package", ["ambient_model", "ambientd"])
+def test_product_code_uses_the_fields_words(sources, package: str) -> None:
+    words = re.compile(rf"(?<![a-zA-Z])({'|'.join(PRIVATE_WORDS)})(?![a-zA-Z])", re.IGNORECASE)
+    found = [
+        f"{path.relative_to(sources.root)}:{number}: {hit[0]}"
+        for path in sources.trees[package]
+        if path.relative_to(sources.root).parts[2:3] != ("laboratory",)  # its guard is a process that guards a chamber
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        for hit in words.finditer(CONTRACTS.sub("", line))
+    ]
+    assert found == []
