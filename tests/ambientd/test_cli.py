@@ -44,10 +44,7 @@ def test_help_is_there(ambientd, command):
 def test_a_model_that_is_not_there_ends_with_1(ambientd, command, tmp_path):
     done = ambientd(*command, tmp_path / "none.json")
     assert done.returncode == 1
-    assert done.stderr == (
-        f"ambientd: {tmp_path}/none.json: cannot be read (No such file or directory);"
-        " check the name and the permissions\n"
-    )
+    assert done.stderr.startswith(f"ambientd: {tmp_path}/none.json: cannot be read (No such file or directory)")
 
 
 def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
@@ -113,10 +110,8 @@ def test_without_pyyaml_a_yaml_configuration_says_what_to_do(model_file, phone, 
     config.write_text("model: model.json\n")
     done = bare("check", "--config", config)
     assert done.returncode == 1
-    assert done.stderr.splitlines()[0] == (
-        f"ambientd: {config}: is YAML, and PyYAML is not installed; install 'ambientd[yaml]',"
-        " or write the same keys as JSON into a file that ends with .json"
-    )
+    assert done.stderr.startswith(f"ambientd: {config}: ")
+    assert "'ambientd[yaml]'" in done.stderr
     as_json = tmp_path / "c.json"
     as_json.write_text(json.dumps({"model": "model.json", "sysfs_root": str(phone.root)}))
     assert bare("check", "--config", as_json).returncode == 0

@@ -85,46 +85,35 @@ publish:
   - {kind: socket, path: /run/a, mode: rename}
 """,
     )
-    kinds = "file, file-in-place, prometheus, socket, status, stdout"
-    assert refusal(path).splitlines() == [
-        f"{path}: 15 faults",
-        "  poll: unknown key; known are model, rate_hz, sysfs_root, publish, level_percent, zones, coast_s, state,"
-        " zones_by_name, sensors, supervision, access",
-        "  model: missing; name the model file",
-        "  rate_hz: is 50; a number between 0.1 and 20 is wanted",
-        "  sysfs_root: is 7; a text is wanted",
-        f"  publish[0]: 'mqtt' is no kind of publisher; known are {kinds}",
-        "  publish[1]: 'file' has no path; write file:PATH",
-        "  publish[2]: 'stdout:x' has a path; stdout takes none",
-        "  publish[3]: is 12; KIND:PATH or a mapping is wanted",
-        "  publish[4].owner: unknown key; known are kind, path, mode, poison_millidegC,"
-        " offset_millidegC, at_exit, access",
-        "  publish[4].mode: is 'append'; one of rename, in-place is wanted",
-        "  publish[4].poison_millidegC: is 1.5; an integer in millidegrees, of at most 12 digits, is wanted",
-        "  publish[5].mode: unknown key; known are kind, path, access",
-        "  publish: /run/a stands twice; publish each to a path of its own",
-        "  level_percent: is 95; one of 50, 90, 98 is wanted",
-        "  zones: is ['usb']; a mapping from input name to thermal zone type is wanted",
+    faults = {line.split(": ")[0].strip(): line for line in refusal(path).splitlines()[1:]}
+    assert list(faults) == [
+        *("poll", "model", "rate_hz", "sysfs_root"),
+        *(f"publish[{k}]" for k in range(4)),
+        *("publish[4].owner", "publish[4].mode", "publish[4].poison_millidegC", "publish[5].mode", "publish"),
+        *("level_percent", "zones"),
     ]
+    assert "file, file-in-place, prometheus, socket, status, stdout" in faults["publish[0]"]
+    assert all(key in faults["poll"] for key in ("zones_by_name", "supervision", "coast_s", "state"))
+    assert "/run/a" in faults["publish"]
 
 
 @pytest.mark.parametrize(
-    ("text", "name", "message"),
+    ("text", "name", "fact"),
     [
-        ("", "c.yaml", "holds no keys; start with 'model: MODEL.json'; known keys are"),
-        ("model: a\nmodel: b\n", "c.yaml", "key 'model' stands twice in one mapping; correct it"),
-        ('{"model": "a", "model": "b"}', "c.json", "key 'model' stands twice in one mapping; correct it"),
-        ("model: a\nzones: {usb: x, usb: y}\n", "c.yaml", "key 'usb' stands twice in one mapping"),
-        ("model: [a\n", "c.yaml", "line 2, column 1: not YAML (expected ',' or ']'"),
-        ("model: a", "c.json", "line 1, column 1: not JSON (Expecting value); correct it there"),
-        ("model: a\x07b", "c.yaml", "special characters are not allowed"),
-        ("model: a\nrate_hz: true\n", "c.yaml", "rate_hz: is True; a number between 0.1 and 20 is wanted"),
-        ("model: a\nrate_hz: .nan\n", "c.yaml", "rate_hz: is nan; a number between 0.1 and 20 is wanted"),
-        ("model: a\npublish: []\n", "c.yaml", "publish: is []; a list of KIND:PATH or of mappings is wanted"),
+        ("", "c.yaml", "'model: MODEL.json'"),
+        ("model: a\nmodel: b\n", "c.yaml", "'model'"),
+        ('{"model": "a", "model": "b"}', "c.json", "'model'"),
+        ("model: a\nzones: {usb: x, usb: y}\n", "c.yaml", "'usb'"),
+        ("model: [a\n", "c.yaml", "line 2, column 1"),
+        ("model: a", "c.json", "line 1, column 1"),
+        ("model: a\x07b", "c.yaml", "special characters"),
+        ("model: a\nrate_hz: true\n", "c.yaml", "rate_hz: is True"),
+        ("model: a\nrate_hz: .nan\n", "c.yaml", "rate_hz: is nan"),
+        ("model: a\npublish: []\n", "c.yaml", "publish: is []"),
     ],
 )
-def test_each_is_refused(tmp_path, text, name, message):
-    assert message in refusal(saved(tmp_path, text, name))
+def test_each_is_refused(tmp_path, text, name, fact):
+    assert fact in refusal(saved(tmp_path, text, name))
 
 
 def test_files_that_cannot_be_read_are_refused(tmp_path):

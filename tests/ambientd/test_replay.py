@@ -4,6 +4,7 @@ import csv
 import gzip
 import math
 import random
+import re
 from itertools import pairwise
 
 import pytest
@@ -154,23 +155,22 @@ def test_a_slow_trace_with_jitter_keeps_its_time(ambientd, model_file, write_tra
 
 
 REFUSALS = [
-    ("time_s,usb_degC\n0,1\n", (), "header: no column 'battery_degC', which the model reads; it has usb_degC;"
-     " log it or map it on import"),
-    ("time_s,usb_degC,battery_degC\n", (), "no samples under the header; log something first"),
-    ("time_s,usb_degC,battery_degC\n0,1,2\n", ("--from", "5"), "nothing lies between --from and --to; choose others"),
-    ("time_s,usb_degC,battery_degC\n0,1,2\n1,x,2\n", (), "line 3, column usb_degC: 'x' is not a number;"
-     " correct it, or leave the cell empty for a missing value"),
-    ("time_s,usb_degC,battery_degC\n0,1,2\n60,1,2\n120,1,2\n", (), "its samples lie 60 s apart, and model 'bench' at"
-     " 1 s bridges at most 30 s; log more often, or fit the model to a trace with this period"),
-]  # fmt: skip
+    ("time_s,usb_degC\n0,1\n", (), "'battery_degC'"),
+    ("time_s,usb_degC,battery_degC\n", (), "no samples"),
+    ("time_s,usb_degC,battery_degC\n0,1,2\n", ("--from", "5"), "--from"),
+    ("time_s,usb_degC,battery_degC\n0,1,2\n1,x,2\n", (), "line 3, column usb_degC: 'x'"),
+    ("time_s,usb_degC,battery_degC\n0,1,2\n60,1,2\n120,1,2\n", (), "60 s apart"),
+]
 
 
-@pytest.mark.parametrize(("text", "cut", "message"), REFUSALS)
-def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_file, tmp_path, text, cut, message):
+@pytest.mark.parametrize(("text", "cut", "fact"), REFUSALS)
+def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_file, tmp_path, text, cut, fact):
     (tmp_path / "t.csv").write_text(text)
     (tmp_path / "out.csv").write_text("before")
     done = ambientd("replay", model_file, tmp_path / "t.csv", "-o", tmp_path / "out.csv", *cut)
-    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"ambientd: {tmp_path}/t.csv: {message}\n")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith(f"ambientd: {tmp_path}/t.csv: ")
+    assert fact in done.stderr
     assert (tmp_path / "out.csv").read_text() == "before"
     assert sorted(each.name for each in tmp_path.iterdir()) == ["model.json", "out.csv", "t.csv"]
 
@@ -178,16 +178,11 @@ def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_
 def test_every_missing_column_is_named_at_once(ambientd, model_file, write_trace, tmp_path):
     trace = write_trace([(0.0, 1.0)], "time_s,soc_degC")
     done = ambientd("replay", model_file, trace, "-o", tmp_path / "out.csv")
-    mend = "it has soc_degC; log it or map it on import"
-    assert done.stderr.splitlines() == [
-        f"ambientd: {trace}: 2 faults",
-        f"  header: no column 'usb_degC', which the model reads; {mend}",
-        f"  header: no column 'battery_degC', which the model reads; {mend}",
-    ]
+    assert [re.search("'(.*?)'", line)[1] for line in done.stderr.splitlines()[1:]] == ["usb_degC", "battery_degC"]
 
 
 def test_a_trace_is_not_overwritten_by_its_own_replay(ambientd, model_file, trace_file):
     done = ambientd("replay", model_file, trace_file, "-o", trace_file)
     assert done.returncode == 1
-    assert "would be overwritten by what is made from it; name another -o" in done.stderr
+    assert f"{trace_file}: would be overwritten" in done.stderr
     assert len(rows_of(trace_file)) == 600

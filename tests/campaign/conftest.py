@@ -37,6 +37,13 @@ INPUTS = (
     Input("soc", "degC", "cpu-0-0", -40.0, 110.0),
 )
 LAG_S = 10.0
+PATIENT = """
+import sys
+from ambientd.sources import reader
+reader.PATIENCE_S = {}
+from ambientd.__main__ import main
+sys.exit(main())
+"""
 STATUSES = ("warming_up", "tracking", "degraded", "coasting", "faulted")
 
 
@@ -346,7 +353,15 @@ def config(tmp_path: Path, model_file: Path, zones: Zones) -> Callable[..., Path
 
 
 @pytest.fixture
-def start(tmp_path: Path, device_library: Path, clock: Clock, config: Callable[..., Path]) -> Iterator[Start]:
+def patience_s() -> float:
+    """How long the daemon waits for a sensor: long, so that a loaded machine fails no reading; see test_blocking."""
+    return 30.0
+
+
+@pytest.fixture
+def start(
+    tmp_path: Path, device_library: Path, clock: Clock, config: Callable[..., Path], patience_s: float
+) -> Iterator[Start]:
     """The daemon on the device, at its first tick; its clock stands there until the test moves it.
 
     What still runs at the end of the test is killed.
@@ -357,7 +372,7 @@ def start(tmp_path: Path, device_library: Path, clock: Clock, config: Callable[.
     def started(outputs: Outputs | None = None, log: int | None = None, **keys: Any) -> Daemon:
         outputs = outputs or Outputs(tmp_path / f"out-{len(running)}")
         log_path = tmp_path / f"log-{len(running)}"
-        call = [sys.executable, "-m", "ambientd", "run", "--config", str(config(outputs, **keys))]
+        call = [sys.executable, "-c", PATIENT.format(patience_s), "run", "--config", str(config(outputs, **keys))]
         clock.forget_sleeper()
         with open(log_path, "wb") as stream:
             process = subprocess.Popen(call, stdin=subprocess.DEVNULL, stderr=stream if log is None else log, env=env)

@@ -4,7 +4,15 @@ import signal
 import subprocess
 import sys
 
+import pytest
+
 FOR_EVER_S = 1e6
+
+
+@pytest.fixture
+def patience_s():
+    """The daemon's own."""
+    return 0.25
 
 
 def test_one_that_blocks_is_done_without_until_it_answers(tracking, zones):

@@ -14,6 +14,12 @@ ROUNDS = 15
 GARBAGE = (b"", b"-32768000\n", b"nan\n", b"125000\n", b"\xff" * 50)
 
 
+@pytest.fixture
+def patience_s():
+    """The daemon's own."""
+    return 0.25
+
+
 class Months:
     """A running daemon, and what happens around it."""
 

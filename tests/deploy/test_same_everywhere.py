@@ -198,13 +198,6 @@ def test_nobody_says_the_same_as_root(case, reference):
     assert done.stdout == f"{NOBODY}\n", "it was root all the time"
 
 
-def test_a_shell_says_the_same(case, reference):
-    call = f"'{sys.executable}' -IS ambientd.pyz run --model model.json --replay trace.csv --speed 0"
-    words = ["/bin/sh", "-c", f"{call} 2>/dev/null | cat"]
-    done = subprocess.run(words, cwd=case, capture_output=True, timeout=60)
-    assert done.stdout == reference[1]
-
-
 def pip(*arguments):
     words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *map(str, arguments)]
     return subprocess.run(words, capture_output=True, text=True, timeout=300)

@@ -1,6 +1,5 @@
 """One file that needs nothing but an interpreter: built twice alike, and of the same opinion as the packages."""
 
-import json
 import math
 import os
 import shutil
@@ -70,32 +69,6 @@ def test_it_checks_a_model_and_knows_nothing_of_installed_packages(deployed, tmp
     assert "conformance  passed" in done.stdout
     seen = run([sys.executable, "-I", "-S", "-c", "import ambientd"])
     assert "No module named 'ambientd'" in seen.stderr, "the test would otherwise try the packages, not the file"
-
-
-def test_a_replay_is_the_packages_own_to_the_last_byte(deployed, trace, tmp_path, model_file):
-    done = run(deployed("replay", model_file, trace, "-o", tmp_path / "file.csv"))
-    assert (done.returncode, done.stderr, done.stdout) == (0, "", f"{tmp_path}/file.csv: 300 estimates\n")
-    module = [
-        sys.executable,
-        "-m",
-        "ambientd",
-        "replay",
-        str(model_file),
-        str(trace),
-        "-o",
-        str(tmp_path / "module.csv"),
-    ]
-    assert run(module, env=None).returncode == 0
-    assert (tmp_path / "file.csv").read_bytes() == (tmp_path / "module.csv").read_bytes()
-
-
-def test_it_runs_on_a_replay_and_says_what_the_packages_say(deployed, trace, model_file):
-    arguments = ["run", "--model", str(model_file), "--replay", str(trace), "--speed", "0"]
-    done = run(deployed(*arguments))
-    assert done.returncode == 0
-    assert len(done.stdout.splitlines()) == 300
-    assert json.loads(done.stdout.splitlines()[0])["status"] == "warming_up"
-    assert done.stdout == run([sys.executable, "-m", "ambientd", *arguments], env=None).stdout
 
 
 def test_a_yaml_configuration_is_refused_with_the_way_out(deployed, tmp_path, model_file):

@@ -47,8 +47,3 @@ def test_the_byte_code_of_another_python_is_passed_by(compiled, zipapp, model_fi
                 content = b"\x01\x00\r\n" + content[4:]
             changed.writestr(name, content)
     assert said(other, model_file) == said(zipapp, model_file)
-
-
-def test_two_builds_are_the_same_bytes(build, compiled, tmp_path):
-    assert build("build_zipapp.py", "-o", tmp_path / "again.pyz", "--compiled").returncode == 0
-    assert (tmp_path / "again.pyz").read_bytes() == compiled.read_bytes()
