@@ -15,23 +15,21 @@ COMPLETE = (*FRESH, "degraded")
 """The last by itself: the guard has a say."""
 
 
-@pytest.mark.parametrize(("main", "one", "other", "heard"), list(itertools.product(OWN, OWN, OWN, range(3))))
-def test_every_case_is_decided_as_it_was_promised(main, one, other, heard):
-    """In words of the test's own: the complete speak first, the main one before all; then who spoke; then the main.
+def test_every_case_is_decided_as_it_was_promised():
+    """In words of the test's own: the complete first, the main one before all; then the last active; then the main.
 
     But a main one that has not settled does not interrupt a fallback that has.
     """
-    statuses = [main, one, other]
-    complete = [number for number, status in enumerate(statuses) if status in COMPLETE]
-    if main == "warming_up" and heard != MAIN and statuses[heard] == "tracking":
-        who, status = heard, "degraded"
-    elif complete:
-        who = complete[0]
-        status = statuses[who] if who == MAIN else "degraded"
-    else:
-        who = heard if statuses[heard] == "coasting" else MAIN
-        status = statuses[who]
-    assert decide(main, [one, other], heard) == (who, status)
+    for *statuses, active in itertools.product(OWN, OWN, OWN, range(3)):
+        complete = [number for number, status in enumerate(statuses) if status in COMPLETE]
+        if statuses[0] == "warming_up" and active != MAIN and statuses[active] == "tracking":
+            wanted = (active, "degraded")
+        elif complete:
+            wanted = (complete[0], statuses[0] if complete[0] == MAIN else "degraded")
+        else:
+            which = active if statuses[active] == "coasting" else MAIN
+            wanted = (which, statuses[which])
+        assert decide(statuses[0], statuses[1:], active) == wanted, (statuses, active)
 
 
 def test_the_table_is_complete_and_without_a_fallback_nothing_changes():

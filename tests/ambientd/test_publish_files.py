@@ -19,6 +19,8 @@ from ambientd.publish.status import StatusFile
 from ambientd.report import Report
 
 INPUTS = (Input("usb", "degC", "usb-therm", -20, 90), Input("battery", "degC", "battery", -20, 70))
+POISON = "-274000\n"
+KINDS = [RenamedFile, InPlaceFile]
 
 
 def report(ambient_degC, status="tracking", model="bench"):
@@ -30,68 +32,106 @@ def report(ambient_degC, status="tracking", model="bench"):
 FAULTED = report(None, "faulted")
 
 
-@pytest.fixture(params=[RenamedFile, InPlaceFile])
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "temp"
+
+
+@pytest.fixture(params=KINDS)
 def kind(request):
     return request.param
+
+
+def spec(path, **options):
+    return Spec("file", str(path), options=Options(**options) if options else None)
+
+
+def poisoned(path, **options):
+    return spec(path, **{"poison_millidegC": -274000, **options})
 
 
 @pytest.mark.parametrize(
     ("ambient_degC", "text"),
     [(23.4, "23400\n"), (-5.0006, "-5001\n"), (0.0, "0\n"), (-0.0001, "0\n"), (9.9996, "10000\n")],
 )
-def test_a_file_says_integer_millidegrees(kind, tmp_path, ambient_degC, text):
-    publisher = kind(Spec("file", str(tmp_path / "temp")))
+def test_a_file_holds_integer_millidegrees(kind, path, ambient_degC, text):
+    publisher = kind(spec(path))
     publisher.publish(report(100.0))
     publisher.publish(report(ambient_degC))
-    assert (tmp_path / "temp").read_text() == text
+    assert path.read_text() == text
     publisher.close()
-    assert os.listdir(tmp_path) == []
+    assert os.listdir(path.parent) == []
 
 
-def test_what_is_not_trusted_is_removed_and_comes_back(kind, tmp_path):
-    publisher = kind(Spec("file", str(tmp_path / "temp")))
-    publisher.publish(report(23.4))
-    publisher.publish(FAULTED)
-    assert os.listdir(tmp_path) == []
-    publisher.publish(FAULTED)
-    publisher.publish(report(23.5))
-    assert (tmp_path / "temp").read_text() == "23500\n"
-
-
-def test_what_is_not_trusted_says_the_poison_from_the_first_tick(kind, tmp_path):
-    publisher = kind(poisoned(tmp_path))
-    publisher.publish(FAULTED)
-    assert (tmp_path / "temp").read_text() == "-274000\n"
-    publisher.publish(report(5.0))
-    assert (tmp_path / "temp").read_text() == "5000\n"
+@settings(max_examples=60)
+@example(value=999_999_999.5, offset=999_999)
+@example(value=-999_999_999.5, offset=-999_999)
+@given(value=st.floats(allow_nan=False) | st.floats(-60, 90), offset=st.just(0) | st.integers(-999_999, 999_999))
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_file_is_one_whole_line_of_at_most_15_bytes_or_absent(kind, value, offset, tmp_path_factory):
+    path = tmp_path_factory.mktemp("files") / "temp"
+    publisher = kind(spec(path, offset_millidegC=offset))
+    publisher.publish(report(value))
+    if path.exists():
+        assert re.fullmatch(rb"-?[0-9]+\n", path.read_bytes())
+        assert len(path.read_bytes()) <= 15
+        assert int(path.read_bytes()) == round(value * 1000) + offset
+    else:
+        assert abs(value) >= 10**9 - 1
     publisher.close()
-    assert os.listdir(tmp_path) == []
 
 
-def test_renamed_is_a_new_file_and_in_place_the_same(tmp_path):
-    for kind, same in ((RenamedFile, False), (InPlaceFile, True)):
-        publisher = kind(Spec("file", str(tmp_path / "temp")))
-        publisher.publish(report(20.0))
-        with open(tmp_path / "temp", "rb") as reader:
-            publisher.publish(report(21.0))
-            assert (reader.read() == b"21000\n") is same
+def test_what_is_not_trusted_is_removed_or_poisoned_from_the_first_tick(kind, path):
+    for made, content in ((spec(path), None), (poisoned(path, offset_millidegC=100_000), POISON)):
+        publisher = kind(made)
+        for each in (FAULTED, report(-5.0), FAULTED, FAULTED):
+            publisher.publish(each)
+            # the offset is added to the value, and not to the poison
+            wanted = content if each is FAULTED else "-5000\n" if content is None else "95000\n"
+            assert (path.read_text() if path.exists() else None) == wanted
         publisher.close()
+        assert os.listdir(path.parent) == []
 
 
-def test_in_place_goes_on_with_a_file_that_is_there(tmp_path):
-    (tmp_path / "temp").write_text("-1234567890\n")
-    with open(tmp_path / "temp", "rb", buffering=0) as reader:
-        publisher = InPlaceFile(poisoned(tmp_path, poison_millidegC=-40000))
+@pytest.mark.parametrize(("kind", "same"), [(RenamedFile, False), (InPlaceFile, True)])
+def test_renamed_is_a_new_file_and_in_place_the_same(kind, same, path):
+    publisher = kind(spec(path))
+    publisher.publish(report(20.0))
+    with open(path, "rb") as reader:
+        publisher.publish(report(21.0))
+        assert (reader.read() == b"21000\n") is same
+    publisher.close()
+
+
+def test_in_place_continues_a_file_that_is_there(path):
+    path.write_text("-1234567890\n")
+    with open(path, "rb", buffering=0) as reader:
+        publisher = InPlaceFile(poisoned(path, poison_millidegC=-40000))
         publisher.publish(report(7.0))
         assert os.pread(reader.fileno(), 15, 0) == b"7000\n"
         publisher.close()
-        assert os.pread(reader.fileno(), 15, 0) == b"-40000\n"  # who keeps it open is not left with a last value
+        assert os.pread(reader.fileno(), 15, 0) == b"-40000\n"  # a reader that keeps it open has no last value
 
 
-def test_status_is_one_json_object(tmp_path):
-    publisher = StatusFile(Spec("status", str(tmp_path / "status.json")))
+@pytest.mark.parametrize(("options", "left"), [({}, None), ({"poison_millidegC": -274000}, POISON)])
+def test_a_value_that_cannot_be_replaced_does_not_stay(path, options, left):
+    """As on a full disk, where there is no room for another file."""
+    publisher = RenamedFile(spec(path, **options))
+    publisher.publish(report(20.0))
+    in_the_way = path.with_name(f"temp.{os.getpid()}.part")
+    in_the_way.mkdir()
+    with pytest.raises(OSError, match="Is a directory"):
+        publisher.publish(report(21.0))
+    assert (path.read_text() if path.exists() else None) == left
+    in_the_way.rmdir()
+    publisher.publish(report(21.0))
+    assert path.read_text() == "21000\n"
+
+
+def test_status_is_one_json_object(path):
+    publisher = StatusFile(Spec("status", str(path)))
     publisher.publish(report(23.4))
-    assert json.loads((tmp_path / "status.json").read_text()) == {
+    assert json.loads(path.read_text()) == {
         "time_s": 12.5,
         "model": "bench",
         "status": "tracking",
@@ -106,10 +146,10 @@ def test_status_is_one_json_object(tmp_path):
         },
     }
     publisher.publish(FAULTED)
-    said = json.loads((tmp_path / "status.json").read_text())
+    said = json.loads(path.read_text())
     assert (said["status"], said["ambient_degC"], said["age_s"]) == ("faulted", None, None)
     publisher.close()
-    assert os.listdir(tmp_path) == []
+    assert os.listdir(path.parent) == []
 
 
 SAMPLE = re.compile(r'(ambientd_[a-z_]+)(?:\{((?:[a-z_]+="(?:[^"\\\n]|\\[\\"n])*",?)+)\})? (-?[0-9.e+-]+)')
@@ -131,10 +171,10 @@ def parsed(text):
     return samples
 
 
-def test_the_textfile_holds_the_gauges(tmp_path):
-    publisher = PrometheusFile(Spec("prometheus", str(tmp_path / "ambientd.prom")))
+def test_the_textfile_holds_the_gauges(path):
+    publisher = PrometheusFile(Spec("prometheus", str(path)))
     publisher.publish(report(23.4))
-    samples = parsed((tmp_path / "ambientd.prom").read_text())
+    samples = parsed(path.read_text())
     assert samples["ambientd_ambient_celsius", 'model="bench"'] == 23.4
     assert samples["ambientd_ambient_low_celsius", 'model="bench"'] == 22.9
     assert samples["ambientd_status", 'status="tracking"'] == 1
@@ -142,110 +182,44 @@ def test_the_textfile_holds_the_gauges(tmp_path):
     assert samples["ambientd_sensor_used", 'sensor="battery",unit="degC"'] == 24.5
     assert ("ambientd_sensor_raw", 'sensor="battery",unit="degC"') not in samples
     publisher.close()
-    assert os.listdir(tmp_path) == []
-
-
-def test_a_gauge_without_a_value_is_left_out_whole():
+    assert os.listdir(path.parent) == []
     text = exposition(FAULTED)
-    assert "ambientd_ambient_celsius" not in text
-    assert "ambientd_estimate_age_seconds" not in text
+    assert not re.search("ambientd_(ambient_celsius|estimate_age_seconds)", text), "a gauge without a value is left out"
     assert parsed(text)["ambientd_status", 'status="faulted"'] == 1
-
-
-def test_labels_are_escaped():
     assert ("ambientd_ambient_celsius", r'model="a \"b\" \\ c"') in parsed(exposition(report(1.0, model='a "b" \\ c')))
 
 
-def poisoned(tmp_path, **more):
-    options = Options(**{"poison_millidegC": -274000, **more})
-    return Spec("file", str(tmp_path / "temp"), options=options)
-
-
-def test_at_exit_the_poison_may_stay(kind, tmp_path):
-    publisher = kind(poisoned(tmp_path, at_exit="poison"))
+def test_at_exit_the_poison_may_stay_over_what_a_dead_daemon_left_too(kind, path):
+    publisher = kind(poisoned(path, at_exit="poison"))
     publisher.publish(report(23.4))
-    with open(tmp_path / "temp", "rb", buffering=0) as reader:
+    with open(path, "rb", buffering=0) as reader:
         publisher.close()
         kept = os.pread(reader.fileno(), 15, 0)
-    assert (tmp_path / "temp").read_text() == "-274000\n"
+    assert path.read_text() == POISON
     assert kept == (b"-274000\n" if kind is InPlaceFile else b"23400\n")
-    assert os.listdir(tmp_path) == ["temp"]
+    path.write_text("1234567890\n")
+    kind(poisoned(path, at_exit="poison")).close()  # it has never published
+    assert path.read_text() == POISON
+    assert os.listdir(path.parent) == ["temp"]
 
 
-def test_a_daemon_that_never_published_leaves_the_poison_over_what_a_dead_one_left(kind, tmp_path):
-    (tmp_path / "temp").write_text("1234567890\n")
-    kind(poisoned(tmp_path, at_exit="poison")).close()
-    assert (tmp_path / "temp").read_text() == "-274000\n"
-
-
-def test_an_offset_is_added_to_the_value_and_not_to_the_poison(kind, tmp_path):
-    publisher = kind(poisoned(tmp_path, offset_millidegC=100_000))
-    publisher.publish(report(-5.0))
-    assert (tmp_path / "temp").read_text() == "95000\n"
-    publisher.publish(FAULTED)
-    assert (tmp_path / "temp").read_text() == "-274000\n"
-    publisher.close()
-
-
-@settings(max_examples=60)
-@example(value=999_999_999.5, offset=999_999)
-@example(value=-999_999_999.5, offset=-999_999)
-@given(value=st.floats(allow_nan=False), offset=st.integers(-999_999, 999_999))
-@pytest.mark.parametrize("kind", [RenamedFile, InPlaceFile])
-def test_with_an_offset_it_is_at_most_15_bytes_too(kind, value, offset, tmp_path_factory):
-    path = tmp_path_factory.mktemp("files") / "temp"
-    publisher = kind(Spec("file", str(path), options=Options(offset_millidegC=offset)))
-    publisher.publish(report(value))
-    if path.exists():
-        assert re.fullmatch(rb"-?[0-9]+\n", path.read_bytes())
-        assert len(path.read_bytes()) <= 15
-        assert int(path.read_bytes()) == round(value * 1000) + offset
-    publisher.close()
-
-
-def test_a_value_that_cannot_be_replaced_is_poisoned_in_its_place(tmp_path):
-    """As on a full disk, where there is no room for another file."""
-    publisher = RenamedFile(poisoned(tmp_path))
-    publisher.publish(report(20.0))
-    (tmp_path / f"temp.{os.getpid()}.part").mkdir()
-    with pytest.raises(OSError, match="Is a directory"):
-        publisher.publish(report(21.0))
-    assert (tmp_path / "temp").read_text() == "-274000\n"
-    (tmp_path / f"temp.{os.getpid()}.part").rmdir()
-    publisher.publish(report(21.0))
-    assert (tmp_path / "temp").read_text() == "21000\n"
-
-
-def test_in_place_a_shorter_value_is_never_followed_by_the_rest_of_a_longer_one(tmp_path, monkeypatch):
-    publisher = InPlaceFile(poisoned(tmp_path))
+def test_in_place_no_reader_ever_sees_the_rest_of_another_value(path, monkeypatch):
+    publisher = InPlaceFile(poisoned(path))
     publisher.publish(FAULTED)
     seen = []
-    cut = os.ftruncate
-    monkeypatch.setattr(
-        os, "ftruncate", lambda *arguments: (seen.append((tmp_path / "temp").read_bytes()), cut(*arguments))
-    )
-    publisher.publish(report(5.0))
-    assert seen == [b"5000\n\n\n\n"]
-    assert (tmp_path / "temp").read_bytes() == b"5000\n"
-
-
-def test_in_place_a_longer_value_is_never_cut_at_the_length_of_a_shorter_one(tmp_path, monkeypatch):
-    publisher = InPlaceFile(poisoned(tmp_path))
-    publisher.publish(report(0.007))
-    seen = []
-    write = os.pwrite
-    monkeypatch.setattr(
-        os, "pwrite", lambda *arguments: (write(*arguments), seen.append((tmp_path / "temp").read_bytes()))
-    )
-    publisher.publish(report(23.4))
-    assert seen == [b"7\n\n\n\n\n", b"23400\n"]
+    write, cut = os.pwrite, os.ftruncate
+    monkeypatch.setattr(os, "pwrite", lambda *each: (write(*each), seen.append(path.read_bytes())))
+    monkeypatch.setattr(os, "ftruncate", lambda *each: (cut(*each), seen.append(path.read_bytes())))
+    for ambient_degC in (5.0, 0.007, 23.4):
+        publisher.publish(report(ambient_degC))
+    assert seen == [b"5000\n\n\n\n", b"5000\n", b"7\n\n\n\n", b"7\n", b"7\n\n\n\n\n", b"23400\n"]
 
 
 @pytest.mark.parametrize("by", ["remove", "rename", "folder"])
-def test_in_place_who_kept_a_file_that_is_no_longer_there_reads_the_poison(tmp_path, by):
+def test_in_place_a_reader_of_a_file_that_is_no_longer_there_reads_the_poison(tmp_path, by):
     folder = tmp_path / "out"
     folder.mkdir()
-    publisher = InPlaceFile(poisoned(folder))
+    publisher = InPlaceFile(poisoned(folder / "temp"))
     publisher.publish(report(20.0))
     with open(folder / "temp", "rb", buffering=0) as reader:
         if by == "remove":
@@ -262,31 +236,31 @@ def test_in_place_who_kept_a_file_that_is_no_longer_there_reads_the_poison(tmp_p
     publisher.close()
 
 
-def test_a_file_that_cannot_be_given_away_is_not_there(kind, tmp_path, monkeypatch):
+def test_a_file_that_cannot_be_given_away_is_not_there(kind, path, monkeypatch):
     def refuse(*_):
         raise PermissionError(1, "Operation not permitted")
 
-    (tmp_path / "temp").write_text("20000\n")
+    path.write_text("20000\n")
     monkeypatch.setattr(os, "chown", refuse)
-    publisher = kind(Spec("file", str(tmp_path / "temp"), access=Access(owner=4711)))
+    publisher = kind(spec(path)._replace(access=Access(owner=4711)))
     for _ in range(2):
         with pytest.raises(PermissionError):
             publisher.publish(report(21.0))
-        assert os.listdir(tmp_path) == []
+        assert os.listdir(path.parent) == []
     monkeypatch.undo()
-    publisher.adapt(Spec("file", str(tmp_path / "temp")))
+    publisher.adapt(spec(path))
     publisher.publish(report(21.0))
-    assert (tmp_path / "temp").read_text() == "21000\n"
+    assert path.read_text() == "21000\n"
     publisher.close()
 
 
-def test_another_poison_holds_from_the_next_value_on_and_the_file_stays_the_same(tmp_path):
-    publisher = InPlaceFile(poisoned(tmp_path))
+def test_another_poison_holds_from_the_next_value_on_and_the_file_stays_the_same(path):
+    publisher = InPlaceFile(poisoned(path))
     publisher.publish(report(20.0))
-    inode = (tmp_path / "temp").stat().st_ino
-    publisher.adapt(poisoned(tmp_path, poison_millidegC=60000))
-    assert (tmp_path / "temp").read_text() == "20000\n"
+    inode = path.stat().st_ino
+    publisher.adapt(poisoned(path, poison_millidegC=60000))
+    assert path.read_text() == "20000\n"
     publisher.publish(FAULTED)
-    assert (tmp_path / "temp").read_text() == "60000\n"
-    assert (tmp_path / "temp").stat().st_ino == inode
+    assert path.read_text() == "60000\n"
+    assert path.stat().st_ino == inode
     publisher.close()

@@ -7,7 +7,7 @@ import socket
 
 import pytest
 
-from ambientd.schedule import next_deadline, ticks
+from ambientd.schedule import ticks
 from ambientd.service import Service
 
 
@@ -57,12 +57,6 @@ def test_stdout_is_the_default_and_either_signal_ends_it(start, ended, on_phone,
     status, _, log = ended(daemon, by)
     assert status == 0
     assert "Traceback" not in log
-
-
-def test_a_signal_ends_a_long_wait_at_once(start, ended, model_file, phone):
-    daemon = start("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "0.1")
-    daemon.stdout.readline()
-    assert ended(daemon)[0] == 0  # the next deadline is ten seconds off, and so is the limit of the wait
 
 
 def test_a_lost_sensor_is_told_once_and_the_file_goes_when_nothing_is_to_be_trusted(
@@ -185,30 +179,6 @@ def test_a_trace_with_a_fault_ends_with_1_and_leaves_nothing_behind(ambientd, mo
     assert not (tmp_path / "s").exists()
 
 
-def test_a_killed_daemons_socket_is_taken_over_and_a_live_ones_refused(
-    start, until, ended, on_phone, ambientd, tmp_path
-):
-    path = str(tmp_path / "s")
-    publish = ("--publish", f"socket:{path}", "--publish", f"status:{tmp_path}/status")
-    killed = start(*on_phone, *publish)
-    until(lambda: text(tmp_path / "status"))
-    killed.kill()
-    killed.wait()
-    assert os.path.exists(path)
-    (tmp_path / "status").unlink()
-    live = start(*on_phone, *publish)
-    until(lambda: text(tmp_path / "status"))
-    second = ambientd(*on_phone, "--publish", f"socket:{path}")
-    assert second.returncode == 1
-    assert second.stderr == f"ambientd: {path}: another daemon listens there; stop it first, or choose another path\n"
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-        reader.settimeout(15)
-        reader.connect(path)
-        assert json.loads(reader.makefile().readline())["status"] == "warming_up"
-    assert ended(live)[0] == 0
-    assert not os.path.exists(path)
-
-
 def test_who_connects_between_two_ticks_is_served_before_the_next(start, until, model_file, phone, tmp_path):
     """Ten seconds lie between two ticks; the line that is there is told long before."""
     start(
@@ -235,14 +205,6 @@ def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, 
     assert [line[key] for key in ("level_percent", "low_degC", "high_degC")] == pytest.approx([98, 22.0, 24.5])
     assert not (tmp_path / "temp").exists()
     assert ended(daemon)[0] == 0
-
-
-def test_deadlines_stay_on_their_grid_and_missed_ones_are_skipped():
-    assert next_deadline(100.0, 100.0, 1.0) == 101.0
-    assert next_deadline(100.0, 100.9, 1.0) == 101.0
-    assert next_deadline(100.0, 101.0, 1.0) == 102.0
-    assert next_deadline(100.0, 107.3, 1.0) == 108.0
-    assert next_deadline(100.0, 3700.2, 0.5) == 3700.5
 
 
 def test_ticks_come_at_absolute_times_through_work_and_suspend():

@@ -96,14 +96,6 @@ def test_a_read_that_fails_is_missing_told_once_and_comes_back(sensors, notes, f
     assert notes == [f"sensor usb: no value ({os.strerror(number)})", "sensor usb: is back"]
 
 
-@pytest.mark.parametrize("name", ERRORS)
-def test_one_failure_costs_one_tick(sensors, failing, name):
-    failing(getattr(errno, name))
-    assert sensors.read(0.0) == [None, 25.0]
-    failing(0)
-    assert sensors.read(0.1) == [30.0, 25.0]
-
-
 @pytest.mark.parametrize("name", ["EIO", "ETIMEDOUT", "ENXIO"])
 def test_a_read_that_keeps_failing_is_not_paid_for_at_every_tick(sensors, failing, name):
     tries = failing(getattr(errno, name))
@@ -124,18 +116,6 @@ def test_a_value_outside_its_range_is_told_once_and_shown(sensors, phone, notes)
     temp(phone, 10).write_text("31000\n")
     sensors.read(3.0)
     assert notes == ["sensor usb: set aside (125 degC is outside -20 to 90)", "sensor usb: is back"]
-
-
-def test_a_stuck_one_is_a_missing_value_told_once(make_sensors, phone, notes):
-    sensors = make_sensors(Rules(stuck_after_s=60.0))
-    seen = []
-    for k in range(100):
-        temp(phone, 10).write_text(f"{30000 + 50 * k}\n")
-        seen.append(sensors.read(float(k))[1])
-    temp(phone, 3).write_text("25100\n")
-    seen.append(sensors.read(100.0)[1])
-    assert seen == [25.0] * 61 + [None] * 39 + [25.1]
-    assert notes == ["sensor battery: set aside (stands at 25 degC while others move)", "sensor battery: is back"]
 
 
 def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, make_sensors, notes):

@@ -238,6 +238,7 @@ def test_shellcheck_has_nothing_to_say():
     if shutil.which("shellcheck") is None:
         pytest.skip("shellcheck is not installed")
     scripts = [*sorted(DEPLOY.rglob("*.sh")), DEPLOY / "magisk/META-INF/com/google/android/update-binary"]
+    scripts += [DEPLOY / "debian" / name for name in ("postinst", "prerm", "postrm")]
     assert {"emul_temp.sh", "service.sh", "customize.sh"} <= {script.name for script in scripts}
     done = subprocess.run(["shellcheck", *scripts], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "")

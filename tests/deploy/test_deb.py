@@ -116,14 +116,6 @@ def test_what_is_unpacked_runs(dpkg_deb, deb, tmp_path, model_file, deployed):
     assert "/etc/ambientd/model.json: cannot be read (No such file or directory)" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["postinst", "prerm", "postrm"])
-def test_its_scripts_are_in_order(name):
-    if shutil.which("shellcheck") is None:
-        pytest.skip("shellcheck is not installed")
-    done = subprocess.run(["shellcheck", DEPLOY / "debian" / name], capture_output=True, text=True, timeout=30)
-    assert (done.returncode, done.stdout) == (0, "")
-
-
 def test_lintian_finds_no_error(deb):
     if shutil.which("lintian") is None:
         pytest.skip("lintian is not installed")

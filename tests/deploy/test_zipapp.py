@@ -2,7 +2,6 @@
 
 import math
 import os
-import shutil
 import stat
 import subprocess
 import sys
@@ -38,16 +37,6 @@ def test_two_builds_are_the_same_bytes_whatever_the_clock_the_mask_and_the_folde
     assert (done.returncode, done.stdout) == (0, f"{other}: {other.stat().st_size} bytes\n")
     assert other.read_bytes() == zipapp.read_bytes()
     assert os.listdir(other.parent) == ["er.pyz"]
-
-
-def test_times_of_the_sources_do_not_count(tmp_path, zipapp):
-    """A copy of the checkout, with every file as new as the copy, gives the same bytes."""
-    for part in ("deploy", "shared", "daemon"):
-        shutil.copytree(ROOT / part, tmp_path / part, copy_function=shutil.copyfile)
-    shutil.copyfile(ROOT / "LICENSE", tmp_path / "LICENSE")
-    done = run([sys.executable, "-I", str(tmp_path / "deploy" / "build_zipapp.py"), "-o", str(tmp_path / "copy.pyz")])
-    assert (done.returncode, done.stderr) == (0, "")
-    assert (tmp_path / "copy.pyz").read_bytes() == zipapp.read_bytes()
 
 
 def test_it_holds_the_daemon_and_the_model_and_nothing_else(zipapp):
