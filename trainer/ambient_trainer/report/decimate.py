@@ -27,8 +27,8 @@ def extremes(values: Array, limit: int) -> NDArray[np.intp]:
         np.where(missing.any(axis=1), missing.argmax(axis=1), 0),
     )
     starts = np.arange(len(padded)) * size
-    found = np.concatenate([[0], *(starts + pick for pick in picks), [len(values) - 1]])
-    return np.unique(np.minimum(found, len(values) - 1)).astype(np.intp)
+    kept = np.concatenate([[0], *(starts + pick for pick in picks), [len(values) - 1]])
+    return np.unique(np.minimum(kept, len(values) - 1)).astype(np.intp)
 
 
 def envelope(low: Array, high: Array, limit: int) -> tuple[NDArray[np.intp], Array, Array]:

@@ -92,7 +92,7 @@ def time_axis(time_s: Array) -> tuple[float, str]:
 def spans_where(time_s: Array, flags: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """The stretches (from, to in s) where ``flags`` (n,) holds, each to the sample after it.
 
-    Stretches less than 1/400 of the whole apart are drawn as one: nobody could tell them apart.
+    Stretches less than 1/400 of the whole apart are drawn as one: no screen shows them apart.
     """
     edges = np.diff(np.concatenate([[False], flags, [False]]).astype(int))
     starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)

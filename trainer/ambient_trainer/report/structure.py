@@ -1,4 +1,4 @@
-"""What a command has to say is one structure, whoever shows it: terminal, machine or page."""
+"""The one structure of what a command shows, on a terminal, to a machine or as a page."""
 
 from __future__ import annotations
 

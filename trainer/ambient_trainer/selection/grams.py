@@ -1,7 +1,7 @@
 """The Gram matrices of all zones are computed once; then a candidate is scored from a few of their rows.
 
 Over a bank phi (1 + K signals a sensor) a candidate's estimate is y = sum_i b_i' phi_i + offset. Its gains minimise,
-over the samples that teach,
+over the samples that are fitted to,
 
     sum (T - y)^2 + n sum_i [ s^2 b_i' N b_i + (s^2 + q_i^2/12) (1' b_i)^2 ]    with    sum_i 1' b_i = 1.
 
@@ -63,13 +63,14 @@ class Filter:
 class Grams:
     """Gram matrices over the bank of all sensors, a one and the reference, in this order: p = m (1 + K) + 2 rows.
 
-    ``whole`` (p, p) and ``taught`` (blocks, p, p) carry the penalty; ``held`` (blocks, p, p) does not.
+    ``whole`` (p, p) and ``fitted_to`` (blocks, p, p), of the samples outside a block and its gaps, carry the penalty;
+    ``held`` (blocks, p, p) does not.
     """
 
     poles_s: tuple[float, ...]
     sensors: int
     whole: Array
-    taught: Array
+    fitted_to: Array
     held: Array
     samples: Array
     """(blocks,): with a reference, held out."""
@@ -82,8 +83,8 @@ class Grams:
         rows, last = self._rows(candidates), self.whole.shape[0] - 1
         pick = rows[:, :, None], rows[:, None, :]
         found = np.empty((len(candidates), len(self.held)))
-        for block, (taught, held) in enumerate(zip(self.taught, self.held)):
-            b = _unit_gain(taught[pick], taught[rows, last])
+        for block, (fitted_to, held) in enumerate(zip(self.fitted_to, self.held)):
+            b = _unit_gain(fitted_to[pick], fitted_to[rows, last])
             curved = np.einsum("ci,cij,cj->c", b, held[pick], b)
             found[:, block] = curved - 2 * np.einsum("ci,ci->c", b, held[rows, last]) + held[last, last]
         return np.maximum(found, 0.0)
@@ -118,18 +119,18 @@ def gathered(
     whole = sum((_gram(table, count) for table, count in zip(tables, counts)), np.zeros((1, 1)))
     penalty = _penalty(sensors, poles_s, segments[0].period_s, tolerance_degC)
     total = sum(int(each.sum()) for each in counts)
-    held, taught, samples = [], [], []
+    held, fitted_to, samples = [], [], []
     for block in blocks:
         table, count = tables[block.segment], counts[block.segment]
         out, near = slice(block.start, block.stop), slice(block.first, block.last)
         held.append(_gram(table[:, out], count[out]))
-        taught.append(whole - _gram(table[:, near], count[near]) + (total - int(count[near].sum())) * penalty)
+        fitted_to.append(whole - _gram(table[:, near], count[near]) + (total - int(count[near].sum())) * penalty)
         samples.append(int(count[out].sum()))
     return Grams(
         poles_s,
         len(sensors),
         whole + total * penalty,
-        np.array(taught),
+        np.array(fitted_to),
         np.array(held),
         np.array(samples, dtype=np.float64),
     )

@@ -26,7 +26,7 @@ def command(model_path: str, trace_path: str, output: str, from_s: float | None,
     """
     check_outputs([output], [model_path, trace_path])
     model, trace = load_model(model_path), load_trace(trace_path)
-    found = correction(model, known_between(trace, from_s, to_s))
-    save_model(output, corrected(model, found, training_of(trace, from_s, to_s)))
-    Output().show(report_of(found))
+    result = correction(model, known_between(trace, from_s, to_s))
+    save_model(output, corrected(model, result, training_of(trace, from_s, to_s)))
+    Output().show(report_of(result))
     click.echo(f"Model: {output}")

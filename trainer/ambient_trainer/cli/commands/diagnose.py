@@ -23,7 +23,7 @@ from ambient_trainer.data.trace import load_trace
 @window_options
 @period_option("at most 2000 samples")
 @output_options("the diagnosis", page=True)
-@click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was found.")
+@click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was missing.")
 @jobs_option("Candidates at a time.")
 def command(
     trace_paths: tuple[str, ...],
@@ -53,11 +53,11 @@ def command(
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
     baselines = [load_trace(path) for path in baseline_paths]
     with staged_progress() as progress, parallel_config(n_jobs=jobs):
-        found = diagnose(thermal, traces, baselines, progress, period_s)
-    output.show(report_of(found))
+        result = diagnose(thermal, traces, baselines, progress, period_s)
+    output.show(report_of(result))
     if extended_path is not None:
-        if found.extended is None:
-            click.echo("Nothing was found that a circuit can hold: no circuit is written.")
+        if result.extended is None:
+            click.echo("No cause is one that a circuit can hold: no circuit is written.")
         else:
-            save_circuit(extended_path, found.extended)
+            save_circuit(extended_path, result.extended)
             click.echo(f"Circuit: {extended_path}")

@@ -55,7 +55,7 @@ def command(
     period_s: float | None,
     output: Output,
 ) -> None:
-    """Fit a circuit to TRACE and test whether its parameters can be told from its inputs and output at all.
+    """Fit a circuit to TRACE and test whether its inputs and output identify its parameters.
 
     First as the thesis does it: fit the circuit's own output from many starts, and see whether another parameter set
     explains it. Then by what no start can miss: the directions along which the output never changes, and how far each
@@ -66,8 +66,8 @@ def command(
     thermal = thermal_circuit(circuit)
     trace = load_trace(trace_path).cut(from_s, to_s)
     with counted_progress() as progress:
-        found = identifiability(thermal, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
-    output.show(report_of(found))
+        result = identifiability(thermal, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
+    output.show(report_of(result))
 
 
 def _fix(text: str) -> tuple[str, float | None]:
