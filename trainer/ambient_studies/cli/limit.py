@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 import click
-from threadpoolctl import threadpool_limits
 
-from ambient_model.codec import load_model
-from ambient_studies.lower_bound.limit import Seeds, limits
-from ambient_studies.lower_bound.summary import as_json, limit_table, sentences
-from ambient_trainer.cli.lists import whole_numbers
-from ambient_trainer.cli.number import sampling_option
-from ambient_trainer.cli.outputs import check_outputs
-from ambient_trainer.cli.printing import printer, write_figures
+from ambient_trainer.cli.options import output_options, sampling_option, whole_numbers
+from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import staged_progress
-from ambient_trainer.report.table import for_terminal
 
 
 @click.command("limit")
@@ -28,25 +21,24 @@ from ambient_trainer.report.table import for_terminal
     help="How many other runs of a scenario the filters are fitted to.",
 )
 @sampling_option("Sampling.")
-@click.option("--json", "json_path", metavar="OUT", help="Write the figures to this file as JSON.")
-def command(
-    model_path: str, scenario_list: str, seed_list: str, fitted: int, period_s: float, json_path: str | None
-) -> None:
+@output_options()
+def command(model_path: str, scenario_list: str, seed_list: str, fitted: int, period_s: float, output: Output) -> None:
     """Put beside MODEL.json the best linear causal filters that were fitted to the very scenario they are scored on.
 
     One has the model's order and sensors, one many low-passes of the same sensors, one those of every zone of the
     phone. Every figure is simulated.
     """
-    check_outputs([json_path], [model_path])
+    from threadpoolctl import threadpool_limits
+
+    from ambient_model.codec import load_model
+    from ambient_studies.lower_bound.report import report_of  # scipy: --help should not wait for it
+    from ambient_studies.lower_bound.study import Seeds, lower_bounds
     from ambient_trainer.simulator.scenario import scenario_names
 
+    output.check([model_path])
     scenarios = scenario_names() if scenario_list == "all" else tuple(dict.fromkeys(scenario_list.split(",")))
     seeds = Seeds.after(whole_numbers("--seeds", seed_list), fitted)
     model = load_model(model_path)
     with staged_progress() as progress, threadpool_limits(1):
-        found = limits(model, scenarios, seeds, period_s, progress)
-    printer().print(for_terminal(limit_table(model, found)))
-    for line in sentences(found):
-        click.echo(line)
-    if json_path is not None:
-        write_figures(json_path, as_json(model, found, seeds))
+        found = lower_bounds(model, scenarios, seeds, period_s, progress)
+    output.show(report_of(model, found, seeds))

@@ -3,8 +3,8 @@
     y[k] = offset + sum_i (w_i0 u_i[k] + sum_j w_ij l_ij[k])
     l_ij = (1 - a_j)/(z - a_j) u_i,    a_j = exp(-T / tau_j)
 
-With time constants spread evenly in logarithm it approaches any causal filter of decaying memory. The ridge that keeps
-it from learning the noise is chosen by leaving out one of the taught runs at a time.
+With time constants evenly spaced in logarithm it approaches any causal filter of decaying memory. The ridge penalty,
+against fitting the noise, is selected by leaving out one training run at a time.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def gram(trace: Trace, columns: Sequence[str], lags: int) -> Gram:
     return Gram.of(S, trace.reference)
 
 
-def taught(runs: Sequence[Gram]) -> Array:
-    """The weights (p,) that ``runs`` teach, with the ridge under which each run is best foreseen by the others."""
+def fitted(runs: Sequence[Gram]) -> Array:
+    """Ridge-regression weights (p,), with the penalty under which each run is predicted best from the others."""
     if len(runs) == 1:
         return _solved(runs, _RIDGES[len(_RIDGES) // 2])
     left_out = {
@@ -50,7 +50,7 @@ def taught(runs: Sequence[Gram]) -> Array:
 
 
 def rmse_degC(weights: Array, runs: Sequence[Gram]) -> float:
-    """The RMSE over all ``runs``, each weighing the same."""
+    """The RMSE over all ``runs``, each with the same weight."""
     return math.sqrt(sum(_mean_square(weights, run) for run in runs) / len(runs))
 
 

@@ -1,1 +1,1 @@
-"""From phone to phone: a model of one unit on others of the same make, with and without a case, and its correction."""
+"""Unit-to-unit variation: a model of one unit on others, with and without a case, and with each unit's correction."""

@@ -1,7 +1,7 @@
-"""From phone to phone: a model of one unit runs on others of the same make, as it is and with each unit's correction.
+"""Unit-to-unit variation: a model of one unit on others of the same make, as it is and with each unit's correction.
 
-All units see the same weather and the same noise, so that what differs is they. Each is calibrated bare, on a run of
-its own; its correction is then scored on the other runs, bare and in its case.
+All units have the same weather and noise, so only they differ. Each is calibrated bare, on a run of its own; its
+correction is then scored on the other runs, bare and in its case.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.simulator.scenario import load_scenario
 
 Progress = Callable[[str, int, int], None]
-"""What is under way, how much of it is done, of how much."""
+"""Called with what is under way, how much of it is done, and of how much."""
 
 _AT_ONCE = 5
 """Units that are simulated together."""
@@ -59,7 +59,7 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Judged:
+class ScoredUnit:
     """A unit (0 is the nominal one), its correction, and its runs."""
 
     number: int
@@ -73,28 +73,50 @@ class Study:
 
     model: Model
     plan: Plan
-    nominal: Judged
-    units: tuple[Judged, ...]
+    nominal: ScoredUnit
+    units: tuple[ScoredUnit, ...]
 
 
 def study(model: Model, plan: Plan, jobs: int, progress: Progress) -> Study:
-    """The study by so many processes; raises :class:`Refused` where the simulated phone lacks one of its inputs."""
+    """Score a model on units drawn within the tolerances of manufacture.
+
+    Parameters
+    ----------
+    model : Model
+        Fitted to the nominal simulated phone.
+    plan : Plan
+        Units, scenarios, seed and sampling period.
+    jobs : int
+        Processes.
+    progress : callable
+        Called with what is under way, how much of it is done, and of how much.
+
+    Returns
+    -------
+    Study
+        Errors and correction of every unit.
+
+    Raises
+    ------
+    Refused
+        Where the simulated phone lacks one of the model's inputs.
+    """
     for name in plan.scenarios:
         load_scenario(name)
     zones = phone_zones(model, model.main.inputs[0].name)
     units = [nominal(zones), *(drawn(number, plan.seed, zones) for number in range(1, plan.count + 1))]
     parts = [units[first : first + _AT_ONCE] for first in range(0, len(units), _AT_ONCE)]
     what = f"{len(units)} phones"
-    found: list[Judged] = []
+    found: list[ScoredUnit] = []
     progress(what, 0, len(units))
     with workers(min(jobs, len(parts))) as parallel:
-        for judged in results(parallel, (delayed(_judged)(model, part, plan) for part in parts)):
-            found += judged
+        for scored in results(parallel, (delayed(_scored)(model, part, plan) for part in parts)):
+            found += scored
             progress(what, len(found), len(units))
     return Study(model, plan, found[0], tuple(found[1:]))
 
 
-def _judged(model: Model, units: Sequence[Unit], plan: Plan) -> list[Judged]:
+def _scored(model: Model, units: Sequence[Unit], plan: Plan) -> list[ScoredUnit]:
     with threadpool_limits(1):
         runs = [run for unit in units for run in _runs(unit, plan)]
         logged = traces(runs, plan.period_s)
@@ -113,15 +135,15 @@ def _runs(unit: Unit, plan: Plan) -> list[Asked]:
     ]
 
 
-def _one(model: Model, number: int, runs: Sequence[Asked], logged: Sequence[Trace]) -> Judged:
+def _one(model: Model, number: int, runs: Sequence[Asked], logged: Sequence[Trace]) -> ScoredUnit:
     found = correction(model, known_between(logged[0], 60 * ON_BEFORE_MIN, None))
-    mended = corrected(model, found, {"trace": CALIBRATION})
-    scores = [_score(run, model, mended, trace) for run, trace in zip(runs[1:], logged[1:])]
-    return Judged(number, found.offsets_degC[MAIN], tuple(scores))
+    improved = corrected(model, found, {"trace": CALIBRATION})
+    scores = [_score(run, model, improved, trace) for run, trace in zip(runs[1:], logged[1:])]
+    return ScoredUnit(number, found.offsets_degC[MAIN], tuple(scores))
 
 
-def _score(run: Asked, model: Model, mended: Model, trace: Trace) -> Score:
-    before, after = evaluate_trace(model, trace), evaluate_trace(mended, trace)
+def _score(run: Asked, model: Model, improved: Model, trace: Trace) -> Score:
+    before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
     return Score(
         run.scenario,
         run.cased,
