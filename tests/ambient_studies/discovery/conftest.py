@@ -5,7 +5,7 @@ import pytest
 
 from ambient_studies.discovery.cases import Case, baselines
 from ambient_studies.discovery.outcome import Outcome
-from ambient_studies.discovery.runner import teach
+from ambient_studies.discovery.runner import train
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.simulator.hidden import Hidden
@@ -40,7 +40,7 @@ def bench():
     with pytest.MonkeyPatch.context() as patch:
         # what a circuit lacks besides is found by the search, which has tests of its own, and takes long
         patch.setattr("ambient_studies.discovery.runner.known_good_model", lambda trained, normal: trained.model)
-        return teach(parse_circuit(CIRCUIT, "tiny.yaml"), baselines(1, (SCENARIO, SCENARIO)))
+        return train(parse_circuit(CIRCUIT, "tiny.yaml"), baselines(1, (SCENARIO, SCENARIO)))
 
 
 @pytest.fixture(scope="session")
@@ -53,7 +53,7 @@ def cases():
 CAMERA, CASE = Cause("heat_source", "flash", "camera_on"), Cause("ambient_coupling", "battery")
 
 
-def _outcomes() -> list[Outcome]:
+def synthetic_outcomes() -> list[Outcome]:
     random = np.random.default_rng(4)
     causes = [CAMERA, CASE, Cause("contact"), Cause("sensor_bias", "usb"), Cause("clock_offset"), Cause("path", "a-b")]
     outcomes = []
@@ -76,4 +76,4 @@ def _outcomes() -> list[Outcome]:
 @pytest.fixture(scope="session")
 def outcomes() -> list[Outcome]:
     """A benchmark of 400 cases."""
-    return _outcomes()
+    return synthetic_outcomes()

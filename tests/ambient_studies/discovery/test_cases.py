@@ -13,17 +13,16 @@ from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS
 from ambient_trainer.simulator.simulate import simulate_many
 
-CASES = draw_cases(7, 400)
+CASES = draw_cases(7, 200)
 
 
 def test_a_seed_and_a_number_make_a_case():
-    assert draw_cases(7, 400) == CASES
-    assert draw_cases(7, 25) == CASES[:25]
+    assert draw_cases(7, 40) == CASES[:40]
     assert not set(draw_cases(8, 50)) & set(CASES)
 
 
 def test_the_mix():
-    assert Counter(len(case.hidden) for case in CASES) == {0: 60, 1: 260, 2: 80}
+    assert Counter(len(case.hidden) for case in CASES) == {0: 30, 1: 130, 2: 40}
     assert Counter(len(case.hidden) for case in CASES[:20]) == {0: 3, 1: 13, 2: 4}
     causes = Counter(case.hidden[0].cause for case in CASES if len(case.hidden) == 1)
     assert set(causes) == set(CAUSES)
@@ -34,7 +33,7 @@ def test_every_cause_is_hidden_in_several_sizes():
     sizes = [abs(case.hidden[0].size) for case in CASES if [each.cause for each in case.hidden] == ["clock_offset"]]
     # typical is 120 s, give or take a third
     counts = [sum(120 * scale / 1.51 <= size <= 120 * scale * 1.51 for size in sizes) for scale in SCALES]
-    assert min(counts) >= 4
+    assert min(counts) >= 2
     assert sum(counts) >= len(sizes)
 
 

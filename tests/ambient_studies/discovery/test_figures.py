@@ -18,8 +18,10 @@ from ambient_studies.discovery.figures import (
     pairs_found,
 )
 from ambient_studies.discovery.outcome import Outcome
-from ambient_studies.discovery.summary import as_json, show
+from ambient_studies.discovery.report import as_json, report_of
 from ambient_trainer.diagnosis.result import Cause
+from ambient_trainer.report import Finding
+from ambient_trainer.report.terminal import print_report
 
 HEAT, CASE, HAND = Cause("heat_source", "soc", "a_on"), Cause("ambient_coupling"), Cause("contact", "soc")
 NONE, UNKNOWN = Cause("none"), Cause("unknown")
@@ -94,8 +96,18 @@ def test_a_machine_and_a_terminal_get_the_same(outcomes):
     assert (data["false_alarms"]["hits"], data["false_alarms"]["cases"]) == (2, 60)
     assert sum(map(sum, data["confusion"]["counts"])) == 360
     console = Console(width=140, file=io.StringIO())
-    show(console, outcomes)
+    print_report(console, report_of(outcomes, data))
     text = " ".join(console.file.getvalue().split())
     assert "75.0 % (60 to 86 %), 30 of 40" in text
     assert "unknown 2" in text
     assert json.loads(json.dumps(as_json([]), allow_nan=False))["large_effects"]["share"] is None
+
+
+def test_the_benchmark_is_held_against_what_is_asked(outcomes):
+    def tiles(some):
+        blocks = report_of(some, {}).sections[0].blocks
+        return {(each.value, each.status) for each in blocks if isinstance(each, Finding)}
+
+    assert tiles(outcomes) >= {("96.7 %", "good"), ("75.0 %", "good")}
+    assert ("0.0 %", "bad") in tiles([each for each in outcomes if len(each.true) < 2 or not each.correct])
+    assert tiles([]) == set()

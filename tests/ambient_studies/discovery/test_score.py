@@ -1,6 +1,7 @@
 """What counts as found, on diagnoses and truths made by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,12 +28,8 @@ def step(cause, onset_s=None, value=1.0, unit="W", ci95=(0.0, 0.0), gain=(0.1, 0
 
 
 @pytest.fixture
-def scored(made):
-    def scored(truths, *steps):
-        said = made(time_s=TIME_S, steps=steps, verdict=steps[0] if steps else None)
-        return score(truths, 6.0, said, PHONE, 1.5)
-
-    return scored
+def scored():
+    return lambda truths, *steps: score(truths, 6.0, SimpleNamespace(time_s=TIME_S, steps=steps), PHONE, 1.5)
 
 
 def test_one_effect_is_named_by_the_first_step(scored):

@@ -1,4 +1,4 @@
-"""Models of the simulated phone: one that was fitted to what it is scored on, and one that says nothing new."""
+"""Models of the simulated phone: one that was fitted to what it is scored on, and one that is constant."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_trainer.estimators.fit import Effort, fit_free_filter
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.simulator.simulate import simulate_many
+from ambient_trainer.simulator import simulate_many
 
 SCENARIO, PERIOD_S = "2.5", 5.0
 
@@ -30,8 +30,8 @@ def constant_model(said_degC: float, sensor: str = "usb") -> Model:
 
 
 @pytest.fixture(scope="session")
-def taught_the_scenario() -> Model:
-    """What a free filter of order 2 learns of the scenario itself, of the runs that the limit is fitted to."""
+def model_of_the_scenario() -> Model:
+    """A free filter of order 2, fitted to the scenario itself: to the runs that the bound is fitted to."""
     traces = [each.trace for each in simulate_many([(SCENARIO, seed) for seed in (6, 7, 8)], PERIOD_S)]
     return model_of(fit_free_filter(2, traces, Effort(starts=4)), [], {})
 

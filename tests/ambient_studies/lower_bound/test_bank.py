@@ -1,11 +1,11 @@
-"""The bank against filters that are known, run sample by sample, and against the noise that nobody can foresee."""
+"""The bank against filters that are known, run sample by sample, and against noise."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from ambient_studies.lower_bound.bank import gram, rmse_degC, taught
+from ambient_studies.lower_bound.bank import fitted, gram, rmse_degC
 from ambient_trainer.data.trace import Trace
 
 PERIOD_S = 2.0
@@ -27,12 +27,12 @@ def _run(seed, noise_degC=0.0, samples=3000):
 
 
 def test_a_filter_of_the_bank_is_found():
-    weights = taught([gram(_run(seed), COLUMNS, 6) for seed in range(3)])
+    weights = fitted([gram(_run(seed), COLUMNS, 6) for seed in range(3)])
     assert rmse_degC(weights, [gram(_run(9), COLUMNS, 6)]) < 1e-3
 
 
-def test_noise_is_the_limit():
-    weights = taught([gram(_run(seed, noise_degC=0.5), COLUMNS, 6) for seed in range(3)])
+def test_noise_is_the_bound():
+    weights = fitted([gram(_run(seed, noise_degC=0.5), COLUMNS, 6) for seed in range(3)])
     scored = [gram(_run(seed, noise_degC=0.5), COLUMNS, 6) for seed in (7, 8)]
     assert rmse_degC(weights, scored) == pytest.approx(0.5, rel=0.03)
 
@@ -57,8 +57,8 @@ def test_the_ridge_keeps_a_large_bank_from_learning_noise():
     short = [gram(_run(seed, noise_degC=0.5, samples=40), COLUMNS, 14) for seed in range(2)]
     greedy = np.linalg.lstsq(sum(each.quadratic for each in short), sum(each.linear for each in short), rcond=None)[0]
     scored = [gram(_run(seed, noise_degC=0.5, samples=40), COLUMNS, 14) for seed in range(20, 30)]
-    assert rmse_degC(taught(short), scored) < 0.9 * rmse_degC(greedy, scored)
+    assert rmse_degC(fitted(short), scored) < 0.9 * rmse_degC(greedy, scored)
 
 
 def test_one_run_is_enough():
-    assert rmse_degC(taught([gram(_run(0), COLUMNS, 3)]), [gram(_run(1), COLUMNS, 3)]) < 0.5
+    assert rmse_degC(fitted([gram(_run(0), COLUMNS, 3)]), [gram(_run(1), COLUMNS, 3)]) < 0.5

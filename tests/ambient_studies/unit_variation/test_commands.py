@@ -24,7 +24,6 @@ def test_units_prints_writes_and_draws(trainer, saved, free_model, tmp_path):
     assert found["plan"] == {"count": 2, "seed": 1, "scenarios": ["1"], "period_s": 5.0}
     for group in found["groups"]:
         assert f" {group['as it is']['rmse_degC']['median']:.2f} " in out
-    assert "simulated units" in out
     assert out.splitlines()[-2:] == [f"Figures: {figures}", f"Report: {report}/index.html"]
     assert "Scenario 1, in its case" in (report / "index.html").read_text()
 

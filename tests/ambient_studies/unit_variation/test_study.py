@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
+from ambient_studies.unit_variation.report import report_of, scatter
 from ambient_studies.unit_variation.runs import CALIBRATION, Asked, traces
 from ambient_studies.unit_variation.study import Plan, study
-from ambient_studies.unit_variation.summary import as_json, groups, scatter, sentences, units_table
 from ambient_studies.unit_variation.unit import drawn
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.simulator.device_file import load_device
@@ -18,10 +18,10 @@ PLAN = Plan(count=5, seed=2, scenarios=("1",), period_s=5.0)
 
 @pytest.fixture(scope="module")
 def done(free_model):
-    told = []
-    found = study(free_model, PLAN, 1, lambda *each: told.append(each))
-    assert told[0] == ("6 phones", 0, 6)
-    assert told[-1] == ("6 phones", 6, 6)
+    seen = []
+    found = study(free_model, PLAN, 1, lambda *each: seen.append(each))
+    assert seen[0] == ("6 phones", 0, 6)
+    assert seen[-1] == ("6 phones", 6, 6)
     return found
 
 
@@ -30,22 +30,22 @@ def test_a_unit_is_scored_as_by_hand(done, free_model):
     calibration, bare, cased = traces(
         [Asked(unit, False, CALIBRATION, 2005), Asked(unit, False, "1", 2), Asked(unit, True, "1", 2)], 5.0
     )
-    judged = done.units[4]
-    assert judged.number == 5
+    scored = done.units[4]
+    assert scored.number == 5
     known = evaluate_trace(free_model, calibration).error_degC[30 * 60 // 5 :]
-    assert judged.offset_degC == pytest.approx(known.mean(), abs=1e-9)
-    for score, trace in zip(judged.scores, (bare, cased)):
+    assert scored.offset_degC == pytest.approx(known.mean(), abs=1e-9)
+    for score, trace in zip(scored.scores, (bare, cased)):
         error = evaluate_trace(free_model, trace).error_degC
         assert score.rmse_degC == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-9)
         assert score.bias_degC == pytest.approx(error.mean(), rel=1e-9)
-        left = error - judged.offset_degC
+        left = error - scored.offset_degC
         assert score.corrected_rmse_degC == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-6)
         assert score.corrected_bias_degC == pytest.approx(left.mean(), abs=1e-6)
         assert score.scatter_degC == pytest.approx(error.std(ddof=1), rel=1e-9)
         low, high = free_model.main.interval[90]
         inside = 100 * np.mean((low <= error) & (error <= high))
         assert score.inside90_percent == pytest.approx(inside, abs=0.2)
-    assert [score.cased for score in judged.scores] == [False, True]
+    assert [score.cased for score in scored.scores] == [False, True]
 
 
 def test_processes_change_nothing(done, free_model):
@@ -53,25 +53,22 @@ def test_processes_change_nothing(done, free_model):
 
 
 def test_units_differ_and_their_offset_mends_some_of_it(done):
-    bare = groups(done)[0]
-    before = scatter(done, bare, lambda each: each.bias_degC)
-    after = scatter(done, bare, lambda each: each.corrected_bias_degC)
+    before, after = scatter(done, 0, "bias_degC"), scatter(done, 0, "corrected_bias_degC")
     assert before.deviation > 0.05
     assert after.deviation < before.deviation
 
 
-def test_words_and_figures_agree(done):
-    table, found = units_table(done), as_json(done)
+def test_the_report_holds_every_figure(done):
+    report = report_of(done)
+    table, *findings = report.sections[0].blocks
     assert [row[2] for row in table.rows] == ["as it is", "corrected"] * 2
     rmse = [each.scores[0].rmse_degC for each in done.units]
     assert table.rows[0][4] == f"{np.median(rmse):.2f}"
     assert table.rows[0][6] == f"{max(rmse):.2f}"
-    assert found["groups"][0]["as it is"]["rmse_degC"]["median"] == np.median(rmse)
-    assert found["simulated"] is True
-    assert [each["number"] for each in found["units"]] == list(range(6))
-    said = sentences(done)
-    assert f"{np.median(rmse):.2f} degC off on the median unit" in said[0]
-    assert f"{np.std([each.offset_degC for each in done.units]):.2f} degC (standard deviation" in said[-1]
+    assert report.data["groups"][0]["as it is"]["rmse_degC"]["median"] == np.median(rmse)
+    assert [each["number"] for each in report.data["units"]] == list(range(6))
+    assert f"{np.median(rmse):.2f} degC" in findings[0].text
+    assert f"{np.std([each.offset_degC for each in done.units]):.2f} degC" in findings[-1].text
 
 
 def test_another_devices_model_is_refused(free_model):

@@ -1,0 +1,234 @@
+"""The report of the benchmark: what was named, what was taken for what, and how large an effect has to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ambient_studies.discovery.figures import (
+    LARGE_IN_NOISE,
+    Share,
+    by_cause,
+    confusion,
+    correct_of,
+    detection_by_size,
+    false_alarms,
+    large_effects,
+    median_of,
+    pairs_found,
+)
+from ambient_studies.discovery.outcome import Outcome
+from ambient_studies.discovery.runner import Done
+from ambient_trainer.diagnosis.words import digits, duration
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report.palette import ESTIMATE, LIMIT
+from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+BARS = {"large": 0.90, "none": 0.95, "two": 0.75}
+"""What the benchmark asks for: large effects named, nothing found where nothing is, both of two named."""
+
+_CAUSES = (
+    f"Large: at least {LARGE_IN_NOISE:g} times the residual's standard deviation. Right: cause, place and signal; in "
+    "brackets the 95 % interval. Errors: the median, of the right ones. Gain: in how many of them its interval on "
+    "held-out data lies above zero."
+)
+_CONFUSION = (
+    "Cases with nothing or one effect hidden, of every size: what was hidden by row, the first cause named by column, "
+    "in counts. Blue is right, orange wrong, deeper with the share of the row."
+)
+_DETECTION = (
+    "Cases with one effect, by its size: what it adds to the sensors (RMSE) over the standard deviation of the "
+    "residual without it."
+)
+
+
+def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
+    """What the benchmark shows; ``data`` is what ``--json`` writes."""
+    large, alarms, both = large_effects(outcomes), false_alarms(outcomes), pairs_found(outcomes).both
+    sentences = {
+        f"Of effects of at least {LARGE_IN_NOISE:g} times the noise, cause, place and signal are right in": large,
+        "Where nothing is hidden, something is found in": alarms,
+        "Of two effects at once, both are named in": both,
+    }
+    mix = [sum(len(each.true) == effects for each in outcomes) for effects in range(3)]
+    seconds = [each.seconds for each in outcomes]
+    return Report(
+        subject="Discovery benchmark, simulated",
+        title=f"{len(outcomes):,} simulated cases: large effects right in {large}",
+        lead=[
+            *(Finding(f"{text} {share}.", "result") for text, share in sentences.items() if share.cases),
+            Facts(
+                [
+                    ("cases", f"{mix[0]} with nothing hidden, {mix[1]} with one effect, {mix[2]} with two"),
+                    ("median time", duration(float(np.median(seconds))) if seconds else "-"),
+                    ("longest time", duration(max(seconds, default=0.0))),
+                ]
+            ),
+        ],
+        sections=[
+            Section("Against what is asked", [*_asked(outcomes), totals_table(outcomes)]),
+            Section(
+                "What is taken for what",
+                [
+                    Figure(partial(_confusion_figure, outcomes), _CONFUSION) if outcomes else None,
+                    confusion_table(outcomes),
+                ],
+            ),
+            Section(
+                "How large an effect has to be",
+                [Figure(partial(_detection_figure, outcomes), _DETECTION)] if detection_by_size(outcomes) else [],
+            ),
+            Section("Cause by cause", [causes_table(outcomes)]),
+        ],
+        data=data,
+        footnotes=[
+            "Each case is a run of a simulated phone with an effect of its own physics, drawn from a seed that the "
+            "diagnosis never sees. Intervals of shares are Wilson's, 95 %."
+        ],
+    )
+
+
+def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """The figures for a machine; a share without cases is null."""
+    matrix, pairs = confusion(outcomes), pairs_found(outcomes)
+    return {
+        "cases": len(outcomes),
+        "large_effects": _share_data(large_effects(outcomes)),
+        "false_alarms": _share_data(false_alarms(outcomes)),
+        "two_at_once": {
+            "both": _share_data(pairs.both),
+            "at_least_one": _share_data(pairs.one),
+            "nothing": _share_data(pairs.nothing),
+        },
+        "by_size": [
+            {
+                "from": each.low,
+                "to": each.high if math.isfinite(each.high) else None,
+                "median": each.middle,
+                **_share_data(each.share),
+            }
+            for each in detection_by_size(outcomes)
+        ],
+        "by_cause": {
+            name: _share_data(correct_of(cases)) for name, cases in by_cause(outcomes, LARGE_IN_NOISE).items()
+        },
+        "confusion": {"true": list(matrix.true), "found": list(matrix.found), "counts": matrix.counts.tolist()},
+    }
+
+
+def case_json(done: Done) -> dict[str, Any]:
+    """One case for a machine."""
+    scored = done.scored
+    return {
+        "number": done.case.number,
+        "run_seed": done.case.seed,
+        **asdict(scored.outcome),
+        "onset_right": scored.onset_right,
+        "magnitude_right": scored.magnitude_right,
+        "rivals": list(done.rivals),
+        "said": list(done.sentences),
+    }
+
+
+def totals_table(outcomes: Sequence[Outcome]) -> Table:
+    """The figures over all causes, one a row."""
+    pairs = pairs_found(outcomes)
+    large = f"one effect of at least {LARGE_IN_NOISE:g} times the noise: cause, place and signal right"
+    rows = {
+        large: large_effects(outcomes),
+        "nothing hidden: something found (false alarm)": false_alarms(outcomes),
+        "two effects at once: both named": pairs.both,
+        "two effects at once: at least one named": pairs.one,
+        "two effects at once: nothing found": pairs.nothing,
+    }
+    return Table("", ("hidden and found", "share (95 %)"), [(what, str(share)) for what, share in rows.items()])
+
+
+def causes_table(outcomes: Sequence[Outcome]) -> Table:
+    """One row a cause."""
+    columns = ("hidden", "cases", "large ones right", "error of size", "of onset", "gain above zero")
+    large = by_cause(outcomes, LARGE_IN_NOISE)
+    rows = [(name, str(len(cases)), *_cause_cells(large[name])) for name, cases in by_cause(outcomes).items()]
+    return Table(_CAUSES, columns, rows)
+
+
+def confusion_table(outcomes: Sequence[Outcome]) -> Table:
+    """What each cause was taken for, one row each: a column for each would not fit a terminal."""
+    matrix = confusion(outcomes)
+    rows = []
+    for name, row in zip(matrix.true, matrix.counts.tolist()):
+        counts = dict(zip(matrix.found, row))
+        wrong = sorted(((count, other) for other, count in counts.items() if other != name and count), reverse=True)
+        taken = ", ".join(f"{other} {count}" for count, other in wrong) or "-"
+        rows.append((name, taken, str(sum(row)), str(counts[name])))
+    return Table("By the first cause named; its place not counted.", ("hidden", "taken for", "cases", "right"), rows, 2)
+
+
+def _cause_cells(large: Sequence[Outcome]) -> Iterator[str]:
+    right = [each for each in large if each.correct]
+    size = median_of(each.magnitude_error_frac for each in right)
+    onset = median_of(each.onset_error_s for each in right)
+    gains = [each.gain_ci for each in right if each.gain_ci is not None]
+    yield str(correct_of(large))
+    yield f"{digits(100 * size, 2)} %" if math.isfinite(size) else "-"
+    yield duration(onset) if math.isfinite(onset) else "-"
+    yield f"{sum(low > 0 for low, _ in gains)} of {len(gains)}" if gains else "-"
+
+
+def _asked(outcomes: Sequence[Outcome]) -> Iterator[Finding]:
+    """A tile for each bar that has cases: what is reached, and whether that is enough."""
+    reached = {
+        "large": (f"large effects named ({LARGE_IN_NOISE:g} times the noise)", large_effects(outcomes).value),
+        "none": ("nothing found where nothing is", 1 - false_alarms(outcomes).value),
+        "two": ("both of two effects named", pairs_found(outcomes).both.value),
+    }
+    for key, (what, share) in reached.items():
+        if math.isfinite(share):
+            enough = share >= BARS[key]
+            text = f"{what}; asked: at least {100 * BARS[key]:.0f} %{'' if enough else ', not reached'}"
+            yield Finding(text, "good" if enough else "bad", value=f"{100 * share:.1f} %")
+
+
+def _share_data(share: Share) -> dict[str, Any]:
+    if not share.cases:
+        return {"share": None, "ci95": None, "hits": 0, "cases": 0}
+    return {"share": share.value, "ci95": list(share.ci95), "hits": share.hits, "cases": share.cases}
+
+
+def _confusion_figure(outcomes: Sequence[Outcome]) -> go.Figure:
+    matrix = confusion(outcomes)
+    shares = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
+    right = np.array(matrix.true)[:, None] == np.array(matrix.found)
+    texts = [[str(count) if count else "" for count in row] for row in matrix.counts.tolist()]
+    figure = matrix_figure(matrix.found, matrix.true, np.where(right, shares, -shares).tolist(), texts, cell_px=34)
+    figure.update_layout(height=figure.layout.height + 130)
+    for update, names in ((figure.update_xaxes, matrix.found), (figure.update_yaxes, matrix.true)):
+        # names in two lines, small: a phone's screen has room for the cells besides
+        lines = [name.replace("_", "<br>") for name in names]
+        update(tickvals=list(names), ticktext=lines, tickfont={"size": 11}, automargin=True)
+    figure.update_xaxes(side="top", tickangle=-90)
+    return figure
+
+
+def _detection_figure(outcomes: Sequence[Outcome]) -> go.Figure:
+    found = detection_by_size(outcomes)
+    sizes, shares = [each.middle for each in found], [100 * each.share.value for each in found]
+    ends = [(100 * low, 100 * high) for low, high in (each.share.ci95 for each in found)]
+    hover = [f"{each.share.hits} of {each.share.cases}" for each in found]
+    figure = panel_figure("size, in units of the noise", "cause, place and signal right [%]", height_px=400)
+    add_curve(figure, sizes, shares, "right, with its 95 % interval", ESTIMATE, width=2, ends=ends, hover=hover)
+    asked = 100 * BARS["large"]
+    end = max(*sizes, 2 * LARGE_IN_NOISE)
+    name = f"asked: {asked:.0f} % from {LARGE_IN_NOISE:g} on"
+    add_curve(figure, [LARGE_IN_NOISE, end], [asked, asked], name, LIMIT, dash="dash", width=1.6)
+    figure.update_xaxes(type="log", tickvals=[0.2, 0.5, 1, 2, 5, 10, 20, 50, 100], hoverformat=".1f")
+    figure.update_yaxes(range=[-3, 103])
+    return figure
