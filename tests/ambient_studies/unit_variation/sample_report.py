@@ -6,11 +6,16 @@ from functools import cache
 
 import numpy as np
 
+from ambient_model.conformance import conformance_of
+from ambient_model.model import Discrete, Estimator, Input, Model
 from ambient_studies.unit_variation.report import report_of
 from ambient_studies.unit_variation.study import Plan, Score, ScoredUnit, Study
 from ambient_trainer.report import Report
 
-from .conftest import mean_model
+_DISCRETE = (Discrete(1.0, (), (), ((),), ((1.0,),)),)
+_BANDS = {50: (-0.1, 0.1), 90: (-0.2, 0.2), 98: (-0.3, 0.3)}
+_MAIN = Estimator((Input("usb", "degC", "usb", -45.0, 130.0),), (), _DISCRETE, 0.0, (), _BANDS)
+_MODEL = Model("usb", "2024-01-01T00:00:00Z", "ambient", _MAIN, {}, {}, conformance_of(_MAIN, ((20.0,),)))
 
 
 @cache
@@ -26,4 +31,4 @@ def samples() -> dict[str, Report]:
         return ScoredUnit(number, offset, tuple(scores))
 
     units = tuple(map(unit, range(12)))
-    return {"units": report_of(Study(mean_model(), Plan(11, 1, ("4",), 1.0), units[0], units[1:]))}
+    return {"units": report_of(Study(_MODEL, Plan(11, 1, ("4",), 1.0), units[0], units[1:]))}

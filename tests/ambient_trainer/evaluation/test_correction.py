@@ -1,0 +1,175 @@
+"""A correction against errors that are known by construction, in the file and through the daemon's own recursion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambient_model.codec import decode, encode, load_model, save_model
+from ambient_model.conformance import conformance_of, worst_difference_degC
+from ambient_model.faults import Refused
+from ambient_model.model import Discrete, Estimator, Input, Model, Secondary
+from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.evaluation.correction import corrected, correction, known_between
+from ambient_trainer.evaluation.evaluate import evaluate_trace
+
+PERIOD_S = 5.0
+INPUTS = (Input("usb", "degC", "usb", -45.0, 130.0), Input("display", "degC", "display", -45.0, 130.0))
+
+
+def weighted(inputs: tuple[Input, ...], weights: tuple[float, ...], offset: float) -> Estimator:
+    """No memory: the weighted mean of the sensors."""
+    discrete = tuple(Discrete(period_s, (), (), ((),), (weights,)) for period_s in (1.0, PERIOD_S))
+    return Estimator(inputs, (), discrete, offset, (), {50: (-0.1, 0.1), 90: (-0.2, 0.2), 98: (-0.3, 0.3)})
+
+
+def mean_model(guarded: bool = True) -> Model:
+    """Half usb, half display; without usb the display alone; the guard believes usb more."""
+    main = weighted(INPUTS, (0.5, 0.5), 1.0)
+    model = Model(
+        name="mean",
+        created="2024-01-01T00:00:00Z",
+        output="ambient",
+        main=main,
+        fallbacks={"usb": weighted(INPUTS[1:], (1.0,), -2.0)},
+        provenance={"circuit": "mean"},
+        conformance=conformance_of(main, ((20.0, 21.0), (30.0, 28.0))),
+        secondary=Secondary(weighted(INPUTS, (0.75, 0.25), 0.5), 1e3) if guarded else None,
+    )
+    return decode(encode(model).encode(), "mean")
+
+
+def known_trace(ambient_degC: float = 21.0, samples: int = 400, seed: int = 0) -> Trace:
+    """The ambient is constant; usb reads 4 more, display 2 more, both with noise."""
+    random = np.random.default_rng(seed)
+    columns = {
+        "usb_degC": ambient_degC + 4 + 0.1 * random.normal(size=samples),
+        "display_degC": ambient_degC + 2 + 0.1 * random.normal(size=samples),
+        "ambient_degC": np.full(samples, ambient_degC),
+    }
+    return Trace("known.csv", np.arange(samples) * 1.0, columns)
+
+
+@pytest.fixture
+def mean():
+    return mean_model
+
+
+@pytest.fixture
+def known():
+    return known_trace
+
+
+@pytest.fixture
+def saved(tmp_path):
+    def save(model):
+        path = str(tmp_path / "model.json")
+        save_model(path, model)
+        return path
+
+    return save
+
+
+SOURCE = {"trace": "known.csv", "sha256": "0" * 64, "from_s": None, "to_s": None}
+
+
+def test_each_estimator_is_corrected_by_its_own_mean_error(mean, known):
+    model, trace = mean(), known()
+    found = correction(model, trace)
+    usb, display = (trace.columns[name].mean() for name in ("usb_degC", "display_degC"))
+    expected = {
+        "main": 21.0 - (0.5 * usb + 0.5 * display + 1.0),
+        "without usb": 21.0 - (display - 2.0),
+        "guard": 21.0 - (0.75 * usb + 0.25 * display + 0.5),
+    }
+    assert found.offsets_degC == pytest.approx(expected, abs=1e-9)
+    assert found.samples == 400
+    # white noise of 0.1 in each sensor
+    assert found.standard_error_degC == pytest.approx(0.1 * np.sqrt(0.5) / np.sqrt(400), rel=0.5)
+
+
+def test_the_corrected_file_is_right_on_average_and_otherwise_the_same(mean, known):
+    model, trace = mean(), known()
+    result = corrected(model, correction(model, trace), SOURCE)
+    assert evaluate_trace(result, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
+    before, after = evaluate_trace(model, known(seed=5)), evaluate_trace(result, known(seed=5))
+    assert before.metrics.mbe_degC == pytest.approx(-4.0, abs=0.02)
+    assert abs(after.metrics.mbe_degC) < 0.02
+    assert after.metrics.sigma_degC == pytest.approx(before.metrics.sigma_degC, rel=1e-9)
+    assert result.main.discrete == model.main.discrete
+    assert result.main.interval == model.main.interval
+    assert result.secondary.threshold_degC == model.secondary.threshold_degC
+    alone = result._replace(main=result.fallbacks["usb"], fallbacks={}, secondary=None)
+    assert evaluate_trace(alone, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_file_stands_by_itself(mean, known):
+    """It decodes, its test vector is its own, and it says where the correction is from; twice is said twice."""
+    model = mean(guarded=False)
+    once = corrected(model, correction(model, known()), SOURCE)
+    twice = corrected(once, correction(once, known(seed=1)), SOURCE)
+    assert decode(encode(twice).encode(), "twice") == twice
+    assert worst_difference_degC(twice) == 0.0
+    assert twice.secondary is None
+    said = twice.provenance["corrections"]
+    assert [each["trace"] for each in said] == ["known.csv", "known.csv"]
+    assert model.main.offset + sum(each["offsets_degC"]["main"] for each in said) == pytest.approx(twice.main.offset)
+    assert abs(said[1]["offsets_degC"]["main"]) < 0.05
+    assert twice.provenance["circuit"] == "mean"
+    assert "corrections" not in model.provenance
+
+
+def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start(known):
+    """A lag's error after it has settled, not that of its start."""
+    trace = known(samples=3000)
+    jump = np.where(trace.time_s < 1000, 15.0, 0.0)
+    columns = {name: values + jump for name, values in trace.columns.items() if name != "ambient_degC"}
+    trace = replace(trace, time_s=trace.time_s * 5, columns={**columns, "ambient_degC": trace.reference})
+    lag = Discrete(PERIOD_S, ((0.999,),), ((0.0005, 0.0005),), ((1.0,),), ((0.0, 0.0),))
+    main = Estimator(INPUTS, ("lag",), (lag,), 0.0, ((0.5, 0.5),), weighted(INPUTS, (0.5, 0.5), 0.0).interval)
+    model = mean_model()._replace(main=main, fallbacks={}, secondary=None)
+    known_late = known_between(trace, 10_000.0, 14_000.0)
+    assert np.isfinite(known_late.reference).sum() == 800
+    whole = evaluate_trace(model, trace).error_degC
+    assert abs(whole[2000:2800].mean() - whole.mean()) > 0.5
+    assert correction(model, known_late).offsets_degC["main"] == pytest.approx(whole[2000:2800].mean(), abs=1e-9)
+
+
+def test_no_known_ambient_is_refused(mean, known):
+    with pytest.raises(Refused, match="too few samples to score"):
+        correction(mean(), known_between(known(), 1e6, None))
+
+
+def test_correct_writes_a_model_that_is_right_there(trainer, saved, mean, known, tmp_path):
+    trace, output = tmp_path / "known.csv", tmp_path / "corrected.json"
+    save_trace(str(trace), known(samples=600))
+    status, out, err = trainer("correct", saved(mean()), trace, "-o", output, "--from", 300)
+    assert (status, err) == (0, "")
+    # usb and display are 3 degC off on average, and the offset was 1
+    columns = known(samples=600).cut(300, None).columns
+    expected = 21 - (columns["usb_degC"] + columns["display_degC"]).mean() / 2 - 1
+    assert f"{expected:+.3f} degC" in out
+    assert "300 samples" in out
+    assert f"Model: {output}" in out
+    model = load_model(str(output))
+    assert model.main.offset == pytest.approx(1.0 - 4.0, abs=0.02)
+    [said] = model.provenance["corrections"]
+    assert (said["trace"], said["from_s"], said["to_s"], said["samples"]) == ("known.csv", 300.0, None, 300)
+    assert len(said["sha256"]) == 64
+    again = tmp_path / "again.json"
+    status, out, _ = trainer("correct", output, trace, "-o", again, "--from", 300)
+    assert status == 0
+
+
+def test_a_wrong_call_of_correct(trainer, saved, mean, known, tmp_path):
+    trace, model = tmp_path / "known.csv", saved(mean())
+    save_trace(str(trace), known(samples=60))
+    status, _, err = trainer("correct", model, trace, "-o", model)
+    assert (status, "would be overwritten by what is made from it" in err) == (2, True)
+    status, _, err = trainer("correct", model, trace, "-o", tmp_path / "o.json", "--from", 5, "--to", 5)
+    assert (status, "--from 5 does not come before --to 5" in err) == (2, True)
+    status, _, err = trainer("correct", model, trace, "-o", tmp_path / "o.json", "--from", 500)
+    assert (status, "too few samples to score" in err) == (1, True)
+    assert not (tmp_path / "o.json").exists()
