@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from ambient_trainer.diagnosis.circuit_parameters import Change, bounded, changed, moved_to, traded
 from ambient_trainer.diagnosis.effect_parameters import EffectParameter, Kind, moved, unknowns, within
 from ambient_trainer.diagnosis.model import Model, view
-from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.sensitivities import columns
 from ambient_trainer.diagnosis.view import View
 from ambient_trainer.estimation.least_squares import scaled_solution
+from ambient_trainer.estimation.noise import ORDER, Noise
 from ambient_trainer.estimation.validation import time_blocks
 
 Array = NDArray[np.float64]

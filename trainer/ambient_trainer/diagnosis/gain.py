@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from ambient_trainer.diagnosis.fit import FitResult, blocks
-from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.result import Gain
+from ambient_trainer.estimation.noise import ORDER, Noise
 
 Array = NDArray[np.float64]
 

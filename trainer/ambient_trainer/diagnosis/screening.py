@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from ambient_trainer.diagnosis.candidate import Candidate, Span
-from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.terms import HeatTerm, Term, beginning, ending
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 

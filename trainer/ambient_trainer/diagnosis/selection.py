@@ -21,7 +21,6 @@ from ambient_trainer.diagnosis.causes import (
 from ambient_trainer.diagnosis.fit import FitResult, TrainingSet, cost, fit_model, nuisance_columns
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
 from ambient_trainer.diagnosis.model import Effect, Model, view
-from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import Cause, Gain
 from ambient_trainer.diagnosis.screening import Regression, Screened, refined, scored
@@ -29,6 +28,7 @@ from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.terms import HeatTerm
 from ambient_trainer.diagnosis.training import TrainedCircuit
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]

@@ -13,11 +13,11 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.fit import TrainingSet, fit_model, information
 from ambient_trainer.diagnosis.model import Model, view
-from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.record import Record, means, records, straight
 from ambient_trainer.diagnosis.setting import heat_in_watts
+from ambient_trainer.estimation.noise import Noise
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.fit import Effort, fit_circuit
 

@@ -17,10 +17,10 @@ from ambient_trainer.diagnosis.candidate import Candidate
 from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.model import Effect, Model, view
-from ambient_trainer.diagnosis.noise import Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.setting import setting_of
+from ambient_trainer.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 Heat = Callable[[float, Array, float], Array]

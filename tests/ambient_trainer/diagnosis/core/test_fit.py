@@ -11,11 +11,11 @@ from scipy.optimize import least_squares
 from ambient_trainer.diagnosis import fit
 from ambient_trainer.diagnosis.fit import FOLDS, TrainingSet, blocks, fit_model, information, nuisance_columns
 from ambient_trainer.diagnosis.model import Model, view
-from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.prior import Prior
 from ambient_trainer.diagnosis.sensitivities import columns
 from ambient_trainer.diagnosis.terms import beginning, ending
 from ambient_trainer.diagnosis.training import searched
+from ambient_trainer.estimation.noise import ORDER, Noise
 
 N = 360
 START = np.array([30.0, 26.0, 22.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_trainer.diagnosis.noise import LEAK, ORDER, Noise
+from ambient_trainer.estimation.noise import LEAK, ORDER, Noise
 
 AR = np.array([0.7, -0.2, 0.15, 0.1])
 

@@ -10,11 +10,11 @@ import pytest
 from ambient_trainer.diagnosis.candidate import Candidate, Span
 from ambient_trainer.diagnosis.causes import all_candidates
 from ambient_trainer.diagnosis.model import view
-from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.screening import Regression, refined, scored
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.terms import beginning, ending
 from ambient_trainer.diagnosis.view import View
+from ambient_trainer.estimation.noise import ORDER, Noise
 
 N = 260
 TIME_S = 10.0 * np.arange(N)

@@ -16,12 +16,12 @@ from ambient_trainer.diagnosis.fit import FitResult
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.gain import Blocks
 from ambient_trainer.diagnosis.model import Effect, Model, view
-from ambient_trainer.diagnosis.noise import ORDER, Noise
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import Cause, Gain
 from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial
 from ambient_trainer.diagnosis.setting import setting_of
+from ambient_trainer.estimation.noise import ORDER, Noise
 
 PERIOD_S, SAMPLES = 10.0, 720
 GAIN = Gain(1.0, 0.5, (0.4, 0.6), 1e-6)

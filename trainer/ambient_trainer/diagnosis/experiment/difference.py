@@ -17,7 +17,7 @@ from ambient_trainer.diagnosis.causes import kind_of
 from ambient_trainer.diagnosis.experiment.plan import Bench, Plan
 from ambient_trainer.diagnosis.experiment.simulate import Course, Predicted, predicted
 from ambient_trainer.diagnosis.model import Effect, Model
-from ambient_trainer.diagnosis.noise import Noise
+from ambient_trainer.estimation.noise import Noise
 
 Array = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.diagnosis.residual_tests.autoregression import (
+from ambient_trainer.diagnosis.residual_tests.drivers import Driver
+from ambient_trainer.estimation.noise import (
     autoregression_of,
     centred_past,
     filters_of,
     whitened,
 )
-from ambient_trainer.diagnosis.residual_tests.drivers import Driver
 
 Array = NDArray[np.float64]
 
