@@ -38,8 +38,10 @@ def command(
     truth_path: str | None,
     output: str,
 ) -> None:
-    """Write what a simulated device logs in SCENARIO: 1, 2.1 to 2.5, 3, 4 or 5 of the thesis (a phone's), or a
-    FILE.yaml, such as a campaign of the laboratory.
+    """Write what a simulated device logs in SCENARIO.
+
+    SCENARIO is 1, 2.1 to 2.5, 3, 4 or 5 of the thesis (a phone's), set_top_box, or a FILE.yaml, such as a campaign of
+    the laboratory.
 
     The same SCENARIO, device, seed, period and effects give the same file.
 

@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.chamber import coloured
-from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, Setting, SurfaceEffect
-
-Array = NDArray[np.float64]
+from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, Setting, SurfaceEffect
 
 _LEAST_DIFFERENCE_K = 1.0
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, SensorEffect, Setting, slope
-
-Array = NDArray[np.float64]
+from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, SensorEffect, Setting, slope
 
 _POWER = 1.15  # of the time since it began
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, SensorEffect, Setting
-
-Array = NDArray[np.float64]
+from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, SensorEffect, Setting
 
 _REFERENCE_DEGC = 25.0
 _BENT_PER_K = 1e-3  # the gain's own change

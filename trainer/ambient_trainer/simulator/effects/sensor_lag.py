@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.lti.lag import lagged
-from ambient_trainer.simulator.hidden import Hidden, SensorEffect, Setting
-
-Array = NDArray[np.float64]
+from ambient_trainer.simulator.hidden import Array, Hidden, SensorEffect, Setting
 
 _LAGS = (0.7, 0.3)  # shares of the delay
 

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, SensorEffect, Setting
-
-Array = NDArray[np.float64]
+from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, SensorEffect, Setting
 
 _FLICKERS = 0.02  # share of the samples
 _DRAWN_DEGC = (15.0, 40.0)
