@@ -72,6 +72,7 @@ def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(process, chamber, t
     assert not held_out["overlaps_training"]
 
 
+@pytest.mark.slow
 def test_circuits_beside_the_yardstick(process, chamber_log, tmp_path, as_documented):
     names = {102: "flash", 112: "battery", 105: "usb", 110: "display"}
     trace = import_chamber(process, chamber_log, tmp_path, names)
