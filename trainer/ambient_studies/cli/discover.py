@@ -13,7 +13,7 @@ from ambient_trainer.cli.progress import counted_progress
 
 if TYPE_CHECKING:
     from ambient_studies.discovery.runner import Done
-    from ambient_trainer.circuits.circuit import Circuit
+    from ambient_trainer.circuits import Circuit
 
 # The diagnosis was tuned on seeds below 1000: by default the figures are of cases that tuned nothing.
 _SEED = 5000

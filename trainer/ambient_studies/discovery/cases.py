@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.hidden import Hidden, effects
 from ambient_trainer.simulator.scenario import load_scenario

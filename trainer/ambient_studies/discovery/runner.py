@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 from ambient_model.trace import REFERENCE
 from ambient_studies.discovery.cases import Case, simulated
 from ambient_studies.discovery.score import Scored, score
-from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.circuits import Circuit
+from ambient_trainer.data import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose_trained
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.record import diagnosis_period_s

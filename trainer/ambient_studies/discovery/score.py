@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ambient_studies.discovery.outcome import Outcome
-from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits import Circuit
 from ambient_trainer.diagnosis.result import Cause, Diagnosis, Step
 from ambient_trainer.simulator import load_device
 from ambient_trainer.simulator.truth import Truth

@@ -15,10 +15,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace, sampling_period_s
 from ambient_trainer.estimation.least_squares import Gram
-from ambient_trainer.lti.modes import one_pole
+from ambient_trainer.lti import one_pole
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_model.trace import REFERENCE
 from ambient_studies.lower_bound.bank import fitted, gram, rmse_degC
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace

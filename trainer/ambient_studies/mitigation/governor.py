@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
+from ambient_trainer.lti import Hold, StateSpace, dc_gain, discretised
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from ambient_studies.mitigation.loop import Record
 from ambient_studies.mitigation.score import fixed_trip, governor_names, score_table, scores, verdict
 from ambient_studies.mitigation.setting import Setting, Told
 from ambient_studies.mitigation.training import SCENARIO
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array
 from ambient_trainer.report.page import render
 from ambient_trainer.report.plots import (
     BLUE,

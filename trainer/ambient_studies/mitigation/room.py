@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
-from ambient_trainer.lti.lag import lagged
+from ambient_trainer.lti import lagged
 from ambient_trainer.simulator.chamber import coloured
 
 Array = NDArray[np.float64]

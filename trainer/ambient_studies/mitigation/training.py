@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ambient_model.trace import REFERENCE
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.plant import skin_degC
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.estimators.fit import Effort, Fit, fit_free_filter
 from ambient_trainer.simulator.device import Zone
 from ambient_trainer.simulator.device_file import load_device

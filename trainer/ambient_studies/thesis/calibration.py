@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_studies.thesis.candidates import Recorded, formula_errors, record, statistics
 from ambient_studies.thesis.published import CONSTANT_SCENARIOS, published_results, sensor_statistics
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array
 from ambient_trainer.simulator.device_file import Constant
 
 Progress = Callable[[int, float], None]

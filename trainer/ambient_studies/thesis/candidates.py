@@ -18,11 +18,10 @@ from ambient_studies.thesis.published import (
     published_results,
     sensor_statistics,
 )
-from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.data.trace import Array
+from ambient_trainer.circuits import assemble, load_circuit
+from ambient_trainer.data import Array
 from ambient_trainer.evaluation.metrics import Metrics, score
-from ambient_trainer.lti.statespace import dc_gain
+from ambient_trainer.lti import dc_gain
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt
 from ambient_trainer.simulator.run import Driven, integrate, prepare

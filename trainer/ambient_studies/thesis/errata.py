@@ -21,11 +21,10 @@ from ambient_studies.thesis.published import (
     published_results,
     sensor_statistics,
 )
-from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.circuits import assemble, load_circuit
+from ambient_trainer.data import Array, Trace
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti.statespace import StateSpace, dc_gain
+from ambient_trainer.lti import StateSpace, dc_gain
 
 _TRUTH_DEGC = 20.0
 """The ambient of the constant scenarios."""

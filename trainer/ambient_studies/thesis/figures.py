@@ -10,7 +10,7 @@ from ambient_studies.thesis.names import method_name
 from ambient_studies.thesis.published import MODELS
 from ambient_studies.thesis.reproduction import Reproduction
 from ambient_studies.thesis.rows import Row, like_published
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, rolling_band
 from ambient_trainer.report import Figure, Section
 from ambient_trainer.report.palette import AXIS, ESTIMATE, INTERVAL, REFERENCE, SENSOR_COLOURS, sensor_colours

@@ -15,10 +15,8 @@ import numpy as np
 from ambient_model.trace import REFERENCE
 from ambient_studies.thesis.printed import PRINTED
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, published_parameters
-from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.circuits import assemble, load_circuit
+from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.registry import estimator

@@ -23,10 +23,8 @@ from scipy.optimize import least_squares, lsq_linear
 from threadpoolctl import threadpool_limits
 
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.grid import Segment, sampling_period_s, segments
-from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.lti.response import response_degC
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.data import Array, Segment, Trace, sampling_period_s, segments
+from ambient_trainer.lti import StateSpace, response_degC
 
 INPUTS = ("flash_degC", "battery_degC", "usb_degC", "display_degC")
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti import StateSpace
 
 Values = Mapping[str, float]
 

@@ -14,7 +14,7 @@ from ambient_studies.thesis.methods import Method, Progress, observer_methods, t
 from ambient_studies.thesis.published import Results
 from ambient_studies.thesis.rows import Evaluated, evaluate
 from ambient_studies.thesis.verdict import Verdict, verdict
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.simulator import simulate_many
 
 TRAINING = "5"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ambient_studies.unit_variation.unit import Case, Skewed, Unit
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.run import Progress, Run, integrate, prepare, stream

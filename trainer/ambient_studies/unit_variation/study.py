@@ -16,7 +16,7 @@ from ambient_model.model import Model
 from ambient_studies.mitigation.loop import phone_zones
 from ambient_studies.unit_variation.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
 from ambient_studies.unit_variation.unit import Unit, drawn, nominal
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.estimation.workers import results, workers
 from ambient_trainer.evaluation.correction import MAIN, corrected, correction, known_between
 from ambient_trainer.evaluation.evaluate import evaluate_trace

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ambient_trainer.data.grid import Segment, sampling_period_s, segments
     from ambient_trainer.data.plugins import plugin, plugin_names
-    from ambient_trainer.data.trace import Trace, load_trace, save_trace
+    from ambient_trainer.data.trace import Array, Trace, load_trace, save_trace
 
 __all__ = [
+    "Array",
     "Segment",
     "Trace",
     "load_trace",
@@ -28,7 +29,7 @@ __all__ = [
 _PLACES = {
     **dict.fromkeys(("Segment", "sampling_period_s", "segments"), "grid"),
     **dict.fromkeys(("plugin", "plugin_names"), "plugins"),
-    **dict.fromkeys(("Trace", "load_trace", "save_trace"), "trace"),
+    **dict.fromkeys(("Array", "Trace", "load_trace", "save_trace"), "trace"),
 }
 
 

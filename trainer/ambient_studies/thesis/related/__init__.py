@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from ambient_studies.thesis.methods import Method
 from ambient_studies.thesis.related._estimator import RelatedEstimator
-from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data import Trace, plugin, plugin_names
 
 
 def related_estimators() -> list[RelatedEstimator]:

@@ -16,10 +16,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation.structure import Expansion, Unknowns
-from ambient_trainer.lti.modes import one_pole
+from ambient_trainer.lti import one_pole
 
 _FASTEST_PERIODS = 2.0
 _TIMES_SHOWN = 10.0

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import bridge_limit_s
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.lti.lag import lag_weights
+from ambient_trainer.data import Array, Trace, sampling_period_s
+from ambient_trainer.lti import lag_weights
 
 
 class Samples(NamedTuple):

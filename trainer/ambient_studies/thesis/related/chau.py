@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ambient_model.faults import refuse
 from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_studies.thesis.related._samples import training_samples
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace
 
 SENSORS = ("battery_degC",)
 DRIVES = ("cpu_load_frac", "charging_on")

@@ -27,7 +27,7 @@ from sklearn.svm import SVR
 
 from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_studies.thesis.related._samples import training_samples
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace
 
 SENSORS = ("battery_degC", "battery_current_A")
 

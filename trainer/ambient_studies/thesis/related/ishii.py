@@ -37,8 +37,7 @@ from ambient_model.trace import REFERENCE
 from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_studies.thesis.related._ratios import FirstOrderRatios
 from ambient_studies.thesis.related._samples import lagged, training_samples
-from ambient_trainer.data.grid import segments
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace, segments
 from ambient_trainer.estimation.search import search
 
 SENSORS = ("usb_degC", "soc_degC", "flash_degC", "battery_degC", "display_degC")

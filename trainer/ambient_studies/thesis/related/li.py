@@ -34,7 +34,7 @@ from scipy.optimize import least_squares
 
 from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_studies.thesis.related._samples import Samples, lagged, training_samples
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace
 
 SENSORS = ("usb_degC", "display_degC", "battery_degC", "flash_degC", "soc_degC")
 

@@ -1,0 +1,72 @@
+"""The product works without the studies and knows nothing of them; the studies use what packages export."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TRAINER = Path(__file__).parents[2] / "trainer"
+WITHOUT = """
+import sys
+class Gone:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] == "ambient_studies":
+            raise ModuleNotFoundError(name)
+import importlib.util
+found = importlib.util.find_spec
+importlib.util.find_spec = lambda name, package=None: None if name == "ambient_studies" else found(name, package)
+sys.meta_path.insert(0, Gone())
+sys.argv = ["ambient-trainer", *sys.argv[1:]]
+from ambient_trainer.__main__ import main
+main()
+"""
+EXPORTING = ("circuits", "data", "lti")
+"""Packages of which the studies import exported names only."""
+
+
+def _imports(folder: str) -> list[tuple[Path, str, str]]:
+    """File, module and name of every ``from module import name`` under ``folder``; the name is empty for ``import``."""
+    found = []
+    for path in sorted((TRAINER / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                found += [(path, node.module or "", each.name) for each in node.names]
+            elif isinstance(node, ast.Import):
+                found += [(path, each.name, "") for each in node.names]
+    return found
+
+
+def _run(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", WITHOUT, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+def test_the_product_works_without_the_studies(tmp_path: Path) -> None:
+    shown = _run("--help")
+    assert shown.returncode == 0, shown.stderr
+    assert "Studies" not in shown.stdout
+    assert "fit" in shown.stdout
+    assert _run("reproduce").returncode == 2
+    trace, model = tmp_path / "trace.csv", tmp_path / "model.json"
+    assert _run("simulate", "1", "--period", 10, "-o", trace).returncode == 0
+    fitted = _run("fit", trace, "--circuit", "linear_usb", "-o", model)
+    assert fitted.returncode == 0, fitted.stderr
+    assert model.exists()
+
+
+def test_the_product_imports_no_study() -> None:
+    assert [each for each in _imports("ambient_trainer") if each[1].split(".")[0] == "ambient_studies"] == []
+
+
+@pytest.mark.parametrize("package", EXPORTING)
+def test_the_studies_import_what_a_package_exports(package: str) -> None:
+    whole = f"ambient_trainer.{package}"
+    public = importlib.import_module(whole).__all__
+    used = [each for each in _imports("ambient_studies") if each[1] == whole or each[1].startswith(f"{whole}.")]
+    assert used
+    assert [each for each in used if each[1] != whole or each[2] not in public] == []
