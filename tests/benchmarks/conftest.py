@@ -10,7 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Estimator, Matrix, Model
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import fit_circuit
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator.simulate import simulate
 

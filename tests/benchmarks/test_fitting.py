@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import fit_circuit
 from ambient_trainer.simulator.simulate import simulate
 
 

@@ -21,8 +21,10 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import fit_circuit
 from ambient_trainer.estimators.estimate import blended
-from ambient_trainer.estimators.fit import Effort, fit_circuit, fit_free_filter
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator.simulate import simulate
 
@@ -47,7 +49,7 @@ def fits():
     """Each model fitted to the thesis's training scenario, simulated at 1 Hz."""
     trace = simulate("5", seed=1).trace
     found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2, pieces=8)) for name in MODELS[1:]}
-    return {"free-3": fit_free_filter(3, [trace], Effort(starts=1)), **found}
+    return {"free-3": FreeFilterEstimator(3).fit([trace], Effort(starts=1)), **found}
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +103,7 @@ def test_a_day_of_samples(name, period_s, fits, models):
 @pytest.fixture(scope="module")
 def second():
     """The fit that the guard is made of: of the same sensors, and of another mind."""
-    return fit_free_filter(1, [simulate("5", seed=1).trace], Effort(starts=1))
+    return FreeFilterEstimator(1).fit([simulate("5", seed=1).trace], Effort(starts=1))
 
 
 @pytest.fixture(scope="module")

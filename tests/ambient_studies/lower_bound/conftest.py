@@ -8,7 +8,8 @@ import pytest
 
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
-from ambient_trainer.estimators.fit import Effort, fit_free_filter
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator import simulate_many
 
@@ -33,7 +34,7 @@ def constant_model(said_degC: float, sensor: str = "usb") -> Model:
 def model_of_the_scenario() -> Model:
     """A free filter of order 2, fitted to the scenario itself: to the runs that the bound is fitted to."""
     traces = [each.trace for each in simulate_many([(SCENARIO, seed) for seed in (6, 7, 8)], PERIOD_S)]
-    return model_of(fit_free_filter(2, traces, Effort(starts=4)), [], {})
+    return model_of(FreeFilterEstimator(2).fit(traces, Effort(starts=4)), [], {})
 
 
 @pytest.fixture

@@ -16,7 +16,8 @@ from ambient_studies.mitigation.room import Room
 from ambient_studies.mitigation.setting import Setting
 from ambient_studies.mitigation.training import identify, training_trace
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.fit import Effort, fit_free_filter
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.lti.statespace import StateSpace
 from ambient_trainer.simulator.device_file import load_device
@@ -71,7 +72,7 @@ def logged() -> Trace:
 @pytest.fixture(scope="session")
 def model(logged: Trace) -> Model:
     """As ``ambient-trainer simulate 5`` and ``fit --circuit free-2`` make it."""
-    return model_of(fit_free_filter(2, [logged], Effort(starts=3)), [], {})
+    return model_of(FreeFilterEstimator(2).fit([logged], Effort(starts=3)), [], {})
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,8 @@ from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.training import records_of, residual_noise
-from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import fit_circuit
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.simulate import simulate_many
 from ambientd.__main__ import main as ambientd

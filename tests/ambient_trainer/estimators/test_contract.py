@@ -37,7 +37,7 @@ def made(seed: int, samples: int, names: tuple[str, ...] = ("battery", "usb")) -
 
 @pytest.mark.parametrize("name", ["linear_usb", *ANY])
 def test_the_contract_holds(name: str) -> None:
-    check_estimator(estimator(name), [made(1, 240)], made(2, 120))
+    check_estimator(estimator(name), [made(1, 160)], made(2, 80))
 
 
 def test_it_holds_for_a_circuit_with_states() -> None:
@@ -56,7 +56,7 @@ class Peeking(FreeFilterEstimator):
 
 def test_a_breach_is_named() -> None:
     with pytest.raises(AssertionError, match="causal"):
-        check_estimator(Peeking(1), [made(1, 240)], made(2, 120))
+        check_estimator(Peeking(1), [made(1, 160)], made(2, 80))
 
 
 PLUG_IN = """

@@ -10,7 +10,7 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.estimators.report import report_of
 

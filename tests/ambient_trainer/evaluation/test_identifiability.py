@@ -55,7 +55,7 @@ def inputs_of(columns, samples=4000, period_s=5.0):
 
 
 def subject(name, fixed=()):
-    """The circuit at the truth with its own output, and what can be told of it."""
+    """The circuit at the truth with its own output, and what can be known of it."""
     circuit = load_circuit(name)
     values = {each.name: TRUTH[each.name] if each.free else each.initial for each in circuit.parameters}
     circuit = held(circuit, {each: values[each] for each in fixed})
@@ -66,49 +66,39 @@ def subject(name, fixed=()):
 
 @pytest.mark.parametrize("name", TWO_SIDED)
 def test_resistance_against_capacitance_comes_out_by_name(name):
-    _, told = subject(name)
+    """And by simulation at another truth: scaling along the symmetry gives the same output."""
+    found, known = subject(name)
 
     hot = "soc" if name == "model1_ss" else "display"
     resistances = ("flash_ambient", "battery_ambient", "usb_ambient", f"{hot}_flash", f"{hot}_battery", "battery_usb")
     scaling = {**dict.fromkeys(CAPACITANCES, 1.0), **{f"R_{each}": -1.0 for each in resistances}}
-    assert told.symmetries == (scaling,)
-    assert told.blind == 3  # the shares of eq. 4.11 give two more, that bend
-    assert set(told.mixed) == set(scaling)
+    assert known.symmetries == (scaling,)
+    assert known.blind == 3  # the shares of eq. 4.11 give two more, that bend
+    assert set(known.mixed) == set(scaling)
     time_constants = [{f"C_{node}": 1.0, f"R_{node}_ambient": 1.0} for node in ("flash", "battery", "usb")]
-    assert [each for each in told.products if each in time_constants] == time_constants
-    assert len(told.products) == 5
-    assert np.count_nonzero(np.array(told.singular_degC) > 1e-6) == 9
-
-
-@pytest.mark.parametrize("name", TWO_SIDED)
-def test_products_stay_and_symmetries_move_nothing(name):
-    """By simulation at another truth: scaling along a symmetry gives the same output."""
-    found, told = subject(name)
-    (scaling,) = told.symmetries
+    assert [each for each in known.products if each in time_constants] == time_constants
+    assert len(known.products) == 5
+    assert np.count_nonzero(np.array(known.singular_degC) > 1e-6) == 9
     scaled = {each: value * 1.7 ** scaling.get(each, 0.0) for each, value in found.values.items()}
     again = own_output(found.circuit, scaled, [inputs_of(found.circuit.inputs)], NOISE_DEGC, 1.0)
     np.testing.assert_allclose(again.own[0].outputs, found.own[0].outputs, atol=1e-8)
-    for product in told.products:
-        assert sum(exponent * scaling.get(each, 0.0) for each, exponent in product.items()) == pytest.approx(0)
 
 
-@pytest.mark.parametrize("name", TWO_SIDED)
-def test_fixed_capacitances_cure_it(name):
-    found, told = subject(name, CAPACITANCES)
+def test_fixed_capacitances_cure_it():
+    found, known = subject("model1_ss", CAPACITANCES)
 
-    assert told.blind == 0
-    assert told.symmetries == told.products == told.mixed == ()
-    ends = reestimates(found, told, Effort(8, 0), quiet)
+    assert known.blind == 0
+    assert known.symmetries == known.products == known.mixed == ()
+    ends = reestimates(found, known, Effort(8, 0), quiet)
     assert not any(each.another for each in ends)
     back = [each for each in ends if each.fit_percent > 99.99]
     assert len(back) >= 4
     assert all(max(each.moved.values()) < 1e-3 for each in back)
 
 
-@pytest.mark.parametrize("name", TWO_SIDED)
-def test_the_thesis_test_finds_other_sets_with_the_same_output(name):
-    found, told = subject(name)
-    ends = reestimates(found, told, Effort(8, 0), quiet)
+def test_the_thesis_test_finds_other_sets_with_the_same_output():
+    found, known = subject("model2_ss")
+    ends = reestimates(found, known, Effort(8, 0), quiet)
     others = [each for each in ends if each.another]
     assert len(others) >= 2
     for each in others:
@@ -118,25 +108,25 @@ def test_the_thesis_test_finds_other_sets_with_the_same_output(name):
         fit = 100 * (1 - np.linalg.norm(error) / np.linalg.norm(found.own[0].outputs - found.own[0].outputs.mean()))
         assert fit == pytest.approx(each.fit_percent, abs=1e-3)
         for node in ("flash", "battery", "usb"):
-            told_product = values[f"C_{node}"] * values[f"R_{node}_ambient"]
-            assert told_product == pytest.approx(TRUTH[f"C_{node}"] * TRUTH[f"R_{node}_ambient"], rel=0.02)
+            known_product = values[f"C_{node}"] * values[f"R_{node}_ambient"]
+            assert known_product == pytest.approx(TRUTH[f"C_{node}"] * TRUTH[f"R_{node}_ambient"], rel=0.02)
 
 
 @pytest.mark.parametrize("name", SINGLE_INPUT)
 def test_single_input_circuits_keep_the_scale_of_their_losses(name):
     """Erratum 10: only ratios of the resistances to the ambient enter, whatever is known of the capacitances."""
-    _, told = subject(name)
+    _, known = subject(name)
     losses = {f"R_{node}_ambient": 1.0 for node in ("flash", "battery", "usb")}
     hot = "soc" if name == "model1_ss_single_input" else "display"
     exchange = {"C_battery": 1.0, "C_usb": 1.0, f"R_{hot}_battery": -1.0, "R_battery_usb": -1.0}
-    assert list(told.symmetries) == [exchange, losses]
-    assert told.blind == 3
+    assert list(known.symmetries) == [exchange, losses]
+    assert known.blind == 3
 
     _, cured = subject(name, ("C_battery", "C_usb"))
     assert cured.symmetries == (losses,)
     assert cured.blind == 1
-    _, all_told = subject(name, ("C_battery", "C_usb", "R_usb_ambient"))
-    assert all_told.blind == 0
+    _, all_known = subject(name, ("C_battery", "C_usb", "R_usb_ambient"))
+    assert all_known.blind == 0
 
 
 def test_free_c_and_d_need_more_than_the_capacitances():
@@ -146,26 +136,26 @@ def test_free_c_and_d_need_more_than_the_capacitances():
     for fixed, blind in (((), 5), (CAPACITANCES, 2), ((*CAPACITANCES, "w1", "w2"), 0)):
         one = held(circuit, {each: values[each] for each in fixed})
         found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
-        told = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
-        assert told.blind == blind
+        known = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
+        assert known.blind == blind
         if blind == 2:
-            assert list(told.symmetries) == [
+            assert list(known.symmetries) == [
                 {"R_display_flash": 1.0, "w1": 1.0},
                 {"R_display_battery": 1.0, "R_battery_usb": 1.0, "w2": 1.0, "w3": 1.0},
             ]
 
 
-def test_what_a_resistance_out_of_sight_leaves_open_is_told_apart():
+def test_what_a_resistance_out_of_sight_leaves_open_is_known_apart():
     """Without its exchange the flash's loss is a free gain: one more direction here, none in the structure."""
     circuit = load_circuit("model2_ss")
     values = {**TRUTH, "R_display_flash": 1e6}
     one = held(circuit, {each: values[each] for each in CAPACITANCES})
     found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
-    told = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
-    assert told.blind == 0
-    assert told.silent == ("R_display_flash",)
-    assert told.blind_here == 1
-    assert told.mixed_here == ("R_flash_ambient", "R_display_battery", "R_battery_usb")
+    known = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
+    assert known.blind == 0
+    assert known.silent == ("R_display_flash",)
+    assert known.blind_here == 1
+    assert known.mixed_here == ("R_flash_ambient", "R_display_battery", "R_battery_usb")
 
 
 def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
@@ -200,10 +190,9 @@ def test_a_confounded_parameter_has_a_flat_profile():
     assert got.values[-1] == pytest.approx(400)
 
 
-@pytest.mark.parametrize("name", TWO_SIDED)
-def test_the_mean_of_noisy_replicates_is_within_two_standard_errors(name):
-    found, told = subject(name, CAPACITANCES)
-    back = recovered(found, told, 40, 5, quiet)
+def test_the_mean_of_noisy_replicates_is_within_two_standard_errors():
+    found, known = subject("model2_ss", CAPACITANCES)
+    back = recovered(found, known, 40, 5, quiet)
 
     assert {each.name for each in back} == {each.name for each in found.circuit.parameters if each.free}
     assert max(abs(each.deviation) for each in back) < 2
@@ -212,13 +201,13 @@ def test_the_mean_of_noisy_replicates_is_within_two_standard_errors(name):
 
 
 def test_what_is_confounded_is_not_said_to_be_recovered():
-    found, told = subject("model2_ss")
-    assert {each.name for each in recovered(found, told, 3, 5, quiet)} == {"w1", "w2", "w3"}
+    found, known = subject("model2_ss")
+    assert {each.name for each in recovered(found, known, 3, 5, quiet)} == {"w1", "w2", "w3"}
 
 
 def test_recovery_by_hand_agrees():
     """The mean of three refits, each by the search itself."""
-    found, told = subject("model2_ss", CAPACITANCES)
+    found, known = subject("model2_ss", CAPACITANCES)
     random = np.random.default_rng(5)
     logs = []
     for _ in range(3):
@@ -226,7 +215,7 @@ def test_recovery_by_hand_agrees():
         structure = circuit_structure(found.circuit, [replace(found.own[0], outputs=noisy)])
         best = search(structure, 4, 0).best
         logs.append(np.log(structure.values(best.theta, best.beta)["R_display_battery"]))
-    (one,) = [each for each in recovered(found, told, 3, 5, quiet) if each.name == "R_display_battery"]
+    (one,) = [each for each in recovered(found, known, 3, 5, quiet) if each.name == "R_display_battery"]
     assert np.log(one.mean) == pytest.approx(np.mean(logs), abs=1e-4)
     error = np.std(logs, ddof=1) / np.sqrt(3)
     assert one.deviation == pytest.approx((np.mean(logs) - np.log(6.0)) / error, rel=0.01)
@@ -249,13 +238,13 @@ def trace():
 
 def test_a_trace_tells_it_from_the_fit_on(trace):
     circuit = load_circuit("model2_ss")
-    free = identifiability(circuit, trace, {}, Effort(6, 0), 3, quiet)
+    free = identifiability(circuit, trace, {}, Effort(4, 0), 2, quiet)
     assert not free.identifiable
     assert free.others
     assert set(CAPACITANCES) <= set(free.flat)
     assert "not identifiable" in report_of(free).title
 
-    cured = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(6, 0), 3, quiet)
+    cured = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(3, 0), 2, quiet)
     assert cured.identifiable
     assert not cured.others
     assert cured.held == CAPACITANCES
@@ -279,20 +268,6 @@ def test_what_only_this_fit_leaves_open_is_said_to_be_so(trace):
     assert line.endswith("with the same output: not identifiable.")
 
 
-def test_held_at_the_fit_where_no_value_is_given(trace):
-    circuit = load_circuit("model2_ss")
-    found = identifiability(circuit, trace, dict.fromkeys(CAPACITANCES), Effort(3, 0), 0, quiet)
-    assert found.identifiable
-    assert found.recovered == ()
-    assert not set(CAPACITANCES) & {each.name for each in found.profiles}
-
-
-def test_an_unknown_name_is_refused(trace):
-    with pytest.raises(Refused) as refused:
-        identifiability(load_circuit("linear_usb"), trace, {"C_usb": None}, Effort(1, 0))
-    assert str(refused.value) == "--fix: linear_usb has no free parameter 'C_usb'; it has k, m"
-
-
 def test_the_command(trace, tmp_path):
     path, out = str(tmp_path / "trace.csv"), tmp_path / "found.json"
     save_trace(path, trace)
@@ -310,8 +285,10 @@ def test_the_command(trace, tmp_path):
     assert len(data["thesis_test"]["starts"]) == 3
     assert {each["name"] for each in data["profiles"]} == set(data["values"])
 
+    with pytest.raises(Refused, match="'C_nosuch'"):
+        CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_nosuch"], catch_exceptions=False)
     wrong = CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_usb=much"])
     assert wrong.exit_code == 2
-    assert "--fix 'C_usb=much': write NAME or NAME=VALUE, such as C_flash=12" in wrong.output
+    assert "'C_usb=much'" in wrong.output
     with pytest.raises(Refused, match="free-2"):
         CliRunner().invoke(command, [path, "--circuit", "free-2"], catch_exceptions=False)

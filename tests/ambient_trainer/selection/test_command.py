@@ -15,7 +15,8 @@ import pytest
 
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import load_trace, save_trace
-from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import fit_circuit
 
 from .conftest import made_up
 

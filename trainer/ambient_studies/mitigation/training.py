@@ -14,7 +14,8 @@ from ambient_model.trace import REFERENCE
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.plant import skin_degC
 from ambient_trainer.data import Trace
-from ambient_trainer.estimators.fit import Effort, Fit, fit_free_filter
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.simulator.device import Zone
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
@@ -61,4 +62,4 @@ def identify(trace: Trace) -> Identified:
 
 
 def _fit(trace: Trace, driver: str) -> Fit:
-    return fit_free_filter(1, [trace], Effort(starts=4), inputs=(driver, _AIR))
+    return FreeFilterEstimator(1).fit([trace], Effort(starts=4), inputs=(driver, _AIR))

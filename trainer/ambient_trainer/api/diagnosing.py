@@ -61,12 +61,28 @@ class DiagnosisResult(Result):
         return report_of(self.diagnosis)
 
     def save(self, path: str | os.PathLike[str]) -> str:
-        """Write the diagnosis as JSON, or the extended circuit as YAML.
+        """Write the diagnosis as JSON, as ``diagnose --json`` does.
 
         Parameters
         ----------
         path : str or path
-            A file; one that ends in ``.yaml`` gets the extended circuit.
+            The file.
+
+        Returns
+        -------
+        str
+            The same path.
+        """
+        write_json(os.fspath(path), self.summary.data)
+        return os.fspath(path)
+
+    def save_circuit(self, path: str | os.PathLike[str]) -> str:
+        """Write the extended circuit.
+
+        Parameters
+        ----------
+        path : str or path
+            A YAML file.
 
         Returns
         -------
@@ -76,16 +92,12 @@ class DiagnosisResult(Result):
         Raises
         ------
         ValueError
-            For a ``.yaml`` where nothing was found that a circuit can hold.
+            Where nothing was found that a circuit can hold.
         """
-        path = os.fspath(path)
-        if not path.endswith((".yaml", ".yml")):
-            write_json(path, self.summary.data)
-        elif self.extended is None:
-            raise ValueError("nothing was found that a circuit can hold; save the diagnosis as .json")
-        else:
-            save_circuit(path, self.extended)
-        return path
+        if self.extended is None:
+            raise ValueError("nothing was found that a circuit can hold")
+        save_circuit(os.fspath(path), self.extended)
+        return os.fspath(path)
 
 
 def diagnose(

@@ -13,7 +13,7 @@ import pandas as pd
 from ambient_trainer.api.result import Result
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.report import Facts, Report, Section, Table
-from ambient_trainer.simulator import Hidden, Simulated
+from ambient_trainer.simulator import Simulated
 from ambient_trainer.simulator import simulate as simulated_run
 from ambient_trainer.simulator.text import hidden_text
 
@@ -25,15 +25,12 @@ class SimulationResult(Result):
     Attributes
     ----------
     simulated : Simulated
-        The trace, and the truth about what is hidden.
-    hidden : tuple of Hidden
-        The effects.
+        The trace, the hidden effects and the truth about each.
     scenario : str
         What was played.
     """
 
     simulated: Simulated = field(repr=False)
-    hidden: tuple[Hidden, ...]
     scenario: str
 
     @cached_property
@@ -78,7 +75,7 @@ class SimulationResult(Result):
         return os.fspath(path)
 
     def _truths(self) -> list[dict[str, Any]]:
-        pairs = zip(self.hidden, self.simulated.truths)
+        pairs = zip(self.simulated.hidden, self.simulated.truths)
         return [{"hidden": hidden_text(each), **truth.as_data()} for each, truth in pairs]
 
 
@@ -153,4 +150,4 @@ def simulate(
         sizes=sizes,
         progress=progress,
     )
-    return SimulationResult(run, run.hidden, scenario)
+    return SimulationResult(run, scenario)

@@ -102,7 +102,7 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @seed_option("Of the places.")
     @functools.wraps(command)
     def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:
-        from ambient_trainer.estimators.fit import Effort  # scipy: --help should not wait for it
+        from ambient_trainer.estimators.base import Effort  # scipy: --help should not wait for it
 
         return command(effort=Effort(starts, seed, pieces), **rest)
 

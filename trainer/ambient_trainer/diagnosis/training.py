@@ -19,7 +19,8 @@ from ambient_trainer.diagnosis.record import Record, means, records, straight
 from ambient_trainer.diagnosis.setting import heat_in_watts
 from ambient_trainer.estimation.noise import Noise
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.fit import Effort, fit_circuit
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.circuit import fit_circuit
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ambient_trainer.estimation.free_start import FreelyStartingCircuit
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import USUAL, Effort, Fit
 from ambient_trainer.estimators.searched import estimated, fit_of, searched
-from ambient_trainer.estimators.training import require_enough, training_segments
+from ambient_trainer.estimators.training import require_enough, source_of, training_segments
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def fit_circuit(
     columns = tuple(output.column for output in circuit.outputs)
     data = training_segments(traces, circuit.inputs, columns, period_s, effort.pieces)
     structure = circuit_structure(circuit, data)
-    require_enough(traces, structure)
+    require_enough(source_of(traces), structure)
     with threadpool_limits(1):
         found = searched(structure, effort, progress)
         best = found.result.best

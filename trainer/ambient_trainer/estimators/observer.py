@@ -35,13 +35,6 @@ def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:
     return replace(fit, errors_degC=(errors,), rmse_degC=rmse_degC, start_rmses_degC=starts)
 
 
-def without(columns: Sequence[str], segments: Sequence[Segment], dropped: int) -> tuple[list[str], list[Segment]]:
-    """The columns and segments without one input."""
-    kept = [index for index in range(len(columns)) if index != dropped]
-    fewer = [Segment(each.period_s, each.inputs[kept], each.outputs) for each in segments]
-    return [columns[index] for index in kept], fewer
-
-
 def with_fallbacks_and_variance(
     fit: Fit, segments: Sequence[Segment], refit: Refit | None, remark: str, details: Mapping[str, Any]
 ) -> Fit:

@@ -27,7 +27,8 @@ from ambient_trainer.report import Finding, Report, Section, Table
 
 Array = NDArray[np.float64]
 
-MAIN, GUARD = "main", "guard"
+MAIN, SECONDARY = "main", "guard"
+"""As model files have named them from the first."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def correction(model: Model, trace: Trace) -> Correction:
     """The mean errors of ``model`` on ``trace``; raises :class:`Refused` where a column or the ambient is missing."""
     estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
     if model.secondary is not None:
-        estimators[GUARD] = model.secondary.estimator
+        estimators[SECONDARY] = model.secondary.estimator
     errors = {name: _errors_degC(model, each, trace) for name, each in estimators.items()}
     own = errors[MAIN]
     standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))
@@ -74,7 +75,7 @@ def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Mod
         main=main,
         fallbacks={name: _moved(each, added[f"without {name}"]) for name, each in model.fallbacks.items()},
         secondary=model.secondary
-        and model.secondary._replace(estimator=_moved(model.secondary.estimator, added[GUARD])),
+        and model.secondary._replace(estimator=_moved(model.secondary.estimator, added[SECONDARY])),
         provenance={**model.provenance, "corrections": [*model.provenance.get("corrections", []), entry]},
         conformance=conformance_of(main, model.conformance.inputs),
     )

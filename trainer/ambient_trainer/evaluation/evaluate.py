@@ -100,7 +100,7 @@ class _Tracked(NamedTuple):
     used: Array
     """The inputs as the recursion took them, n x m."""
     sigma_degC: Array
-    """Of a model with a spread."""
+    """Of a model with an error variance."""
 
 
 def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
@@ -212,7 +212,7 @@ def _track(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> _T
 
 
 def _coverage(model: Model, error_degC: Array, sigma_degC: Array) -> dict[int, float]:
-    """Of the interval that is published: the spread's, or the constant one."""
+    """Of the interval that is published: that of the error variance, or the constant one."""
     if model.error_variance is None:
         return coverage(error_degC, model.main.interval)
     return coverage(error_degC, model.error_variance.quantiles, sigma_degC)

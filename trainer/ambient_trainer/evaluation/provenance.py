@@ -1,4 +1,4 @@
-"""What a model file says of its own making: the traces it was trained on, and the baseline trained beside it."""
+"""The provenance in a model file: the traces that it was trained on, and the baseline that was fitted beside it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class TrainingSpan(BaseModel):
 
 
 class StaticLinear(BaseModel):
-    """The baseline without memory: ambient = sum of gain x input + offset."""
+    """The static baseline: ambient = sum of gain x input + offset."""
 
     model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
@@ -49,7 +49,7 @@ class StaticLinear(BaseModel):
 
 
 def training_spans(model: Model) -> list[TrainingSpan]:
-    """What the model was trained on; empty where its file does not say. Raises :class:`Refused` for another form."""
+    """What the model was trained on; empty where its file names nothing. Raises :class:`Refused` for other forms."""
     found: list[TrainingSpan] = _parsed(TypeAdapter(list[TrainingSpan]), model, "training", [])
     return found
 

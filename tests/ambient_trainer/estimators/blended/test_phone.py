@@ -18,7 +18,8 @@ from scipy.signal import lfilter
 
 from ambient_model.codec import load_model, save_model
 from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.estimators.fit import Effort, fit_free_filter
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
@@ -78,7 +79,7 @@ def limit(traces) -> float:
     weights = shown(own)
     lags = [np.mean((weights @ lagged(traces["4", seed]) - traces["4", seed].reference) ** 2) for seed in UNSEEN]
     columns = tuple(f"{name}_degC" for name in SENSORS)
-    free = model_of(fit_free_filter(4, own, Effort(starts=4), None, None, columns), [], {})
+    free = model_of(FreeFilterEstimator(4).fit(own, Effort(starts=4), None, None, columns), [], {})
     found = float(np.sqrt(np.mean(lags))), rmse([evaluate_trace(free, traces["4", seed]) for seed in UNSEEN])
     print(f"\nlimit on scenario 4: {found[0]:.4f} degC of sensors behind 14 lags each, {found[1]:.4f} of a free filter")
     return min(found)
@@ -133,11 +134,11 @@ def test_the_interval_holds_what_it_says(scored):
     assert 0.87 < pooled[90] < 0.93
 
 
-def test_the_guard_is_heard_when_the_phone_charges_and_hardly_else(scored):
-    heard = {name: np.mean([np.mean(scored[name, k].status == "degraded") for k in UNSEEN]) for name in SCENARIOS}
-    print(f"\nguard heard in percent: {', '.join(f'{name} {100 * each:.1f}' for name, each in heard.items())}")
-    assert heard["2.2"] > 0.95
-    assert max(heard[name] for name in ("1", "2.1", "4", "5")) < 0.01
+def test_the_guard_is_blended_in_when_the_phone_charges_and_hardly_else(scored):
+    blended_in = {name: np.mean([np.mean(scored[name, k].status == "degraded") for k in UNSEEN]) for name in SCENARIOS}
+    print(f"\nblended in, in percent: {', '.join(f'{name} {100 * each:.1f}' for name, each in blended_in.items())}")
+    assert blended_in["2.2"] > 0.95
+    assert max(blended_in[name] for name in ("1", "2.1", "4", "5")) < 0.01
 
 
 def replayed(model_file: str, trace: Trace, folder: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
@@ -163,23 +164,18 @@ def test_the_daemon_says_what_the_evaluation_says(model_file, traces, scored, tm
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_a_sensor_taken_away_makes_no_jump(sensor, model_file, traces, scored, tmp_path):
-    """At each of several moments, some of them in a change of the ambient, it goes and stays away."""
+    """At each of two moments, one in a change of the ambient, it goes and stays away."""
     trace, whole = traces["4", UNSEEN[0]], scored["4", UNSEEN[0]]
     column = f"{sensor}_degC"
-    values = trace.columns[column]
-    print()
-    for gone in (7_000, 13_000, 19_500, 26_000):
-        columns = {**trace.columns, column: np.where(trace.time_s >= gone, np.nan, values)}
+    for gone in (7_000, 19_500):
+        columns = {**trace.columns, column: np.where(trace.time_s >= gone, np.nan, trace.columns[column])}
         ambient, _, status = replayed(model_file, Trace("gone", trace.time_s, columns), tmp_path)
         assert np.isfinite(ambient).all()
         assert set(status[gone:]) == {"degraded"}
         steps = np.abs(np.diff(ambient)) - np.abs(np.diff(whole.estimate_degC))
         beyond = (np.abs(trace.reference - ambient) - np.abs(whole.error_degC))[gone:]
         left = rmse_of(trace.reference[gone:] - ambient[gone:])
-        print(
-            f"{sensor} away from {gone} s on: largest step beyond the undisturbed {steps.max():.3f} degC, error beyond "
-            f"the undisturbed at most {beyond[:300].max():.2f} within 300 s, {beyond.max():.2f} in all; RMSE {left:.3f}"
-        )
+        print(f"{sensor} away from {gone} s on: largest excess step {steps.max():.3f} degC, RMSE {left:.3f}")
         assert steps.max() < 0.5
         assert beyond[:300].max() < 0.5
         assert left < 0.6

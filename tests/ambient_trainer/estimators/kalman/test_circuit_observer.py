@@ -10,13 +10,12 @@ from ambient_model.faults import Refused
 from ambient_model.recursion import advance, equilibrium, output
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.fit import Effort
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.kalman.observer_structure import estimate_of
 from ambient_trainer.estimators.kalman.prior import walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
 from ambient_trainer.estimators.model_file import model_of
-from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.lti.statespace import dc_gain
@@ -125,34 +124,19 @@ def test_too_many_sensors_are_refused(simulated):
     assert "8" in str(refused.value)
 
 
-def test_ctrl_c_keeps_the_best_so_far(simulated):
+@pytest.mark.parametrize(("search", "evaluation"), [(0, 8), (1, 2)])
+def test_cancelled_in_the_main_search_or_in_a_fallback_it_keeps_the_main_one(simulated, search, evaluation):
     effort = Effort(starts=1)
 
-    def interrupt(start, evaluation, square):
-        if evaluation == 8:
+    def cancel(number, count, square):
+        if (number, count) == (search, evaluation):
             effort.budget.cancel.cancel()
 
-    found = estimator("circuit_observer").fit([simulated(4, samples=800)], effort, interrupt)
+    found = CircuitObserver().fit([simulated(4, samples=800)], effort, cancel)
     assert found.stopped
     assert not found.converged
     assert found.fallbacks == {}
     assert model_of(found, [], {}).provenance["fit"]["stopped"]
-
-
-def test_ctrl_c_in_a_fallback_keeps_the_main_one(simulated):
-    numbers = []
-
-    effort = Effort(starts=1)
-
-    def interrupt(start, evaluation, square):
-        numbers.append(start)
-        if start == ONE.starts and evaluation == 2:
-            effort.budget.cancel.cancel()
-
-    found = estimator("circuit_observer").fit([simulated(4, samples=800)], effort, interrupt)
-    assert found.stopped
-    assert found.fallbacks == {}
-    assert numbers[-1] == 1
 
 
 @pytest.mark.parametrize("dropped", [0, 1, 2])

@@ -6,9 +6,10 @@ import pytest
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimators.fit import Effort, fit_free_filter
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.kalman.constrained_filter import ConstrainedFilter
 from ambient_trainer.estimators.kalman.order import Choice, selected
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.library.free_observer import FreeObserver
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
@@ -38,7 +39,7 @@ def test_a_degree_more_everywhere_is_a_degree_more(fit, simulated):
 
 def test_it_does_as_well_as_one_without_demands(fit, simulated):
     held_out = simulated(2)
-    unconstrained = fit_free_filter(len(fit.states), [simulated(1)], TWO)
+    unconstrained = FreeFilterEstimator(len(fit.states)).fit([simulated(1)], TWO)
     ours, theirs = (evaluate_trace(model_of(each, [], {}), held_out).metrics.rmse_degC for each in (fit, unconstrained))
     assert ours < 1.02 * theirs
 

@@ -28,7 +28,7 @@ def write(trace, path, b_until=None):
     return path
 
 
-@pytest.fixture(scope="module", params=["circuit_observer", "free_observer"])
+@pytest.fixture(scope="module", params=["circuit_observer", pytest.param("free_observer", marks=pytest.mark.slow)])
 def exported(request, simulated, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     model = folder / "model.json"

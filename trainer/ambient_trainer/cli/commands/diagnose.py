@@ -7,7 +7,6 @@ import click
 from ambient_trainer.cli.options import circuit_option, jobs_option, output_options, period_option, window_options
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import staged_progress
-from ambient_trainer.data.trace import load_trace
 
 
 @click.command("diagnose")
@@ -41,23 +40,24 @@ def command(
     The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is fitted to
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.
     """
-    from joblib import parallel_config
-
-    from ambient_trainer.circuits.write import save_circuit
-    from ambient_trainer.diagnosis.diagnose import diagnose
-    from ambient_trainer.diagnosis.report import report_of
-    from ambient_trainer.estimators.registry import thermal_circuit
+    from ambient_trainer.api.diagnosing import diagnose  # scipy: --help should not wait for it
 
     output.check([*trace_paths, *baseline_paths, circuit], [extended_path])
-    thermal = thermal_circuit(circuit)
-    traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
-    baselines = [load_trace(path) for path in baseline_paths]
-    with staged_progress() as progress, parallel_config(n_jobs=jobs):
-        result = diagnose(thermal, traces, baselines, progress, period_s)
-    output.show(report_of(result))
-    if extended_path is not None:
-        if result.extended is None:
-            click.echo("No cause is one that a circuit can hold: no circuit is written.")
-        else:
-            save_circuit(extended_path, result.extended)
-            click.echo(f"Circuit: {extended_path}")
+    with staged_progress() as progress:
+        result = diagnose(
+            trace_paths,
+            circuit,
+            baselines=baseline_paths,
+            from_s=from_s,
+            to_s=to_s,
+            period_s=period_s,
+            jobs=jobs,
+            progress=progress,
+        )
+    output.show(result.summary)
+    if extended_path is None:
+        return
+    if result.extended is None:
+        click.echo("No cause is one that a circuit can hold: no circuit is written.")
+    else:
+        click.echo(f"Circuit: {result.save_circuit(extended_path)}")

@@ -8,22 +8,21 @@ same sensors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
-from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import USUAL, Effort, Fit
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.filters import FilterEstimator
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure
 from ambient_trainer.estimators.kalman.prior import prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance, without
+from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance
 from ambient_trainer.estimators.searched import MODES, estimated, fit_of, searched
-from ambient_trainer.estimators.training import estimator_data, require_enough
+from ambient_trainer.estimators.training import Training, require_enough
 from ambient_trainer.lti.reduce import reduced
 
 Array = NDArray[np.float64]
@@ -40,52 +39,37 @@ def find(name: str) -> CircuitObserver | None:
     return CircuitObserver() if name in NAMES else None
 
 
-@dataclass(frozen=True)
-class CircuitObserver:
+class CircuitObserver(FilterEstimator):
     """Fits the observer, and one without each of its inputs."""
 
     name = NAMES[0]
-    reads_any = True
 
-    def searches(self, effort: Effort) -> int:
-        """One a start."""
-        return effort.starts
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to grids of these columns; at most three of ``effort.starts`` are made.
 
-    def fit(
-        self,
-        traces: Sequence[Trace],
-        effort: Effort = USUAL,
-        progress: Progress | None = None,
-        period_s: float | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> Fit:
-        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`.
-
-        At most three of ``effort.starts`` are made. Raises :class:`Refused` for more sensors than a trace determines.
+        Raises :class:`Refused` for more sensors than a trace determines.
         """
-        columns, segments = estimator_data(traces, inputs, period_s, effort.pieces)
+        columns, segments, source = training
         if len(columns) > _MOST_SENSORS:
             problem = f"{len(columns)} temperatures make a circuit with more unknowns than a trace determines"
             raise refuse(self.name, "", problem, f"name the best {_MOST_SENSORS} or fewer with --sensors")
-        with threadpool_limits(1):
-            walk = walk_of(segments)
-            circuit = RandomWalkAmbient(columns, walk)
-            structure = ObserverStructure(circuit, prior_theta(circuit, segments), segments)
-            require_enough(traces, structure)
-            main = _fitted(columns, structure, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
+        walk = walk_of(segments)
+        circuit = RandomWalkAmbient(columns, walk)
+        structure = ObserverStructure(circuit, prior_theta(circuit, segments), segments)
+        require_enough(source, structure)
+        main = _fitted(columns, structure, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
 
-            def fallback(dropped: int) -> Fit:
-                left, parts = without(columns, segments, dropped)
-                smaller = RandomWalkAmbient(left, walk)
-                start = struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
-                structure = ObserverStructure(smaller, start, parts)
-                fewer = replace(effort, starts=1, pieces=1)
-                return _fitted(left, structure, fewer, late(progress, effort))
+        def fallback(dropped: int) -> Fit:
+            left, parts, _ = training.without(dropped)
+            smaller = RandomWalkAmbient(left, walk)
+            start = struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
+            structure = ObserverStructure(smaller, start, parts)
+            return _fitted(left, structure, replace(effort, starts=1, pieces=1), late(progress, effort))
 
-            states = len(columns) + 1
-            remark = f"The circuit has {states} states: a node a sensor, and the ambient"
-            remark += f"; balanced down to {len(main.states)}." if states > len(main.states) else "."
-            return with_fallbacks_and_variance(main, segments, fallback, remark, {"states_of_circuit": states})
+        states = len(columns) + 1
+        remark = f"The circuit has {states} states: a node a sensor, and the ambient"
+        remark += f"; balanced down to {len(main.states)}." if states > len(main.states) else "."
+        return with_fallbacks_and_variance(main, segments, fallback, remark, {"states_of_circuit": states})
 
 
 def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
-from threadpoolctl import threadpool_limits
-
-from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import USUAL, Effort, Fit
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.filters import FilterEstimator
 from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, searched
-from ambient_trainer.estimators.training import estimator_data, require_enough
+from ambient_trainer.estimators.training import Training, require_enough
 
 NAMES = ("free-1", "free-2", "free-3", "free-4")
 
@@ -22,42 +17,18 @@ def find(name: str) -> FreeFilterEstimator | None:
     return FreeFilterEstimator(NAMES.index(name) + 1) if name in NAMES else None
 
 
-@dataclass(frozen=True)
-class FreeFilterEstimator:
+class FreeFilterEstimator(FilterEstimator):
     """Fits the free linear filter of ``order``."""
 
-    order: int
-    reads_any = True
+    def __init__(self, order: int) -> None:
+        self.order = order
+        self.name = f"free-{order}"
 
-    @property
-    def name(self) -> str:
-        """``free-N``."""
-        return f"free-{self.order}"
-
-    def searches(self, effort: Effort) -> int:
-        """One a start."""
-        return effort.starts
-
-    def fit(
-        self,
-        traces: Sequence[Trace],
-        effort: Effort = USUAL,
-        progress: Progress | None = None,
-        period_s: float | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> Fit:
-        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`."""
-        columns, segments = estimator_data(traces, inputs, period_s, effort.pieces)
-        structure = FreeFilter(self.order, segments)
-        require_enough(traces, structure)
-        with threadpool_limits(1):
-            found = searched(structure, effort, progress)
-            best = found.result.best
-            return fit_of(
-                found,
-                structure.system(best.theta, best.beta),
-                filter_parameters(structure, found),
-                circuit=self.name,
-                inputs=columns,
-                states=MODES[: self.order],
-            )
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to grids of these columns."""
+        structure = FreeFilter(self.order, training.segments)
+        require_enough(training.source, structure)
+        found = searched(structure, effort, progress)
+        system = structure.system(found.result.best.theta, found.result.best.beta)
+        parameters, states = filter_parameters(structure, found), MODES[: self.order]
+        return fit_of(found, system, parameters, circuit=self.name, inputs=training.columns, states=states)
