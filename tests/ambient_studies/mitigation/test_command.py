@@ -7,6 +7,7 @@ import json
 import pytest
 
 
+@pytest.mark.slow
 def test_it_prints_writes_and_draws(trainer, saved, model, tmp_path):
     figures, report = tmp_path / "out.json", tmp_path / "report"
     options = ("--room", "5", "--room", "35", "--runs", 1, "--minutes", 20, "--json", figures, "--report", report)
