@@ -223,6 +223,7 @@ def test_no_circuit_comes_of_what_is_none(circuit):
     assert extension.left_out[-1].startswith("The circuit with what was found is none: edges[6].resistance: ")
 
 
+@pytest.mark.slow
 def test_the_extended_circuit_fits_evaluates_and_runs_in_the_daemon(tmp_path, monkeypatch, capsys):
     heat = Hidden("heat_source", "usb", "charger_on", 0.0, None, 0.4)
     train, other = (each.trace for each in simulate_many([("5", 11, (heat,)), ("5", 12, (heat,))], period_s=10.0))

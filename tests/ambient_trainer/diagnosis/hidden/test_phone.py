@@ -11,6 +11,9 @@ from scipy.ndimage import uniform_filter1d
 from ambient_studies.discovery.cases import CAUSES, PERIOD_S
 from ambient_studies.discovery.score import ONSET_S
 
+pytestmark = pytest.mark.slow
+"""Each takes about 20 s of a processor; the discovery benchmark draws many more."""
+
 DUE_IN_NOISE = 5.0
 _SMOOTH_S = 60.0
 
@@ -21,15 +24,11 @@ MISSED = {
 }
 """What is missed, and how."""
 SEED = 1
-QUICK = ("heat_source",)
-"""What the quick run looks for; each takes about 20 s of a processor, and the benchmark draws many more."""
 
 
 def param(cause: str) -> object:
-    """A cause, with what is known of it: that it takes long, or is missed."""
-    marks = [] if cause in QUICK else [pytest.mark.slow]
-    if cause in MISSED:
-        marks.append(pytest.mark.xfail(reason=MISSED[cause], strict=False))
+    """A cause, expected to fail where it is missed."""
+    marks = [pytest.mark.xfail(reason=MISSED[cause], strict=False)] if cause in MISSED else []
     return pytest.param(cause, marks=marks)
 
 
@@ -73,13 +72,11 @@ def within_sight(case, bench):
     return np.sqrt(np.mean(unfelt[between] ** 2)) < noise_degC
 
 
-@pytest.mark.slow
 def test_nothing_is_found_where_nothing_is_hidden(diagnosed):
     case = diagnosed(SEED)
     assert case.found.steps == (), explained(case)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cause", "place", "signal"), [("heat_source", "usb", "charger_on"), ("ambient_coupling", "back", "case_on")]
 )
@@ -90,7 +87,6 @@ def test_the_signal_that_drives_it_is_not_taken_for_those_that_do_not(diagnosed,
     assert case.scored.magnitude_right, explained(case)
 
 
-@pytest.mark.slow
 def test_two_at_once_are_both_named(diagnosed):
     case = diagnosed(SEED, "heat_source", "clock_offset")
     assert case.scored.outcome.correct, explained(case)
