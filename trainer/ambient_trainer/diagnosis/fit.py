@@ -100,8 +100,8 @@ def fit_model(model: Model, training: TrainingSet, rounds: int) -> FitResult:
     return FitResult(model, tuple(views), held_out, float(sum(errors)))
 
 
-def cost(model: Model, training: TrainingSet) -> float:
-    """What a fit makes as small as it can: the whitened square, and how far what is known of the circuit has moved."""
+def objective(model: Model, training: TrainingSet) -> float:
+    """The objective of the fit: the whitened square and the penalty of the prior."""
     return _square(model, _views(model, training), training)
 
 

@@ -14,11 +14,8 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from ambient_trainer.diagnosis.candidate import Candidate, Span
-from ambient_trainer.diagnosis.causes import (
-    all_candidates,
-    kind_of,
-)
-from ambient_trainer.diagnosis.fit import FitResult, TrainingSet, cost, fit_model, nuisance_columns
+from ambient_trainer.diagnosis.causes import all_candidates, kind_of
+from ambient_trainer.diagnosis.fit import FitResult, TrainingSet, fit_model, nuisance_columns, objective
 from ambient_trainer.diagnosis.gain import Blocks, differ, gain
 from ambient_trainer.diagnosis.model import Effect, Model, view
 from ambient_trainer.diagnosis.record import Record
@@ -36,17 +33,15 @@ Progress = Callable[[str, int, int], None]
 MOST_STEPS = 4
 SIGNIFICANT = 0.01
 LEAST_GAIN_CHANGE, LEAST_GAIN_MISSING, LEAST_GAIN_BUILT_IN = 0.3, 0.08, 0.03
-"""By how much an effect must lower the held-out error, each sensor's in units of what the simulation without it leaves.
-
-A change is looked for beside known-good records, in units of what those leave, a lack in units of its own misfit.
-"""
+"""By how much an effect must lower the held-out error: a change beside known-good records, in units of their residual;
+what is missing, and what is built in, in units of the misfit itself. Chosen on the discovery benchmark."""
 TIE_OF_WHAT_IS_LEFT, TIE_OF_WHAT_IS_GAINED, MOST_UNKNOWNS_SAVED = 0.06, 0.02, 2.5
 """For each unknown that it saves, a simpler cause may leave this share more than the best, or gain this share less."""
 TIE_OF_A_FAULT = 0.97
 LEAST_OF_LATER_STEPS, LEAST_OF_WHAT_IS_LEFT = 0.15, 0.3
-"""Of what the first step gained: an effect is never quite what it is taken for, and what is left of it is no other.
+"""The least gain of a later step, as a share of the first step's: what is left of an imperfect effect is no other.
 
-Elsewhere, it is one if it explains this much of what the others leave beyond the noise.
+At another place, it is this share of what the others leave beyond the noise.
 """
 _COARSE = 60
 _EDGE = 0.5
@@ -89,7 +84,7 @@ class Trial:
 
     @property
     def _cools(self) -> bool:
-        """Whether it takes heat away however cold it is there: a machine does, a loss needs none."""
+        """Whether it removes heat at any temperature, which takes a machine."""
         if not kind_of(self.cause).one_sign:
             return False
         seen = self.fitted.longest
@@ -154,9 +149,9 @@ def _every_cause(candidate: Candidate) -> Candidate | None:
 
 @dataclass(frozen=True)
 class Criterion:
-    """What is looked for: the candidates that are ``allowed``, and the ``least`` gain, in units of the noise.
+    """The candidates that are ``allowed``, and the ``least`` gain, in units of the noise.
 
-    At places where an effect was found already, ``found``, a further one must gain more: ``least_there``.
+    At the places of effects that were selected before, ``found``, a further one must gain more: ``least_there``.
     """
 
     allowed: Callable[[Candidate], Candidate | None]
@@ -193,20 +188,12 @@ def select_effects(
             of_first = LEAST_OF_LATER_STEPS * steps[0].selected.relative
             least = max(wanted.least, min(of_first, LEAST_OF_WHAT_IS_LEFT * excess))
             found = frozenset().union(*(each.selected.places for each in steps if each.selected is not None))
-            # what the last one had to gain, a later one must
+            # the least gain never falls from step to step
             wanted = replace(wanted, least=least, found=found, least_there=of_first)
-        choice = _one_more(
-            current,
-            trained,
-            own,
-            noise,
-            wanted,
-            _stage(progress, step),
-        )
-        steps.append(choice)
-        if choice.selected is None:
+        steps.append(_next_step(current, trained, own, noise, wanted, _stage(progress, step)))
+        if (selected := steps[-1].selected) is None:
             break
-        current = choice.selected.fitted
+        current = selected.fitted
         if not trained.normal:
             noise = Noise.of([each.residual_degC for each in current.views])
             current = fit_model(current.model, trained.training(own, noise), _ROUNDS)
@@ -222,7 +209,7 @@ def _stage(progress: Progress | None, step: int) -> Callable[[int, int], None]:
     return show
 
 
-def _one_more(
+def _next_step(
     current: FitResult,
     trained: TrainedCircuit,
     own: Sequence[Record],
@@ -230,57 +217,66 @@ def _one_more(
     wanted: Criterion,
     progress: Callable[[int, int], None],
 ) -> SelectionStep:
+    """All candidates beside ``current`` screened, the best simulated, and the simplest of the best selected."""
     training = trained.training(own, noise)
-    from_here = _at_trained(current, trained, training)
-    frame = _frame(from_here, trained, training)
-    setting = setting_of(current.model, current.views, not trained.normal)
-    there = {
-        (effect.candidate.cause.name, effect.candidate.cause.location)
-        for effect in current.model.effects
-        if not effect.known
-    }
-    candidates = [
-        each
-        for each in map(wanted.allowed, all_candidates(setting))
-        if each is not None and (each.cause.name, each.cause.location) not in there
-    ]
-    first, last = _extent(own)
-    step_s = max((last - first) / _COARSE, 2 * trained.model.plant.period_s)
-    period_s = trained.model.plant.period_s
-    # with the samples: an edge between two is shared by both, and scores otherwise
-    onsets = [
-        first + period_s * round(each / period_s) for each in np.arange(step_s, last - first - step_s / 2, step_s)
-    ]
-    # of the forms of a cause, the best with each number of coefficients: held-out data decide between them
-    found: dict[tuple[Cause, int], Screened] = {}
+    start = _at_trained(current, trained, training)
+    candidates = _candidates(current, trained, wanted)
+    onsets, step_s = _onsets(own, trained.model.plant.period_s)
     most = _SIMULATED if trained.normal else _SIMULATED_WITH_CIRCUIT
-    for index, candidate in enumerate(candidates):
-        progress(index, len(candidates) + most)
-        best = scored(frame, candidate, onsets)
-        key = candidate.cause, candidate.free
-        if best is not None and (key not in found or best.score > found[key].score):
-            found[key] = best
-    ranked = sorted(found.values(), key=lambda each: -each.score)[:_REFINED]
-    ranked = sorted((refined(frame, each, step_s) for each in ranked), key=lambda each: -each.score)[:most]
+    counted = len(candidates) + most
+    regression = _regression(start, trained, training)
+    screened = _screened(regression, candidates, onsets, lambda done: progress(done, counted))
+    best = sorted((refined(regression, each, step_s) for each in screened), key=lambda each: -each.score)[:most]
     before = Blocks.of(current, noise)
     tries = len(candidates) * len(onsets)
-    models = (from_here.model, current.model)
+    models = (start.model, current.model)
     # by as many processes as the caller has configured
     done = Parallel(return_as="generator", max_nbytes=None)(
-        delayed(_trial)(models, each, training, before, tries, not trained.normal) for each in ranked
+        delayed(_trial)(models, each, training, before, tries, not trained.normal) for each in best
     )
     trials = []
-    for index, trial in enumerate(done, start=1):
-        progress(len(candidates) + index - 1, len(candidates) + most)
+    for index, trial in enumerate(done):
+        progress(len(candidates) + index, counted)
         if np.isfinite(trial.fitted.square) and bool(trial.effect.candidate.plausible(trial.effect.values)):
             trials.append(trial)
     trials.sort(key=lambda each: float(each.blocks.white.sum()))
-    taken, rivals = _simplest(trials, before, wanted)
-    return SelectionStep(taken, rivals, tuple(trials), tries, before)
+    selected, rivals = _simplest(trials, before, wanted)
+    return SelectionStep(selected, rivals, tuple(trials), tries, before)
+
+
+def _candidates(current: FitResult, trained: TrainedCircuit, wanted: Criterion) -> list[Candidate]:
+    """The allowed candidates whose cause is not at that place already."""
+    setting = setting_of(current.model, current.views, not trained.normal)
+    effects = [effect.candidate.cause for effect in current.model.effects if not effect.known]
+    there = {(cause.name, cause.location) for cause in effects}
+    allowed = (each for each in map(wanted.allowed, all_candidates(setting)) if each is not None)
+    return [each for each in allowed if (each.cause.name, each.cause.location) not in there]
+
+
+def _onsets(own: Sequence[Record], period_s: float) -> tuple[list[float], float]:
+    """The coarse grid of onsets, on samples (an edge between two is shared by both, and scores otherwise); its step."""
+    first, last = min(float(each.time_s[0]) for each in own), max(float(each.time_s[-1]) for each in own)
+    step_s = max((last - first) / _COARSE, 2 * period_s)
+    steps = np.arange(step_s, last - first - step_s / 2, step_s)
+    return [first + period_s * round(each / period_s) for each in steps], step_s
+
+
+def _screened(
+    regression: Regression, candidates: Sequence[Candidate], onsets: Sequence[float], progress: Callable[[int], None]
+) -> list[Screened]:
+    """The best-scored candidates; of the forms of a cause the best with each number of coefficients."""
+    best: dict[tuple[Cause, int], Screened] = {}
+    for index, candidate in enumerate(candidates):
+        progress(index)
+        result = scored(regression, candidate, onsets)
+        key = candidate.cause, candidate.free
+        if result is not None and (key not in best or result.score > best[key].score):
+            best[key] = result
+    return sorted(best.values(), key=lambda each: -each.score)[:_REFINED]
 
 
 def _at_trained(current: FitResult, trained: TrainedCircuit, training: TrainingSet) -> FitResult:
-    """``current`` where it was trained: what it has moved since may be what the next effect is to explain."""
+    """``current`` at the trained parameters: what they have moved since may belong to the next effect."""
     if not trained.normal:
         return current
     own = tuple(effect for effect in current.model.effects if not effect.known)
@@ -290,14 +286,14 @@ def _at_trained(current: FitResult, trained: TrainedCircuit, training: TrainingS
 def _trial(
     models: Sequence[Model], found: Screened, training: TrainingSet, before: Blocks, tries: int, free: bool
 ) -> Trial:
-    """What was ``found`` added to the one of ``models`` that is then nearer, and fitted along with it."""
+    """``found`` added to the one of ``models`` that is then nearer, and fitted together with it."""
     values = found.candidate.start(found.values)
     if free:
         # its coefficients go with parameters that have yet to move: they start, together, from where the model stands
         values = np.array([0.0 if fixed is None else fixed for fixed in found.candidate.fixed])
     unsure = np.zeros((len(values) + 1,) * 2)
     effect = Effect(found.candidate, found.onset_s, found.end_s, values, unsure)
-    nearest = min((model.with_effect(effect) for model in models), key=lambda each: cost(each, training))
+    nearest = min((model.with_effect(effect) for model in models), key=lambda each: objective(each, training))
     result = fit_model(nearest, training, _ROUNDS)
     after = Blocks.of(result, training.noise)
     effect = result.model.effects[-1]
@@ -318,7 +314,7 @@ def _simplest(trials: Sequence[Trial], before: Blocks, wanted: Criterion) -> tup
     alike = [each for each in accepted if abs(differ(each.blocks, taken.blocks)) < 2.0]
     taken = min((each for each in alike if each.unknowns == taken.unknowns), key=lambda each: each.gain.rmse_after_degC)
     rivals = [each for each in alike if each.cause != taken.cause]
-    # heat that no neighbour feels is nothing that a faulty sensor would not show as well, and needs no heat
+    # heat that no neighbour feels is not distinguishable from a faulty sensor, which needs no heat
     faults = [
         each
         for each in rivals
@@ -339,13 +335,13 @@ def _tied(simpler: Trial, best: Trial, before: Blocks, least: float) -> bool:
     if simpler.left <= best.left * (1.0 + TIE_OF_WHAT_IS_LEFT * saved):
         return True
     gained, most = (float((before.white - each.blocks.white).sum()) for each in (simpler, best))
-    # that the rest of a cause matters little is no reason to leave it out
+    # a smaller form of the same cause has to leave as little
     return simpler.cause != best.cause and (
         gained >= most * (1.0 - TIE_OF_WHAT_IS_GAINED * saved) and best.relative - simpler.relative < least
     )
 
 
-def _frame(current: FitResult, trained: TrainedCircuit, training: TrainingSet) -> Regression:
+def _regression(current: FitResult, trained: TrainedCircuit, training: TrainingSet) -> Regression:
     noise = training.noise
     normal = None
     if trained.normal:
@@ -354,7 +350,3 @@ def _frame(current: FitResult, trained: TrainedCircuit, training: TrainingSet) -
         normal = Regression.of(before, noise)
     free, prior_rows = nuisance_columns(current, training)
     return Regression.of(current.views, noise, free, prior_rows, normal)
-
-
-def _extent(own: Sequence[Record]) -> tuple[float, float]:
-    return float(min(each.time_s[0] for each in own)), float(max(each.time_s[-1] for each in own))
