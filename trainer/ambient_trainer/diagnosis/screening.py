@@ -122,14 +122,14 @@ class Screened:
     score: float
 
 
-def scored(frame: Regression, candidate: Candidate, onsets_s: Sequence[float]) -> Screened | None:
+def scored(regression: Regression, candidate: Candidate, onsets_s: Sequence[float]) -> Screened | None:
     """The candidate at its best over the windows that its span allows; None where none is plausible."""
     starts: list[float | None] = [None]
     if candidate.window is not None:
         starts.extend(each for each in candidate.window if each is not None)
     elif candidate.span is not Span.WHOLE:
         starts.extend(onsets_s)
-    gram, towards, square = _normal_equations(frame, candidate, starts)
+    gram, towards, square = _normal_equations(regression, candidate, starts)
     G, columns = len(starts), towards.shape[1]
     begin, end = _windows(candidate.span, G)
     if candidate.window is not None:
@@ -139,10 +139,10 @@ def scored(frame: Regression, candidate: Candidate, onsets_s: Sequence[float]) -
     D, M = _differences(gram, towards, begin, np.where(end == G, columns, end + columns - G))
     values, explained = _solved(D, M, candidate.fixed)
     lasts = np.array([-np.inf, *starts[1:], np.inf], dtype=float)
-    fine = candidate.plausible(values) & (explained < square) & (lasts[end] - lasts[begin] >= _shortest_s(frame))
+    fine = candidate.plausible(values) & (explained < square) & (lasts[end] - lasts[begin] >= _shortest_s(regression))
     unknowns = candidate.free + (candidate.shape is not None)
     edges = (begin > 0).astype(float) + (end < G)
-    rows = frame.rows
+    rows = regression.rows
     score = rows * -np.log1p(-np.where(fine, explained, 0.0) / square)
     score = score - np.log(rows) * (unknowns + _EDGE_UNKNOWNS * edges)
     score[~fine] = -np.inf
@@ -160,7 +160,7 @@ def scored(frame: Regression, candidate: Candidate, onsets_s: Sequence[float]) -
 
 
 def _normal_equations(
-    frame: Regression, candidate: Candidate, starts_s: Sequence[float | None]
+    regression: Regression, candidate: Candidate, starts_s: Sequence[float | None]
 ) -> tuple[Array, Array, float]:
     """Gram matrix (k, G, k, G) of the columns, their products with what is left, (k, G), and the square of that.
 
@@ -168,43 +168,45 @@ def _normal_equations(
     Where there are known-good records, what the candidate explains of them is taken out first: only what it does
     beyond that is a change.
     """
-    X = frame.columns(candidate, starts_s)
-    if _has_lag(frame, candidate):
-        X = np.concatenate([X, frame.ends(candidate, starts_s)], axis=1)
+    X = regression.columns(candidate, starts_s)
+    if _has_lag(regression, candidate):
+        X = np.concatenate([X, regression.ends(candidate, starts_s)], axis=1)
     k, G, R = X.shape
     flat = X.reshape(k * G, R)
-    gram, towards, square = flat @ flat.T, flat @ frame.left, frame.square
-    if frame.normal is not None:
-        before = frame.normal.columns(candidate, [None])[:, 0]
+    gram, towards, square = flat @ flat.T, flat @ regression.left, regression.square
+    if regression.normal is not None:
+        before = regression.normal.columns(candidate, [None])[:, 0]
         normal, own = before @ before.T, X[:, 0] @ X[:, 0].T
         # what the known-good records hardly hold they cannot speak of
         doubt = _DOUBT * np.diag(np.diag(own)) + 1e-12 * np.eye(k)
-        apparent = np.linalg.solve(normal + doubt, before @ frame.normal.left)
+        apparent = np.linalg.solve(normal + doubt, before @ regression.normal.left)
         apparent = np.array([each if fixed is None else 0.0 for each, fixed in zip(apparent, candidate.fixed)])
         towards = towards - flat @ X[:, 0].T @ apparent
-        square = square - float(2 * apparent @ (X[:, 0] @ frame.left) - apparent @ own @ apparent)
+        square = square - float(2 * apparent @ (X[:, 0] @ regression.left) - apparent @ own @ apparent)
     return gram.reshape(k, G, k, G), towards.reshape(k, G), square
 
 
-def _has_lag(frame: Regression, candidate: Candidate) -> bool:
-    terms = candidate.terms(frame.views[0])
+def _has_lag(regression: Regression, candidate: Candidate) -> bool:
+    terms = candidate.terms(regression.views[0])
     return any(isinstance(term, HeatTerm) and term.lag_s is not None for term in terms)
 
 
-def _shortest_s(frame: Regression) -> float:
-    return max(_SHORTEST_S, _SHORTEST_SAMPLES * frame.views[0].plant.period_s)
+def _shortest_s(regression: Regression) -> float:
+    return max(_SHORTEST_S, _SHORTEST_SAMPLES * regression.views[0].plant.period_s)
 
 
-def refined(frame: Regression, coarse: Screened, step_s: float) -> Screened:
+def refined(regression: Regression, coarse: Screened, step_s: float) -> Screened:
     """``coarse`` with onset and end to the sample, its shape to a percent; ``step_s`` is the coarse grid's."""
-    best = coarse if coarse.candidate.window is not None else _plainest(frame, _in_time(frame, coarse, step_s))
+    best = (
+        coarse if coarse.candidate.window is not None else _plainest(regression, _in_time(regression, coarse, step_s))
+    )
     shape, reshaped = best.candidate.shape, best.candidate.reshaped
     if shape is None or reshaped is None:
         return best
     fixed_window = [each for each in (best.onset_s, best.end_s) if each is not None]
 
     def at(log_factor: float) -> Screened | None:
-        return scored(frame, reshaped(shape * float(np.exp(log_factor))), fixed_window)
+        return scored(regression, reshaped(shape * float(np.exp(log_factor))), fixed_window)
 
     def cost(log_factor: float) -> float:
         tried = at(log_factor)
@@ -215,11 +217,11 @@ def refined(frame: Regression, coarse: Screened, step_s: float) -> Screened:
     return better if better is not None and better.score > best.score else best
 
 
-def _plainest(frame: Regression, best: Screened) -> Screened:
+def _plainest(regression: Regression, best: Screened) -> Screened:
     """``best`` without an edge that hardly matters."""
     for onset_s, end_s in ((None, None), (best.onset_s, None), (None, best.end_s)):
         if (onset_s, end_s) != (best.onset_s, best.end_s):
-            tried = scored(frame, replace(best.candidate, window=(onset_s, end_s)), [])
+            tried = scored(regression, replace(best.candidate, window=(onset_s, end_s)), [])
             if tried is not None and tried.score >= _AS_GOOD * best.score:
                 return replace(tried, candidate=best.candidate)
     return best
@@ -229,9 +231,9 @@ _AS_GOOD = 0.95
 _FINER = 12
 
 
-def _in_time(frame: Regression, coarse: Screened, step_s: float) -> Screened:
+def _in_time(regression: Regression, coarse: Screened, step_s: float) -> Screened:
     best = coarse
-    period = frame.views[0].plant.period_s
+    period = regression.views[0].plant.period_s
     while step_s > period / 4 and (best.onset_s is not None or best.end_s is not None):
         # what jumps shows in few samples: on the way there, at least every other is tried
         finer = period / 4 if step_s <= 2 * period else max(step_s / _FINER, min(2 * period, step_s / 2))
@@ -242,7 +244,7 @@ def _in_time(frame: Regression, coarse: Screened, step_s: float) -> Screened:
             if edge is not None
             for shift in range(-reach, reach + 1)
         ]
-        tried = scored(frame, best.candidate, sorted(set(near)))
+        tried = scored(regression, best.candidate, sorted(set(near)))
         if tried is None or tried.score <= best.score:
             tried = best
         best, step_s = tried, finer

@@ -90,5 +90,6 @@ def _of_sensor(
 
 def _tested(grid: Grid, found: Dependence, threshold: float) -> Tested:
     significant = found.statistic > threshold
-    said = sentence(found, significant, grid)
-    return Tested(found.test, subject(found), found.statistic, threshold, significant, said)
+    return Tested(
+        found.test, subject(found), found.statistic, threshold, significant, sentence(found, significant, grid)
+    )

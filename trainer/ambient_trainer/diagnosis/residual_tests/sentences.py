@@ -21,43 +21,43 @@ _HINT = {
 }
 
 
-def subject(found: Dependence) -> str:
+def subject(result: Dependence) -> str:
     """The sensor, or the sensor and the signal."""
-    return f"{found.sensor}, {found.driver}" if found.driver else found.sensor
+    return f"{result.sensor}, {result.driver}" if result.driver else result.sensor
 
 
-def sentence(found: Dependence, significant: bool, grid: Grid) -> str:
-    """What ``found`` says."""
-    if found.test == "drift":
-        return _drift(found, significant, grid)
-    if found.test in ("change", "change of heat"):
-        return _change(found, significant, grid)
-    what = found.driver or _ALONG[found.test]
+def sentence(result: Dependence, significant: bool, grid: Grid) -> str:
+    """What ``result`` says."""
+    if result.test == "drift":
+        return _drift(result, significant, grid)
+    if result.test in ("change", "change of heat"):
+        return _change(result, significant, grid)
+    what = result.driver or _ALONG[result.test]
     if not significant:
-        return f"{found.sensor}: the residual does not follow {what} more than chance would."
-    delay_s = found.delay_steps * grid.step_s
+        return f"{result.sensor}: the residual does not follow {what} more than chance would."
+    delay_s = result.delay_steps * grid.step_s
     delay = f" with a delay of about {duration(delay_s)}" if delay_s else " at once"
     return (
-        f"{found.sensor}: the residual follows {what}{delay}, by {digits(found.size, 2)} degC over its range"
-        f"{_HINT[found.test]}."
+        f"{result.sensor}: the residual follows {what}{delay}, by {digits(result.size, 2)} degC over its range"
+        f"{_HINT[result.test]}."
     )
 
 
-def _drift(found: Dependence, significant: bool, grid: Grid) -> str:
+def _drift(result: Dependence, significant: bool, grid: Grid) -> str:
     if not significant:
-        return f"{found.sensor}: the residual does not drift more than its memory explains."
+        return f"{result.sensor}: the residual does not drift more than its memory explains."
     span = duration(grid.samples * grid.step_s)
-    return f"{found.sensor}: the residual drifts by {digits(found.size, 2)} degC over {span}."
+    return f"{result.sensor}: the residual drifts by {digits(result.size, 2)} degC over {span}."
 
 
-def _change(found: Dependence, significant: bool, grid: Grid) -> str:
-    what = "the residual" if found.test == "change" else "the heat that explains the residual"
-    if not significant or not found.turns:
-        return f"{found.sensor}: {what} keeps its level."
-    times = " and ".join(clock(grid.time_s[turn]) for turn in found.turns)
-    how = "rises" if found.size > 0 else "falls"
-    unit = f" by {digits(abs(found.size), 2)} degC" if found.test == "change" else ""
+def _change(result: Dependence, significant: bool, grid: Grid) -> str:
+    what = "the residual" if result.test == "change" else "the heat that explains the residual"
+    if not significant or not result.turns:
+        return f"{result.sensor}: {what} keeps its level."
+    times = " and ".join(clock(grid.time_s[turn]) for turn in result.turns)
+    how = "rises" if result.size > 0 else "falls"
+    unit = f" by {digits(abs(result.size), 2)} degC" if result.test == "change" else ""
     turns = (
-        f"{how}{unit} at about {times}" if len(found.turns) == 1 else f"{how}{unit} and comes back, at about {times}"
+        f"{how}{unit} at about {times}" if len(result.turns) == 1 else f"{how}{unit} and comes back, at about {times}"
     )
-    return f"{found.sensor}: {what} {turns}."
+    return f"{result.sensor}: {what} {turns}."

@@ -1,4 +1,4 @@
-"""Is the residual white: does it forget itself from one sample to the next? Here a textbook threshold is right."""
+"""Tests whether a residual is white, with textbook thresholds: Ljung-Box, Bartlett, and the autocorrelation time."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ambient_trainer.diagnosis.words import duration, share
 Array = NDArray[np.float64]
 
 MOST_LAGS = 20
-_FORGOTTEN = 1 / np.e
+_ONE_OVER_E = 1 / np.e
 
 
 def autocorrelation(series: Array, lags: int) -> tuple[Array, Array]:
-    """At lags 0 to ``lags``, (lags + 1,): the correlation of ``series`` (n,) with itself, and of how many pairs."""
+    """The autocorrelation of ``series`` (n,) at lags 0 to ``lags``, (lags + 1,), and the number of pairs at each."""
     known = np.isfinite(series)
     centred = np.where(known, series - series[known].mean(), 0.0)
     size = 2 ** int(np.ceil(np.log2(2 * len(series))))
@@ -27,36 +27,36 @@ def autocorrelation(series: Array, lags: int) -> tuple[Array, Array]:
 
 
 def ljung_box(series: Array, sensor: str, alpha: float) -> Tested:
-    """Ljung and Box: are the first correlations of ``series`` (n,) with itself together more than chance?"""
+    """The test of Ljung and Box (1978) on the first autocorrelations of ``series`` (n,)."""
     lags = min(MOST_LAGS, int(np.isfinite(series).sum()) // 5)
     rho, pairs = autocorrelation(series, lags)
     statistic = float((pairs[1:] * rho[1:] ** 2).sum() * (pairs[0] + 2) / pairs[0])
     threshold = float(stats.chi2.isf(alpha, lags))
     significant = statistic > threshold
-    said = (
-        f"{sensor}: the residual is not white noise: its next value follows from its last ones."
+    sentence = (
+        f"{sensor}: the residual is not white noise: its successive values are correlated."
         if significant
-        else f"{sensor}: successive values of the residual have nothing to do with each other, as white noise."
+        else f"{sensor}: successive values of the residual are not correlated, as in white noise."
     )
-    return Tested("whiteness", sensor, statistic, threshold, significant, said)
+    return Tested("whiteness", sensor, statistic, threshold, significant, sentence)
 
 
 def autocorrelation_time(series: Array, sensor: str, step_s: float) -> Tested:
-    """How long until the correlation of ``series`` (n,) with itself has fallen to 1/e, in s; white noise: one step."""
+    """The time until the autocorrelation of ``series`` (n,) is 1/e, in s; white noise: one step."""
     rho, pairs = autocorrelation(series, len(series) - 1)
-    below = np.flatnonzero((rho < _FORGOTTEN) & (pairs > 0))
+    below = np.flatnonzero((rho < _ONE_OVER_E) & (pairs > 0))
     if len(below):
         lag = int(below[0])
-        remembered_s = step_s * (lag - (_FORGOTTEN - rho[lag]) / (rho[lag - 1] - rho[lag]))
+        time_s = step_s * (lag - (_ONE_OVER_E - rho[lag]) / (rho[lag - 1] - rho[lag]))
     else:
-        remembered_s = step_s * (len(series) - 1)
-    significant = remembered_s > step_s
-    said = (
-        f"{sensor}: the residual remembers itself for about {duration(remembered_s)}: something slow is missing."
+        time_s = step_s * (len(series) - 1)
+    significant = time_s > step_s
+    sentence = (
+        f"{sensor}: the residual is autocorrelated over about {duration(time_s)}: something slow is missing."
         if significant
-        else f"{sensor}: the residual has forgotten itself after one sample of {duration(step_s)}."
+        else f"{sensor}: the residual is not autocorrelated beyond one sample of {duration(step_s)}."
     )
-    return Tested("memory", sensor, float(remembered_s), step_s, significant, said)
+    return Tested("memory", sensor, float(time_s), step_s, significant, sentence)
 
 
 def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: float) -> Tested:
@@ -79,13 +79,13 @@ def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: floa
     half = int(np.searchsorted(cumulated, 0.5)) + 1
     period = duration(len(series) * step_s / half)
     slow = below.max() > above.max()
-    said = (
+    sentence = (
         f"{sensor}: half of the residual's power is in swings {'slower' if slow else 'faster'} than {period}; of white "
         f"noise {share(half / (count + 1))} would be."
         if significant
         else f"{sensor}: slow and fast swings share the residual's power evenly, as in white noise."
     )
-    return Tested("periodogram", sensor, statistic, threshold, significant, said)
+    return Tested("periodogram", sensor, statistic, threshold, significant, sentence)
 
 
 def _with_itself(values: Array, size: int) -> Array:
