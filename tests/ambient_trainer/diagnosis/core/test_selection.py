@@ -207,7 +207,7 @@ class _Trials:
     def __call__(self, cause: str, gained: float, left: float, seed: int, values=(0.5,), **window: float) -> Trial:
         own = self.chain.effect(self.record, cause, values, **window)
         gain = Gain(1.0, 0.5 + seed * 1e-3, (0.1, 0.2), 1e-9)
-        return Trial(own, self.fit_model, self._blocks(100.0 - gained, seed), gain, 2.0 - left, left)
+        return Trial(own, self.fitted, self._blocks(100.0 - gained, seed), gain, 2.0 - left, left)
 
 
 @pytest.mark.parametrize(("share", "simple"), [(0.9, True), (1.1, False)])
