@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.kalman.prior import prior_theta, walk_of
+from ambient_trainer.estimators.kalman.observer_structure import prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.response import states_from_rest
 from ambient_trainer.lti.riccati import Unsettled, sampled_covariance

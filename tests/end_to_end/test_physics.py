@@ -10,8 +10,7 @@ from threadpoolctl import threadpool_limits
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of
-from ambient_trainer.estimators.kalman.prior import prior_theta, walk_of
+from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of, prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.noise_gain import noise_gain
 

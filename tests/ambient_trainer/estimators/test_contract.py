@@ -35,7 +35,9 @@ def made(seed: int, samples: int, names: tuple[str, ...] = ("battery", "usb")) -
     return Trace(f"made {seed}", time_s, columns)
 
 
-@pytest.mark.parametrize("name", ["linear_usb", *ANY])
+@pytest.mark.parametrize(
+    "name", ["linear_usb", *(pytest.param(each, marks=[pytest.mark.slow] * (each == "free_observer")) for each in ANY)]
+)
 def test_the_contract_holds(name: str) -> None:
     check_estimator(estimator(name), [made(1, 160)], made(2, 80))
 

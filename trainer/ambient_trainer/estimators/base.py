@@ -6,12 +6,14 @@ predict well and be none of them.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_trainer.data.trace import Trace
@@ -19,6 +21,7 @@ from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.static_linear import StaticLinear
 from ambient_trainer.estimators.estimate import blended, estimate_degC
+from ambient_trainer.estimators.training import Training
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 
@@ -230,3 +233,31 @@ def error_quantiles(errors_degC: Array) -> Quantiles:
     tails = {level: (100 - level) / 2 for level in LEVELS_PERCENT}
     bands = {level: np.percentile(errors_degC, [tail, 100 - tail]).tolist() for level, tail in tails.items()}
     return {level: (low, high) for level, (low, high) in bands.items()}
+
+
+class FilterEstimator(ABC):
+    """Keeps the contract of :class:`ambient_trainer.estimators.base.Estimator`; a subclass fits."""
+
+    name: str
+    reads_any = True
+
+    def searches(self, effort: Effort) -> int:
+        """One a start."""
+        return effort.starts
+
+    def fit(
+        self,
+        traces: Sequence[Trace],
+        effort: Effort = USUAL,
+        progress: Progress | None = None,
+        period_s: float | None = None,
+        inputs: Sequence[str] | None = None,
+    ) -> Fit:
+        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`."""
+        training = Training.of(traces, inputs, period_s, effort.pieces)
+        with threadpool_limits(1):
+            return self.fit_to(training, effort, progress)
+
+    @abstractmethod
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to grids of these columns."""

@@ -29,6 +29,7 @@ _MARGIN_K = 30.0
 _RANGE_DEGC = (-45.0, 130.0)
 """What a sensor of a device can read; error codes such as 200 lie outside."""
 _CONFORMANCE_ROWS = 24
+_OF_THE_FIT = ("rmse_degC", "samples", "converged", "uncertainty_available", "identifiable", "stopped")
 
 
 def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str]) -> Model:
@@ -116,12 +117,7 @@ def _provenance(fit: Fit, training: Sequence[Mapping[str, Any]]) -> dict[str, An
         "periods_s": list(fit.periods_s),
         "hold": fit.hold,
         "fit": {
-            "rmse_degC": fit.rmse_degC,
-            "samples": fit.samples,
-            "converged": fit.converged,
-            "uncertainty_available": fit.uncertainty_available,
-            "identifiable": fit.identifiable,
-            "stopped": fit.stopped,
+            **{name: getattr(fit, name) for name in _OF_THE_FIT},
             "seed": fit.effort.seed,
             "starts": len(fit.start_rmses_degC),
             "pieces": fit.effort.pieces,

@@ -8,7 +8,12 @@ from typing import Any
 from ambient_trainer.estimators.base import Fit, ParameterEstimate
 from ambient_trainer.report import Facts, Finding, Report, Section, Table
 
-_FACTS = ("converged", "uncertainty_available", "identifiable")
+_AS_THEY_ARE = (
+    *("circuit", "inputs", "states", "outputs", "periods_s", "samples", "rmse_degC", "converged"),
+    *("uncertainty_available", "identifiable", "stopped", "confounded", "residual_memory_samples", "evaluations"),
+    *("start_rmses_degC", "notes"),
+)
+"""Of a fit, in its JSON."""
 _LARGE_GAINS = 5.0
 """Of a sum of absolute DC gains. An average of sensors has 1, the thesis's circuits at most 3: beyond, noise grows."""
 
@@ -32,23 +37,10 @@ def report_of(fit: Fit) -> Report:
 def as_json(fit: Fit) -> dict[str, Any]:
     """The content of ``fit --json``; what the data do not give is null."""
     return {
-        "circuit": fit.circuit,
-        "inputs": list(fit.inputs),
-        "states": list(fit.states),
-        "outputs": list(fit.outputs),
-        "periods_s": list(fit.periods_s),
-        "samples": fit.samples,
-        "rmse_degC": fit.rmse_degC,
-        **{fact: getattr(fit, fact) for fact in _FACTS},
-        "stopped": fit.stopped,
-        "confounded": [list(each) for each in fit.confounded],
-        "residual_memory_samples": fit.residual_memory_samples,
-        "evaluations": fit.evaluations,
-        "start_rmses_degC": list(fit.start_rmses_degC),
+        **{name: getattr(fit, name) for name in _AS_THEY_ARE},
         "parameters": [_parameter_data(each) for each in fit.parameters],
         "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
         "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
-        "notes": list(fit.notes),
         **fit.details,
     }
 

@@ -164,7 +164,7 @@ def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, bri
     assert list(model_of(fit, [], {}).fallbacks) == ["chip"]
 
 
-@pytest.mark.parametrize("stage", [0, 1, 2])
+@pytest.mark.parametrize("stage", [0, 1])
 def test_before_main_and_guard_are_found_there_is_nothing_to_keep(stage, brick_files, brick_log):
     with pytest.raises(Cancelled):
         estimator(brick_files).fit([brick_log], *cancelled(stage))

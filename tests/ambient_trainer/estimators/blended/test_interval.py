@@ -1,32 +1,11 @@
-"""The bank against the device's own rule, and the fit of a variance against known ones."""
+"""The fit of a variance against known ones."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from ambient_model.blend import blended
 from ambient_trainer.estimation.error_variance import least_squares_weights, weighted_quantile
-from ambient_trainer.estimators.blended.filters import Filters
-
-
-def test_the_bank_over_arrays_is_the_device_s():
-    class Says:
-        """A filter that repeats its sensor."""
-
-        def __init__(self, index: int) -> None:
-            self.index = index
-
-        def estimate_degC(self, sensors_degC: np.ndarray) -> np.ndarray:
-            return sensors_degC[self.index]
-
-    sensors = np.random.default_rng(2).normal(20, 2, (2, 1000))
-    bank = Filters(Says(0), Says(1), 0.8, {})  # type: ignore[arg-type]
-    said, _, apart = bank.published(sensors)
-    device = [blended(main, guard, 0.8) for main, guard in sensors.T.tolist()]
-    assert said == pytest.approx([each.ambient_degC for each in device], abs=1e-12)
-    assert apart == pytest.approx(np.clip([each.difference_degC for each in device], -0.8, 0.8), abs=1e-12)
-    assert {0.0, 1.0} < {each.weight for each in device}
 
 
 def test_a_known_variance_comes_back_and_nothing_turns_negative():

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, read_recipe, recipe_names
-from ambient_trainer.estimators.registry import estimator
 
 SHIPPED = resources.files("ambient_trainer.estimators.library") / "phone_observer.yaml"
 DATA = yaml.safe_load(SHIPPED.read_text())
@@ -61,16 +60,6 @@ def test_an_observer_file_finds_the_circuit_beside_it(observer_file):
     assert (recipe.name, circuit.name) == ("brick_observer", "brick")
 
 
-def test_an_recipe_names_its_own_sensors():
-    with pytest.raises(Refused, match="phone_observer names its own"):
-        estimator("phone_observer", ["usb_degC"])
-
-
-def test_an_unknown_name_is_told_the_observers_too():
-    with pytest.raises(Refused, match=r"no circuit is called 'nosuch'; take one of .*, phone_observer"):
-        estimator("nosuch")
-
-
 def test_every_fault_of_the_form_is_said_at_once():
     wrong = changed(
         version=2,
@@ -111,14 +100,11 @@ def test_every_fault_against_the_circuit_is_said_at_once():
     ]
 
 
-def test_a_circuit_that_cannot_be_simulated_from_the_ambient_is_refused():
-    [first, *_] = faults(changed(circuit="model2_ss"))
-    assert first.startswith("circuit: model2_ss cannot be simulated from the ambient alone; take one of form temp")
-
-
-def test_an_unknown_circuit_is_refused_where_it_is_named():
-    [only] = faults(changed(circuit="phon"))
-    assert only.startswith("circuit: no circuit is called 'phon'; take one of linear_battery, ")
+@pytest.mark.parametrize(("name", "facts"), [("model2_ss", ("model2_ss",)), ("phon", ("'phon'", "linear_battery"))])
+def test_a_circuit_that_is_unknown_or_not_driven_by_the_ambient_is_refused(name, facts):
+    [first, *_] = faults(changed(circuit=name))
+    assert first.startswith("circuit: ")
+    assert all(fact in first for fact in facts)
 
 
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -137,7 +123,7 @@ odd = st.one_of(
 )
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(st.sampled_from(places(DATA)[1:]), odd)
 def test_whatever_stands_somewhere_is_read_or_refused(place, value):
     data = copy.deepcopy(DATA)

@@ -8,8 +8,14 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.estimators.blended.forward_fit import Forward, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Synthetic, Unmeasured, find_recipe
-from ambient_trainer.estimators.blended.synthetic_ambient import AmbientModel, fit_ambient, synthetic_ambient
-from ambient_trainer.estimators.blended.synthetic_load import fit_workload, synthetic_heat, synthetic_work
+from ambient_trainer.estimators.blended.synthetic import (
+    AmbientModel,
+    fit_ambient,
+    fit_workload,
+    synthetic_ambient,
+    synthetic_heat,
+    synthetic_work,
+)
 from ambient_trainer.estimators.blended.training_set import TrainingSetDesign
 from ambient_trainer.estimators.library.recipes import record_of
 

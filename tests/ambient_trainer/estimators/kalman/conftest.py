@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from ambient_trainer.data.trace import Trace
 SUBSTEP_S = 0.5
 
 
+@cache
 def walked(
     seed: int,
     samples: int = 4000,

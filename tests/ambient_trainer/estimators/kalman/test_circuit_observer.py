@@ -11,8 +11,7 @@ from ambient_model.recursion import advance, equilibrium, output
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.observer_structure import estimate_of
-from ambient_trainer.estimators.kalman.prior import walk_of
+from ambient_trainer.estimators.kalman.observer_structure import estimate_of, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
 from ambient_trainer.estimators.model_file import model_of
@@ -105,9 +104,9 @@ def test_its_figures_are_plain_json(fit):
 
 
 def test_more_sensors_than_states_are_balanced_down(simulated):
-    trace = simulated(3, samples=1500)
+    trace = simulated(3, samples=800)
     random = np.random.default_rng(0)
-    more = {f"{name}2_degC": trace.columns[f"{name}_degC"] + random.normal(0, 0.05, 1500) for name in "ab"}
+    more = {f"{name}2_degC": trace.columns[f"{name}_degC"] + random.normal(0, 0.05, 800) for name in "ab"}
     found = CircuitObserver().fit([Trace("five", trace.time_s, {**more, **trace.columns})], ONE)
     assert len(found.inputs) == 5
     assert len(found.states) == 4

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from ambient_trainer.data.grid import segments
-from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.constrained_filter import ConstrainedFilter
-from ambient_trainer.estimators.kalman.order import Choice, selected
+from ambient_trainer.estimators.kalman.order import Choice, ConstrainedFilter, selected
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.library.free_observer import FreeObserver
 from ambient_trainer.estimators.model_file import model_of
@@ -16,12 +14,12 @@ from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.lti.noise_gain import noise_gain
 
-TWO = Effort(starts=2)
+ONE = Effort(starts=1)
 
 
 @pytest.fixture(scope="module")
 def fit(simulated):
-    return FreeObserver().fit([simulated(1)], TWO)
+    return FreeObserver().fit([simulated(1, samples=2000)], ONE)
 
 
 def test_its_gains_at_rest_add_up_to_one(fit):
@@ -30,16 +28,9 @@ def test_its_gains_at_rest_add_up_to_one(fit):
         assert sum(fallback.dc_gains) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_degree_more_everywhere_is_a_degree_more(fit, simulated):
-    model, trace = model_of(fit, [], {}), simulated(2, samples=300)
-    warmer = {name: values + (name != "ambient_degC") for name, values in trace.columns.items()}
-    one, other = (evaluate_trace(model, Trace("t", trace.time_s, each)) for each in (trace.columns, warmer))
-    np.testing.assert_allclose(other.estimate_degC - one.estimate_degC, 1.0, atol=1e-9)
-
-
 def test_it_does_as_well_as_one_without_demands(fit, simulated):
     held_out = simulated(2)
-    unconstrained = FreeFilterEstimator(len(fit.states)).fit([simulated(1)], TWO)
+    unconstrained = FreeFilterEstimator(len(fit.states)).fit([simulated(1, samples=2000)], ONE)
     ours, theirs = (evaluate_trace(model_of(each, [], {}), held_out).metrics.rmse_degC for each in (fit, unconstrained))
     assert ours < 1.02 * theirs
 
@@ -73,11 +64,6 @@ def test_fallbacks_and_remarks(fit):
     assert f"order {len(fit.states)}" in fit.notes[0]
     assert fit.details["choice"]["order"] == len(fit.states)
     assert {each["order"] for each in fit.details["tried"]} == {1, 2, 3, 4}
-
-
-def test_the_sensors_asked_for_are_those_it_reads(simulated):
-    found = estimator("free_observer").fit([simulated(6, samples=600)], TWO, inputs=["c_degC", "a_degC"])
-    assert found.inputs == ("c_degC", "a_degC")
 
 
 @pytest.mark.parametrize("evaluation", [3, 150])

@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record
 from ambient_trainer.estimators.blended.nonlinear_loss import simulate
 from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Pattern, Recipe
-from ambient_trainer.estimators.blended.synthetic_ambient import AmbientModel, synthetic_ambient
-from ambient_trainer.estimators.blended.synthetic_load import Workload, synthetic_heat, synthetic_work
+from ambient_trainer.estimators.blended.synthetic import (
+    AmbientModel,
+    Workload,
+    synthetic_ambient,
+    synthetic_heat,
+    synthetic_work,
+)
 
 Array = NDArray[np.float64]
 

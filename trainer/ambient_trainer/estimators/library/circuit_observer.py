@@ -15,10 +15,8 @@ from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.filters import FilterEstimator
-from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure
-from ambient_trainer.estimators.kalman.prior import prior_theta, walk_of
+from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
+from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance
 from ambient_trainer.estimators.searched import MODES, estimated, fit_of, searched

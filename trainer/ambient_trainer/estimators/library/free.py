@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.filters import FilterEstimator
+from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
 from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, searched
 from ambient_trainer.estimators.training import Training, require_enough
 

@@ -10,10 +10,8 @@ from dataclasses import replace
 
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
-from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.filters import FilterEstimator
-from ambient_trainer.estimators.kalman.constrained_filter import ConstrainedFilter
-from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, Selection
+from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
+from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, ConstrainedFilter, Selection
 from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance
 from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, with_uncertainty
 from ambient_trainer.estimators.training import Training, require_enough
