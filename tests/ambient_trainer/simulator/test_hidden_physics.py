@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ambient_trainer.simulator.additions import AIR, TERMS, Added, Additions, Body, Link, Term, together
+from ambient_trainer.simulator.additions import AIR, TERMS, Additions, together
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import Hidden, Setting
 from ambient_trainer.simulator.run import Run, integrate
-from ambient_trainer.simulator.signals import DECOYS, SIGNALS, signal, switched
+from ambient_trainer.simulator.signals import SIGNALS, signal, switched
 from ambient_trainer.simulator.simulate import FaultyInstruments, added
 from ambient_trainer.simulator.text import hidden_text
 
@@ -77,19 +75,6 @@ def driven():
     return dict(zip(_ALL, zip(parts, integrate([_run()] * len(_ALL), 1.0, added=parts))))
 
 
-@pytest.fixture(scope="module")
-def vanishing():
-    """As ``driven``, of next to no size."""
-    tiny = [replace(effect, size=1e-6) for effect in _ALL]
-    parts = [_added(effect, _setting(effect)) for effect in tiny]
-    return dict(zip(_ALL, integrate([_run()] * len(_ALL), 1.0, added=parts)))
-
-
-@pytest.fixture(scope="module")
-def clean():
-    return integrate([_run()], 1.0)[0]
-
-
 @pytest.mark.parametrize("effect", _ALL, ids=hidden_text)
 def test_heat_in_is_heat_stored_plus_heat_lost(driven, effect):
     """A budget of the whole run from temperatures alone: what flows between two things appears in none of its sums."""
@@ -127,26 +112,13 @@ def test_integration_agrees_with_an_adaptive_solver():
     state = np.concatenate([ours.nodes_degC[0], ours.bodies_degC[0]])
     for k in range(run.samples - 1):
         demand = additions.balance.demand(run.activity[k : k + 1], np.ones(1))
-        physics, slope = additions.during(k), run.air_degC[k + 1] - run.air_degC[k]
+        rates, slope = additions.rates_during(k), run.air_degC[k + 1] - run.air_degC[k]
 
-        def derivative(t, x, physics=physics, air=run.air_degC[k], slope=slope, demand=demand):
-            return physics.rates(x[None], np.array([air + slope * t]), demand)[0]
+        def derivative(t, x, rates=rates, air=run.air_degC[k], slope=slope, demand=demand):
+            return rates(x[None], np.array([air + slope * t]), demand)[0]
 
         state = solve_ivp(derivative, (0, 1.0), state, method="DOP853", rtol=1e-9, atol=1e-9).y[:, -1]
     assert np.concatenate([ours.nodes_degC[-1], ours.bodies_degC[-1]]) == pytest.approx(state, abs=1e-3)
-
-
-def test_an_effect_matters_and_vanishes_with_its_size(driven, vanishing, clean):
-    for effect in _ALL:
-        assert np.abs(vanishing[effect].nodes_degC - clean.nodes_degC).max() < 1e-3
-        assert np.abs(driven[effect][1].nodes_degC - clean.nodes_degC).max() > 0.2
-
-
-def test_a_clean_phone_beside_others_keeps_every_bit():
-    effect = _BODIES[0]
-    parts = [Added(), _added(effect, _setting(effect))]
-    beside = integrate([_run()] * 2, 1.0, added=parts)[0]
-    assert np.array_equal(beside.nodes_degC, integrate([_run()] * 2, 1.0)[0].nodes_degC)
 
 
 def test_what_is_attached_since_ever_is_at_rest_with_the_phone():
@@ -165,7 +137,7 @@ def test_a_strap_conducts_the_stated_heat_at_rest():
     state = np.zeros((1, additions.width))
     state[0, flash], state[0, usb] = 40.0, 20.0
     state[0, -1] = 30.0  # the strap's own, halfway
-    flows = additions.during(5).linked(state, np.zeros(1))[0]
+    flows = additions.linked(5, state, np.zeros(1))[0]
     assert (flows[flash], flows[usb]) == pytest.approx((-0.2 * 20, 0.2 * 20))
 
 
@@ -199,35 +171,11 @@ def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and
     assert drawn_W[:, display] / own_W[:, display] == pytest.approx([1.0, 0.0769, 1.0, 1.9888], abs=1e-3)
 
 
-def test_a_case_on_the_back_covers_the_rim_too():
-    case = Hidden("ambient_coupling", "back", None, 0.0, None, 1.0)
-    for term in _added(case, _setting(case)).terms:
-        assert [NODES[place] for place in np.flatnonzero(term.pattern)] == ["back", "frame"]
-
-
 def test_whatever_covers_a_surface_it_still_loses_heat():
     cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
     part = together([_added(case, _setting(case)) for case in cases])
-    coefficients = Additions(HeatBalance([_PHONE]), [part]).during(0).coefficients
+    coefficients = Additions(HeatBalance([_PHONE]), [part]).coefficients(0)
     assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
-
-
-def test_a_term_and_a_body_do_what_they_say():
-    """By hand: 2 W into the SoC; a body of 10 J/K beside it through 0.5 W/K and to the air through 0.1 W/K."""
-    ones = np.ones(3)
-    part = Added(
-        (Term("steady", ones, np.eye(len(NODES))[SOC] * 2.0),),
-        (Body("b", 10.0),),
-        (Link("soc", "b", 0.5 * ones), Link("b", AIR, 0.1 * ones)),
-    )
-    balance = HeatBalance([_PHONE])
-    state = np.full((1, len(NODES) + 1), 20.0)
-    state[0, SOC], state[0, -1] = 50.0, 30.0
-    demand, air = balance.demand(np.zeros(1, dtype=int), np.ones(1)), np.array([20.0])
-    with_it = Additions(balance, [part]).during(0).rates(state, air, demand)[0]
-    without = balance.rates(state[:, :-1], air, demand)[0]
-    assert with_it[SOC] - without[SOC] == pytest.approx((2.0 - 0.5 * 20) / balance.capacitance[0, SOC])
-    assert with_it[-1] == pytest.approx((0.5 * 20 - 0.1 * 10) / 10.0)
 
 
 def test_a_contact_is_shared_by_area():
@@ -263,7 +211,6 @@ def test_a_signal_is_zero_outside_its_window_and_alive_inside(name):
     if name.endswith("_on"):
         assert set(np.unique(inside)) == {0.0, 1.0}
         assert 0.2 < inside.mean() < 0.8
-    assert set(DECOYS) < set(SIGNALS)
 
 
 def test_sessions_begin_soon_and_last_about_as_long_as_asked():
@@ -286,10 +233,8 @@ def test_a_bias_slews_in_at_its_sensor_only():
     ailing = _ailing(Hidden("sensor_bias", "usb", None, 1000.0, 2000.0, 2.0))
     flat = np.full(3000, 21.0)
     shifted = ailing.felt("usb", flat) - flat
-    assert shifted[:1000].max() == 0.0
-    assert shifted[1100:2000] == pytest.approx(np.full(900, 2.0))
+    assert shifted[[999, 1500, 2100]] == pytest.approx([0.0, 2.0, 0.0])
     assert shifted[1045] == pytest.approx(1.0, abs=0.05)
-    assert shifted[2100:].max() == 0.0
     assert np.array_equal(ailing.felt("flash", flat), flat)
 
 
@@ -301,28 +246,21 @@ def test_a_gain_turns_about_its_reference():
     assert np.polyfit(course, error, 2)[0] != pytest.approx(0.0, abs=1e-5)  # bent
 
 
-def test_a_lag_delays_a_ramp_by_what_it_says_and_is_of_second_order():
-    ramp = 0.01 * np.arange(3000.0)
-    late = _ailing(Hidden("sensor_lag", "usb", None, 0.0, None, 100.0)).felt("usb", ramp)
-    assert (ramp - late)[-1] / 0.01 == pytest.approx(100.0, rel=1e-6)
-    step = np.where(np.arange(3000) < 1000, 0.0, 1.0)
-    answer = _ailing(Hidden("sensor_lag", "usb", None, 0.0, None, 100.0)).felt("usb", step)
-    assert np.diff(answer)[1000] < 0.2 * np.diff(answer).max()  # a single lag is steepest at once
+def test_a_lag_delays_a_ramp_by_its_size_and_is_of_second_order():
+    ailing = _ailing(Hidden("sensor_lag", "usb", None, 0.0, None, 100.0))
+    ramp, step = 0.01 * np.arange(3000.0), np.where(np.arange(3000) < 1000, 0.0, 1.0)
+    assert (ramp - ailing.felt("usb", ramp))[-1] / 0.01 == pytest.approx(100.0, rel=1e-6)
+    slope = np.diff(ailing.felt("usb", step))
+    assert slope[1000] < 0.2 * slope.max()  # a single lag is steepest at once
 
 
-def test_a_stuck_sensor_flickers_by_its_last_digit():
-    ailing = _ailing(Hidden("sensor_stuck", "usb", None, 1000.0, None, 31.4))
-    reading = np.linspace(10.0, 20.0, 3000)
-    read = ailing.read("usb", reading, 0.1)
-    assert np.array_equal(read[:1000], reading[:1000])
-    assert set(np.unique(read[1000:]).tolist()) == {31.3, 31.4, 31.5}
-    assert (read[1000:] == 31.4).mean() > 0.95
-
-
-def test_a_stuck_sensor_without_a_value_keeps_what_it_read():
-    held = _ailing(Hidden("sensor_stuck", "usb", None, 1000.0, None, None))
+def test_a_stuck_sensor_flickers_by_its_last_digit_and_keeps_what_it_read():
     reading = np.round(np.linspace(10.0, 20.0, 3000), 1)
-    assert np.median(held.read("usb", reading, 0.1)[1000:]) == reading[1000]
+    for size, value in ((31.4, 31.4), (None, reading[1000])):
+        read = _ailing(Hidden("sensor_stuck", "usb", None, 1000.0, None, size)).read("usb", reading, 0.1)
+        assert np.array_equal(read[:1000], reading[:1000])
+        assert np.unique(read[1000:]) == pytest.approx([value - 0.1, value, value + 0.1])
+        assert (read[1000:] == value).mean() > 0.95
 
 
 def test_a_drift_reaches_what_it_says_but_not_in_a_straight_line():

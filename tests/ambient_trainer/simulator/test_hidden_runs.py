@@ -123,17 +123,6 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
     assert json.loads(json.dumps(told.as_data(), allow_nan=False))["cause"] == effect.cause
 
 
-def test_twice_the_heat_is_twice_the_truth_and_nearly_twice_the_rise():
-    effects = [Hidden("heat_source", "display", "radio_on", 0.0, None, amount) for amount in (0.3, 0.6)]
-    runs = simulate_many([("1", 2, [effect]) for effect in effects], _PERIOD_S, sizes=True)
-    (half_W, half_K), (whole_W, whole_K) = (
-        (run.truths[0].magnitude, np.mean(run.trace.columns["display_degC"] - run.clean.columns["display_degC"]))
-        for run in runs
-    )
-    assert whole_W == pytest.approx(2 * half_W)
-    assert 1.7 < whole_K / half_K < 2.05
-
-
 def test_sensors_have_the_thesiss_names_for_nodes(simulated):
     named = {effect.location: run.truths[0].sensor_location for effect, run in simulated.items()}
     assert named["board2"] == "battery"
@@ -241,11 +230,9 @@ def test_times_outside_the_run_and_unlike_windows_of_a_signal_are_refused():
     long = Hidden("heat_source", "soc", "radio_on", 0.0, 1e6, 1.0)
     with pytest.raises(Refused) as refused:
         simulate_many([("1", 0, [late, long, replace(long, end_s=1000.0)])], decoys=["noise"])
-    assert [str(fault).split(";")[0] for fault in refused.value.faults] == [
-        "effect 1 (sensor_bias), from: 100000 s is outside the run",
-        "effect 2 (heat_source), to: 1e+06 s is outside the run",
-        "effect 3 (heat_source), signal: radio_on would be on at other times for another effect",
-        "decoy 'noise': there is no such signal",
+    assert [fault.place for fault in refused.value.faults] == [
+        *("effect 1 (sensor_bias), from", "effect 2 (heat_source), to", "effect 3 (heat_source), signal"),
+        "decoy 'noise'",
     ]
 
 

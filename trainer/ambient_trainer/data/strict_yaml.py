@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import typing
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,6 +26,15 @@ _Model = TypeVar("_Model", bound=Strict)
 def wrong(problem: str, mend: str) -> PydanticCustomError:
     """What a validator raises: the problem, and the mend that stands behind it in the message."""
     return PydanticCustomError("wrong", "{problem}", {"problem": problem, "mend": mend})
+
+
+def shipped_path(kind: str, name: str, folder: Path, names: Sequence[str]) -> str:
+    """The file of ``folder`` of that name, or ``name`` itself where it is a YAML file's; else ``Refused``."""
+    if name in names:
+        return str(folder / f"{name}.yaml")
+    if not name.endswith((".yaml", ".yml")):
+        raise refuse(kind, "", f"none is called {name!r}", f"take one of {', '.join(names)}, or a .yaml file")
+    return name
 
 
 def load_yaml(path: str) -> Any:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator.heat import ZERO_DEGC_K, Demand, HeatBalance, steady_state
+from ambient_trainer.simulator.heat import ZERO_DEGC_K, Demand, HeatBalance, Rates, steady_state
 
 Array = NDArray[np.float64]
 
@@ -132,11 +132,36 @@ class Additions:
         self._kinds = {kind: _stacked(kind, added, size) for kind in TERMS if any(_of(kind, each) for each in added)}
         self._ends, self._conductances = _linked(added, tuple(balance.devices[0].nodes), self.width)
 
-    def during(self, k: int) -> Physics:
-        """The equations from sample ``k`` to the next."""
-        coefficients = {kind: _coefficients(kind, *stacked, k) for kind, stacked in self._kinds.items()}
+    def coefficients(self, k: int) -> dict[str, Array]:
+        """By kind of term its coefficients from sample ``k`` to the next, shape (batch, nodes)."""
+        return {kind: _coefficients(kind, *stacked, k) for kind, stacked in self._kinds.items()}
+
+    def rates_during(self, k: int) -> Rates:
+        """dT/dt in K/s from sample ``k`` to the next, of states of the shape (batch, width)."""
+        coefficients = self.coefficients(k)
+        size, balance = self.balance.size, self.balance
+
+        def rates(state: Array, air_degC: Array, demand: Demand) -> Array:
+            nodes = np.ascontiguousarray(state[:, :size])
+            own = balance.heat_in(nodes, demand) + balance.conducted(nodes) - balance.lost(nodes, air_degC)
+            added = np.zeros_like(nodes)
+            for kind, coefficient in coefficients.items():
+                added += coefficient * TERMS[kind](nodes, air_degC, balance)
+            heat = np.zeros_like(state)
+            heat[:, :size] = own + added
+            if self._ends.shape[2]:
+                heat += self.linked(k, state, air_degC)[:, :-1]
+            return heat / self.capacitance
+
+        return rates
+
+    def linked(self, k: int, state: Array, air_degC: Array) -> Array:
+        """The heat through the links into every node, body and, last, the air, shape (batch, width + 1)."""
+        temperatures = np.concatenate([state, air_degC[:, None]], axis=1)
         conductance = self._conductances[min(k, len(self._conductances) - 1)]
-        return Physics(self.balance, coefficients, self._ends, conductance, self.capacitance)
+        flows = conductance * np.matmul(temperatures[:, None, :], self._ends)[:, 0]
+        into: Array = -np.matmul(self._ends, flows[:, :, None])[:, :, 0]
+        return into
 
     def start(self, nodes: Array, air_degC: Array, demand: Demand) -> Array:
         """The state to start from, shape (batch, width), with the devices' own steady state, shape (batch, nodes).
@@ -154,46 +179,9 @@ class Additions:
                 asked = Demand(demand.heat_W[index : index + 1], demand.charging_A[index : index + 1])
                 one = Additions(HeatBalance([self.balance.devices[index]]), [each])
                 begun, air = state[index, : one.width], air_degC[index : index + 1]
-                rates, free = one.during(0).rates, np.isfinite(one.capacitance[0])
+                rates, free = one.rates_during(0), np.isfinite(one.capacitance[0])
                 state[index, : one.width] = steady_state(rates, begun, air, asked, free)
         return state
-
-
-@dataclass(frozen=True)
-class Physics:
-    """The equations of a batch while nothing is switched; states have the shape (batch, width)."""
-
-    balance: HeatBalance
-    coefficients: dict[str, Array]
-    """By kind of term, shape (batch, nodes)."""
-    ends: Array
-    """Links' ends, shape (batch, width + 1, links), the air last: +1 and -1."""
-    conductance: Array
-    capacitance: Array
-
-    def rates(self, state: Array, air_degC: Array, demand: Demand) -> Array:
-        """dT/dt in K/s."""
-        nodes = np.ascontiguousarray(state[:, : self.balance.size])
-        own = self.balance.heat_in(nodes, demand) + self.balance.conducted(nodes) - self.balance.lost(nodes, air_degC)
-        heat = np.zeros_like(state)
-        heat[:, : self.balance.size] = own + self.added(nodes, air_degC)
-        if self.ends.shape[2]:
-            heat += self.linked(state, air_degC)[:, :-1]
-        return heat / self.capacitance
-
-    def added(self, nodes: Array, air_degC: Array) -> Array:
-        """The heat into every node but for the links', shape (batch, nodes)."""
-        heat = np.zeros_like(nodes)
-        for kind, coefficient in self.coefficients.items():
-            heat += coefficient * TERMS[kind](nodes, air_degC, self.balance)
-        return heat
-
-    def linked(self, state: Array, air_degC: Array) -> Array:
-        """The heat through the links into every node, body and, last, the air, shape (batch, width + 1)."""
-        temperatures = np.concatenate([state, air_degC[:, None]], axis=1)
-        flows = self.conductance * np.matmul(temperatures[:, None, :], self.ends)[:, 0]
-        into: Array = -np.matmul(self.ends, flows[:, :, None])[:, :, 0]
-        return into
 
 
 def _stacked(kind: str, added: Sequence[Added], size: int) -> tuple[Array, Array]:

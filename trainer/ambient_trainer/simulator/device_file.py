@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import yaml
 from pydantic import Field, model_validator
 
-from ambient_model.faults import Fault, Refused, refuse
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_model.faults import Fault, Refused
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated, wrong
 from ambient_trainer.simulator.device import Device, Values
 
 FOLDER = Path(__file__).with_name("devices")
@@ -42,12 +42,7 @@ def device_names() -> tuple[str, ...]:
 
 def device_path(name: str) -> str:
     """The file of the shipped device of that name, or ``name`` itself where it is a file's; else ``Refused``."""
-    if name in device_names():
-        return str(FOLDER / f"{name}.yaml")
-    if not name.endswith((".yaml", ".yml")):
-        known = ", ".join(device_names())
-        raise refuse("device", "", f"none is called {name!r}", f"take one of {known}, or a .yaml file")
-    return name
+    return shipped_path("device", name, FOLDER, device_names())
 
 
 def load_device(name: str = DEFAULT) -> Device:

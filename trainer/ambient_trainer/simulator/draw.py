@@ -64,14 +64,6 @@ def draw_hidden(
     return checked(Hidden(cause, **{**drawn, **given}), device)
 
 
-def draw_any(
-    random: np.random.Generator, duration_s: float, scale: float = 1.0, device: Device | None = None, **given: Any
-) -> Hidden:
-    """An effect of any cause."""
-    cause = str(random.choice(list(effects())))
-    return draw_hidden(random, cause, duration_s, scale, device, **given)
-
-
 def _agrees(choice: Choice, given: Mapping[str, Any]) -> bool:
     place, signal = choice
     return given.get("location", place) == place and given.get("signal", signal) == signal

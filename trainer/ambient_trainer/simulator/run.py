@@ -131,7 +131,7 @@ def integrate(
         drawn, current_A = balance.drawn(state, demand)
         drives[k] = drawn[:, balance.processor], current_A
         if k + 1 < count:
-            rates = additions.during(k).rates if additions else balance.rates
+            rates = additions.rates_during(k) if additions else balance.rates
             state = advanced(rates, state, demand, (air[k], air[k + 1]), period_s)
         if progress and k % _PROGRESS_EVERY == 0:
             progress(k, count)

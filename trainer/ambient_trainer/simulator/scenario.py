@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from ambient_model.faults import Fault, refuse
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
+from ambient_model.faults import Fault
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, shipped_path, validated, wrong
 
 FOLDER = Path(__file__).with_name("scenarios")
 
@@ -82,12 +82,7 @@ def scenario_names() -> tuple[str, ...]:
 
 def scenario_path(name: str) -> str:
     """The file of the shipped scenario of that name, or ``name`` itself where it is a file's; else ``Refused``."""
-    if name in _shipped():
-        return str(FOLDER / f"{name}.yaml")
-    if not name.endswith((".yaml", ".yml")):
-        known = ", ".join(_shipped())
-        raise refuse("scenario", "", f"none is called {name!r}", f"take one of {known}, or a .yaml file")
-    return name
+    return shipped_path("scenario", name, FOLDER, _shipped())
 
 
 def _shipped() -> tuple[str, ...]:

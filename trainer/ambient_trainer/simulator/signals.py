@@ -100,6 +100,4 @@ _DRAWN: dict[str, Callable[[Array, tuple[float, float], np.random.Generator], Ar
     "pressure_hPa": _pressure,
 }
 
-DECOYS = ("wifi_on", "gps_on", "light_lux", "pressure_hPa")
-"""What never drives anything; every other signal may be a decoy, too."""
 SIGNALS = tuple(_DRAWN)

@@ -60,42 +60,13 @@ def simulate(
 ) -> Simulated:
     """Simulate what a device logs in a scenario.
 
-    Parameters
-    ----------
-    scenario : str
-        Name of a shipped scenario, or a YAML file.
-    device : str or Device
-        Name of a shipped device, or a YAML file.
-    seed : int
-        Of weather, noise, and what is drawn.
-    period_s : float
-        Seconds between samples.
-    hide : sequence of str or Hidden
-        Effects, each as data or as text: ``CAUSE[:PLACE][:SIZE][:KEY=VALUE]...``, or ``random``.
-    decoys : sequence of str
-        Signals to log that change no temperature.
-    all_zones : bool
-        All of the device's zones, not only its ``sensors``.
-    sizes : bool
-        Run once more without the effects, and with each alone, for ``clean`` and ``Truth.size_degC``.
-    progress : callable, optional
-        Receives (samples done, all).
-
-    Returns
-    -------
-    Simulated
-        The trace, with a column for every zone, for ``ambient_degC`` and for what the device logs; the effects, and
-        the truth about each.
+    As :func:`ambient_trainer.simulate`, which describes the parameters; ``device`` and effects may be data, too.
+    ``sizes`` runs once more without the effects, and with each alone, for ``clean`` and ``Truth.size_degC``.
 
     Raises
     ------
     Refused
         With every fault of the scenario, the device or the effects.
-
-    Notes
-    -----
-    C dT/dt = P + sum G (T_j - T) - h A (T - T_a)^1.25 - e s A (T^4 - T_a^4) at every node, by RK4 in steps of at most
-    1 s; see :mod:`ambient_trainer.simulator.heat`.
 
     Examples
     --------

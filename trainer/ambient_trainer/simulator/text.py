@@ -9,15 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
-
-import numpy as np
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.simulator.device import Device
 from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.draw import draw_any, draw_hidden
+from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.hidden import Hidden, effects, outside_faults, run_faults
 from ambient_trainer.simulator.run import stream
 
@@ -25,7 +22,9 @@ SOURCE = "--hide"
 RANDOM = "random"
 HELD = "held"
 """The size of a sensor that sticks at what it reads."""
-_EVERYWHERE, _NO_SIGNAL, _FOR_GOOD = "all", "none", "end"
+_NONE = {"location": "all", "signal": "none", "end_s": "end", "size": HELD}
+"""How a field is written that is None."""
+_KEYS = {"from": "onset_s", "to": "end_s", "signal": "signal", "body": "body", "scale": "scale"}
 _SIZE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(.*)", re.IGNORECASE | re.ASCII | re.DOTALL)
 _ALSO: Mapping[str, Mapping[str, float]] = {
     "W": {"mW": 1e-3},
@@ -38,29 +37,23 @@ _ALSO: Mapping[str, Mapping[str, float]] = {
 _TIMES = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What a text asks for; the rest is drawn. ``cause`` None: any."""
-
-    text: str
-    cause: str | None
-    given: Mapping[str, Any]
-    scale: float = 1.0
-
-
 def parse_hidden(texts: Sequence[str], seed: int, duration_s: float, device: Device | None = None) -> list[Hidden]:
     """The effects that ``texts`` ask for in a run of ``duration_s``; raises :class:`Refused` with every fault."""
     device = device or load_device()
     found: list[Fault] = []
     hidden = []
     for number, text in enumerate(texts):
-        wish, unread = read_wish(text)
-        outside = outside_faults(wish.given.get("onset_s"), wish.given.get("end_s"), duration_s)
-        unread += outside
-        effect, wrong = _granted(wish, stream(seed, f"hide {number}"), duration_s, device)
-        known = {fault.place for fault in unread}
-        found += [_placed(text, fault) for fault in [*unread, *[each for each in wrong if each.place not in known]]]
-        hidden += [effect] if effect else []
+        cause, given, scale, faults = _parts(text)
+        faults += outside_faults(given.get("onset_s"), given.get("end_s"), duration_s)
+        known = {fault.place for fault in faults}
+        random = stream(seed, f"hide {number}")
+        if cause == RANDOM:
+            cause = str(random.choice(list(effects())))
+        try:
+            hidden.append(draw_hidden(random, cause, duration_s, scale, device, **given))
+        except Refused as refused:
+            faults += [fault for fault in refused.faults if fault.place not in known]
+        found += [Fault(f"{text!r}, {fault.place}", fault.problem, fault.hint) for fault in faults]
     if not found:
         found = run_faults(hidden, duration_s)
     if found:
@@ -72,39 +65,38 @@ def hidden_text(hidden: Hidden) -> str:
     """What reads as ``hidden`` again, whatever the seed."""
     parts = [
         hidden.cause,
-        hidden.location or _EVERYWHERE,
+        hidden.location or _NONE["location"],
         HELD if hidden.size is None else f"{hidden.size!r}{effects()[hidden.cause].unit}",
         f"from={hidden.onset_s!r}",
-        f"to={_FOR_GOOD if hidden.end_s is None else repr(hidden.end_s)}",
-        f"signal={hidden.signal or _NO_SIGNAL}",
+        f"to={_NONE['end_s'] if hidden.end_s is None else repr(hidden.end_s)}",
+        f"signal={hidden.signal or _NONE['signal']}",
         *([f"body={hidden.body}"] if hidden.body else []),
     ]
     return ":".join(parts)
 
 
-def read_wish(text: str) -> tuple[Wish, list[Fault]]:
-    """What a text asks for, and what of it cannot be read."""
+def _parts(text: str) -> tuple[str, dict[str, Any], float, list[Fault]]:
+    """The cause, what is given by field, the scale, and what cannot be read."""
     cause, *parts = [part.strip() for part in text.split(":")]
     given: dict[str, Any] = {}
     found: list[Fault] = []
     for part in parts:
         key, equals, value = part.partition("=")
         if equals:
-            name, read = _KEYS.get(key, (key, None))
-            if read is None:
+            if key not in _KEYS:
                 found.append(Fault(part, "unknown key", f"take one of {', '.join(_KEYS)}"))
                 continue
-        elif part == HELD or _SIZE.match(part):
-            name, value, read = "size", part, _size
+            name = _KEYS[key]
         else:
-            name, value, read = "location", part, _place
+            name, value = "size" if part == HELD or _SIZE.match(part) else "location", part
+            key = name
         if name in given:
             found.append(Fault(part, f"a second {name}", "give one"))
         try:
-            given[name] = read(value, cause)
+            given[name] = _read(name, value, cause)
         except ValueError as error:
             problem, hint = error.args
-            found.append(Fault(_PLACES.get(name, name), problem, hint))
+            found.append(Fault(key, problem, hint))
     scale = given.pop("scale", 1.0)
     if cause == RANDOM:
         fixed = [name for name in given if name not in ("onset_s", "end_s")]
@@ -112,35 +104,27 @@ def read_wish(text: str) -> tuple[Wish, list[Fault]]:
         given = {name: value for name, value in given.items() if name not in fixed}
     elif any(name in given for name in ("size", "onset_s", "end_s")):
         given.setdefault("signal", None)
-    return Wish(text, None if cause == RANDOM else cause, given, scale), found
+    return cause, given, scale, found
 
 
-def _granted(
-    wish: Wish, random: np.random.Generator, duration_s: float, device: Device
-) -> tuple[Hidden | None, tuple[Fault, ...]]:
-    if wish.cause is not None and wish.cause not in effects():
-        hint = f"take one of {', '.join(effects())}, or {RANDOM}"
-        return None, (Fault("cause", f"{wish.cause!r} is none", hint),)
-    try:
-        if wish.cause is None:
-            return draw_any(random, duration_s, wish.scale, device, **wish.given), ()
-        return draw_hidden(random, wish.cause, duration_s, wish.scale, device, **wish.given), ()
-    except Refused as refused:
-        return None, refused.faults
-
-
-def _placed(text: str, fault: Fault) -> Fault:
-    return Fault(f"{text!r}, {fault.place}", fault.problem, fault.hint)
-
-
-def _place(text: str, _: str) -> str | None:
-    return None if text == _EVERYWHERE else text
-
-
-def _size(text: str, cause: str) -> float | None:
-    if text == HELD:
+def _read(name: str, text: str, cause: str) -> Any:
+    """The value of a field; raises ValueError with problem and hint."""
+    if text == _NONE.get(name):
         return None
-    number, unit = _matched(text, "a number with its unit")
+    if name in ("location", "signal", "body"):
+        return text
+    match = _SIZE.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{text!r} is not a number", "give one such as 2.5")
+    number, unit = float(match[1]), match[2].strip()
+    if name == "scale":
+        if unit or not 0.0 <= number <= 1e3:
+            raise ValueError(f"{text!r} is no factor", "give a number from 0 to 1000")
+        return number
+    if name in ("onset_s", "end_s"):
+        if unit not in _TIMES:
+            raise ValueError(f"{unit!r} is not a unit of time", "give it in s, min or h")
+        return number * _TIMES[unit]
     if cause not in effects():
         return number
     own = effects()[cause].unit
@@ -148,46 +132,3 @@ def _size(text: str, cause: str) -> float | None:
     if unit and unit not in units:
         raise ValueError(f"{unit!r} is not a unit of it", f"give it in {' or '.join(units)}")
     return number * units.get(unit, 1.0)
-
-
-def _time(text: str, _: str) -> float:
-    number, unit = _matched(text, "a time")
-    if unit not in _TIMES:
-        raise ValueError(f"{unit!r} is not a unit of time", "give it in s, min or h")
-    return number * _TIMES[unit]
-
-
-def _end(text: str, cause: str) -> float | None:
-    return None if text == _FOR_GOOD else _time(text, cause)
-
-
-def _signal(text: str, _: str) -> str | None:
-    return None if text == _NO_SIGNAL else text
-
-
-def _body(text: str, _: str) -> str:
-    return text
-
-
-def _scale(text: str, _: str) -> float:
-    number, unit = _matched(text, "a factor")
-    if unit or not 0.0 <= number <= 1e3:
-        raise ValueError(f"{text!r} is no factor", "give a number from 0 to 1000")
-    return number
-
-
-def _matched(text: str, what: str) -> tuple[float, str]:
-    match = _SIZE.fullmatch(text)
-    if match is None:
-        raise ValueError(f"{text!r} is not {what}", "give a number such as 2.5")
-    return float(match[1]), match[2].strip()
-
-
-_KEYS = {
-    "from": ("onset_s", _time),
-    "to": ("end_s", _end),
-    "signal": ("signal", _signal),
-    "body": ("body", _body),
-    "scale": ("scale", _scale),
-}
-_PLACES = {"onset_s": "from", "end_s": "to"}
