@@ -53,16 +53,6 @@ def known_trace(ambient_degC: float = 21.0, samples: int = 400, seed: int = 0) -
 
 
 @pytest.fixture
-def mean():
-    return mean_model
-
-
-@pytest.fixture
-def known():
-    return known_trace
-
-
-@pytest.fixture
 def saved(tmp_path):
     def save(model):
         path = str(tmp_path / "model.json")
@@ -75,8 +65,8 @@ def saved(tmp_path):
 SOURCE = {"trace": "known.csv", "sha256": "0" * 64, "from_s": None, "to_s": None}
 
 
-def test_each_estimator_is_corrected_by_its_own_mean_error(mean, known):
-    model, trace = mean(), known()
+def test_each_estimator_is_corrected_by_its_own_mean_error():
+    model, trace = mean_model(), known_trace()
     found = correction(model, trace)
     usb, display = (trace.columns[name].mean() for name in ("usb_degC", "display_degC"))
     expected = {
@@ -90,11 +80,11 @@ def test_each_estimator_is_corrected_by_its_own_mean_error(mean, known):
     assert found.standard_error_degC == pytest.approx(0.1 * np.sqrt(0.5) / np.sqrt(400), rel=0.5)
 
 
-def test_the_corrected_file_is_right_on_average_and_otherwise_the_same(mean, known):
-    model, trace = mean(), known()
+def test_the_corrected_file_is_right_on_average_and_otherwise_the_same():
+    model, trace = mean_model(), known_trace()
     result = corrected(model, correction(model, trace), SOURCE)
     assert evaluate_trace(result, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
-    before, after = evaluate_trace(model, known(seed=5)), evaluate_trace(result, known(seed=5))
+    before, after = evaluate_trace(model, known_trace(seed=5)), evaluate_trace(result, known_trace(seed=5))
     assert before.metrics.mbe_degC == pytest.approx(-4.0, abs=0.02)
     assert abs(after.metrics.mbe_degC) < 0.02
     assert after.metrics.sigma_degC == pytest.approx(before.metrics.sigma_degC, rel=1e-9)
@@ -105,11 +95,11 @@ def test_the_corrected_file_is_right_on_average_and_otherwise_the_same(mean, kno
     assert evaluate_trace(alone, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_file_stands_by_itself(mean, known):
+def test_the_file_stands_by_itself():
     """It decodes, its test vector is its own, and it says where the correction is from; twice is said twice."""
-    model = mean(guarded=False)
-    once = corrected(model, correction(model, known()), SOURCE)
-    twice = corrected(once, correction(once, known(seed=1)), SOURCE)
+    model = mean_model(guarded=False)
+    once = corrected(model, correction(model, known_trace()), SOURCE)
+    twice = corrected(once, correction(once, known_trace(seed=1)), SOURCE)
     assert decode(encode(twice).encode(), "twice") == twice
     assert worst_difference_degC(twice) == 0.0
     assert twice.secondary is None
@@ -121,9 +111,9 @@ def test_the_file_stands_by_itself(mean, known):
     assert "corrections" not in model.provenance
 
 
-def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start(known):
+def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start():
     """A lag's error after it has settled, not that of its start."""
-    trace = known(samples=3000)
+    trace = known_trace(samples=3000)
     jump = np.where(trace.time_s < 1000, 15.0, 0.0)
     columns = {name: values + jump for name, values in trace.columns.items() if name != "ambient_degC"}
     trace = replace(trace, time_s=trace.time_s * 5, columns={**columns, "ambient_degC": trace.reference})
@@ -137,18 +127,18 @@ def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start(known):
     assert correction(model, known_late).offsets_degC["main"] == pytest.approx(whole[2000:2800].mean(), abs=1e-9)
 
 
-def test_no_known_ambient_is_refused(mean, known):
+def test_no_known_ambient_is_refused():
     with pytest.raises(Refused, match="too few samples to score"):
-        correction(mean(), known_between(known(), 1e6, None))
+        correction(mean_model(), known_between(known_trace(), 1e6, None))
 
 
-def test_correct_writes_a_model_that_is_right_there(trainer, saved, mean, known, tmp_path):
+def test_correct_writes_a_model_that_is_right_there(trainer, saved, tmp_path):
     trace, output = tmp_path / "known.csv", tmp_path / "corrected.json"
-    save_trace(str(trace), known(samples=600))
-    status, out, err = trainer("correct", saved(mean()), trace, "-o", output, "--from", 300)
+    save_trace(str(trace), known_trace(samples=600))
+    status, out, err = trainer("correct", saved(mean_model()), trace, "-o", output, "--from", 300)
     assert (status, err) == (0, "")
     # usb and display are 3 degC off on average, and the offset was 1
-    columns = known(samples=600).cut(300, None).columns
+    columns = known_trace(samples=600).cut(300, None).columns
     expected = 21 - (columns["usb_degC"] + columns["display_degC"]).mean() / 2 - 1
     assert f"{expected:+.3f} degC" in out
     assert "300 samples" in out
@@ -163,9 +153,9 @@ def test_correct_writes_a_model_that_is_right_there(trainer, saved, mean, known,
     assert status == 0
 
 
-def test_a_wrong_call_of_correct(trainer, saved, mean, known, tmp_path):
-    trace, model = tmp_path / "known.csv", saved(mean())
-    save_trace(str(trace), known(samples=60))
+def test_a_wrong_call_of_correct(trainer, saved, tmp_path):
+    trace, model = tmp_path / "known.csv", saved(mean_model())
+    save_trace(str(trace), known_trace(samples=60))
     status, _, err = trainer("correct", model, trace, "-o", model)
     assert (status, "would be overwritten by what is made from it" in err) == (2, True)
     status, _, err = trainer("correct", model, trace, "-o", tmp_path / "o.json", "--from", 5, "--to", 5)

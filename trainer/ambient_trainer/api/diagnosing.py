@@ -20,7 +20,6 @@ from ambient_trainer.diagnosis.report import report_of
 from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.report import Report
-from ambient_trainer.report.machine import write_json
 
 
 @dataclass(frozen=True)
@@ -59,22 +58,6 @@ class DiagnosisResult(Result):
     def summary(self) -> Report:
         """What ``ambient-trainer diagnose`` shows."""
         return report_of(self.diagnosis)
-
-    def save(self, path: str | os.PathLike[str]) -> str:
-        """Write the diagnosis as JSON, as ``diagnose --json`` does.
-
-        Parameters
-        ----------
-        path : str or path
-            The file.
-
-        Returns
-        -------
-        str
-            The same path.
-        """
-        write_json(os.fspath(path), self.summary.data)
-        return os.fspath(path)
 
     def save_circuit(self, path: str | os.PathLike[str]) -> str:
         """Write the extended circuit.

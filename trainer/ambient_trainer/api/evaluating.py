@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,6 @@ from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evalu
 from ambient_trainer.evaluation.metrics import Metrics
 from ambient_trainer.evaluation.report import report_of, trace_labels
 from ambient_trainer.report import Report
-from ambient_trainer.report.machine import write_json
 
 
 @dataclass(frozen=True)
@@ -67,22 +66,6 @@ class EvaluationResult(Result):
     def summary(self) -> Report:
         """What ``ambient-trainer evaluate`` shows; raises :class:`Refused` where the provenance cannot be read."""
         return report_of(self.model, self.evaluations)
-
-    def save(self, path: str | os.PathLike[str]) -> str:
-        """Write the metrics as JSON, as ``evaluate --json`` does.
-
-        Parameters
-        ----------
-        path : str or path
-            The file.
-
-        Returns
-        -------
-        str
-            The same path.
-        """
-        write_json(os.fspath(path), self.summary.data)
-        return os.fspath(path)
 
 
 def evaluate(
@@ -158,11 +141,4 @@ def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:
 
 
 def _row(method: str, metrics: Metrics) -> dict[str, Any]:
-    return {
-        "method": method,
-        "samples": metrics.samples,
-        "rmse_degC": metrics.rmse_degC,
-        "mae_degC": metrics.mae_degC,
-        "mbe_degC": metrics.mbe_degC,
-        "sigma_degC": metrics.sigma_degC,
-    }
+    return {"method": method, **{name: each for name, each in asdict(metrics).items() if name != "interval_degC"}}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -97,26 +96,8 @@ class FitResult(Result):
         """What ``ambient-trainer fit`` shows."""
         return report_of(self.fitted)
 
-    def save(self, path: str | os.PathLike[str]) -> str:
-        """Write the model file.
-
-        Parameters
-        ----------
-        path : str or path
-            The JSON file that ``ambientd`` runs.
-
-        Returns
-        -------
-        str
-            The same path.
-
-        Raises
-        ------
-        Refused
-            Where the circuit does not estimate the ambient.
-        """
-        save_model(os.fspath(path), self.model)
-        return os.fspath(path)
+    def _write(self, path: str) -> None:
+        save_model(path, self.model)
 
 
 def fit(

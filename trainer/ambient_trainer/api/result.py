@@ -1,4 +1,4 @@
-"""What every result of the API offers: its report as a page, and its tables in a notebook."""
+"""What every result of the API offers: a file, its report as a page, and its tables in a notebook."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 from ambient_trainer.report import Block, Finding, Report, Section, Table
+from ambient_trainer.report.machine import write_json
 
 
 class Result(ABC):
@@ -17,6 +18,30 @@ class Result(ABC):
     @abstractmethod
     def summary(self) -> Report:
         """Facts, findings, tables and figures: what the command of the same name shows."""
+
+    def save(self, path: str | os.PathLike[str]) -> str:
+        """Write the result: a fit's model file, a run's trace, else JSON as the command's ``--json`` does.
+
+        Parameters
+        ----------
+        path : str or path
+            The file; of a trace, ``.gz`` compresses it.
+
+        Returns
+        -------
+        str
+            The same path.
+
+        Raises
+        ------
+        Refused
+            For a fit whose circuit does not estimate the ambient.
+        """
+        self._write(os.fspath(path))
+        return os.fspath(path)
+
+    def _write(self, path: str) -> None:
+        write_json(path, self.summary.data)
 
     def report(self, folder: str | os.PathLike[str]) -> str:
         """Write a page with plots.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -58,21 +57,8 @@ class SimulationResult(Result):
             data={"effects": self._truths()},
         )
 
-    def save(self, path: str | os.PathLike[str]) -> str:
-        """Write the trace.
-
-        Parameters
-        ----------
-        path : str or path
-            A CSV file; ``.gz`` compresses it.
-
-        Returns
-        -------
-        str
-            The same path.
-        """
-        save_trace(os.fspath(path), self.simulated.trace)
-        return os.fspath(path)
+    def _write(self, path: str) -> None:
+        save_trace(path, self.simulated.trace)
 
     def _truths(self) -> list[dict[str, Any]]:
         pairs = zip(self.simulated.hidden, self.simulated.truths)

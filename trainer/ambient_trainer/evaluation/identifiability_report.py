@@ -131,12 +131,9 @@ def as_json(found: Identifiability) -> dict[str, Any]:
         "rmse_degC": found.rmse_degC,
         "residual_memory_samples": found.memory_samples,
         "identifiable": found.identifiable,
-        "symmetries": list(known.symmetries),
-        "products": list(known.products),
-        "mixed": list(known.mixed),
+        **{name: list(getattr(known, name)) for name in ("symmetries", "products", "mixed", "mixed_here")},
         "blind_directions": known.blind,
         "blind_directions_here": known.blind_here,
-        "mixed_here": list(known.mixed_here),
         "singular_values_degC": list(known.singular_degC),
         "effect_degC": known.effect_degC,
         "thesis_test": {

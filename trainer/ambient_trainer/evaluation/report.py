@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,8 @@ _CAPTION = (
     "Errors in degC, true minus estimate. 98 % interval: mean ± 2.33 standard deviations of the errors. "
     "In 50/90/98 %: the percentage of errors inside the interval of that level that the model file publishes."
 )
+_AS_THEY_ARE = "unscored", "without_estimate", "without_reference", "trace_period_s", "period_s", "overlaps_training"
+"""Of an evaluation, in its JSON."""
 _SHADES = {WARMING_UP: AMBER, DEGRADED: TEAL, COASTING: VIOLET, FAULTED: RED}
 
 
@@ -181,13 +184,8 @@ def _trace_data(evaluation: Evaluation) -> dict[str, Any]:
         "trace": evaluation.trace,
         **_metrics_data(evaluation.metrics),
         "coverage": {str(level): share for level, share in evaluation.coverage.items()},
-        "unscored": evaluation.unscored,
-        "without_estimate": evaluation.without_estimate,
-        "without_reference": evaluation.without_reference,
         "status": dict(Counter(evaluation.status.tolist())),
-        "trace_period_s": evaluation.trace_period_s,
-        "period_s": evaluation.period_s,
-        "overlaps_training": evaluation.overlaps_training,
+        **{name: getattr(evaluation, name) for name in _AS_THEY_ARE},
     }
     if evaluation.run_in:
         data["run_in"] = _metrics_data(evaluation.run_in)
@@ -197,10 +195,4 @@ def _trace_data(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _metrics_data(metrics: Metrics) -> dict[str, Any]:
-    return {
-        "samples": metrics.samples,
-        "rmse_degC": metrics.rmse_degC,
-        "mae_degC": metrics.mae_degC,
-        "mbe_degC": metrics.mbe_degC,
-        "interval_degC": {str(level): list(band) for level, band in metrics.interval_degC.items()},
-    }
+    return {**asdict(metrics), "interval_degC": {str(level): list(b) for level, b in metrics.interval_degC.items()}}
