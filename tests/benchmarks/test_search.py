@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import lstsq
 
-from ambient_trainer.selection.bank import low_passes, noise_gram
-from ambient_trainer.selection.grams import gathered
+from ambient_trainer.selection.grams import gathered, low_passes, noise_gram
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened

@@ -12,7 +12,7 @@ from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, estimate_of, prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.lti.noise_gain import noise_gain
+from ambient_trainer.lti.response import noise_gain
 
 MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"
 BLIND_S, NONE = 1e7, 1e-9

@@ -66,10 +66,7 @@ def test_an_open_thermocouple_is_missing(write):
 
 def test_lines_above_the_header_are_skipped_and_counted(write):
     path = write("a.csv", "Acquisition 7\r\n\r\n" + _export("Chan 101 (C)", rows=(("1",), ("x",))))
-    assert (
-        _message(path) == f"{path}: line 5, column Chan 101 (C): 'x' is not a number; "
-        "correct it, or list it under 'missing' in the map"
-    )
+    assert f"{path}: line 5, column Chan 101 (C): 'x'" in _message(path)
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
@@ -80,10 +77,7 @@ def test_the_header_tells_the_delimiter(write, delimiter):
 
 def test_a_voltage_is_refused_unless_left_out_or_explained(write):
     path = write("a.csv", _export("Chan 101 (C)", "Chan 102 (VDC)"))
-    assert _message(path) == (
-        f"{path}: columns.ch102_degC: the channel is in VDC, no temperature; "
-        "give its 'unit' or 'scale' in a map, or choose other channels in it"
-    )
+    assert f"{path}: columns.ch102_degC: the channel is in VDC" in _message(path)
     left_out = write("out.yaml", "columns: {a_degC: 101}")
     assert list(import_file(path, left_out).trace.columns) == ["a_degC"]
     shunt = write("shunt.yaml", "columns: {battery_current_A: {from: 102, scale: 100}}")
@@ -93,22 +87,16 @@ def test_a_voltage_is_refused_unless_left_out_or_explained(write):
 
 
 @pytest.mark.parametrize(
-    ("columns", "message"),
+    ("columns", "fact"),
     [
-        ("a_W: 101", "columns.a_W: the channel is in C; end the column's name in _degC"),
-        (
-            "a_degC: {from: [101, 102], combine: mean}",
-            "columns.a_degC: combines channels in C and F; combine channels of one unit",
-        ),
-        (
-            "a_degC: 199",
-            "columns.a_degC.from: no column '199' in {path}; line 1 has Sweep #, Time, Chan 101 (C), Chan 102 (F)",
-        ),
+        ("a_W: 101", "columns.a_W: the channel is in C"),
+        ("a_degC: {from: [101, 102], combine: mean}", "columns.a_degC: combines channels in C and F"),
+        ("a_degC: 199", "columns.a_degC.from: no column '199'"),
     ],
 )
-def test_a_map_that_does_not_fit_is_refused(write, columns, message):
+def test_a_map_that_does_not_fit_is_refused(write, columns, fact):
     path, mapped = write("a.csv", _export("Chan 101 (C)", "Chan 102 (F)")), write("m.yaml", f"columns: {{{columns}}}")
-    assert _message(path, mapped) == f"{mapped}: {message.format(path=path)}"
+    assert f"{mapped}: {fact}" in _message(path, mapped)
 
 
 def test_repeated_sweeps_may_be_dropped(write):
@@ -121,10 +109,7 @@ def test_repeated_sweeps_may_be_dropped(write):
 
 def test_another_file_is_refused(write):
     path = write("a.csv", "t,a\n0,1\n")
-    assert _message(path) == (
-        f"{path}: no line starts with 'Sweep #,'; "
-        "is it the logging software's export? Take --format csv and a map for other files"
-    )
+    assert f"{path}: no line starts with 'Sweep #,'" in _message(path)
 
 
 @pytest.mark.parametrize("text", ["", "[1, 2]", "columns"])

@@ -33,108 +33,51 @@ def test_numbers_name_columns_and_missing_values():
     assert [str(float(each)) for each in source.missing] == ["-32768.0", "nan", "9.9e+37"]
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("columns: {usb_degC: T}", "time: missing; add it"),
-        ("time: {column: t, unit: s}", "columns: missing; add it"),
-        (
-            "time: {column: t, unit: s}\ncolumns:",
-            "columns: no columns; map at least one, such as 'usb_degC: T_usb'",
-        ),
-        (
-            "time: {column: t}\ncolumns: {a_degC: T}",
-            "time: neither 'unit' nor 'format'; "
-            "give 'unit: s' for a number, or 'format: \"%Y-%m-%d %H:%M:%S\"' for a date",
-        ),
-        (
-            _GOOD + "colums: 1",
-            "colums: unknown key; remove it or correct its name; "
-            "known are time, columns, constants, missing, delimiter, decimal, header, skip_rows, skip_under_header, "
-            "drop_rows, bad_rows, notes, comment, encoding",
-        ),
-        (
-            _GOOD.replace("T_usb", "{from: T, scal: 2}"),
-            "columns.usb_degC.scal: unknown key; remove it or correct its name; "
-            "known are from, combine, unit, scale, offset, missing",
-        ),
-        (_GOOD.replace("T_usb", "{unit: K}"), "columns.usb_degC.from: missing; add it"),
-        (
-            _GOOD.replace("T_usb", "{from: T, unit: mW}"),
-            "columns.usb_degC.unit: mW does not become degC; take one of degC, ddegC, cdegC, mdegC, degF, K",
-        ),
-        (
-            _GOOD.replace("usb_degC", "fan_rpm").replace("T_usb", "{from: T, unit: mW}"),
-            "columns.fan_rpm.unit: mW does not become rpm; end its name in _W",
-        ),
-        (
-            _GOOD.replace("T_usb", "{from: T, scale: 0}"),
-            "columns.usb_degC.scale: a scale of 0 leaves nothing of the value; give another, or leave the column out",
-        ),
-        (
-            _GOOD.replace("T_usb", "{from: [A, B]}"),
-            "columns.usb_degC: 2 columns and no 'combine'; add 'combine: mean' or 'combine: median'",
-        ),
-        (
-            _GOOD.replace("T_usb", "{from: A, combine: mean}"),
-            "columns.usb_degC: 'combine' with a single column; remove it",
-        ),
-        (
-            _GOOD.replace("T_usb", "on"),
-            "columns.usb_degC.from[0]: YAML reads True here, not text; put it in quotes",
-        ),
-        (
-            _GOOD.replace("usb_degC", "usb"),
-            "columns.usb: is no column's name; name it <name>_<unit>, such as usb_degC",
-        ),
-        (_GOOD.replace("usb_degC", "time_s"), "columns.time_s: the time is not mapped here; describe it under 'time'"),
-        (_GOOD + "constants: {usb_degC: 22}", "constants.usb_degC: stands under 'columns' too; remove one"),
-        (
-            _GOOD + "constants: {room: 22}",
-            "constants.room: is no column's name; name it <name>_<unit>, such as usb_degC",
-        ),
-        (_GOOD + "constants: {time_s: 0}", "constants.time_s: the time is not mapped here; describe it under 'time'"),
-        (_GOOD + "constants: {a_W: 2e40}", "constants: a_W is 2e+40; give what an instrument could read"),
-        (
-            _GOOD + "delimiter: ', '",
-            "delimiter: ', ' is no delimiter; give one character, or 'whitespace' for runs of blanks",
-        ),
-        (
-            _GOOD + "delimiter: '\"'",
-            "delimiter: '\"' is no delimiter; give one character, or 'whitespace' for runs of blanks",
-        ),
-        (
-            _GOOD + "header: false\nskip_under_header: 1",
-            "'skip_under_header' without a header; count those lines in 'skip_rows'",
-        ),
-        (_GOOD + "header: 1", "header: 1: input should be a valid boolean; correct it"),
-        (_GOOD + "drop_rows: {Status: [on]}", "drop_rows.Status[0]: YAML reads True here, not text; put it in quotes"),
-        (_GOOD + "bad_rows: keep", "bad_rows: 'keep': input should be 'refuse' or 'drop'; correct it"),
-        (_GOOD + "notes: {start: 5}", "notes: 'start' is a note that the import writes; call it otherwise"),
-        (
-            _GOOD + "notes: {'a: b': c}",
-            "notes: 'a: b' is no note; give a key without ':' or '#', and one line of text",
-        ),
-        (
-            _GOOD + 'notes: {a: "b\\nc"}',
-            "notes: 'a' is no note; give a key without ':' or '#', and one line of text",
-        ),
-        (_GOOD + "decimal: ','", "',' is both delimiter and decimal; give 'delimiter: \";\"'"),
-        (_GOOD + "encoding: cp99", "encoding: no encoding is called 'cp99'; take utf-8, utf-16, cp1252 or latin-1"),
-        (
-            _GOOD + "  usb_degC: U\n",
-            "line 4, column 3: not YAML (key 'usb_degC' stands twice); correct the indentation or the quotes",
-        ),
-        (
-            "time: [",
-            "line 1, column 8: not YAML (expected the node content, but found '<stream end>'); "
-            "correct the indentation or the quotes",
-        ),
-        ("time: 2020-13-45", ": not YAML (month must be in 1..12); put the value in quotes"),
-    ],
-)
-def test_a_wrong_map_is_refused_with_place_and_mend(text, message):
-    assert _message(text) == f"m.yaml: {message.removeprefix(': ')}"
+# a map, and the place and a word of its one fault
+WRONG = [
+    ("columns: {usb_degC: T}", "time", "missing"),
+    ("time: {column: t, unit: s}", "columns", "missing"),
+    ("time: {column: t, unit: s}\ncolumns:", "columns", "no columns"),
+    ("time: {column: t}\ncolumns: {a_degC: T}", "time", "neither 'unit' nor 'format'"),
+    (_GOOD + "colums: 1", "colums", "skip_under_header, drop_rows, bad_rows"),
+    (_GOOD.replace("T_usb", "{from: T, scal: 2}"), "columns.usb_degC.scal", "combine, unit, scale"),
+    (_GOOD.replace("T_usb", "{unit: K}"), "columns.usb_degC.from", "missing"),
+    (_GOOD.replace("T_usb", "{from: T, unit: mW}"), "columns.usb_degC.unit", "degC, ddegC, cdegC, mdegC, degF, K"),
+    (_GOOD.replace("usb_degC", "fan_rpm").replace("T_usb", "{from: T, unit: mW}"), "columns.fan_rpm.unit", "_W"),
+    (_GOOD.replace("T_usb", "{from: T, scale: 0}"), "columns.usb_degC.scale", "scale of 0"),
+    (_GOOD.replace("T_usb", "{from: [A, B]}"), "columns.usb_degC", "2 columns"),
+    (_GOOD.replace("T_usb", "{from: A, combine: mean}"), "columns.usb_degC", "single column"),
+    (_GOOD.replace("T_usb", "on"), "columns.usb_degC.from[0]", "True"),
+    (_GOOD.replace("usb_degC", "usb"), "columns.usb", "<name>_<unit>"),
+    (_GOOD.replace("usb_degC", "time_s"), "columns.time_s", "'time'"),
+    (_GOOD + "constants: {usb_degC: 22}", "constants.usb_degC", "'columns'"),
+    (_GOOD + "constants: {room: 22}", "constants.room", "<name>_<unit>"),
+    (_GOOD + "constants: {time_s: 0}", "constants.time_s", "'time'"),
+    (_GOOD + "constants: {a_W: 2e40}", "constants", "2e+40"),
+    (_GOOD + "delimiter: ', '", "delimiter", "', '"),
+    (_GOOD + "delimiter: '\"'", "delimiter", "whitespace"),
+    (_GOOD + "header: false\nskip_under_header: 1", "", "'skip_under_header'"),
+    (_GOOD + "header: 1", "header", "boolean"),
+    (_GOOD + "drop_rows: {Status: [on]}", "drop_rows.Status[0]", "True"),
+    (_GOOD + "bad_rows: keep", "bad_rows", "'refuse' or 'drop'"),
+    (_GOOD + "notes: {start: 5}", "notes", "'start'"),
+    (_GOOD + "notes: {'a: b': c}", "notes", "'a: b'"),
+    (_GOOD + 'notes: {a: "b\\nc"}', "notes", "one line"),
+    (_GOOD + "decimal: ','", "", "both delimiter and decimal"),
+    (_GOOD + "encoding: cp99", "encoding", "'cp99'"),
+    (_GOOD + "  usb_degC: U\n", "line 4, column 3", "'usb_degC' stands twice"),
+    ("time: [", "line 1, column 8", "not YAML"),
+    ("time: 2020-13-45", "", "not YAML"),
+]
+
+
+@pytest.mark.parametrize(("text", "place", "word"), WRONG)
+def test_a_wrong_map_is_refused_by_place(text, place, word):
+    with pytest.raises(Refused) as refused:
+        _parsed(text)
+    [fault] = refused.value.faults
+    assert fault.place == place
+    assert word in str(fault)
 
 
 def test_every_fault_is_named_at_once():

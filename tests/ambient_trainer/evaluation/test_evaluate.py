@@ -9,8 +9,7 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_model.model import Model
-from ambient_trainer.data.digest import sha256_of
-from ambient_trainer.data.trace import Trace, load_trace, save_trace
+from ambient_trainer.data.trace import Trace, load_trace, save_trace, sha256_of
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.evaluation.evaluate import evaluate_cold, evaluate_trace

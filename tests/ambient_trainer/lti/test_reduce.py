@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ambient_trainer.lti.noise_gain import noise_gain
 from ambient_trainer.lti.reduce import reduced
-from ambient_trainer.lti.response import response_degC
+from ambient_trainer.lti.response import noise_gain, response_degC
 from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 

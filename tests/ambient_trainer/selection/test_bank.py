@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import cont2discrete, dlsim
 
 from ambient_trainer.lti.response import response_degC
-from ambient_trainer.selection.bank import bank_system, banks, low_passes, noise_gram
+from ambient_trainer.selection.grams import Filter, banks, low_passes, noise_gram
 
 POLES_S = (3.0, 40.0, 700.0)
 T = 2.0
@@ -42,7 +42,7 @@ def test_the_gains_as_a_system_say_the_same():
     random = np.random.default_rng(1)
     u = 20 + random.normal(size=(2, 400)).cumsum(axis=1)
     gains = random.normal(size=(2, 4))
-    said = response_degC(bank_system(POLES_S, gains, 0.7), "first-order", u, T)
+    said = response_degC(Filter((), POLES_S, gains, 0.7).system, "first-order", u, T)
     np.testing.assert_allclose(said, np.einsum("ik,ikn->n", gains, low_passes(u, POLES_S, T)) + 0.7, atol=1e-9)
 
 

@@ -14,13 +14,13 @@ from ambient_trainer.lti.response import response_degC
 from ambient_trainer.selection.tasks import CircuitFits
 from ambient_trainer.selection.topology import (
     Topology,
+    best_topology,
     can_be_named,
     circuit_of,
     initial_topologies,
     neighbours,
     pruned,
 )
-from ambient_trainer.selection.topology_search import best_topology
 
 SENSORS = ("left", "mixed", "right")
 TAU_S = (90.0, 20.0, 6.0)

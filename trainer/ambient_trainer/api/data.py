@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from ambient_trainer.data import trace as trace_file
-from ambient_trainer.data.digest import sha256_of
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Trace, sha256_of
 
 One: TypeAlias = "str | os.PathLike[str] | pd.DataFrame | Trace"
 Data: TypeAlias = "One | Sequence[One]"

@@ -15,14 +15,8 @@ from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Node, Param
 
 def with_values(circuit: Circuit, values: Mapping[str, float]) -> Circuit:
     """``circuit`` with its free parameters starting at ``values``, which may lie outside their bounds."""
-    return _with(
-        circuit,
-        {
-            each.name: replace(each, initial=values[each.name])
-            for each in circuit.parameters
-            if each.free and each.name in values
-        },
-    )
+    started = (each for each in circuit.parameters if each.free and each.name in values)
+    return _with(circuit, {each.name: replace(each, initial=values[each.name]) for each in started})
 
 
 def with_heat_of(circuit: Circuit, model: Circuit) -> Circuit:

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Output
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import StateSpace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

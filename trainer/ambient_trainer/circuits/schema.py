@@ -32,7 +32,8 @@ from __future__ import annotations
 import contextlib
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from importlib import resources
 from typing import Annotated, Any, Literal
 
@@ -68,6 +69,7 @@ def _weights_or_parallel(each: str) -> BeforeValidator:
     return BeforeValidator(read)
 
 
+_LIBRARY = resources.files(__package__) / "library"
 _PARALLEL = "parallel"
 _SMALLEST = 1e-9
 """J/K or K/W; what is smaller, or larger than its reciprocal, is a wrong unit."""
@@ -124,16 +126,16 @@ class _File(Strict):
         """``outputs: sensors`` is short for one output a sensor on a state."""
         if not isinstance(data, dict) or data.get("outputs") != "sensors" or not isinstance(data.get("nodes"), dict):
             return data
-        nodes = {name: node for name, node in data["nodes"].items() if isinstance(node, dict)}
-        read = {
-            name: node for name, node in nodes.items() if "capacitance" in node and isinstance(node.get("sensor"), str)
-        }
-        return {**data, "outputs": {node["sensor"]: {"states": {name: 1.0}} for name, node in read.items()}}
+        nodes = [(name, node) for name, node in data["nodes"].items() if isinstance(node, dict)]
+        states = [(name, node.get("sensor")) for name, node in nodes if "capacitance" in node]
+        outputs = {sensor: {"states": {name: 1.0}} for name, sensor in states if isinstance(sensor, str)}
+        return {**data, "outputs": outputs}
 
 
 def circuit_names() -> tuple[str, ...]:
     """The names of the shipped circuits."""
-    return tuple(sorted(entry.name.removesuffix(".yaml") for entry in _library() if entry.name.endswith(".yaml")))
+    names = (entry.name for entry in _LIBRARY.iterdir())
+    return tuple(sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml")))
 
 
 def load_circuit(name_or_path: str, besides: Sequence[str] = ()) -> Circuit:
@@ -142,32 +144,24 @@ def load_circuit(name_or_path: str, besides: Sequence[str] = ()) -> Circuit:
     ``besides`` are names that the caller takes itself, for the message.
     """
     if name_or_path in circuit_names():
-        return parse_circuit(
-            (resources.files(__package__) / "library" / f"{name_or_path}.yaml").read_text(), name_or_path
-        )
+        return parse_circuit((_LIBRARY / f"{name_or_path}.yaml").read_text(), name_or_path)
     if not name_or_path.endswith((".yaml", ".yml")):
-        raise refuse(
-            "--circuit",
-            "",
-            f"no circuit is called {name_or_path!r}",
-            f"take one of {', '.join([*circuit_names(), *besides])}, or a .yaml file",
-        )
-    return _circuit(load_yaml(name_or_path), name_or_path)
+        known = ", ".join([*circuit_names(), *besides])
+        problem = f"no circuit is called {name_or_path!r}"
+        raise refuse("--circuit", "", problem, f"take one of {known}, or a .yaml file")
+    return circuit_of_data(load_yaml(name_or_path), name_or_path)
 
 
 def parse_circuit(text: str, source: str) -> Circuit:
     """The circuit that ``text`` describes; ``source`` names it in messages. Raises :class:`Refused`."""
-    return _circuit(parse_yaml(text, source), source)
+    return circuit_of_data(parse_yaml(text, source), source)
 
 
-def _circuit(data: Any, source: str) -> Circuit:
+def circuit_of_data(data: Any, source: str) -> Circuit:
+    """The circuit that the content of a file describes."""
     if data is None:
         raise refuse(source, "", "the file is empty", "see the README for a circuit to start from")
     return _Reading(validated(_File, data, source)).circuit(source)
-
-
-def _library() -> Iterator[Any]:
-    return (resources.files(__package__) / "library").iterdir()
 
 
 class _Reading:
@@ -261,22 +255,17 @@ class _Reading:
     def _outputs(self) -> Iterator[Output]:
         for name, output in self.file.outputs.items():
             place = f"outputs.{name}"
-            states = None
-            if _PARALLEL not in output.states:
-                states = {
-                    node: self._value(f"{place}.states.{node}", value, "1") for node, value in output.states.items()
-                }
+            states = None if _PARALLEL in output.states else self._weights(f"{place}.states", output.states)
             balanced = _PARALLEL in output.inputs
-            inputs = {
-                column: self._value(f"{place}.inputs.{column}", value, "1")
-                for column, value in output.inputs.items()
-                if not balanced
-            }
+            inputs = {} if balanced else self._weights(f"{place}.inputs", output.inputs)
             offset = None if output.offset is None else self._value(f"{place}.offset", output.offset, "degC")
             if output.heat is not None and not balanced:
                 self._fault(f"{place}.heat", "nothing balances it", f"it goes with 'inputs: {_PARALLEL}'")
             heat = self._value(f"{place}.heat", output.heat or 0.0, "W") if balanced else None
             yield Output(name, states, inputs, offset, heat)
+
+    def _weights(self, place: str, weights: Mapping[str, str | float]) -> dict[str, str]:
+        return {name: self._value(f"{place}.{name}", value, "1") for name, value in weights.items()}
 
     def _check(self, circuit: Circuit) -> None:
         states = {node.name for node in circuit.states}
@@ -313,8 +302,6 @@ class _Reading:
 
 
 _RISE_SENSORS = "in form rise every node but the ambient has one: the exchange between nodes is read from them"
-
-
 _WAY_OUT = {
     "rise": "join it to the ambient",
     "temperature": "join it, directly or through others, to a node that a sensor prescribes",
@@ -333,6 +320,5 @@ def _drained(circuit: Circuit) -> set[str]:
 
 def _positive(parameter: Parameter) -> Parameter:
     """The parameter with bounds that a logarithm can search: within six decades of where it starts."""
-    low = max(parameter.low, parameter.initial * 1e-6)
-    high = min(parameter.high, parameter.initial * 1e6)
-    return Parameter(parameter.name, parameter.unit, parameter.initial, low, high, parameter.free)
+    low, high = max(parameter.low, parameter.initial * 1e-6), min(parameter.high, parameter.initial * 1e6)
+    return replace(parameter, low=low, high=high)

@@ -50,39 +50,29 @@ def _standing(parameter: Parameter) -> str | float:
 
 
 def _node(node: Node, values: Mapping[str, str | float]) -> _Line:
-    line = _Line()
-    if node.capacitance is not None:
-        line["capacitance"] = values[node.capacitance]
-    if node.sensor is not None:
-        line["sensor"] = node.sensor
-    return line
+    return _Line(_given(capacitance=node.capacitance and values[node.capacitance], sensor=node.sensor))
 
 
 def _output(output: Output, values: Mapping[str, str | float]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    if output.states is None:
-        found["states"] = "parallel"
-    elif output.states:
-        found["states"] = _Line({node: values[name] for node, name in output.states.items()})
-    if output.heat is not None:
-        found["inputs"] = "parallel"
-        found["heat"] = values[output.heat]
-    elif output.inputs:
-        found["inputs"] = _Line({column: values[name] for column, name in output.inputs.items()})
-    if output.offset is not None:
-        found["offset"] = values[output.offset]
-    return found
+    def weights(names: Mapping[str, str]) -> _Line | None:
+        return _Line({each: values[name] for each, name in names.items()}) or None
+
+    return _given(
+        states="parallel" if output.states is None else weights(output.states),
+        inputs=weights(output.inputs) if output.heat is None else "parallel",
+        heat=output.heat and values[output.heat],
+        offset=output.offset and values[output.offset],
+    )
 
 
 def _parameter(parameter: Parameter) -> _Line:
-    line = _Line(unit=parameter.unit, initial=parameter.initial)
-    if math.isfinite(parameter.low):
-        line["min"] = parameter.low
-    if math.isfinite(parameter.high):
-        line["max"] = parameter.high
-    if not parameter.free:
-        line["free"] = False
-    return line
+    low, high = (bound if math.isfinite(bound) else None for bound in (parameter.low, parameter.high))
+    free = None if parameter.free else False
+    return _Line(_given(unit=parameter.unit, initial=parameter.initial, min=low, max=high, free=free))
+
+
+def _given(**entries: Any) -> dict[str, Any]:
+    return {key: value for key, value in entries.items() if value is not None}
 
 
 class _Line(dict[str, Any]):

@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_model.tracking import bridge_limit_s
-from ambient_trainer.data.trace import Trace
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array, Trace
 
 _SHORTEST = 3
 

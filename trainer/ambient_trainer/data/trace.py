@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import os
 from dataclasses import dataclass, field, replace
@@ -150,3 +151,12 @@ def save_trace(path: str, trace: Trace) -> None:
         for time_s, values in zip(trace.time_s.tolist(), table.tolist())
     )
     write_trace(path, list(trace.columns), rows, trace.notes)
+
+
+def sha256_of(path: str) -> str:
+    """The SHA-256 of a trace's file, in lower-case hexadecimal: a model says so what it was trained on."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as stream:
+        while block := stream.read(2**20):
+            digest.update(block)
+    return digest.hexdigest()

@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from ambient_trainer.circuits.assemble import Assembled, assemble
 from ambient_trainer.circuits.circuit import Circuit, Parameter
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Expansion, Unknowns
 from ambient_trainer.lti.discretise import discretised, discretised_slopes
 from ambient_trainer.lti.modes import Pairs, one_pole, passive_modes
 from ambient_trainer.lti.statespace import Hold, StateSpace
-
-Array = NDArray[np.float64]
 
 _SLOWEST_PER_S = 1e-15
 _KEPT = 4
@@ -109,7 +108,7 @@ class CircuitStructure:
         """The unknowns whose logarithm is searched: resistances and capacitances."""
         return tuple(name for name, log in zip(self.search.names, self._logarithmic) if log)
 
-    def excess(self, theta: Array) -> tuple[Array, Array]:
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
         """Per mode, the logarithm by which its time constant exceeds the longest segment or undercuts a tenth period.
 
         Data of a day cannot tell a time constant of a year from none at all, and a mode without one is an integrator:
@@ -124,9 +123,9 @@ class CircuitStructure:
         rates = np.maximum(-eigenvalues, _SLOWEST_PER_S)
         slopes = -np.einsum("in,knm,mi->ki", W, found.derivative.A[: len(theta)], V) / rates
         slow, fast = -np.log(rates * longest), np.log(rates * shortest)
-        excess = np.concatenate([np.maximum(slow, 0.0), np.maximum(fast, 0.0)])
+        penalty = np.concatenate([np.maximum(slow, 0.0), np.maximum(fast, 0.0)])
         jacobian = np.concatenate([np.where(slow > 0, -slopes, 0.0), np.where(fast > 0, slopes, 0.0)], axis=1)
-        return excess, jacobian.T
+        return penalty, jacobian.T
 
     def regrouped(self, theta: Array) -> Array:
         """theta itself: a circuit's parameters have one meaning each."""

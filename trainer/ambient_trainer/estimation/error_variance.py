@@ -17,13 +17,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize, nnls
 from scipy.signal import lfilter
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Term
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 _LAGS_PERIODS = (1, 3, 10, 30, 100)
 """None below a period: what such a lag lets through depends on how often a device ticks."""

@@ -12,17 +12,15 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import expm_frechet
+from scipy.linalg import block_diag, expm_frechet
 from scipy.signal import lfilter
 
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Expansion, Unknowns
 from ambient_trainer.lti.discretise import first_order_hold
 from ambient_trainer.lti.modes import one_pole
 from ambient_trainer.lti.statespace import StateSpace
-
-Array = NDArray[np.float64]
 
 _FASTEST_PER_PERIOD = 2.0
 _TIMES_SHOWN = 10
@@ -67,20 +65,20 @@ class FreeFilter:
             theta += [0.5 * math.log(a * b), math.log((a + b) / 2 / math.sqrt(a * b))]
         return np.array(theta + [math.log(rate) for rate in rates[paired:]])
 
-    def excess(self, theta: Array) -> tuple[Array, Array]:
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
         """Per section, the logarithm by which its slowest pole is slower than the slowest that is believed.
 
         A pole that the data show less than ten times fits their drift, and its start is anybody's guess.
         """
-        excess, slope = np.zeros(self.pairs), np.zeros((self.pairs, len(theta)))
+        penalty, slope = np.zeros(self.pairs), np.zeros((self.pairs, len(theta)))
         for k in range(self.pairs):
             omega, zeta = np.exp(theta[2 * k : 2 * k + 2])
             root = math.sqrt(max(zeta**2 - 1, 0.0))
             beyond = self._slowest - math.log(omega * (zeta - root))
             if beyond > 0:
-                excess[k] = beyond
+                penalty[k] = beyond
                 slope[k, 2 * k : 2 * k + 2] = -1.0, zeta / root if root > 0 else -1.0
-        return excess, slope
+        return penalty, slope
 
     def regrouped(self, theta: Array) -> Array:
         """The same filter with its real poles paired anew, the closest two together.
@@ -123,10 +121,10 @@ class FreeFilter:
         Every segment asks for them in turn: those of the last theta are kept.
         """
         if self._last[0] != theta.tobytes():
-            self._last = theta.tobytes(), self._found_denominators(theta)
+            self._last = theta.tobytes(), self._discrete_denominators(theta)
         return self._last[1]
 
-    def _found_denominators(self, theta: Array) -> list[tuple[Array, Array]]:
+    def _discrete_denominators(self, theta: Array) -> list[tuple[Array, Array]]:
         T = self.period_s
         found = []
         for F, slopes in self._sections(theta):
@@ -207,13 +205,9 @@ class FreeFilter:
             )
             D -= probe.D @ B
             sections.append((F, B, C))
-        n = self.order
-        A, B, C = np.zeros((n, n)), np.zeros((n, m)), np.zeros((1, n))
-        at = 0
-        for F, b, c in sections:
-            k = len(F)
-            A[at : at + k, at : at + k], B[at : at + k], C[:, at : at + k] = F, b, c
-            at += k
+        blocks, drives, reads = zip(*sections) if sections else ((), (), ())
+        A = block_diag(np.zeros((0, 0)), *blocks)
+        B, C = np.vstack([np.zeros((0, m)), *drives]), np.hstack([np.zeros((1, 0)), *reads])
         return StateSpace(A, B, C, D, beta[m : m + 1].copy())
 
     def time_constants_s(self, theta: Array) -> list[complex]:

@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.circuit_structure import CircuitStructure, Modal
 from ambient_trainer.estimation.structure import Expansion, Unknowns
 from ambient_trainer.lti.modes import one_pole
-
-Array = NDArray[np.float64]
 
 _NOTHING = 1e-150
 

@@ -10,9 +10,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 _TINY = 1e-30
 

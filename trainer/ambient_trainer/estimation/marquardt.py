@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 _LONGEST_STEP = 2.0
 _SHORT = 1e-5

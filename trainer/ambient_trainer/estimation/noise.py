@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 ORDER = 4
 LEAK = 0.9

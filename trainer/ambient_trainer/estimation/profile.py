@@ -11,15 +11,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import search
 
-Array = NDArray[np.float64]
 Values = dict[str, float]
 
 THRESHOLD = float(stats.chi2.ppf(0.95, 1))
@@ -45,14 +42,20 @@ class Profile:
         return self.low is None or self.high is None
 
 
-def held(circuit: Circuit, values: Values) -> Circuit:
-    """``circuit`` with the named parameters held at these values."""
-    return _with(circuit, values, free=False)
-
-
 def starting_at(circuit: Circuit, values: Values) -> Circuit:
     """``circuit`` with these initial values, within its bounds."""
-    return _with(circuit, values, free=True)
+    parameters = (
+        replace(each, initial=min(max(values.get(each.name, each.initial), each.low), each.high))
+        for each in circuit.parameters
+    )
+    return replace(circuit, parameters=tuple(parameters))
+
+
+def held(circuit: Circuit, values: Values) -> Circuit:
+    """``circuit`` with the named parameters held at these values."""
+    started = starting_at(circuit, values).parameters
+    parameters = (replace(each, free=each.free and each.name not in values) for each in started)
+    return replace(circuit, parameters=tuple(parameters))
 
 
 def profile(
@@ -71,67 +74,37 @@ def profile(
     value = values[name]
     logarithmic = name in structure_of(circuit).logarithmic_names
     if logarithmic:
-        limits = (max(parameter.low, value / 100), min(parameter.high, value * 100))
-        spans = (math.log(value / limits[0]), math.log(limits[1] / value))
+        spans = (math.log(min(100, value / parameter.low)), math.log(min(100, parameter.high / value)))
     else:
         reach = _ADDED_FARTHEST * max(1.0, abs(value))
-        limits = (max(parameter.low, value - reach), min(parameter.high, value + reach))
-        spans = (value - limits[0], limits[1] - value)
+        spans = (min(reach, value - parameter.low), min(reach, parameter.high - value))
     step = 1.0 if logarithmic else max(abs(value), 0.1)
 
     def at(offset: float) -> float:
         return value * math.exp(offset) if logarithmic else value + offset
 
-    sides = []
-    for sign, span in zip((-1, 1), spans):
-        points, crossing = _walk(structure_of, circuit, values, name, unit_deviance, (at, sign, step, span))
-        sides.append((points, None if crossing is None else at(crossing)))
-    (below, low), (above, high) = sides
+    def refit(x: float, start: Values) -> tuple[float, Values]:
+        """The deviance with ``name`` at ``x``, and the values of the others there."""
+        structure = structure_of(held(starting_at(circuit, start), {name: x}))
+        best = search(structure, 1, 0).best
+        return best.sum_of_squares / unit_deviance, structure.values(best.theta, best.beta)
+
+    def side(sign: int, span: float) -> tuple[list[tuple[float, float]], float | None]:
+        """Points (value, deviance) in doubling steps to one side up to the threshold, and where they cross it."""
+        points: list[tuple[float, float]] = []
+        here, before, offset = values, (0.0, 0.0), min(_FIRST * step, span)
+        while offset > before[0]:
+            x = at(sign * offset)
+            deviance, here = refit(x, here)
+            points.append((x, deviance))
+            root = math.sqrt(max(deviance, 0.0))
+            if deviance > THRESHOLD:
+                # near its least the root of the deviance is a straight line
+                share = (math.sqrt(THRESHOLD) - before[1]) / (root - before[1])
+                return points, at(sign * (before[0] + share * (offset - before[0])))
+            before, offset = (offset, root), min(2 * offset, span)
+        return points, None
+
+    (below, low), (above, high) = side(-1, spans[0]), side(1, spans[1])
     points = [*reversed(below), (value, 0.0), *above]
     return Profile(name, value, tuple(x for x, _ in points), tuple(d for _, d in points), low, high)
-
-
-def _walk(
-    structure_of: Callable[[Circuit], CircuitStructure],
-    circuit: Circuit,
-    values: Values,
-    name: str,
-    unit_deviance: float,
-    way: tuple[Callable[[float], float], int, float, float],
-) -> tuple[list[tuple[float, float]], float | None]:
-    """Points (value, deviance) in doubling steps to one side up to the threshold, and the offset that crosses it."""
-    at, sign, step, span = way
-    points: list[tuple[float, float]] = []
-    here, before, offset = values, (0.0, 0.0), min(_FIRST * step, span)
-    while offset > 0:
-        x = at(sign * offset)
-        fixed = held(starting_at(circuit, here), {name: x})
-        structure = structure_of(fixed)
-        best = search(structure, 1, 0).best
-        deviance = best.sum_of_squares / unit_deviance
-        points.append((x, deviance))
-        here = structure.values(best.theta, best.beta)
-        root = math.sqrt(max(deviance, 0.0))
-        if deviance > THRESHOLD:
-            # near its least the root of the deviance is a straight line
-            share = (math.sqrt(THRESHOLD) - before[1]) / (root - before[1])
-            return points, sign * (before[0] + share * (offset - before[0]))
-        before = (offset, root)
-        if offset >= span:
-            return points, None
-        offset = min(2 * offset, span)
-    return points, None
-
-
-def _with(circuit: Circuit, values: Values, free: bool) -> Circuit:
-    parameters = tuple(
-        replace(
-            each,
-            initial=min(max(values[each.name], each.low), each.high),
-            free=each.free and free,
-        )
-        if each.name in values
-        else each
-        for each in circuit.parameters
-    )
-    return replace(circuit, parameters=parameters)

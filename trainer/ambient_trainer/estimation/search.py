@@ -10,14 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.marquardt import End, Evaluation, descend
 from ambient_trainer.estimation.separable import project
 from ambient_trainer.estimation.structure import Structure, linearise
-
-Array = NDArray[np.float64]
 
 _BEFORE_REGROUPING = 25
 _MOST_EVALUATIONS = 175
@@ -141,8 +139,8 @@ class _Run:
         key = theta.tobytes()
         if self._at is None or self._at[0] != key:
             found = project(linearise(self.structure, theta), self.structure.linear)
-            excess, slope = self.structure.excess(theta)
-            residual = np.concatenate([found.residual, self.weight * excess])
+            penalty, slope = self.structure.penalty(theta)
+            residual = np.concatenate([found.residual, self.weight * penalty])
             self._at = (key, Evaluation(residual, np.concatenate([found.jacobian, self.weight * slope])))
             self._evaluations += 1
             self.spent += 1

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.structure import linearise
 
-Array = NDArray[np.float64]
 Exponents = dict[str, float]
 
 SILENT_DEGC = 1e-3

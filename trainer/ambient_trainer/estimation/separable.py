@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Linearised, Unknowns
-
-Array = NDArray[np.float64]
 
 _RANK_TOLERANCE = 1e-11
 

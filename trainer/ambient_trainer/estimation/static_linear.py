@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 STATIC_LINEAR = "static linear"
 """What a model file calls it."""

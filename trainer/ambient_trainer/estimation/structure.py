@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgeqrf
 
 from ambient_trainer.data.grid import Segment
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 _BLOCK_SAMPLES = 2048
 
@@ -63,7 +62,7 @@ class Structure(Protocol):
     def signals(self, theta: Array, index: int) -> Array:
         """The signals S (s, N) of segment ``index`` at ``theta``."""
 
-    def excess(self, theta: Array) -> tuple[Array, Array]:
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
         """By how much theta leaves what is believable: (c,), zero where it does not, and its Jacobian (c, P)."""
 
     def regrouped(self, theta: Array) -> Array:

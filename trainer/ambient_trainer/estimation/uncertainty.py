@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Solution
 from ambient_trainer.estimation.structure import Structure, Unknowns
-
-Array = NDArray[np.float64]
 
 _NULL = 1e-8
 _INVOLVED = 0.05

@@ -10,6 +10,7 @@ Three rules cut time, since three kinds of fit are validated:
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -22,10 +23,8 @@ from ambient_model.faults import refuse
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Solution, search
-from ambient_trainer.estimation.structure import Expansion, Structure
+from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import residuals
-
-Array = NDArray[np.float64]
 
 _GAP_SHARE = 0.1
 _WORST_DEGC2 = 1e12
@@ -94,10 +93,10 @@ class Refitted:
 
 def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) -> Refitted:
     """Fit ``structure``, then the same without each block, which starts next to its end."""
-    best = search(_Part(structure, None), spending.starts, 0, budget=Budget(spending.whole)).best
+    best = search(structure, spending.starts, 0, budget=Budget(spending.whole)).best
     squares = []
     for block in blocks:
-        part = _Part(structure, block)
+        part = _without(structure, block)
         part.search = replace(part.search, initial=best.theta)
         without = search(part, 1, 0, budget=Budget(spending.without)).best
         errors = residuals(structure, without)[block.segment][0, block.start : block.stop]
@@ -106,38 +105,11 @@ def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) 
     return Refitted(best, tuple(squares))
 
 
-class _Part:
-    """A structure whose filters run over everything, and which is trained on the samples outside a block."""
-
-    def __init__(self, structure: Structure, block: Block | None) -> None:
-        self.structure = structure
-        self.search = structure.search
-        self.linear = structure.linear
-        self._kept = [_kept(segment, index, block) for index, segment in enumerate(structure.segments)]
-        self.segments: Sequence[Segment] = [
-            Segment(each.period_s, each.inputs[:, kept], each.outputs[:, kept])
-            for each, kept in zip(structure.segments, self._kept)
-        ]
-
-    def expand(self, theta: Array, period_s: float) -> Expansion:
-        return self.structure.expand(theta, period_s)
-
-    def signals(self, theta: Array, index: int) -> Array:
-        return self.structure.signals(theta, index)[:, self._kept[index]]
-
-    def excess(self, theta: Array) -> tuple[Array, Array]:
-        return self.structure.excess(theta)
-
-    def regrouped(self, theta: Array) -> Array:
-        return self.structure.regrouped(theta)
-
-    def random_start(self, random: np.random.Generator) -> Array:
-        return self.structure.random_start(random)
-
-
-def _kept(segment: Segment, index: int, block: Block | None) -> NDArray[np.bool_]:
-    """The samples (N,) of a segment that train."""
-    kept = ~np.isnan(segment.outputs[0])
-    if block is not None and block.segment == index:
-        kept[block.first : block.last] = False
-    return kept
+def _without(structure: Structure, block: Block) -> Structure:
+    """The structure whose filters run over everything, and which is fitted to the samples outside ``block``."""
+    part, segments = copy.copy(structure), list(structure.segments)
+    outputs = segments[block.segment].outputs.copy()
+    outputs[:, block.first : block.last] = np.nan
+    segments[block.segment] = replace(segments[block.segment], outputs=outputs)
+    part.segments = segments
+    return part

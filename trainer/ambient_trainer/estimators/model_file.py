@@ -17,8 +17,7 @@ from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
 from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, Secondary
 from ambient_model.trace import split_column
-from ambient_trainer.data.digest import sha256_of
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Trace, sha256_of
 from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 from ambient_trainer.estimators.base import Fit
 from ambient_trainer.estimators.estimate import matrix

@@ -17,8 +17,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.lti.noise_gain import noise_gain
-from ambient_trainer.lti.response import response_degC
+from ambient_trainer.lti.response import noise_gain, response_degC
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,10 @@ every period, so one X0 serves them all.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import Hold, StateSpace
-
-Array = NDArray[np.float64]
 
 
 def zero_order_hold(system: StateSpace, period_s: float) -> StateSpace:

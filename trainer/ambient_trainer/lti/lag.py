@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 
 class LagWeights(NamedTuple):

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
-
-Array = NDArray[np.float64]
 
 _CLOSE = 1e-3
 """Of the faster of two poles' distance from 1: so many digits may be lost to the difference."""

@@ -8,12 +8,10 @@ contributed in steady state acts at once instead, so that the DC gains stay what
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import StateSpace, dc_gain
-
-Array = NDArray[np.float64]
 
 
 def reduced(system: StateSpace, most_states: int) -> StateSpace:

@@ -6,16 +6,16 @@ second order after the other. It does not mind poles that lie close together, wh
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_lyapunov
 from scipy.signal import lfilter
 
-from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.data.trace import Array
+from ambient_trainer.lti.discretise import discretised, first_order_hold
 from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
-
-Array = NDArray[np.float64]
 
 _DIVERGED_DEGC = 1e9
 
@@ -81,3 +81,10 @@ def states(A: Array, drive: Array, start: Array) -> Array:
         x[:, stride:] += power @ x[:, :-stride]
         power, stride = power @ power, 2 * stride
     return x
+
+
+def noise_gain(system: StateSpace, period_s: float) -> float:
+    """Standard deviation of the first output of stable ``system`` per unit of white noise in every input."""
+    discrete = first_order_hold(system, period_s)
+    covariance = solve_discrete_lyapunov(discrete.A, discrete.B @ discrete.B.T)
+    return math.sqrt(float((discrete.C @ covariance @ discrete.C.T)[0, 0]) + float(np.sum(discrete.D[0] ** 2)))

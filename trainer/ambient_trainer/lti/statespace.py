@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 Hold = Literal["first-order", "zero-order"]
 

@@ -1,6 +1,8 @@
 """The Gram matrices of all zones are computed once; then a candidate is scored from a few of their rows.
 
-Over a bank phi (1 + K signals a sensor) a candidate's estimate is y = sum_i b_i' phi_i + offset. Its gains minimise,
+Every candidate filter shares one bank of fixed real poles, so its gains are a small least-squares problem: of each
+sensor the bank phi holds the reading u and what K first-order lags 1 / (tau_j s + 1) make of it, of unit gain at rest
+and in equilibrium with the first sample. A candidate's estimate is y = sum_i b_i' phi_i + offset. Its gains minimise,
 over the samples that are fitted to,
 
     sum (T - y)^2 + n sum_i [ s^2 b_i' N b_i + (s^2 + q_i^2/12) (1' b_i)^2 ]    with    sum_i 1' b_i = 1.
@@ -19,13 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.least_squares import constrained_solution
 from ambient_trainer.estimation.validation import Block
+from ambient_trainer.lti.lag import lag_weights, lagged
 from ambient_trainer.lti.statespace import StateSpace
-from ambient_trainer.selection.bank import bank_system, low_passes, noise_gram
 from ambient_trainer.selection.screen import Sensor
 
-Array = NDArray[np.float64]
+_FASTEST_PERIODS = (1.0, 2.0, 5.0, 10.0)
+_RATIOS = (3.0, 5.0, 8.0)
+_TIMES_SHOWN = 20
+
 Sensors = tuple[int, ...]
 """A candidate: the numbers of its sensors, ascending."""
 
@@ -41,8 +47,10 @@ class Filter:
 
     @property
     def system(self) -> StateSpace:
-        """The continuous system: gains that sum to one at rest say the same about any level."""
-        return bank_system(self.poles_s, self.gains, self.offset_degC)
+        """The continuous system, with a state a pole; gains that sum to one at rest are the same about any level."""
+        rates = 1 / np.asarray(self.poles_s, dtype=float)
+        B, C = self.gains[:, 1:].T * rates[:, None], np.ones((1, len(rates)))
+        return StateSpace(-np.diag(rates), B, C, self.gains[:, :1].T, np.array([self.offset_degC]))
 
     @property
     def dc_gains(self) -> tuple[float, ...]:
@@ -102,6 +110,37 @@ class Grams:
         bank = np.asarray(candidates, dtype=np.intp)[:, :, None] * width + np.arange(width)
         one = np.full((len(candidates), 1), self.sensors * width, dtype=np.intp)
         return np.concatenate([bank.reshape(len(candidates), -1), one], axis=1)
+
+
+def banks(order: int, period_s: float, longest_s: float) -> list[tuple[float, ...]]:
+    """The banks to choose from: ``order`` time constants in s, fastest first, in one ratio each.
+
+    The slowest is shown twenty times by the longest stretch: one that is shown once or twice tells the run's age.
+    """
+    found = [
+        tuple(float(f"{fastest * period_s * ratio**k:.4g}") for k in range(order))
+        for fastest in _FASTEST_PERIODS
+        for ratio in _RATIOS
+    ]
+    shown = [each for each in found if each[-1] <= longest_s / _TIMES_SHOWN]
+    return list(dict.fromkeys(shown or [min(found, key=lambda each: each[-1])]))
+
+
+def low_passes(readings: Array, poles_s: Sequence[float], period_s: float) -> Array:
+    """The bank over ``readings`` (m, N): shape (m, 1 + K, N), the reading itself first."""
+    return np.stack([readings, *(lagged(readings, tau_s, period_s) for tau_s in poles_s)], axis=1)
+
+
+def noise_gram(poles_s: Sequence[float], period_s: float) -> Array:
+    """N (1 + K, 1 + K), the impulse responses' inner products: b' N b is the variance that b makes of white noise.
+
+    h_i is n_i at first and then c_i a_i^k with c_i = n_i a_i + p_i, so <h_i, h_j> = n_i n_j + c_i c_j / (1 - a_i a_j);
+    the reading itself is n = 1, c = 0.
+    """
+    a, before, now = np.array([(0.0, 0.0, 1.0), *(lag_weights(tau_s, period_s) for tau_s in poles_s)]).T
+    after = now * a + before
+    gram: Array = np.outer(now, now) + np.outer(after, after) / (1 - np.outer(a, a))
+    return gram
 
 
 def gathered(

@@ -18,9 +18,8 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.validation import Block, cut_in_blocks
-from ambient_trainer.selection.bank import banks
 from ambient_trainer.selection.floating import best_sets, swaps
-from ambient_trainer.selection.grams import Grams, Sensors, gathered
+from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
 from ambient_trainer.selection.result import (
     NEAR_DEGC,
     Alternative,
@@ -35,8 +34,7 @@ from ambient_trainer.selection.result import (
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import LeftOut, Screened, Sensor
 from ambient_trainer.selection.tasks import CircuitFits, FreeFits, PoleScores, SetScores
-from ambient_trainer.selection.topology import Topology, can_be_named, circuit_of, pruned
-from ambient_trainer.selection.topology_search import best_topology
+from ambient_trainer.selection.topology import Topology, best_topology, can_be_named, circuit_of, pruned
 
 _SAMPLES_PER_UNKNOWN = 10
 _POLES_BY_SENSORS = 3

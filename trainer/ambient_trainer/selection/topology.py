@@ -5,21 +5,23 @@ In ``rise`` form the states are sensors' own nodes, each joined to the ambient, 
 identify how much heat there is: per group of joined states one capacitance or resistance is set, the others follow
 from it. (Hidden nodes that are joined are identifiable only up to a mixture of them: their estimate is unique, their
 values are not.)
+
+The search is stepwise: from each start the best neighbour, as long as one lowers the held-out error by 1 %. Then the
+best loses edges again, as many as leave its error within 1 %.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import yaml
 
 from ambient_model.faults import Refused
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Form
-from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.schema import circuit_of_data
 
 _CAPACITANCE_J_K = 10.0
 """Where the data leave the scale open; any value gives the same estimate."""
@@ -27,8 +29,13 @@ _LARGEST_WEIGHT = 10.0
 """Of a state in the output: two states of nearly one time constant must not cancel in their thousands."""
 _IDLE_SHARE = 1e-3
 """Of the conductance of both its states: what an edge below it conducts changes no estimate by a reading's noise."""
+_GAIN = 0.01
+"""Chosen: less is within what another seed of the same run changes."""
+_PRUNINGS = 8
 
 Pair = tuple[str, str]
+Score = Callable[[Sequence["Topology"]], Sequence[float]]
+"""The held-out error of each topology in degC."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +99,40 @@ def without(topology: Topology, edges: Sequence[Pair]) -> Topology:
     return _canonical(topology.form, topology.sensors, states, kept)
 
 
+def best_topology(sensors: Sequence[str], most_states: int, score: Score) -> Topology:
+    """The topology of ``sensors`` that the steps lead to, less the edges that it can do without."""
+    tried: dict[Topology, float] = {}
+
+    def noted(topologies: Sequence[Topology]) -> Sequence[float]:
+        errors = score(topologies)
+        tried.update(zip(topologies, errors))
+        return errors
+
+    for start in initial_topologies(sensors, most_states):
+        _descend(start, most_states, noted)
+    limit = (1 + _GAIN) * min(tried.values())
+    return _with_fewer_edges(min(tried, key=lambda each: (tried[each], len(each.edges))), noted, limit)
+
+
+def _with_fewer_edges(topology: Topology, score: Score, limit_degC: float) -> Topology:
+    """The topology less as many edges as the limit allows, those first that cost least by themselves."""
+    alone = [(edge, less) for edge in topology.edges for less in [without(topology, [edge])] if less.complete]
+    order = [edge for _, (edge, _) in sorted(zip(score([less for _, less in alone]), alone))]
+    counts = sorted({round(each) for each in np.linspace(1, len(order), min(len(order), _PRUNINGS))})
+    usable = [less for count in counts if (less := without(topology, order[:count])).complete]
+    good = [each for each, error in zip(usable, score(usable)) if error <= limit_degC]
+    return good[-1] if good else topology
+
+
+def _descend(start: Topology, most_states: int, score: Score) -> None:
+    error, here = score([start])[0], start
+    while around := neighbours(here, most_states):
+        least, best = min(zip(score(around), range(len(around))))
+        if least >= (1 - _GAIN) * error:
+            return
+        error, here = least, around[best]
+
+
 def circuit_of(topology: Topology, tau_s: Sequence[float], name: str, about: str) -> Circuit:
     """The circuit; its states start with the time constants ``tau_s``, in turn."""
     rise = topology.form == "rise"
@@ -133,7 +174,7 @@ def circuit_of(topology: Topology, tau_s: Sequence[float], name: str, about: str
     }
     data = {"format": "ambient-circuit", "version": 1, "name": name, "about": about, "form": topology.form}
     data |= {"nodes": nodes, "edges": edges, "outputs": {AMBIENT: output}, "parameters": parameters}
-    return parse_circuit(yaml.safe_dump(data, sort_keys=False), name)
+    return circuit_of_data(data, name)
 
 
 def can_be_named(sensor: str) -> bool:

@@ -12,7 +12,7 @@ from ambient_trainer.estimators.library.free_observer import FreeObserver
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.lti.noise_gain import noise_gain
+from ambient_trainer.lti.response import noise_gain
 
 ONE = Effort(starts=1)
 

@@ -74,7 +74,7 @@ class FirstOrderRatios:
         slope[each, 0, :, each], slope[each, 0, :, m + each] = -moved, moved
         return Expansion(np.zeros((1, s)), free, np.zeros((m, 1, s)), slope)
 
-    def excess(self, theta: Array) -> tuple[Array, Array]:
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
         """No penalty: the bounds hold the prior."""
         return np.zeros(0), np.zeros((0, len(theta)))
 

@@ -101,7 +101,7 @@ def command(
 
 def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, options: Options) -> dict[str, Any]:
     """What results depend on: who computes them, the data's bytes and the options."""
-    from ambient_trainer.data.digest import sha256_of
+    from ambient_trainer.data.trace import sha256_of
 
     digests = [sha256_of(path) for path in paths]
     return {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(options)}

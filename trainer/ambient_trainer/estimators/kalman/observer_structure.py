@@ -63,7 +63,7 @@ class ObserverStructure:
         rows = np.eye(2 + count)
         return Expansion(rows[:1], rows[None, :, 1:2], rows[2:, None], np.zeros((count, 1, 2 + count, 1)))
 
-    def excess(self, theta: Array) -> tuple[Array, Array]:
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
         """The penalty on the distance from the prior, which holds what the data leave open."""
         return _PENALTY * (theta - self.search.initial), _PENALTY * np.eye(len(theta))
 
