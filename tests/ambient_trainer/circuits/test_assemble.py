@@ -112,12 +112,8 @@ def test_the_single_input_models_of_the_thesis(name, source, p):
     np.testing.assert_allclose(found.B, [[1 / (Rsf * Cf)], [1 / (Rsb * Cb)], [0]], rtol=1e-14)
     np.testing.assert_allclose(found.C, _shares(p), rtol=1e-14)
     np.testing.assert_array_equal(found.D, [[0]])
-
-
-def test_model_2_single_input_has_the_real_poles_of_erratum_2():
-    found = assemble(load_circuit("model2_ss_single_input"), TABLE_4_5).value
-    poles = np.sort(np.linalg.eigvals(found.A))
-    np.testing.assert_allclose(poles, [-6.77, -5.26, -0.066], rtol=0.01)
+    if source == "display":  # the real poles of erratum 2
+        np.testing.assert_allclose(np.sort(np.linalg.eigvals(found.A)), [-6.77, -5.26, -0.066], rtol=0.01)
 
 
 def test_model_2_with_free_c_and_d():
@@ -127,24 +123,20 @@ def test_model_2_with_free_c_and_d():
     np.testing.assert_allclose(found.B, B, rtol=1e-14, atol=1e-16)
     np.testing.assert_array_equal(found.C, [[0.29, 11.43, 10.98]])
     np.testing.assert_array_equal(found.D, [[0.27, -1.68, -4.34, 6.72]])
-
-
-def test_model_2_with_free_c_and_d_has_the_gains_of_erratum_1():
-    found = assemble(load_circuit("model2_ss_free_cd"), TABLE_4_6).value
-    gains = (found.D - found.C @ np.linalg.solve(found.A, found.B))[0]
+    gains = (found.D - found.C @ np.linalg.solve(found.A, found.B))[0]  # erratum 1
     np.testing.assert_allclose(gains, [-0.42, -1.47, -8.48, 11.34], atol=0.005)
     assert gains.sum() == pytest.approx(0.970, abs=0.0005)
 
 
-def test_kirchhoff_of_the_thesis():
-    """Equation 4.4 with table 4.1 and q_e = 1 W."""
+@pytest.mark.parametrize("p", [TABLE_4_1, {**TABLE_4_1, "R_usb_ambient": 3e5, "q_e": 7e-5}])
+def test_kirchhoff_of_the_thesis(p):
+    """Equation 4.4: sum (T_i - T)/R_i + q_e = 0."""
     circuit = load_circuit("model1_kirchhoff")
     assert circuit.inputs == ("flash_degC", "battery_degC", "usb_degC")
-    R = {"R_flash_ambient": 2.32e5, "R_battery_ambient": 2.28e5, "R_usb_ambient": 0.01}
-    found = assemble(circuit, {**R, "q_e": 1.0}).value
-    G = np.array([1 / 2.32e5, 1 / 2.28e5, 1 / 0.01])
+    found = assemble(circuit, p).value
+    G = np.array([1 / p[f"R_{name}_ambient"] for name in ("flash", "battery", "usb")])
     np.testing.assert_allclose(found.D, [G / G.sum()], rtol=1e-14)
-    np.testing.assert_allclose(found.offset, [1 / G.sum()], rtol=1e-14)
+    np.testing.assert_allclose(found.offset, [p["q_e"] / G.sum()], rtol=1e-14)
     assert (found.A.shape, found.C.shape) == ((0, 0), (1, 0))
 
 
@@ -157,21 +149,6 @@ def test_the_static_models_are_lines_and_a_plane():
     plane = assemble(circuit, {"c0": -1.36, "c1": 1.52, "c2": 0.80, "m": -0.38}).value
     assert circuit.inputs == ("battery_degC", "usb_degC", "flash_degC")  # erratum 5
     np.testing.assert_array_equal(plane.D, [[-1.36, 1.52, 0.80]])
-
-
-@pytest.mark.parametrize("p", [TABLE_4_1, {**TABLE_4_1, "R_usb_ambient": 3e5, "q_e": 7e-5}])
-def test_kirchhoff_balances_the_ambient(p):
-    """Equation 4.2: what the estimate says makes (T_f - T)/R_f + (T_b - T)/R_b + (T_u - T)/R_u + q_e zero."""
-    circuit = load_circuit("model1_kirchhoff")
-    assert circuit.inputs == ("flash_degC", "battery_degC", "usb_degC")
-    found = assemble(circuit, p).value
-    flash, battery, usb = 31.0, 28.0, 25.5
-    said = float(found.D[0] @ [flash, battery, usb] + found.offset[0])
-    flows = [(flash - said) / p["R_flash_ambient"], (battery - said) / p["R_battery_ambient"]]
-    flows += [(usb - said) / p["R_usb_ambient"], p["q_e"]]
-    assert sum(flows) == pytest.approx(0, abs=1e-12 * max(map(abs, flows)))
-    assert found.D.sum() == pytest.approx(1)
-    assert (found.A.shape, found.C.shape) == ((0, 0), (1, 0))
 
 
 def _assert_slopes(circuit, values):
@@ -228,9 +205,7 @@ def circuits(draw, form):
     weights = {f"n{k}": f"w{k % 2}" for k in range(n)}
     outputs.append(Output("weighed", weights, dict.fromkeys(circuit.inputs, "w0"), None))
     if circuit.to_ambient(circuit.measured):
-        outputs.append(Output("balanced", {}, {}, "offset", "heat"))
-    if circuit.to_ambient(circuit.measured):
-        outputs.append(Output("balanced", {}, {}, None, "heat"))
+        outputs += [Output("balanced", {}, {}, offset, "heat") for offset in ("offset", None)]
     names = [*(node.capacitance for node in nodes if node.capacitance), *(edge.resistance for edge in edges)]
     names += [*(source.share for source in sources), "w0", "w1", "offset", "heat"]
     parameters = tuple(Parameter(name, "1", 1, -1e9, 1e9, True) for name in dict.fromkeys(names))

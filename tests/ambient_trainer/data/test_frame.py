@@ -54,6 +54,5 @@ def test_what_is_no_trace_is_refused_by_place(columns, index, named):
 
 
 def test_a_column_that_stands_twice_is_refused():
-    frame = pd.DataFrame([[1.0, 2.0]], columns=["usb_degC", "usb_degC"])
     with pytest.raises(Refused, match="usb_degC"):
-        load_trace(frame)
+        load_trace(pd.DataFrame([[1.0, 2.0]], columns=["usb_degC", "usb_degC"]))

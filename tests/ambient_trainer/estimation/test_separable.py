@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -82,29 +84,18 @@ def test_within_bounds_it_is_that_of_scipy(seed):
 
 def test_a_regressor_that_says_nothing_is_left_alone():
     here = _problem(1)(np.array([0.3, -0.8]))
-    free = here.free.copy()
-    free[:, 2] = 0.0
-    slope = here.free_slope.copy()
-    slope[:, :, 2] = 0.0
-    found = project(Linearised(here.target, here.fixed, free, here.fixed_slope, slope), _unknowns(3))
-    fewer = project(Linearised(here.target, here.fixed, free[:, :2], here.fixed_slope, slope[:, :, :2]), _unknowns(2))
+    used = np.array([1.0, 1.0, 0.0])
+    found = project(replace(here, free=here.free * used, free_slope=here.free_slope * used), _unknowns(3))
+    fewer = project(replace(here, free=here.free[:, :2], free_slope=here.free_slope[:, :, :2]), _unknowns(2))
     np.testing.assert_allclose(found.beta, [*fewer.beta, 0.0], atol=1e-12)
     np.testing.assert_allclose(found.jacobian, fewer.jacobian, atol=1e-10)
 
 
 def test_two_equal_regressors_share_the_weight():
     here = _problem(2)(np.array([0.3, -0.8]))
-    doubled = Linearised(
-        here.target,
-        here.fixed,
-        here.free[:, [0, 0]],
-        here.fixed_slope,
-        here.free_slope[:, :, [0, 0]],
-    )
-    found = project(doubled, _unknowns(2))
-    one = project(
-        Linearised(here.target, here.fixed, here.free[:, :1], here.fixed_slope, here.free_slope[:, :, :1]),
-        _unknowns(1),
+    found, one = (
+        project(replace(here, free=here.free[:, some], free_slope=here.free_slope[:, :, some]), _unknowns(len(some)))
+        for some in ([0, 0], [0])
     )
     np.testing.assert_allclose(found.beta, np.repeat(one.beta / 2, 2))
     np.testing.assert_allclose(found.residual, one.residual, atol=1e-12)

@@ -115,6 +115,17 @@ def _residual(structure, found):
     return target - F @ beta
 
 
+def _brute(structure, simulated, at_rest):
+    """The residual of every sample as a function of theta."""
+
+    def residual(theta):
+        found = _regressors_of_circuit(structure, theta, simulated, at_rest)
+        free = isinstance(structure, FreelyStartingCircuit)
+        return _residual(structure, _with_starts(structure, theta, found, simulated) if free else found)
+
+    return residual
+
+
 def _assert_same(structure, theta, brute, tolerance=1e-6):
     """|r|, J'J and J'r of the compressed problem against those of the residual of every sample."""
     found = project(linearise(structure, theta), structure.linear)
@@ -156,17 +167,13 @@ def _somewhere(structure, seed):
     return theta
 
 
-@pytest.mark.parametrize("periods_s", [(1.0, 1.0), (1.0, 0.5)], ids=["one period", "two periods"])
 @pytest.mark.parametrize("name", CIRCUITS)
-def test_a_circuit_from_equilibrium(name, periods_s, simulated, at_rest):
+def test_a_circuit_from_equilibrium(name, simulated, at_rest):
     circuit = load_circuit(name)
-    structure = CircuitStructure(circuit, _segments(len(circuit.inputs), 1, periods_s=periods_s))
+    structure = CircuitStructure(circuit, _segments(len(circuit.inputs), 1, periods_s=(1.0, 0.5)))
     theta = _somewhere(structure, 1)
 
-    def brute(theta):
-        return _residual(structure, _regressors_of_circuit(structure, theta, simulated, at_rest))
-
-    _assert_same(structure, theta, brute)
+    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
 def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
@@ -179,25 +186,17 @@ def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
     assert (found.beta == 0).any()
     assert (found.beta == 1).any()
 
-    def brute(theta):
-        return _residual(structure, _regressors_of_circuit(structure, theta, simulated, at_rest))
-
-    _assert_same(structure, theta, brute)
+    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
-@pytest.mark.parametrize("periods_s", [(1.0, 1.0), (1.0, 0.5)], ids=["one period", "two periods"])
-def test_a_circuit_that_starts_anywhere(forward, periods_s, simulated, at_rest):
-    structure = FreelyStartingCircuit(forward, _segments(2, 3, periods_s=periods_s))
+def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
+    structure = FreelyStartingCircuit(forward, _segments(2, 3, periods_s=(1.0, 0.5)))
     theta = _somewhere(structure, 2) - np.array([3.0] * 3 + [0.0] * 6)
 
-    def brute(theta):
-        plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
-        return _residual(structure, _with_starts(structure, theta, plain, simulated))
-
-    _assert_same(structure, theta, brute)
+    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
-@pytest.mark.parametrize("apart", [0.0, 1e-9, 0.9e-3, 1.1e-3])
+@pytest.mark.parametrize("apart", [0.0, 0.9e-3, 1.1e-3])
 def test_modes_that_lie_close(apart, forward, simulated, at_rest):
     """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
     for kind, circuit in ((CircuitStructure, load_circuit("model2_ss_free_cd")), (FreelyStartingCircuit, forward)):
@@ -208,12 +207,7 @@ def test_modes_that_lie_close(apart, forward, simulated, at_rest):
             theta[between] += np.log(1e9)
         theta[structure.search.names.index("C_battery" if kind is CircuitStructure else "C_b")] += apart
 
-        def brute(theta, structure=structure):
-            plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
-            free = isinstance(structure, FreelyStartingCircuit)
-            return _residual(structure, _with_starts(structure, theta, plain, simulated) if free else plain)
-
-        _assert_same(structure, theta, brute, tolerance=1e-5)
+        _assert_same(structure, theta, _brute(structure, simulated, at_rest), tolerance=1e-5)
 
 
 def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(forward, simulated, at_rest):
@@ -237,23 +231,16 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
     assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
     assert "share" not in structure.logarithmic_names
 
-    def brute(theta):
-        plain = _regressors_of_circuit(structure, theta, simulated, at_rest)
-        return _residual(structure, _with_starts(structure, theta, plain, simulated))
-
     theta = _somewhere(structure, 3) - np.array([3.0] * 3 + [0.0] * 7)
-    _assert_same(structure, theta, brute)
+    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("order", [1, 4])
 def test_a_free_filter(order):
     structure = FreeFilter(order, _segments(2, 1))
     theta = structure.search.initial + np.random.default_rng(order).uniform(-0.3, 0.3, order)
 
-    def brute(theta):
-        return _residual(structure, _regressors_of_filter(structure, theta))
-
-    _assert_same(structure, theta, brute, tolerance=1e-5)
+    _assert_same(structure, theta, lambda at: _residual(structure, _regressors_of_filter(structure, at)), 1e-5)
 
 
 @pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
@@ -261,14 +248,11 @@ def test_a_section_of_a_free_filter_of_any_damping(zeta):
     structure = FreeFilter(3, _segments(2, 1))
     theta = np.array([np.log(0.15), np.log(zeta), np.log(0.02)])
 
-    def brute(theta):
-        return _residual(structure, _regressors_of_filter(structure, theta))
-
-    _assert_same(structure, theta, brute, tolerance=1e-5)
+    _assert_same(structure, theta, lambda at: _residual(structure, _regressors_of_filter(structure, at)), 1e-5)
 
 
 @pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
-@pytest.mark.parametrize("order", [1, 2, 3, 4])
+@pytest.mark.parametrize("order", [1, 3, 4])
 def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, simulated, at_rest):
     structure = FreeFilter(order, _segments(2, 1))
     random = np.random.default_rng(order)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
@@ -17,14 +17,8 @@ MATRICES = ("A", "B", "C", "D", "offset")
 
 def _system(A, m=2, q=2, seed=0):
     random = np.random.default_rng(seed)
-    n = len(A)
-    return StateSpace(
-        np.array(A, dtype=float),
-        random.normal(size=(n, m)),
-        random.normal(size=(q, n)),
-        random.normal(size=(q, m)),
-        random.normal(size=q),
-    )
+    others = (random.normal(size=shape) for shape in ((len(A), m), (q, len(A)), (q, m), q))
+    return StateSpace(np.array(A, dtype=float), *others)
 
 
 DISTINCT = [[-0.3, 0.1], [0.2, -0.9]]
@@ -44,19 +38,13 @@ def _integrated(system, u, period_s, hold):
         if k + 1 == u.shape[1]:
             break
         slope = (u[:, k + 1] - u[:, k]) / period_s if hold == "first-order" else np.zeros(len(u))
-        x = solve_ivp(
-            lambda t, x, k=k, slope=slope: system.A @ x + system.B @ (u[:, k] + slope * t),
-            (0, period_s),
-            x,
-            method="DOP853",
-            rtol=1e-12,
-            atol=1e-12,
-        ).y[:, -1]
+        rate = lambda t, x, k=k, slope=slope: system.A @ x + system.B @ (u[:, k] + slope * t)  # noqa: E731
+        x = solve_ivp(rate, (0, period_s), x, method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
     return np.array(outputs).T
 
 
 @pytest.mark.parametrize("hold", ["zero-order", "first-order"])
-@pytest.mark.parametrize("period_s", [0.1, 1.0, 7.0])
+@pytest.mark.parametrize("period_s", [0.1, 7.0])
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_it_agrees_with_an_integrator(name, period_s, hold, simulated, at_rest):
     system = _system(SYSTEMS[name])
@@ -117,6 +105,7 @@ def test_one_equilibrium_serves_every_period_and_hold(system):
             np.testing.assert_allclose(found.D + found.C @ X0, gain, rtol=1e-9, atol=1e-10 * scale)
 
 
+@settings(max_examples=30)
 @given(stable_systems(), st.sampled_from([0.1, 1.0, 10.0]), st.sampled_from(["zero-order", "first-order"]))
 def test_slopes_are_those_of_differences(system, period_s, hold):
     random = np.random.default_rng(7)
@@ -132,14 +121,11 @@ def test_slopes_are_those_of_differences(system, period_s, hold):
     for index in range(3):
 
         def along(step, index=index):
-            moved = [
-                discretised(
-                    StateSpace(*(getattr(system, each) + s * getattr(directions, each)[index] for each in MATRICES)),
-                    period_s,
-                    hold,
-                )
+            systems = (
+                StateSpace(*(getattr(system, each) + s * getattr(directions, each)[index] for each in MATRICES))
                 for s in (step, -step)
-            ]
+            )
+            moved = [discretised(each, period_s, hold) for each in systems]
             return {each: (getattr(moved[0], each) - getattr(moved[1], each)) / (2 * step) for each in MATRICES}
 
         fine, coarse = along(h), along(2 * h)

@@ -28,7 +28,7 @@ QUICK = ("--most", "1", "--order", "1", "--no-circuits", "--jobs", "1")
 @pytest.fixture(scope="module")
 def trace(tmp_path_factory):
     path = str(tmp_path_factory.mktemp("traces") / "made-up.csv")
-    whole = made_up()
+    whole = made_up(count=750)
     save_trace(path, replace(whole, columns={**whole.columns, "flat_degC": np.full(len(whole.time_s), 25.0)}))
     return path
 
@@ -63,6 +63,7 @@ def test_its_circuits_are_what_fit_takes(whole, trace):
     assert (folder / "page" / "index.html").exists()
 
 
+@pytest.mark.slow
 def test_killed_and_started_again_it_finds_the_same(whole, trace, tmp_path):
     state = tmp_path / "state"
     arguments = [*COMMAND, trace, *OPTIONS, "--jobs", "1", "--state", str(state), "--json", "out.json"]
@@ -74,7 +75,7 @@ def test_killed_and_started_again_it_finds_the_same(whole, trace, tmp_path):
     assert (tmp_path / "out.json").read_bytes() == (whole[1] / "out.json").read_bytes()
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
 def test_ctrl_c_keeps_what_is_done_and_leaves_no_process(trace, tmp_path, jobs):
     state = tmp_path / "state"
     process = subprocess.Popen(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -36,28 +37,30 @@ def regressors(readings):
     return np.column_stack(columns)
 
 
-def square_root(gram):
-    return np.linalg.cholesky(gram).T
+@functools.cache
+def regressors_of(small):
+    """The regressors of all sensors, and the root of what a degree of white noise in one makes."""
+    impulse = np.zeros((1, 4000))
+    impulse[0, 1] = 1.0
+    response = regressors(impulse)
+    return regressors(small.segments[0].inputs), np.linalg.cholesky(response.T @ response).T * TOLERANCE_DEGC
 
 
 def direct(small, members):
     """Per block the sum of squares of a fit to the other samples: penalties as rows, the unit gain by elimination."""
-    segment = small.segments[0]
-    X, y = regressors(segment.inputs[list(members)]), segment.outputs[0]
-    impulse = np.zeros((1, 4000))
-    impulse[0, 1] = 1.0
-    own = square_root(regressors(impulse).T @ regressors(impulse)) * TOLERANCE_DEGC
+    every, own = regressors_of(small)
+    X, y = every[:, [3 * each + k for each in members for k in range(3)]], small.segments[0].outputs[0]
     squares = []
     for block in small.blocks:
-        teach = np.ones(len(y), dtype=bool)
-        teach[block.first : block.last] = False
-        n = teach.sum()
+        kept = np.ones(len(y), dtype=bool)
+        kept[block.first : block.last] = False
+        n = kept.sum()
         noisy = np.kron(np.eye(len(members)), own)
         still = [np.sqrt(TOLERANCE_DEGC**2 + small.sensors[each].step_degC ** 2 / 12) for each in members]
         at_rest = np.kron(np.diag(still), np.ones((1, 3)))
-        rows = np.vstack([X[teach], np.sqrt(n) * noisy, np.sqrt(n) * at_rest])
+        rows = np.vstack([X[kept], np.sqrt(n) * noisy, np.sqrt(n) * at_rest])
         rows = np.column_stack([rows, np.concatenate([np.ones(n), np.zeros(len(rows) - n)])])
-        target = np.concatenate([y[teach], np.zeros(len(rows) - n)])
+        target = np.concatenate([y[kept], np.zeros(len(rows) - n)])
         c = np.append(np.ones(X.shape[1]), 0.0)
         one, free = c / (c @ c), null_space(c[None])
         b = one + free @ np.linalg.lstsq(rows @ free, target - rows @ one, rcond=None)[0]

@@ -35,14 +35,6 @@ def test_squares_are_those_of_independent_fits(small, pair):
         assert square == pytest.approx(np.sum(errors**2), rel=1e-4)
 
 
-def test_a_reference_that_is_gone_for_long_is_no_trouble(small, pair):
-    """Blocks of whole cache lines without any reference leave nothing to factorise."""
-    long = Segment(2.0, np.tile(pair[0].inputs, 4), np.tile(pair[0].outputs, 4))
-    long.outputs[:, 2000:4200] = np.nan
-    found = refitted(FreeFilter(1, [long]), small.blocks, Spending(1, 60, 20))
-    assert np.isfinite(found.squares).all()
-
-
 def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
     few = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 5, 2))
     many = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 100, 20))

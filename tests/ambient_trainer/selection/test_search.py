@@ -38,6 +38,7 @@ def test_it_holds_on_another_run(found):
     assert check.against[0] > 3 * check.fixed[1]
 
 
+@pytest.mark.slow
 def test_two_processes_find_what_one_finds(found):
     assert as_json(found_in(made_up(), 2, [AGAIN])) == as_json(found)
 

@@ -34,7 +34,7 @@ _KEPT = 4
 class Modal:
     """A discretised circuit in its modes, with derivatives in theta first, then in beta."""
 
-    found: Assembled
+    assembled: Assembled
     value: StateSpace
     slope: StateSpace
     poles: Array
@@ -45,13 +45,13 @@ class Modal:
     pairs: Pairs
 
     @staticmethod
-    def of(found: Assembled, period_s: float, hold: Hold) -> Modal:
-        """The modes of ``found``, sampled."""
-        value = discretised(found.value, period_s, hold)
-        slope = discretised_slopes(found.value, found.derivative, period_s, hold)
-        rates, V, W = passive_modes(found.value.A, found.capacitance)
+    def of(assembled: Assembled, period_s: float, hold: Hold) -> Modal:
+        """The modes of a circuit, sampled."""
+        value = discretised(assembled.value, period_s, hold)
+        slope = discretised_slopes(assembled.value, assembled.derivative, period_s, hold)
+        rates, V, W = passive_modes(assembled.value.A, assembled.capacitance)
         poles = np.exp(rates * period_s)
-        return Modal(found, value, slope, poles, V, W, W @ value.B, Pairs.of(poles))
+        return Modal(assembled, value, slope, poles, V, W, W @ value.B, Pairs.of(poles))
 
     @property
     def size(self) -> int:
@@ -115,7 +115,7 @@ class CircuitStructure:
         its start means nothing and its error never ends. One that is gone before the next sample is no state.
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
-        found = self._at(theta, self.segments[0].period_s).found
+        found = self._at(theta, self.segments[0].period_s).assembled
         longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
         shortest = min(segment.period_s for segment in self.segments) / 10
         eigenvalues, V, W = passive_modes(found.value.A, found.capacitance)
@@ -173,16 +173,11 @@ class CircuitStructure:
         """The circuit with its linear unknowns at zero; derivatives in theta first, then in beta."""
         weights = [each.name for each in self.linear_parameters]
         found = assemble(self.circuit, CircuitStructure.values(self, theta, np.zeros(len(weights))))
-        scale = np.where(self._logarithmic, np.exp(np.where(self._logarithmic, theta, 0.0)), 1.0)
+        scale = np.append(np.exp(np.where(self._logarithmic, theta, 0.0)), np.ones(len(weights)))
         order = [self._position[name] for name in (*self.search.names, *weights)]
-        scale = np.concatenate([scale, np.ones(len(weights))])
-        slopes = StateSpace(
-            *(
-                matrix[order] * scale.reshape(-1, *[1] * (matrix.ndim - 1))
-                for matrix in (getattr(found.derivative, name) for name in ("A", "B", "C", "D", "offset"))
-            )
-        )
-        return replace(found, derivative=slopes)
+        matrices = ((name, matrix[order]) for name, matrix in vars(found.derivative).items())
+        slopes = {name: matrix * scale.reshape(-1, *[1] * (matrix.ndim - 1)) for name, matrix in matrices}
+        return replace(found, derivative=StateSpace(**slopes))
 
     def expand(self, theta: Array, period_s: float) -> Expansion:
         """The outputs and their derivatives in terms of :meth:`signals`."""
@@ -202,24 +197,16 @@ class CircuitStructure:
 
     def _free_slope(self, at: Modal, theta: Array, period_s: float, size: int) -> Array:
         """d/dtheta of each linear unknown's regressor, found as the slope of a system whose C, D are that unknown's."""
-        found, count, outputs = at.found, len(theta), len(self.circuit.outputs)
+        found, slope = at.assembled, at.assembled.derivative
+        count, outputs = len(theta), len(self.circuit.outputs)
         result = np.zeros((count, outputs, size, len(self.linear_parameters)))
         for index in range(len(self.linear_parameters)):
-            unit = StateSpace(
-                found.value.A,
-                found.value.B,
-                found.derivative.C[count + index],
-                found.derivative.D[count + index],
-                found.derivative.offset[count + index],
-            )
-            if not unit.C.any():
+            C, D, offset = (getattr(slope, name)[count + index] for name in ("C", "D", "offset"))
+            if not C.any():
                 continue
+            unit = StateSpace(found.value.A, found.value.B, C, D, offset)
             still = StateSpace(
-                found.derivative.A[:count],
-                found.derivative.B[:count],
-                np.zeros((count, *unit.C.shape)),
-                np.zeros((count, *unit.D.shape)),
-                np.zeros((count, outputs)),
+                slope.A[:count], slope.B[:count], *(np.zeros((count, *each.shape)) for each in (C, D, offset))
             )
             moved = discretised_slopes(unit, still, period_s, self.circuit.hold)
             gain = discretised(unit, period_s, self.circuit.hold).C @ at.V
@@ -233,27 +220,17 @@ class CircuitStructure:
 
     def signals(self, theta: Array, index: int) -> Array:
         """The inputs, one, phi (n m rows), and chi of the pairs of modes that need one, of a segment."""
-        segment = self.segments[index]
-        at = self._at(theta, segment.period_s)
-        result = np.empty((self._size(at), segment.inputs.shape[1]))
-        self._fill(result, at, index)
-        return result
-
-    def _size(self, at: Modal) -> int:
-        return at.size
-
-    def _fill(self, result: Array, at: Modal, index: int) -> None:
-        u = self.segments[index].inputs
+        at, u = self._at(theta, self.segments[index].period_s), self.segments[index].inputs
         n, m = at.drive.shape
+        result = np.empty((at.size, u.shape[1]))
         result[:m], result[m] = u, 1.0
         phi = result[m + 1 : m + 1 + n * m].reshape(n, m, u.shape[1])
         for mode, a in enumerate(at.poles):
             phi[mode] = one_pole(a, u, u[:, 0] / (1 - a))
-        row = m + 1 + n * m
-        for i, k in zip(*np.nonzero(at.pairs.own)):
+        for row, i, k in zip(result[m + 1 + n * m :], *np.nonzero(at.pairs.own)):
             xi = at.drive[k] @ phi[k]
-            result[row] = one_pole(at.poles[i], xi[None], xi[:1] / (1 - at.poles[i]))[0]
-            row += 1
+            row[:] = one_pole(at.poles[i], xi[None], xi[:1] / (1 - at.poles[i]))[0]
+        return result
 
 
 def _positive_names(circuit: Circuit) -> set[str]:
@@ -265,7 +242,9 @@ def _positive_names(circuit: Circuit) -> set[str]:
 def _linear_names(circuit: Circuit) -> set[str]:
     """The parameters that appear in outputs alone."""
     outputs = circuit.outputs
-    weights = {name for output in outputs for name in ((output.states or {}).values())}
-    weights |= {name for output in outputs for name in output.inputs.values()}
-    weights |= {output.offset for output in outputs if output.offset is not None}
-    return weights - _positive_names(circuit) - {source.share for source in circuit.sources}
+    weights = {name for each in outputs for name in (*(each.states or {}).values(), *each.inputs.values(), each.offset)}
+    return (
+        {name for name in weights if name is not None}
+        - _positive_names(circuit)
+        - {source.share for source in circuit.sources}
+    )

@@ -66,9 +66,9 @@ class FreeFilter:
         return np.array(theta + [math.log(rate) for rate in rates[paired:]])
 
     def penalty(self, theta: Array) -> tuple[Array, Array]:
-        """Per section, the logarithm by which its slowest pole is slower than the slowest that is believed.
+        """Per section, the logarithm by which its slowest pole is slower than the data show ten times.
 
-        A pole that the data show less than ten times fits their drift, and its start is anybody's guess.
+        A pole that they show less often fits their drift, and its start is arbitrary.
         """
         penalty, slope = np.zeros(self.pairs), np.zeros((self.pairs, len(theta)))
         for k in range(self.pairs):

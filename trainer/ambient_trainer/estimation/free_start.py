@@ -13,7 +13,7 @@ import numpy as np
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.circuit_structure import CircuitStructure, Modal
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.structure import Expansion, Unknowns
 from ambient_trainer.lti.modes import one_pole
 
@@ -39,15 +39,12 @@ class FreelyStartingCircuit(CircuitStructure):
         """Every parameter of the circuit by name; the initial states are none of them."""
         return super().values(theta, beta[: len(self._weights.names)])
 
-    def _size(self, at: Modal) -> int:
-        return at.size + len(self.segments) * at.decays
-
-    def _fill(self, result: Array, at: Modal, index: int) -> None:
+    def signals(self, theta: Array, index: int) -> Array:
         """The circuit's signals, then per segment a_i^k and a_k^. / (z - a_i) of pairs, zero in the others."""
-        super()._fill(result, at, index)
-        result[at.size :] = 0.0
-        rows = result[at.size + index * at.decays :][: at.decays]
-        n, steps = len(at.poles), np.arange(float(rows.shape[1]))
+        at = self._at(theta, self.segments[index].period_s)
+        n, steps = len(at.poles), np.arange(float(self.segments[index].inputs.shape[1]))
+        starts = np.zeros((len(self.segments), at.decays, len(steps)))
+        rows = starts[index]
         decay = rows[:n]
         # of the poles as they were rounded, for the sake of differences of powers
         np.exp(np.outer(np.log(np.maximum(at.poles, _NOTHING)), steps), out=decay)
@@ -58,6 +55,7 @@ class FreelyStartingCircuit(CircuitStructure):
                 np.multiply(decay[k, :-1], steps[1:], out=row[1:])
             else:
                 row[:] = one_pole(at.poles[i], decay[k, None], np.zeros(1))[0]
+        return np.concatenate([super().signals(theta, index), starts.reshape(-1, len(steps))])
 
     def expand(self, theta: Array, period_s: float) -> Expansion:
         """The circuit's expansion with the initial states' regressors beside it."""

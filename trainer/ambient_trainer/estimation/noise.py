@@ -47,11 +47,8 @@ class Noise:
     @staticmethod
     def of(residuals: Sequence[Array]) -> Noise:
         """The noise that residuals (s, N) of several records have in common; NaN where there is none."""
-        return Noise(
-            *map(
-                np.array, zip(*(_autoregression([each[row] for each in residuals]) for row in range(len(residuals[0]))))
-            )
-        )
+        fits = [_autoregression([each[row] for each in residuals]) for row in range(len(residuals[0]))]
+        return Noise(*map(np.array, zip(*fits)))
 
     def white(self, rows: Array) -> Array:
         """``rows`` (..., s, N) as (..., s, N - p) of unit variance where they are this noise."""
@@ -80,7 +77,7 @@ def _autoregression(rows: Sequence[Array]) -> tuple[Array, float, float]:
 
 @dataclass(frozen=True)
 class OrderFit:
-    """The ``weights`` (p,) of all p stretches of :data:`PAST`, zero beyond an order; ``rows`` samples told them.
+    """The ``weights`` (p,) of all p stretches of :data:`PAST`, zero beyond an order, from ``rows`` samples.
 
     What they leave open is ``spread`` (p, p) times standard normal numbers.
     """

@@ -32,7 +32,7 @@ class Solution:
     beta: Array
     sum_of_squares: float
     objective: float
-    """The sum of squares and what leaving believable values costs."""
+    """The sum of squares and the penalty."""
     converged: bool
     evaluations: int
 

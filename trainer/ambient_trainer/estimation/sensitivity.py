@@ -4,7 +4,7 @@ J holds the output's derivatives in the logarithm of each parameter; its null sp
 where J is taken. Taken at several places it separates two kinds. What is null everywhere is a scaling symmetry: all
 parameters times k to an exponent, and the exponents come out as small whole numbers, C and R of a node, say, as +1 and
 -1. Others bend: their exponents depend on the place. What is orthogonal to all of them is a product of parameters that
-can be told.
+can be identified.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Sensitivity:
     ``singular_degC`` are the singular values of J at the fit, over the root of the number of samples: by how much the
     output moves (RMS, degC) per e-fold along each direction, strongest first. ``blind`` is the number of directions
     that move nothing wherever they are looked at, ``symmetries`` those of them that are scalings, ``products`` what
-    is told of the ``mixed`` parameters: name to exponent.
+    is identifiable of the ``mixed`` ones: name to exponent.
     """
 
     singular_degC: tuple[float, ...]
@@ -67,7 +67,7 @@ class Sensitivity:
 
     @property
     def unclear(self) -> set[str]:
-        """The parameters that cannot be told at the fit."""
+        """The parameters that are not identifiable at the fit."""
         return {*self.mixed, *self.mixed_here, *self.silent}
 
 

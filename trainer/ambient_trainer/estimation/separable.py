@@ -58,16 +58,11 @@ def _pseudo_inverse(F: Array) -> tuple[Array, Array]:
     return U[:, kept], (Vt[kept].T / singular[kept]) @ U[:, kept].T / scale[:, None]
 
 
-def _least_squares(F: Array, target: Array) -> Array:
-    return _pseudo_inverse(F)[1] @ target
-
-
 def _bounded(F: Array, target: Array, bounds: Unknowns) -> tuple[Array, NDArray[np.bool_]]:
     solution = lsq_linear(F, target, (bounds.low, bounds.high), method="bvls")
     held, loose = solution.active_mask, solution.active_mask == 0
     beta = np.where(held < 0, bounds.low, np.where(held > 0, bounds.high, solution.x))
     # what the bounds leave loose is solved exactly, so that the derivative above is that of the solution
-    beta[loose] = np.clip(
-        _least_squares(F[:, loose], target - F[:, ~loose] @ beta[~loose]), bounds.low[loose], bounds.high[loose]
-    )
+    _, inverse = _pseudo_inverse(F[:, loose])
+    beta[loose] = np.clip(inverse @ (target - F[:, ~loose] @ beta[~loose]), bounds.low[loose], bounds.high[loose])
     return beta, loose

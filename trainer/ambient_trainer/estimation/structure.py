@@ -63,7 +63,7 @@ class Structure(Protocol):
         """The signals S (s, N) of segment ``index`` at ``theta``."""
 
     def penalty(self, theta: Array) -> tuple[Array, Array]:
-        """By how much theta leaves what is believable: (c,), zero where it does not, and its Jacobian (c, P)."""
+        """By how much theta leaves what is plausible: (c,), zero where it does not, and its Jacobian (c, P)."""
 
     def regrouped(self, theta: Array) -> Array:
         """The same point in better coordinates, where there are any; else theta itself."""
@@ -95,34 +95,18 @@ def linearise(structure: Structure, theta: Array) -> Linearised:
         expansion, used = _used(structure.expand(theta, period_s))
         factors = _factors(structure, theta, period_s, used)
         for output, (R, target) in enumerate(factors):
-            parts.append(
-                Linearised(
-                    target,
-                    R @ expansion.fixed[output],
-                    R @ expansion.free[output],
-                    expansion.fixed_slope[:, output] @ R.T,
-                    R @ expansion.free_slope[:, output],
-                )
-            )
-    return Linearised(
-        np.concatenate([part.target for part in parts]),
-        np.concatenate([part.fixed for part in parts]),
-        np.concatenate([part.free for part in parts]),
-        np.concatenate([part.fixed_slope for part in parts], axis=1),
-        np.concatenate([part.free_slope for part in parts], axis=1),
-    )
+            fixed, free = R @ expansion.fixed[output], R @ expansion.free[output]
+            slopes = expansion.fixed_slope[:, output] @ R.T, R @ expansion.free_slope[:, output]
+            parts.append((target, fixed, free, *slopes))
+    return Linearised(*(np.concatenate(each, axis=axis) for each, axis in zip(zip(*parts), (0, 0, 0, 1, 1))))
 
 
 def _used(expansion: Expansion) -> tuple[Expansion, NDArray[np.bool_]]:
     """The expansion without the signals that no output and no derivative has a share of, and which are left (s,)."""
     used: NDArray[np.bool_] = np.logical_or(expansion.fixed.any(axis=0), expansion.free.any(axis=(0, 2)))
     used |= expansion.fixed_slope.any(axis=(0, 1)) | expansion.free_slope.any(axis=(0, 1, 3))
-    return Expansion(
-        expansion.fixed[:, used],
-        expansion.free[:, used],
-        expansion.fixed_slope[:, :, used],
-        expansion.free_slope[:, :, used],
-    ), used
+    fixed, free = expansion.fixed[:, used], expansion.free[:, used]
+    return Expansion(fixed, free, expansion.fixed_slope[:, :, used], expansion.free_slope[:, :, used]), used
 
 
 def _factors(structure: Structure, theta: Array, period_s: float, used: NDArray[np.bool_]) -> list[tuple[Array, Array]]:
