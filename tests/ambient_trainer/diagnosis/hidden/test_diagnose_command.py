@@ -46,7 +46,7 @@ def folder(boxed, tmp_path_factory):
 def done(folder):
     """The whole command, once: what it printed."""
     status, printed, errors = called(
-        *("diagnose", "day.csv", "--circuit", "lid.yaml", "--baseline", "good.csv", "--period", "40"),
+        *("diagnose", "day.csv", "--circuit", "lid.yaml", "--baseline", "good.csv"),
         *("--json", "out.json", "--report", "page", "--extended", "lid_extended.yaml"),
         folder=folder,
     )
