@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.simulator.scenario import scenario_names, scenario_path
+from ambient_trainer.simulator.scenario import scenario_path
 
 SPEED = 200
 
@@ -25,15 +25,7 @@ def collector(*arguments):
     return [sys.executable, "-m", "ambient_trainer", "collect", *map(str, arguments)]
 
 
-@pytest.mark.parametrize("name", scenario_names())
-def test_a_dry_run_prints_the_schedule_of_every_scenario(call, name):
-    status, printed, said = call("ambient-trainer", "collect", name, "--dry-run")
-    assert (status, said) == (0, "")
-    assert re.search(r"\d:\d\d:\d\d in all, \d:\d\d:\d\d of it recorded: [\d,]+ rows\.", printed)
-    assert "degC" in printed
-
-
-def test_a_dry_run_tells_the_length_and_the_estimated_times(call):
+def test_a_dry_run_prints_the_schedule_and_the_length(call):
     _, printed, _ = call("ambient-trainer", "collect", "3", "--dry-run")
     rows = [line.split() for line in printed.splitlines() if re.match(r" (before )?\d", line)]
     assert rows == [
@@ -53,17 +45,13 @@ def test_a_dry_run_tells_the_length_and_the_estimated_times(call):
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["6", "--dry-run"], 2, "none is called '6'; take one of 1, 2.1"),
-        (["1"], 2, "say where the trace goes: -o TRACE.csv"),
-        (["1", "--speed", "5", "-o", "t.csv"], 2, "--speed and --seed are for --simulate"),
-        (["1", "--simulate", "--resume", "-o", "t.csv"], 2, "t.csv.part: there is no run to resume"),
-        (["1", "--simulate", "-o", "nowhere/t.csv"], 2, "there is no folder"),
-        (
-            ["1", "-o", "t.csv"],
-            1,
-            "laboratory.instruments.chamber.port: /dev/ttyUSB0 is not there; plug the adapter in",
-        ),
-        (["no.yaml", "-o", "t.csv"], 1, "no.yaml: cannot be read (No such file or directory)"),
+        (["6", "--dry-run"], 2, "'6'"),
+        (["1"], 2, "-o TRACE.csv"),
+        (["1", "--speed", "5", "-o", "t.csv"], 2, "--simulate"),
+        (["1", "--simulate", "--resume", "-o", "t.csv"], 2, "t.csv.part"),
+        (["1", "--simulate", "-o", "nowhere/t.csv"], 2, "no folder"),
+        (["1", "-o", "t.csv"], 1, "laboratory.instruments.chamber.port: /dev/ttyUSB0"),
+        (["no.yaml", "-o", "t.csv"], 1, "no.yaml: cannot be read"),
     ],
 )
 def test_a_wrong_call_says_what_to_do(call, tmp_path, monkeypatch, arguments, status, message):
@@ -77,8 +65,7 @@ def test_a_wrong_call_says_what_to_do(call, tmp_path, monkeypatch, arguments, st
 def test_a_campaign_is_not_overwritten_by_its_trace(call, short, tmp_path):
     for output in ("short.yaml", "lab.yaml"):
         status, _, said = call("ambient-trainer", "collect", short, "--simulate", "-o", tmp_path / output)
-        assert status == 2
-        assert "would be overwritten by what is made from it" in said
+        assert (status, "overwritten" in said) == (2, True)
 
 
 @pytest.fixture
@@ -137,17 +124,13 @@ def test_ctrl_c_comes_to_safety_and_resume_goes_on(short, tmp_path):
     picture = "".join(shown)
     for part in ("short, simulated at 50 times real time: step 1 of 2", "samples on disk", "left", "ambient_degC"):
         assert part in picture
-    assert said == "ambient-trainer: stopped by SIGINT; the chamber holds 20 degC; --resume goes on with it\n"
+    assert all(part in said for part in ("SIGINT", "20 degC", "--resume"))
     assert (tmp_path / "t.csv.part").exists()
 
-    again = subprocess.run(collector(short, "--simulate", "--speed", 50, "-o", output), capture_output=True, text=True)
-    assert again.returncode == 1
-    assert (
-        "t.csv.part: a run has begun here and not come to its end; go on with it: --resume; or remove" in again.stderr
-    )
-    other = subprocess.run(collector(short, "--simulate", "--resume", "-o", output), capture_output=True, text=True)
-    assert other.returncode == 1
-    assert "holds a run that began with --simulate --speed 50; resume it the same way" in other.stderr
+    for options, remedy in ((("--speed", 50), "--resume"), (("--resume",), "--simulate --speed 50")):
+        again = subprocess.run(collector(short, "--simulate", *options, "-o", output), capture_output=True, text=True)
+        assert again.returncode == 1
+        assert all(part in again.stderr for part in ("t.csv.part", remedy))
     done = subprocess.run(
         collector(short, "--simulate", "--speed", 50, "--resume", "-o", output), capture_output=True, text=True
     )
@@ -175,41 +158,40 @@ IDENTIFIABLE = ("free-2", "linear_combined")
 SENSORS = ("--sensors", "soc,flash,battery,usb,display")
 
 
-def _fit(process, tmp_path, trace, circuit, *options):
-    """The RMSE on its own trace, and the model."""
-    model, figures = tmp_path / f"{trace.stem}.{circuit}.json", tmp_path / "fit.json"
-    process("ambient_trainer", "fit", trace, "--circuit", circuit, *options, "-o", model, "--json", figures)
-    return json.loads(figures.read_text())["rmse_degC"], model
-
-
-def _evaluate(process, tmp_path, model, trace):
-    process("ambient_trainer", "evaluate", model, trace, "--json", tmp_path / "evaluation.json")
-    return json.loads((tmp_path / "evaluation.json").read_text())["traces"][0]["rmse_degC"]
-
-
 @pytest.mark.slow
-def test_scenario_5_collected_is_scenario_5_simulated(process, tmp_path):
+def test_scenario_5_collected_is_scenario_5_simulated(process, call, tmp_path):
     """The bar: fit and evaluate come within 5 % on the trace that the laboratory leaves at 200 times real time."""
+
+    def fit(trace, circuit, *options):
+        """The RMSE on its own trace, and the model."""
+        model, facts = tmp_path / f"{trace.stem}.{circuit}.json", tmp_path / "fit.json"
+        assert (
+            call("ambient-trainer", "fit", trace, "--circuit", circuit, *options, "-o", model, "--json", facts)[0] == 0
+        )
+        return json.loads(facts.read_text())["rmse_degC"], model
+
+    def evaluate(model, trace):
+        assert call("ambient-trainer", "evaluate", model, trace, "--json", tmp_path / "evaluation.json")[0] == 0
+        return json.loads((tmp_path / "evaluation.json").read_text())["traces"][0]["rmse_degC"]
+
     collected, simulated, other = (tmp_path / f"{name}.csv" for name in ("collected", "simulated", "other"))
-    process("ambient_trainer", "simulate", "5", "--seed", 1, "-o", simulated)
-    process("ambient_trainer", "simulate", "4", "-o", other)
     process("ambient_trainer", "collect", "5", "--simulate", "--speed", SPEED, "--seed", 1, "-o", collected)
+    call("ambient-trainer", "simulate", "5", "--seed", 1, "-o", simulated)
+    call("ambient-trainer", "simulate", "4", "-o", other)
     trace = load_trace(str(collected))
     assert len(trace.time_s) == len(load_trace(str(simulated)).time_s) == 23100
     assert np.isfinite(trace.column("ambient_degC")).mean() > 0.8
     for circuit in ("free-2", "model2_ss", "model2_ss_free_cd", "linear_combined"):
         options = SENSORS if circuit == "free-2" else ()
-        _, model = _fit(process, tmp_path, other, circuit, *options)
+        _, model = fit(other, circuit, *options)
         pairs = {
-            "fit": [_fit(process, tmp_path, each, circuit, *options)[0] for each in (collected, simulated)],
-            "evaluate": [_evaluate(process, tmp_path, model, each) for each in (collected, simulated)],
+            "fit": [fit(each, circuit, *options)[0] for each in (collected, simulated)],
+            "evaluate": [evaluate(model, each) for each in (collected, simulated)],
         }
         if circuit in IDENTIFIABLE:
-            # in pieces, so that what a free filter does at rest is not left to the noise
-            pieces = ("--pieces", 12, *options)
-            models = [_fit(process, tmp_path, each, circuit, *pieces)[1] for each in (collected, simulated)]
-            pairs["held out"] = [_evaluate(process, tmp_path, each, other) for each in models]
-        told = ", ".join(f"{name} {ours:.3f} / {theirs:.3f}" for name, (ours, theirs) in pairs.items())
-        print(f"{circuit}: {told} degC, collected / simulated")
+            # in pieces, so that what a free filter does in the steady state is not left to the noise
+            models = [fit(each, circuit, "--pieces", 12, *options)[1] for each in (collected, simulated)]
+            pairs["held out"] = [evaluate(each, other) for each in models]
         for name, (ours, theirs) in pairs.items():
+            print(f"{circuit}: {name} {ours:.3f} / {theirs:.3f} degC, collected / simulated")
             assert abs(ours / theirs - 1.0) < 0.05, (circuit, name)

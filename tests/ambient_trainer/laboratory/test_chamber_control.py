@@ -5,25 +5,24 @@ import time
 
 import pytest
 
-from ambient_trainer.laboratory.chamber_control import ChamberControl, Target
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.instruments import SetPointLimits, settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
 from ambient_trainer.laboratory.messages import Failure, Sample, Timebase
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+from ambient_trainer.laboratory.workers import ChamberControl, Target
 
 
-class Kept:
-    """A simulated chamber with a keeper."""
+class Controlled:
+    """A simulated chamber under control."""
 
-    def __init__(self, wish, gradients=False):
+    def __init__(self, target, gradients=False):
         self.clock = Clock(100.0)
         self.simulated = voetsch.Simulated(settings("voetsch-vt4004", port=""), self.clock)
         self.posted: queue.Queue = queue.Queue()
         port = self.simulated.port
         limits = SetPointLimits(port, -20.0, 60.0)
         driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
-        self.control = ChamberControl(driver, Timebase(self.clock, 0.0), self.posted.put, 10.0, wish, gradients)
+        self.control = ChamberControl(driver, Timebase(self.clock, 0.0), self.posted.put, 10.0, target, gradients)
         self.control.start()
 
     def until(self, condition):
@@ -48,7 +47,7 @@ def kept():
     made = []
 
     def make(*arguments):
-        made.append(Kept(*arguments))
+        made.append(Controlled(*arguments))
         return made[-1]
 
     yield make
@@ -56,7 +55,7 @@ def kept():
         each.close()
 
 
-def test_a_wish_is_sent_and_confirmed_by_the_chamber_s_own_word(kept):
+def test_a_target_is_sent_and_confirmed_by_the_chamber_s_own_word(kept):
     lab = kept(Target(45.0))
     lab.until(lambda: lab.control.confirmed)
     assert lab.simulated.held_degC == 45.0
@@ -86,7 +85,7 @@ def test_an_answer_that_is_lost_is_no_confirmation(kept):
     lab.until(lambda: lab.control.confirmed)
     lab.simulated.muted = True
     lab.control.go_to(Target(20.0))
-    lab.until(lambda: lab.simulated.held_degC == 20.0)  # it has ears
+    lab.until(lambda: lab.simulated.held_degC == 20.0)  # it receives
     lab.next(Failure)
     assert not lab.control.confirmed
     lab.simulated.muted = False
@@ -113,7 +112,7 @@ def test_a_gradient_goes_out_first_but_after_an_urgent_set_point(kept):
     assert lab.simulated.held_degC == 20.0
 
 
-def test_stopped_is_confirmed_too_and_an_alarm_told(kept):
+def test_a_stop_is_confirmed_and_an_alarm_reported(kept):
     lab = kept(Target(45.0))
     lab.until(lambda: lab.control.confirmed)
     lab.simulated.raise_alarm(7, "overtemperature")

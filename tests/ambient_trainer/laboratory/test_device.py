@@ -7,16 +7,14 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import Device, PowerSupply
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.device.device_under_test import DeviceUnderTest
-from ambient_trainer.laboratory.device.kernel_units import degrees_from_millidegrees
-from ambient_trainer.laboratory.device.shell import Connection, Shell, connection_to
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET
-from ambient_trainer.laboratory.reading import Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.device_under_test import DeviceUnderTest, degrees_from_millidegrees
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.shell import Connection, Shell, connection_to
 
 ZONES = {"xo-therm": "board_degC", "battery": "battery_degC"}
 WHOLE = {"board_degC": -1.25, "battery_degC": 28.3}
@@ -79,16 +77,6 @@ def test_adb_is_called_once_as_adb_is(zones, device_of):
 def test_connections(connect, begin, end):
     argv = connection_to(connect).argv
     assert (argv[: len(begin)], argv[-len(end) :]) == (begin, end)
-
-
-def test_ssh_is_a_shell_too(one_phone, device_of):
-    one_phone.zone(3, "battery", "28300\n")
-    ssh = one_phone.folder / "bin/ssh"
-    ssh.write_text('#!/bin/sh\nfor last; do :; done\nexec "$last"\n')
-    ssh.chmod(0o755)
-    device = device_of(one_phone, {"battery": "battery_degC"}, connect="ssh root@board")
-    assert values(device) == {"battery_degC": 28.3}
-    assert device.port == "ssh root@board"
 
 
 def test_the_clock_offset_is_known_to_half_the_delay(zones, device_of):
@@ -180,18 +168,15 @@ def test_two_zones_of_one_type_are_refused(one_phone, device_of):
     assert ("battery" in caught.value.expected, "2 of them" in caught.value.got) == (True, True)
 
 
-def test_no_shell_at_all():
-    device = DeviceUnderTest(Device(connect="adb", zones=ZONES), Connection(("no-such-program",), "adb", {}), Clock())
-    with pytest.raises(Disconnected) as caught:
-        device.read()
-    assert "no-such-program" in caught.value.expected
-
-
-def test_this_machine_s_own_files_are_read():
-    device = DeviceUnderTest(Device(connect="local", zones=ZONES), connection_to("local"), Clock())
-    reading = device.read()
-    assert set(reading.values) == {*ZONES.values(), CLOCK_OFFSET}
-    assert reading.asked_s <= reading.answered_s
+@pytest.mark.parametrize(("argv", "works"), [(("no-such-program",), False), (connection_to("local").argv, True)])
+def test_this_machine_s_own_files_are_read_or_no_shell_at_all(argv, works):
+    device = DeviceUnderTest(Device(connect="local", zones=ZONES), Connection(argv, "local", {}), Clock())
+    if works:
+        assert set(device.read().values) == {*ZONES.values(), CLOCK_OFFSET}
+    else:
+        with pytest.raises(Disconnected) as caught:
+            device.read()
+        assert "no-such-program" in caught.value.expected
     device.close()
 
 
@@ -236,6 +221,7 @@ def _ended(pid):
         return True
 
 
+@settings(max_examples=40)
 @given(st.text(max_size=20) | st.integers().map(str))
 def test_a_text_is_a_plausible_number_or_missing(text):
     value = degrees_from_millidegrees(text)

@@ -133,17 +133,16 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
         os.link(journal, tmp_path / "kept")  # the collector removes its own at the end
         known = 0
         for life in range(kills):
-            _live_through(there, draw, faults_between, outages)
+            _live_through(collector, there, draw, faults_between, outages)
             assert collector.process.poll() is None, collector.lines
             collector.kill()
             kept.append(_whole_lines(journal))
             assert len(_samples(journal)) >= known + collector.acknowledged
-            assert collector.acknowledged > 0
             if life == 0:
                 _until(lambda: there.chamber.held_degC == SAFE_DEGC)  # nobody resumes it, and it is safe all the same
             known = len(_samples(journal))
             collector = Collector(path, trace, there.environment, "resume")
-        _live_through(there, draw, faults_between, outages)
+        _live_through(collector, there, draw, faults_between, outages)
         assert collector.wait() == 0, collector.lines
         assert collector.lines[-1] == "end finished True"
         assert there.chamber.held_degC == SAFE_DEGC
@@ -151,9 +150,10 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
     return trace, tmp_path / "kept", kept, outages
 
 
-def _live_through(there, draw, count, outages):
+def _live_through(collector, there, draw, count, outages):
     """Some of the time undisturbed, then one thing after the other away."""
-    time.sleep(draw.uniform(1.5, 2.5))
+    _until(lambda: collector.acknowledged)  # a loaded machine takes its time to start it
+    time.sleep(draw.uniform(1.0, 1.5))
     for what in draw.sample(["chamber", "chamber's answers", "multiplexer", "phone", "phone's power"], count):
         _away(there, what, draw.uniform(20.0, 70.0), outages)
         time.sleep(draw.uniform(0.1, 0.7))
@@ -195,7 +195,7 @@ def test_a_night_with_faults_and_a_kill(campaign_file, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10, 14))
+@pytest.mark.parametrize("seed", range(10, 12))
 def test_nights_with_many(campaign_file, tmp_path, seed):
     _check(*_night(campaign_file, tmp_path, seed=seed, kills=3, faults_between=3))
 

@@ -8,9 +8,9 @@ import pytest
 
 from ambient_trainer.laboratory.campaign import Action, load_campaign
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.device.shell import connection_to
-from ambient_trainer.laboratory.load_control import LoadControl
 from ambient_trainer.laboratory.messages import Failure, LoadState, Timebase
+from ambient_trainer.laboratory.shell import connection_to
+from ambient_trainer.laboratory.workers import LoadControl
 from ambient_trainer.simulator.scenario import scenario_path
 
 SHIPPED = load_campaign(scenario_path("1"), ports=False).campaign.laboratory

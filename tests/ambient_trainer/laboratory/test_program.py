@@ -1,4 +1,4 @@
-"""When a step is over, told step by step with times made up."""
+"""When a step is over, with synthetic times and temperatures."""
 
 import pytest
 from hypothesis import given
@@ -44,21 +44,23 @@ def test_a_run_goes_on_in_the_middle_of_a_step():
     assert program.advance(6000.0) == [Reached(3, 5260.0, False)]
 
 
-def test_rest_is_counted_from_when_the_ambient_came_in_for_good():
-    def ambient(t):
-        return 25.0 if t < 100 or 300 <= t < 310 else 20.9
+@pytest.mark.parametrize(
+    ("step", "ambient", "zones", "end"),
+    [
+        (settling(), lambda t: 25.0 if t < 100 or 300 <= t < 310 else 20.9, lambda t: {}, (310.0 + 600.0, False)),
+        (settling(), lambda t: None if t == 500 else 20.0, lambda t: {}, (501.0 + 600.0, False)),
+        (settling(drift=0.5), lambda t: 20.0, lambda t: {} if t < 300 else {"usb_degC": 20.0}, (900.0, False)),
+        (settling(most=20), lambda t: 30.0, lambda t: {}, (1200.0, True)),
+        (settling(duration=15), lambda t: 20.0, lambda t: {}, (900.0, False)),
+        (settling(duration=15), lambda t: 20.0 if t > 600 else 0.0, lambda t: {}, (1201.0, False)),
+    ],
+    ids=["swings", "gap", "zones missing", "given up", "duration is longer", "settling is longer"],
+)
+def test_when_a_steady_state_ends_a_step(step, ambient, zones, end):
+    assert run(Program([step], 0.0), 5000, ambient, zones) == [Reached(1, *end)]
 
-    assert run(Program([settling()], 0.0), 5000, ambient) == [Reached(1, 310.0 + 600.0, False)]
 
-
-def test_a_missing_ambient_is_no_rest():
-    def ambient(t):
-        return None if t == 500 else 20.0
-
-    assert run(Program([settling()], 0.0), 5000, ambient) == [Reached(1, 501.0 + 600.0, False)]
-
-
-def test_zones_must_rest_too_where_that_is_asked():
+def test_zones_have_to_be_steady_where_a_drift_is_named():
     def zones(t):
         return {"battery_degC": min(20.0 + t / 500.0, 24.0)}  # 0.002 K/s until 2000 s
 
@@ -68,22 +70,3 @@ def test_zones_must_rest_too_where_that_is_asked():
     assert free == calm == [Reached(1, 600.0, False)]  # 1.2 K in ten minutes
     # the last of the ever new beginnings is the last time it had moved 0.5 K: between 1750 and 2000 s
     assert 1750.0 + 600.0 <= strict[0].at_s <= 2000.0 + 600.0
-
-
-def test_a_zone_that_is_not_heard_is_not_at_rest():
-    def zones(t):
-        return {} if t < 300 else {"battery_degC": 20.0}
-
-    found = run(Program([settling(drift=0.5)], 0.0), 5000, lambda t: 20.0, zones)
-    assert found == [Reached(1, 900.0, False)]
-
-
-def test_it_is_given_up_at_last_and_said():
-    assert run(Program([settling(most=20)], 0.0), 5000, lambda t: 30.0) == [Reached(1, 1200.0, True)]
-
-
-def test_with_both_the_later_one_counts():
-    at_rest = run(Program([settling(duration=15)], 0.0), 5000, lambda t: 20.0)
-    late = run(Program([settling(duration=15)], 0.0), 5000, lambda t: 20.0 if t > 600 else 0.0)
-    assert at_rest == [Reached(1, 900.0, False)]
-    assert late == [Reached(1, 1201.0, False)]

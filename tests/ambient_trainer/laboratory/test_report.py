@@ -3,8 +3,7 @@
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import Head, Record
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note, Sample, StepBegan
-from ambient_trainer.laboratory.report import column_table, events, settling_table
-from ambient_trainer.laboratory.schedule import clock_text, expected
+from ambient_trainer.laboratory.report import column_table, events, expected, settling_table
 from ambient_trainer.laboratory.trace_rows import Rows
 from ambient_trainer.simulator.scenario import scenario_path
 
@@ -75,7 +74,3 @@ def test_a_ramp_that_its_step_has_no_time_for_goes_on_in_the_next():
     steep = CAMPAIGN.steps[0].model_copy(update={"duration_min": 5.0, "gradient_K_min": 1.0})
     ramped = expected(CAMPAIGN.model_copy(update={"before": (), "steps": (steep, steep)}))
     assert [each.ramp_s for each in ramped] == [1800.0, 1500.0]
-
-
-def test_durations():
-    assert [clock_text(each) for each in (0.0, 59.4, 3599.6, 36001.0)] == ["0:00:00", "0:00:59", "1:00:00", "10:00:01"]

@@ -5,9 +5,8 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.laboratory.messages import Crash, Failure, Sample, Timebase
-from ambient_trainer.laboratory.reading import NoResponse, Reading
-from ambient_trainer.laboratory.worker import Sampler
+from ambient_trainer.laboratory.messages import Crash, Failure, NoResponse, Reading, Sample, Timebase
+from ambient_trainer.laboratory.workers import Sampler
 
 
 class StillClock:

@@ -8,12 +8,10 @@ from typing import NamedTuple
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import LoadedCampaign
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.device.device_under_test import DeviceUnderTest
-from ambient_trainer.laboratory.device.shell import Connection, connection_to
-from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, instrument, probe_column
-from ambient_trainer.laboratory.messages import CHAMBER, DEVICE, MULTIPLEXER, THERMOMETER
-from ambient_trainer.laboratory.reading import InstrumentError
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
+from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, SetPointLimits, instrument, probe_column
+from ambient_trainer.laboratory.messages import CHAMBER, DEVICE, MULTIPLEXER, THERMOMETER, InstrumentError
+from ambient_trainer.laboratory.shell import Connection, connection_to
 
 
 class Equipment(NamedTuple):

@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ambient_trainer.laboratory.collect import Job
+from ambient_trainer.laboratory.report import clock_text, expected
 from ambient_trainer.laboratory.run import Monitor, Run
-from ambient_trainer.laboratory.schedule import clock_text, expected
 
 _REDRAW_S = 0.25
 _LINE_S = 60.0

@@ -13,10 +13,8 @@ from enum import Enum
 from typing import NamedTuple, Protocol
 
 from ambient_trainer.laboratory.campaign import Campaign
-from ambient_trainer.laboratory.chamber_control import ChamberControl, Target
 from ambient_trainer.laboratory.equipment import Equipment
 from ambient_trainer.laboratory.journal import Journal
-from ambient_trainer.laboratory.load_control import LoadControl
 from ambient_trainer.laboratory.messages import (
     CHAMBER,
     DEVICE,
@@ -31,9 +29,8 @@ from ambient_trainer.laboratory.messages import (
     StepBegan,
     Timebase,
 )
-from ambient_trainer.laboratory.program import Program
-from ambient_trainer.laboratory.safety import SafetyLimits
-from ambient_trainer.laboratory.worker import Sampler, Worker
+from ambient_trainer.laboratory.program import Program, SafetyLimits
+from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target, Worker
 
 _POLL_S = 0.02
 """The machine's seconds between two looks at the program where nothing comes in."""

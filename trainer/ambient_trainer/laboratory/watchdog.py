@@ -12,11 +12,10 @@ import sys
 import time
 from types import TracebackType
 
-from ambient_trainer.laboratory.chamber_control import Target
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, instrument
-from ambient_trainer.laboratory.reading import InstrumentError
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, SetPointLimits, instrument
+from ambient_trainer.laboratory.messages import InstrumentError
+from ambient_trainer.laboratory.workers import Target
 
 _RELEASE = b"done\n"
 _RETRY_S = 1.0

@@ -6,9 +6,15 @@ from typing import Any, NamedTuple
 import pytest
 
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.instruments import AIR, THERMOMETER_COLUMN, instrument, probe_column, settings
-from ambient_trainer.laboratory.reading import InstrumentError
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+from ambient_trainer.laboratory.instruments import (
+    AIR,
+    THERMOMETER_COLUMN,
+    SetPointLimits,
+    instrument,
+    probe_column,
+    settings,
+)
+from ambient_trainer.laboratory.messages import InstrumentError
 
 SPEED = 20.0
 KINDS = {"chamber": "voetsch-vt4004", "multiplexer": "agilent-34970a", "thermometer": "greisinger-easybus"}

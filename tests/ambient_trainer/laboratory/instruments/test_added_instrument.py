@@ -22,7 +22,7 @@ from typing import Literal
 
 from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, ThermometerSettings
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
-from ambient_trainer.laboratory.reading import Reading
+from ambient_trainer.laboratory.messages import Reading
 from ambient_trainer.laboratory.serial_line import Query, SerialDriver, SerialLine, text_replies
 
 decode = text_replies(b"\\n", b"\\r", 80, lambda line: line)

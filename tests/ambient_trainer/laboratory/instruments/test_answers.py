@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.messages import Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.pseudo_terminal import XOFF
-from ambient_trainer.laboratory.reading import Disconnected, InstrumentError, NoResponse
 
 STATE = b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r"
 SCAN = b"+2.61950000E+01,101,+2.61950000E+01,103\r\n"

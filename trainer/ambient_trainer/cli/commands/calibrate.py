@@ -79,17 +79,20 @@ def command(
     NAME_degC are the probes; or with --simulate. Nothing is written before the bath has settled. A campaign takes the
     file as its 'offsets'.
     """
-    from ambient_trainer.laboratory.calibration.bath import Settled, calibrated, load_bath, settled_windows
-    from ambient_trainer.laboratory.calibration.live_bath import (
+    from ambient_trainer.laboratory.calibration import (
         BATHS_DEGC,
         BathRecorder,
+        Settled,
+        calibrated,
+        load_bath,
         real_bath,
+        report_of,
+        settled_windows,
         simulated_bath,
     )
-    from ambient_trainer.laboratory.calibration.report import report_of
     from ambient_trainer.laboratory.instruments import settings
+    from ambient_trainer.laboratory.messages import InstrumentError
     from ambient_trainer.laboratory.probe_offsets import offsets_text
-    from ambient_trainer.laboratory.reading import InstrumentError
 
     live = bool(thermometer or multiplexer or probes)
     wrong = {

@@ -51,7 +51,7 @@ def command(
     the chamber to confirm that.
     """
     from ambient_trainer.laboratory.campaign import load_campaign
-    from ambient_trainer.laboratory.schedule import report_of
+    from ambient_trainer.laboratory.report import schedule_report
 
     if not simulate and (speed is not None or seed is not None):
         raise click.UsageError("--speed and --seed are for --simulate: a real laboratory has a time of its own")
@@ -63,7 +63,7 @@ def command(
         raise click.UsageError(str(refused)) from refused
     loaded = load_campaign(path, ports=not (simulate or dry_run))
     if dry_run:
-        Output().show(report_of(loaded))
+        Output().show(schedule_report(loaded))
         return 0
     assert output is not None
     from ambient_trainer.laboratory.collect import journal_path, laboratory_path
@@ -93,7 +93,7 @@ def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed
 def _run(job: Job, again: bool) -> int:
     from ambient_trainer.laboratory.collect import collect, resume
     from ambient_trainer.laboratory.monitor import monitor_of
-    from ambient_trainer.laboratory.report import problems_of, report_of
+    from ambient_trainer.laboratory.report import collection_report, problems_of
     from ambient_trainer.laboratory.run import Supervision
 
     with _caught_signals() as caught, monitor_of(printer(), job) as monitor:
@@ -103,7 +103,7 @@ def _run(job: Job, again: bool) -> int:
             lambda: caught.count(signal.SIGINT) > 1,
         )
         collected = (resume if again else collect)(job, supervision)
-    Output().show(report_of(collected, job))
+    Output().show(collection_report(collected, job))
     for problem in problems_of(collected.outcome, job):
         click.echo(f"ambient-trainer: {problem}", err=True)
     outcome = collected.outcome

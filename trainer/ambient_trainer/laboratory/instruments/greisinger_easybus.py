@@ -19,8 +19,8 @@ from pydantic import Field
 
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, ThermometerSettings
+from ambient_trainer.laboratory.messages import NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
-from ambient_trainer.laboratory.reading import NoResponse, Reading
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, shown
 
 VALUE, IDENTITY = 0, 12

@@ -9,12 +9,20 @@ from scipy.signal import lfilter
 from ambient_model.faults import Refused
 from ambient_trainer.cli.commands.calibrate import command
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.laboratory.calibration.bath import Settled, calibrated, save_bath, settled_windows, unsettled
-from ambient_trainer.laboratory.calibration.live_bath import BathRecorder, SimulatedBath, simulated_instruments
+from ambient_trainer.laboratory.calibration import (
+    BathRecorder,
+    Settled,
+    SimulatedBath,
+    calibrated,
+    save_bath,
+    settled_windows,
+    simulated_instruments,
+    unsettled,
+)
 from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.messages import NoResponse
 from ambient_trainer.laboratory.probe_offsets import load_offsets
-from ambient_trainer.laboratory.reading import NoResponse
 
 PERIOD_S = 2.0
 

@@ -16,8 +16,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.messages import DEVICE
-from ambient_trainer.laboratory.reading import Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import DEVICE, Disconnected, InstrumentError, NoResponse
 
 _CHUNK = 1 << 16
 _MOST_KEPT = 200

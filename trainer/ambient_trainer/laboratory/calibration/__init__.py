@@ -1,1 +1,0 @@
-"""Calibration of probes against a reference thermometer in one bath."""

@@ -1,1 +1,0 @@
-"""The device under test, over a shell on it."""
