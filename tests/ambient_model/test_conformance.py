@@ -1,9 +1,6 @@
 import math
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from ambient_model.conformance import (
     TOLERANCE,
@@ -16,23 +13,6 @@ from ambient_model.conformance import (
 from ambient_model.model import Conformance, Discrete, Estimator, Input, Model
 
 BANDS = {50: (-0.1, 0.1), 90: (-0.5, 0.5), 98: (-1.0, 1.0)}
-
-
-@given(st.from_type(Estimator), st.data())
-def test_the_recursion_is_numpys(estimator: Estimator, data: st.DataObject) -> None:
-    n, m = len(estimator.states), len(estimator.inputs)
-    rows = data.draw(st.lists(st.tuples(*[st.floats(-40, 90)] * m), max_size=12))
-    vector = conformance_of(estimator, tuple(rows))
-    assert set(vector.outputs) == {each.period_s for each in estimator.discrete}
-    for discrete in estimator.discrete:
-        A, B = np.reshape(discrete.A, (n, n)), np.reshape(discrete.B, (n, m))
-        C, D = np.reshape(discrete.C, n), np.reshape(discrete.D, m)
-        x = np.reshape(estimator.initial, (n, m)) @ rows[0] if rows else np.zeros(n)
-        wanted = []
-        for u in rows:
-            wanted.append(float(C @ x + D @ u + estimator.offset))
-            x = A @ x + B @ u
-        assert vector.outputs[discrete.period_s] == pytest.approx(wanted, rel=1e-12, abs=1e-9)
 
 
 def model(outputs: dict[float, tuple[float, ...]], scale: float = 1.0) -> Model:

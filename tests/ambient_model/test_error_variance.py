@@ -1,10 +1,8 @@
 """The spread's rule against its equations summed out, term by term, over whole sequences."""
 
 import itertools
-import math
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -56,24 +54,9 @@ def test_any_spread_over_any_sequence(spread: ErrorVariance, count: int, seed: i
     np.testing.assert_allclose(followed_through(spread, time_s, y, d), sigmas(spread, time_s, y, d), rtol=0, atol=1e-9)
 
 
-def test_rest_is_the_constant_alone() -> None:
-    unrest = initial_state(PHONE, 21.0, 0.0)
-    for _ in range(100):
-        unrest = advanced(PHONE, unrest, gains(PHONE, 1.0), 21.0, 0.0)
-    assert sigma_degC(PHONE, unrest) == 0.5
-
-
 def test_no_time_passes_within_a_period_and_all_of_it_in_a_long_pause() -> None:
     start = initial_state(PHONE, 20.0, 0.0)
     assert advanced(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0) == start
     late = advanced(PHONE, start, gains(PHONE, 1e9), 30.0, 7.0)
     assert late.means_degC == (30.0,) * 3
     assert late.squares_degC2 == (0.0, 0.0, 49.0)
-
-
-def test_a_pause_takes_each_term_as_far_as_its_own_lag_says() -> None:
-    halves = advanced(PHONE, initial_state(PHONE, 20.0, 0.0), gains(PHONE, 60 * math.log(2)), 30.0, 7.0)
-    left = (0.5**0.2, 0.5, 0.5**0.5)
-    assert halves.means_degC == pytest.approx([30 - 10 * each for each in left])
-    squares = [(10 * left[0]) ** 2, 5.0**2, 7.0**2]
-    assert halves.squares_degC2 == pytest.approx([(1 - each) * z for each, z in zip(left, squares)])

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.blend import blended
-from ambient_model.conformance import conformance_of, run_recursion
-from ambient_model.error_variance import advanced, gains, initial_state, sigma_degC
+from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 from ambient_model.observer import Background, Observer
 from ambient_model.tracking import Estimate, Tracker
@@ -93,15 +92,6 @@ def scattered(model: Model, period_s: float, seed: int) -> Rows:
 seeds = st.integers(0, 2**32 - 1)
 
 
-@given(st.from_type(Model), seeds)
-@settings(max_examples=60)
-def test_without_guard_and_spread_it_is_the_tracker_to_the_bit(model: Model, seed: int) -> None:
-    plain = model._replace(secondary=None, error_variance=None)
-    period_s = plain.main.discrete[0].period_s
-    rows = scattered(plain, period_s, seed)
-    assert fed(observer_of(plain, period_s), rows) == fed(tracker_of(plain, period_s), rows)
-
-
 @given(st.from_type(Model), seeds, st.sampled_from([None, 0.0, 200.0]))
 def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float | None) -> None:
     """Secondary and main estimator, each a tracker of its own, have an estimate at the same moments."""
@@ -132,25 +122,6 @@ def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float 
             low, high = (end * sigma for end in model.error_variance.quantiles[90])
             width = sigma
         assert (said.low_degC, said.high_degC) == (ambient + low, ambient + high)
-
-
-@pytest.mark.parametrize("period_s", [0.1, 1.0])
-def test_without_gaps_it_is_two_recursions_and_the_equations(period_s: float) -> None:
-    model = phone()
-    rows = moving(1500, period_s=period_s)
-    index = [each.period_s for each in model.main.discrete].index(period_s)
-    u = tuple((usb or 0.0, battery or 0.0) for _, (usb, battery) in rows)
-    mains = run_recursion(model.main, model.main.discrete[index], u)
-    guards = run_recursion(lag_on(1, 60.0, -10.0), lag_on(1, 60.0, -10.0).discrete[index], u)
-    spread = ErrorVariance(0.25, TERMS, QUANTILES)
-    unrest, a = None, gains(spread, period_s)
-    for found, main, guard in zip(fed(observer_of(model, period_s), rows), mains, guards):
-        y, d, weight = blended(main, guard, 1.5)
-        d = max(-1.5, min(1.5, d))
-        unrest = initial_state(spread, y, d) if unrest is None else advanced(spread, unrest, a, y, d)
-        sigma = sigma_degC(spread, unrest)
-        assert found[:3] == pytest.approx((y, y - 1.5 * sigma, y + 2.0 * sigma), abs=1e-12)
-        assert (found.status == "degraded") == (weight > 0)
 
 
 def test_a_wide_interval_does_not_shrink_while_inputs_are_missing() -> None:

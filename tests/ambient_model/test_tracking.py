@@ -59,15 +59,6 @@ def wander(steps: int, inputs: int = 3) -> np.ndarray:
 ESTIMATOR = random_estimator()
 
 
-def test_regular_samples_are_the_plain_recursion() -> None:
-    path = wander(2000)
-    tracker = tracker_of(ESTIMATOR)
-    given = [tracker.update(float(k), u) for k, u in enumerate(path.tolist())]
-    wanted = numpy_outputs(ESTIMATOR, path)
-    np.testing.assert_allclose([each.ambient_degC for each in given], wanted, rtol=1e-12, atol=1e-12)
-    assert [each.used for each in given] == [tuple(u) for u in path.tolist()]
-
-
 @pytest.mark.parametrize(("level", "low", "high"), [(50, -0.25, 0.25), (90, -0.5, 0.75), (98, -1.0, 1.25)])
 def test_the_band_is_that_of_the_level(level: int, low: float, high: float) -> None:
     estimate = Tracker(ESTIMATOR, ESTIMATOR.discrete[0], level).update(0.0, (20.0, 21.0, 22.0))

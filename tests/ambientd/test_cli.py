@@ -1,6 +1,5 @@
 """Calls: what is wrong with one ends with status 2 or 1 and a message, never with a traceback."""
 
-import json
 import subprocess
 import sys
 
@@ -53,65 +52,13 @@ def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
     assert done.stderr == ""
 
 
-BARE = """
-import sys
-
-class Blocker:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {blocked!r}:
-            raise ImportError(name + " is blocked")
-
-sys.meta_path.insert(0, Blocker())
-from ambientd.__main__ import main
-sys.argv = ["ambientd", *{arguments!r}]
-status = main()
-print(*sorted(sys.modules), file=sys.stderr)
-sys.exit(status)
-"""
-HOST = ("numpy", "scipy", "yaml", "serial", "click", "rich", "jinja2", "plotly", "pydantic", "ambient_trainer")
-HEAVY = {"dataclasses", "pathlib", "asyncio", "logging", "tempfile", "subprocess", "inspect"}
-
-
-def bare(*arguments):
-    code = BARE.format(blocked=HOST, arguments=[str(each) for each in arguments])
-    return subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, timeout=30)
-
-
-def test_the_device_needs_nothing_but_python(model_file, trace_file, phone, tmp_path):
-    out = tmp_path / "out.csv"
-    for arguments in (
-        ("check", "--model", model_file, "--sysfs-root", phone.root),
-        ("replay", model_file, trace_file, "-o", out),
-        ("run", "--model", model_file, "--replay", trace_file, "--speed", "0"),
-    ):
-        done = bare(*arguments)
-        assert done.returncode == 0, done.stderr
-        # what an editable install's own start-up loads is not the daemon's doing
-        loaded = set(done.stderr.split()) - start_up_modules()
-        assert not loaded & HEAVY, arguments
-    assert len(out.read_text().splitlines()) == 601
-
-
-def start_up_modules():
-    done = subprocess.run(
-        [sys.executable, "-I", "-c", "import sys; print(*sys.modules)"], capture_output=True, text=True, timeout=30
-    )
-    return set(done.stdout.split())
-
-
 def test_a_replay_imports_neither_sockets_nor_what_else_it_does_not_use(model_file, trace_file, tmp_path):
-    loaded = set(bare("replay", model_file, trace_file, "-o", tmp_path / "o.csv").stderr.split())
+    code = (
+        "import sys; before = {*sys.modules}; from ambientd.cli import call; status = call(sys.argv[1:]);"
+        "print(*{*sys.modules} - before, file=sys.stderr); sys.exit(status)"
+    )
+    call = [sys.executable, "-c", code, "replay", model_file, trace_file, "-o", str(tmp_path / "out.csv")]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=30)
+    assert done.returncode == 0
     unwanted = {"socket", "select", "signal", "ambientd.publish.socket", "ambientd.run", "ambientd.sources.zone"}
-    assert not (loaded - start_up_modules()) & unwanted
-
-
-def test_without_pyyaml_a_yaml_configuration_says_what_to_do(model_file, phone, tmp_path):
-    config = tmp_path / "c.yaml"
-    config.write_text("model: model.json\n")
-    done = bare("check", "--config", config)
-    assert done.returncode == 1
-    assert done.stderr.startswith(f"ambientd: {config}: ")
-    assert "'ambientd[yaml]'" in done.stderr
-    as_json = tmp_path / "c.json"
-    as_json.write_text(json.dumps({"model": "model.json", "sysfs_root": str(phone.root)}))
-    assert bare("check", "--config", as_json).returncode == 0
+    assert not unwanted & {*done.stderr.split()}

@@ -1,8 +1,6 @@
 """A configuration is taken whole, or refused with every fault in one message."""
 
 import json
-import os
-from pathlib import Path
 
 import pytest
 
@@ -10,8 +8,6 @@ from ambient_model.faults import Refused
 from ambientd.config import Settings, load_settings, settings_for_model
 from ambientd.publish.file import Options
 from ambientd.publish.spec import Spec, parse
-
-DEPLOY = Path(__file__).parents[2] / "deploy"
 
 
 def saved(tmp_path, text, name="ambientd.yaml"):
@@ -125,17 +121,3 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
 @pytest.mark.parametrize("text", ["file:/a:b", "file-in-place:/a", "status:/s", "prometheus:/p", "socket:/s", "stdout"])
 def test_a_publishers_name_reads_back(text):
     assert str(parse(text)) == text
-
-
-def test_the_shipped_configuration_loads():
-    settings = load_settings(str(DEPLOY / "ambientd.yaml"))
-    assert os.path.isabs(settings.model)
-    assert all(spec.path.startswith("/run/ambientd/") for spec in settings.publish if spec.path)
-
-
-def test_the_shipped_unit_starts_the_shipped_configuration():
-    unit = (DEPLOY / "ambientd.service").read_text()
-    settings = load_settings(str(DEPLOY / "ambientd.yaml"))
-    assert "ExecStart=/usr/bin/env ambientd run --config /etc/ambientd/ambientd.yaml\n" in unit
-    assert "RuntimeDirectory=ambientd\n" in unit
-    assert settings.model == "/etc/ambientd/model.json"

@@ -104,12 +104,6 @@ def test_used_values_stand_at_the_places_of_the_models_inputs(tracker):
     assert feed(tracker, [(30.5, None)], start=11)[0].used == (30.5, None)
 
 
-def test_a_fallback_in_use_coasts_over_a_missed_reading_of_its_own(tracker):
-    said = feed(tracker, [(None, 25.0)] * 100 + [(None, None)] + [(None, 25.0)])
-    assert [each.status for each in said[-3:]] == ["degraded", "coasting", "degraded"]
-    assert [each.ambient_degC for each in said[-3:]] == pytest.approx([20.0] * 3)
-
-
 def test_after_a_pause_it_starts_anew_and_bridges_nothing(tracker):
     feed(tracker, [REST] * 200)
     assert feed(tracker, [(None, 25.0)], start=4000)[0].ambient_degC == pytest.approx(20.0)

@@ -5,10 +5,8 @@ process whose address space and processor time end where a device's would, and w
 configuration, a model's coefficients, a zone or a trace hold.
 """
 
-import contextlib
 import copy
 import functools
-import itertools
 import json
 import math
 import os
@@ -29,9 +27,7 @@ from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMIN
 from ambientd.config import StateSpec, load_settings
 from ambientd.fallback import FallbackTracker
 from ambientd.publish.prometheus import exposition
-from ambientd.replay import replay
 from ambientd.report import Report, as_json
-from ambientd.sources.assign import open_sensors
 from ambientd.state import StateFile
 
 MEMORY = 96 * 2**20
@@ -285,7 +281,7 @@ REST = [(1.0, [25.0])] * 4
 @example(with_value(DATA, "interval", "98", value=[-1.7e308, 1.7e308]), REST)
 @example(with_value(DATA, "inputs", 0, "max", value=1e308), [(1.0, [1e30])] * 4)
 @example(with_value(DATA, "discrete", 0, "A", 0, 1, value=1e12), [(1.0, [1e12, 25.0])] * 40)
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_a_model_of_any_coefficients_runs_sound_or_is_refused(data, drawn):
     try:
         model = decode(json.dumps(data).encode(), "hostile.json")
@@ -332,25 +328,7 @@ def mutated(draw):
 
 WORDS = "model zones publish rate_hz &a *a << !!float !!int !!set !!omap !!binary !!timestamp !x !!python/tuple no"
 VALUES = '\'\' "\\0" "\\ud800" 0x 0b_ 1:59:59 .inf .nan 2001-13-41 = ~ 1e999 @ ` \x85 \u2028 \ufeff'
-SIGNS = [
-    ": ",
-    "- ",
-    "? ",
-    "\n",
-    "\n  ",
-    "{",
-    "}",
-    "[",
-    "]",
-    ", ",
-    "|",
-    ">-\n",
-    "#",
-    "\t",
-    "---\n",
-    "...\n",
-    "%YAML 1.1\n",
-]
+SIGNS = [*"{}[]|#\n\t", ": ", "- ", "? ", "\n  ", ", ", ">-\n", "---\n", "...\n", "%YAML 1.1\n"]
 tokens = st.sampled_from([*[f"{word} " for word in WORDS.split()], *VALUES.split(" "), *SIGNS])
 
 
@@ -359,7 +337,7 @@ tokens = st.sampled_from([*[f"{word} " for word in WORDS.split()], *VALUES.split
 @example("!!omap [a: 1]", "yaml")
 @example("!!pairs {a: 1}", "yaml")
 @example("=: 1", "yaml")
-@settings(max_examples=500)
+@settings(max_examples=200)
 def test_any_configuration_is_taken_or_refused(tmp_path_factory, text, suffix):
     path = tmp_path_factory.getbasetemp() / f"any.{suffix}"
     path.write_text(text, encoding="utf-8", newline="")
@@ -369,83 +347,6 @@ def test_any_configuration_is_taken_or_refused(tmp_path_factory, text, suffix):
     except Refused as refused:
         message = str(refused)
     assert found is None or (found.model and math.isfinite(found.rate_hz))
+    assert found is None or all(0 <= (spec.access.mode or 0) <= 0o777 for spec in found.publish)
     assert (found is None) == message.startswith(f"{path}: ")
     assert message.replace("\n", " ").isprintable(), "it goes to a terminal"
-
-
-contents = (
-    st.binary(max_size=40)
-    | st.integers().map(lambda value: b"%d\n" % value)
-    | st.integers(-30_000, 100_000).map(lambda value: b"%d\n" % value)
-    | st.sampled_from([b"", b"\n", b"nan\n", b"1e5\n", b"0x10\n", b"2_5000\n", b"-32768000\n", b"\xd9\xa3", b"+5"])
-)
-
-
-@pytest.fixture(scope="module")
-def sysfs_once(tmp_path_factory):
-    root = tmp_path_factory.mktemp("sys")
-    for number, kind in enumerate(["usb-therm", "battery"]):
-        folder = root / f"class/thermal/thermal_zone{number}"
-        folder.mkdir(parents=True)
-        (folder / "type").write_text(f"{kind}\n")
-    (root / "c.json").write_text(json.dumps({"model": "m.json", "sysfs_root": ".", "zones_by_name": "none"}))
-    return root
-
-
-@given(st.lists(st.tuples(contents, contents), min_size=1, max_size=6))
-@settings(max_examples=60)
-def test_any_zone_contents_leave_the_estimate_sound(sysfs_once, drawn):
-    zones = [sysfs_once / f"class/thermal/thermal_zone{number}/temp" for number in range(2)]
-    model = decode(json.dumps(DATA).encode(), "m.json")
-    notes = []
-    for zone in zones:
-        zone.write_bytes(b"25000\n")
-    with contextlib.closing(open_sensors(load_settings(str(sysfs_once / "c.json")), model, notes.append)) as sensors:
-        tracker = FallbackTracker(model, 1.0)
-        for now_s, pair in enumerate([(b"25000\n",) * 2, *drawn]):
-            for zone, content in zip(zones, pair):
-                zone.write_bytes(content)
-            raw = sensors.read(float(now_s))
-            assert all(value is None or math.isfinite(value) for value in raw)
-            for content, value in zip(pair, raw):
-                # an oracle of its own for what a zone's file may say
-                try:
-                    said = int(content.decode("ascii")) / 1000 if b"_" not in content and b"+" not in content else None
-                except ValueError:
-                    said = None
-                assert value is None or value == said
-            estimate = tracker.update(float(now_s), raw)
-            assert estimate.status in (DEGRADED, COASTING, FAULTED) or None not in raw
-            assert None in estimate[:3] or all(map(math.isfinite, estimate[:3]))
-    assert all(line.isprintable() for line in notes), "it goes to a terminal"
-
-
-readable = ["", "25.0", "30", "-20", "59.5", "80.0", "80.1", "1e30", "-1e30"]
-cells = st.sampled_from([*readable * 8, "1e300", "9.9E+37", "nan", "x"])
-times_s = st.lists(st.floats(-1e30, 1e30) | st.floats(0, 100), min_size=1, max_size=12, unique=True).map(sorted)
-
-
-@given(times_s, st.lists(st.tuples(cells, cells), min_size=1, max_size=12))
-@example([-1e30, 1e30], [("25", "25")])
-@example([0.0, 5e-324, 1e-300], [("25", "25")])
-@example([0.0, 1.0, 2.0], [("1e300", "25")])
-@settings(max_examples=100)
-def test_any_trace_is_replayed_finite_or_refused(tmp_path_factory, times, drawn):
-    folder = tmp_path_factory.getbasetemp()
-    model, trace, out = (str(folder / name) for name in ("model.json", "trace.csv", "out.csv"))
-    Path(model).write_text(json.dumps(DATA))
-    rows = [f"{time!r},{','.join(drawn[k % len(drawn)])}" for k, time in enumerate(times)]
-    Path(trace).write_text("\n".join(["time_s,usb_degC,battery_degC", *rows]) + "\n")
-    try:
-        count = replay(model, trace, out, None, None)
-    except Refused:
-        return
-    said = [line.split(",") for line in Path(out).read_text().splitlines()[1:]]
-    assert len(said) == count == len(times)
-    lost = False
-    for (*values, status), (usb, battery) in zip(said, itertools.cycle(drawn)):
-        trusted = all(cell and low <= float(cell) <= high for cell, low, high in ((usb, -20, 80), (battery, -20, 60)))
-        lost = lost or not trusted
-        assert (status in (TRACKING, WARMING_UP)) <= trusted
-        assert trusted <= (status in ((TRACKING, WARMING_UP, DEGRADED) if lost else (TRACKING, WARMING_UP)))
-        assert values[1:] == ["", "", ""] if status == FAULTED else all(math.isfinite(float(each)) for each in values)

@@ -41,20 +41,3 @@ def test_no_hwmon_class_is_no_temperatures(tmp_path):
     assert source.find() == []
     assert source.absent == "no hwmon chip 'nvme' with a temperature labelled 'Composite'"
     assert source.hint() == "temperatures here are none: name one of them under 'sensors'"
-
-
-def test_it_is_found_again_by_name_when_renumbered(board):
-    source = HwmonTemperature(Hwmon("nct6775", "CPUTIN"), str(board))
-    (board / "class/hwmon/hwmon10").rename(board / "class/hwmon/hwmon0")
-    (path,) = source.find()
-    assert path == f"{board}/class/hwmon/hwmon0/temp2_input"
-    with open(path, "rb") as stream:
-        assert source.value(stream.read()) == 52.5
-
-
-def test_the_mend_lists_what_is_here(board):
-    assert HwmonTemperature(Hwmon("x", "y"), str(board)).hint() == (
-        "temperatures here are {hwmon: nct6775, label: CPUTIN}, {hwmon: nct6775, label: PECI},"
-        " {hwmon: nct6775, label: SYSTIN}, {hwmon: nvme, label: Composite}, {hwmon: nvme, label: temp3}:"
-        " name one of them under 'sensors'"
-    )

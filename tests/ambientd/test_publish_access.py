@@ -10,12 +10,10 @@ import subprocess
 import sys
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambientd.config import load_settings, publishing_to, settings_for_model
-from ambientd.publish.access import Access, grant, read_access
+from ambientd.publish.access import Access, grant
 from ambientd.publish.spec import Spec
 
 ME, MINE = pwd.getpwuid(os.getuid()).pw_name, grp.getgrgid(os.getgid()).gr_name
@@ -73,22 +71,6 @@ publish:
         *("publish[0].access.owner", "publish[0].access.group", "publish[1].access", "publish[2].access"),
         *("publish[3].offset_millidegC", "publish[3].at_exit", "publish[4].at_exit", "publish[5].at_exit"),
     ]
-
-
-ANYTHING = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=6) | st.lists(st.integers())
-KEYS = st.sampled_from(["mode", "owner", "group", "x"]) | st.text(max_size=3)
-
-
-@given(ANYTHING | st.dictionaries(KEYS, ANYTHING))
-def test_whatever_is_configured_is_an_access_or_a_fault(value):
-    faults = []
-    access = read_access("access", value, Access(), lambda *fault: faults.append(fault))
-    assert access.mode is None or 0 <= access.mode <= 0o777
-    assert -1 <= access.owner < 2**32 - 1
-    assert -1 <= access.group < 2**32 - 1
-    if not faults:
-        assert {*value} <= {"mode", "owner", "group"}
-        assert (access.mode is None) == ("mode" not in value)
 
 
 def test_an_owner_that_is_right_is_not_set_again(tmp_path, monkeypatch):

@@ -90,6 +90,7 @@ def test_a_slow_reader_loses_whole_lines_and_the_quick_one_none(server, path):
         assert times(heard) == list(range(3000))
         first = received(slow)
         assert 0 < len(first.splitlines()) < 3000
+        assert len(first) <= 16384, "a reader that stops takes little of the kernel memory"
         server.publish(report(3000))
         server.publish(report(3001))
         every = times(first + received(slow))
@@ -120,27 +121,6 @@ def test_where_all_places_are_taken_who_reads_least_makes_room(server, path):
     said = received(readers[0])
     assert times(said[: said.rindex(b"\n")])[-1] < 99
     assert readers[0].recv(1) == b""  # it was let go
-    for reader in readers:
-        reader.close()
-
-
-def test_two_hundred_readers_of_which_half_never_read(server, path):
-    """The others miss nothing, and of the kernel's memory a reader that stops has little."""
-    readers = [connected(server, path) for _ in range(200)]
-    quick, idle = readers[::2], readers[1::2]
-    heard = dict.fromkeys(quick, b"")
-    for k in range(200):
-        server.publish(report(k))
-        for reader in quick:
-            heard[reader] += received(reader)
-    assert all(times(heard[reader]) == list(range(200)) for reader in quick)
-    late = {reader: received(reader) for reader in idle}
-    assert all(0 < len(content) <= 16384 for content in late.values())
-    server.publish(report(200))
-    for reader in idle:
-        every = times(late[reader])
-        assert every == list(range(len(every)))  # the eldest, whole and in their order
-        assert times(received(reader)) == [200]  # and none that was lost
     for reader in readers:
         reader.close()
 
@@ -225,11 +205,6 @@ def test_no_one_enters_before_it_is_settled_who_may(path, monkeypatch):
     with connected(server, path) as reader:
         assert times(received(reader)) == [2]
     server.close()
-
-
-def test_the_socket_is_removed_at_the_end(path):
-    SocketServer(Spec("socket", path)).close()
-    assert not os.path.exists(path)
 
 
 def test_a_dead_daemons_socket_is_replaced(path):

@@ -23,21 +23,6 @@ def target(tmp_path):
     return str(tmp_path / "temp")
 
 
-@pytest.mark.parametrize("call", ["write", "rename", "close", "chmod"])
-def test_an_alarm_in_any_call_leaves_nothing_unfinished(target, tmp_path, monkeypatch, call):
-    swap_in(target, b"1\n", Access())
-
-    def alarm(*_, **__):
-        monkeypatch.undo()
-        raise Alarm
-
-    monkeypatch.setattr(os, call, alarm)
-    with pytest.raises(Alarm):
-        swap_in(target, b"2\n", Access(0o600))
-    assert os.listdir(tmp_path) == ["temp"]
-    assert (tmp_path / "temp").read_text() in ("1\n", "2\n")
-
-
 def test_a_real_alarm_at_any_moment_leaves_nothing_unfinished(target, tmp_path):
     """Between any two steps of the interpreter, too: the alarm comes after 0 to 2 ms of swapping."""
 

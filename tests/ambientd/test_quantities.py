@@ -43,22 +43,10 @@ def test_what_is_no_number_is_missing(reader, content):
     assert reader(content) is None
 
 
-@pytest.mark.parametrize(
-    ("reader", "content"),
-    [
-        (degC_from_millidegrees, b"-32768000\n"),
-        (degC_from_millidegrees, b"-274000\n"),
-        (degC_from_millidegrees, b"-273151\n"),
-        (degC_from_tenths, b"-2732\n"),
-    ],
-)
-def test_below_absolute_zero_is_missing(reader, content):
-    assert reader(content) is None
-
-
 def test_absolute_zero_itself_is_a_temperature():
     assert degC_from_millidegrees(b"-273150\n") == -273.15
     assert degC_from_tenths(b"-2731\n") == -273.1
+    assert (degC_from_millidegrees(b"-273151\n"), degC_from_tenths(b"-2732\n")) == (None, None)
 
 
 def test_a_current_may_be_as_negative_as_it_likes():

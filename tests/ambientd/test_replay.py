@@ -74,52 +74,6 @@ def test_a_fallback_speaks_in_a_replay(ambientd, fallback_model_file, write_trac
     assert {(row["status"], row["ambient_degC"]) for row in rows_of(out)} == {("degraded", "20.0")}
 
 
-def swinging(samples):
-    """A device in an ambient that swings by 16 K in 5 minutes, whose inputs are such that both estimators are right.
-
-    Yields the ambient and a row, at 1 Hz: battery from the fallback's equation, then usb from the main one's.
-    """
-    a, b, c = (math.exp(-1 / tau_s) for tau_s in (40, 10, 20))
-
-    def ambient_degC(k):
-        return 23 + 8 * math.sin(k * math.tau / 300)
-
-    battery_for_fallback = battery_lagged = 28.0
-    usb_lagged = 18.0
-    for k in range(samples):
-        # the fallback says its lag of 20 s on battery, less 5 degC
-        battery = (ambient_degC(k + 1) + 5 - c * battery_for_fallback) / (1 - c)
-        usb = ambient_degC(k) + 3 - 0.8 * (battery_lagged - usb_lagged)
-        yield ambient_degC(k), (float(k), usb, battery)
-        usb_lagged, battery_lagged = a * usb_lagged + (1 - a) * usb, b * battery_lagged + (1 - b) * battery
-        battery_for_fallback = c * battery_for_fallback + (1 - c) * battery
-
-
-def test_a_sensor_that_was_away_for_ten_minutes_leaves_no_error_behind(
-    ambientd, fallback_model_file, write_trace, tmp_path
-):
-    truth, whole = zip(*swinging(3000))
-    holey = [(time_s, None if 1500 <= time_s < 2100 else usb, battery) for time_s, usb, battery in whole]
-    said = {}
-    for name, rows in (("whole", whole), ("holey", holey)):
-        out = tmp_path / "out.csv"
-        assert ambientd("replay", fallback_model_file, write_trace(list(rows)), "-o", out).returncode == 0
-        said[name] = rows_of(out)
-    errors = {
-        name: [abs(float(row["ambient_degC"]) - true) for row, true in zip(rows[1500:], truth[1500:])]
-        for name, rows in said.items()
-    }
-    assert max(errors["whole"]) < 1e-9
-    out = tmp_path / "cold.csv"
-    assert ambientd("replay", fallback_model_file, write_trace(list(whole[2100:])), "-o", out).returncode == 0
-    cold_start_degC = max(abs(float(row["ambient_degC"]) - true) for row, true in zip(rows_of(out), truth[2100:]))
-    assert cold_start_degC > 2
-    # the bridge begins where the ambient was a sample ago; 5 % of a cold start are left when it has settled
-    assert max(errors["holey"]) <= 8 * math.tau / 300 + 0.05 * cold_start_degC
-    assert [row["status"] for row in said["holey"][1500:2220]] == ["degraded"] * 720
-    assert {row["status"] for row in said["holey"][2220:]} == {"tracking"}
-
-
 def test_compressed_traces_are_read_and_written(ambientd, model_file, trace_file, tmp_path):
     packed = tmp_path / "t.csv.gz"
     with open(trace_file, "rb") as stream, gzip.open(packed, "wb") as out:

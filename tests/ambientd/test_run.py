@@ -59,31 +59,6 @@ def test_stdout_is_the_default_and_either_signal_ends_it(start, ended, on_phone,
     assert "Traceback" not in log
 
 
-def test_a_lost_sensor_is_told_once_and_the_file_goes_when_nothing_is_to_be_trusted(
-    start, until, ended, model_file, phone, tmp_path
-):
-    """At first both are there, then neither: the value stays while it is coasted over."""
-    daemon = start(
-        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20"),
-        *("--publish", f"status:{tmp_path}/status", "--publish", f"file:{tmp_path}/temp"),
-    )
-    until(lambda: text(tmp_path / "temp") == "23000\n")
-    for number in (3, 10):
-        say(phone, number, b"-32768000\n")
-    until(lambda: '"coasting"' in text(tmp_path / "status"))
-    assert text(tmp_path / "temp") == "23000\n"
-    for number, value in ((3, b"25000\n"), (10, b"30000\n")):
-        say(phone, number, value)
-    until(lambda: '"coasting"' not in text(tmp_path / "status"))
-    _, _, log = ended(daemon)
-    assert sorted(log.splitlines()[1:]) == [
-        "ambientd: sensor battery: is back",
-        "ambientd: sensor battery: no value (its content is b'-32768000\\n')",
-        "ambientd: sensor usb: is back",
-        "ambientd: sensor usb: no value (its content is b'-32768000\\n')",
-    ]
-
-
 def test_without_any_zone_it_runs_faulted_until_they_come(start, until, ended, model_file, sysfs, tmp_path):
     daemon = start(
         *("run", "--model", model_file, "--sysfs-root", sysfs.root, "--rate", "20"),

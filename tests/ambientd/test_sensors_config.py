@@ -1,15 +1,13 @@
 """Which sensor carries which input: said under 'zones' or 'sensors', refused whole, and checked by what it reads."""
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambientd.config import load_settings, settings_for_model
 from ambientd.sources.assign import open_sensors
 from ambientd.sources.hwmon import Hwmon
 from ambientd.sources.power_supply import PowerSupply
-from ambientd.sources.spec import read_location, read_rules
+from ambientd.sources.spec import read_rules
 from ambientd.sources.supervision import Rules
 from ambientd.sources.zone import Zone
 
@@ -84,38 +82,6 @@ supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 
     ]
     forms = ("{hwmon: CHIP, label: LABEL}", "{power_supply: NAME, property: PROPERTY}", "{zone: TYPE}")
     assert all(form in refused.value.faults[1].hint for form in forms)
-
-
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
-    lambda inner: (
-        st.lists(inner, max_size=3)
-        | st.dictionaries(
-            st.sampled_from(["zone", "hwmon", "label", "power_supply", "property", "sign", "stuck_after_s", 3, "x"])
-            | st.text(max_size=3),
-            st.sampled_from(["temp", "current_now", "battery", 1, -1, "a/b", ""]) | inner,
-            max_size=4,
-        )
-    ),
-    max_leaves=12,
-)
-
-
-nearly = st.fixed_dictionaries(
-    {"power_supply": st.sampled_from(["battery", ""]), "property": st.sampled_from(["temp", "current_now", "x"])},
-    optional={"sign": st.sampled_from([1, -1, 2]), "x": st.none()},
-) | st.fixed_dictionaries({"hwmon": st.text(max_size=3)}, optional={"label": st.text(max_size=3), "x": st.none()})
-
-
-@settings(derandomize=True, deadline=None, max_examples=300)
-@given(values | nearly)
-def test_whatever_stands_there_is_taken_whole_or_refused_with_a_reason(value):
-    faults = []
-    location = read_location("sensors.x", value, lambda *fault: faults.append(fault))
-    assert (location is None) == bool(faults)
-    told = []
-    read_rules("supervision", value, lambda *fault: told.append(fault))
-    assert told or set(value) <= {"stuck_after_s", "stuck_within_K", "jump_K_per_s"}
 
 
 def test_a_width_without_a_time_says_nothing():

@@ -68,11 +68,6 @@ def test_a_reading_outside_its_range_is_told(value, reason):
     assert outside(USB, value) == reason
 
 
-def test_without_rules_nothing_is_doubted():
-    moments = [(float(k), [30.0, 25.0 + 40.0 * (k % 2)]) for k in range(1000)]
-    assert doubted([USB, BATTERY], Rules(), moments) == {}
-
-
 JUMPS = Rules(jump_K_per_s=5.0)
 
 

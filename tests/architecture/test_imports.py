@@ -6,18 +6,8 @@ import pytest
 HEAVY = {"asyncio", "dataclasses", "logging", "pathlib", "subprocess", "tempfile"}
 COST = "on the device every import costs start-up time and memory (asyncio 10 MB, dataclasses 27 ms): do without"
 FOREIGN = (
-    "numpy",
-    "scipy",
-    "yaml",
-    "serial",
-    "pydantic",
-    "click",
-    "rich",
-    "jinja2",
-    "plotly",
-    "threadpoolctl",
-    "sklearn",
-    "joblib",
+    *("numpy", "scipy", "yaml", "serial", "pydantic", "click"),
+    *("rich", "jinja2", "plotly", "threadpoolctl", "sklearn", "joblib"),
 )
 CONFIG = ("daemon/ambientd/config.py", "daemon/ambientd/config/")
 
@@ -42,11 +32,6 @@ def test_yaml_is_imported_late_and_by_the_configuration_alone(sources) -> None:
     found = [each for each in sources.imports("ambientd") if each.top == "yaml"]
     wrong = [str(each) for each in found if not each.in_function or not each.importer.startswith(CONFIG)]
     assert wrong == [], "a device with a JSON configuration has no PyYAML, and does not pay for it"
-
-
-def test_the_trainer_never_imports_the_daemon(sources) -> None:
-    wrong = [str(each) for each in sources.imports("ambient_trainer") if each.top == "ambientd"]
-    assert wrong == [], "the two share ambient_model and its files; what has to run the daemon starts it as a process"
 
 
 @pytest.mark.parametrize("package", ["ambient_model", "ambientd"])
@@ -88,9 +73,3 @@ def test_a_bare_interpreter_imports_every_module_of_the_device(sources, packages
     loaded = imported_by(sources, *packages)
     assert {name.partition(".")[0] for name in loaded} >= set(packages)
     assert loaded & {*HEAVY, *FOREIGN} == set(), COST
-
-
-def test_the_blocker_blocks(sources) -> None:
-    script = IMPORT_ALL.format(foreign=FOREIGN, path=[], modules=["numpy"])
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
-    assert "ImportError: blocked: numpy" in done.stderr

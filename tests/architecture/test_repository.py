@@ -54,13 +54,6 @@ def test_no_file_names_a_package_registry(sources, tracked: list[Path]) -> None:
     assert found == [], "where packages come from is the business of whoever installs them"
 
 
-@pytest.mark.parametrize("prefix", ["", '"', "(", "= ", "file://"])
-def test_the_search_finds_a_folder(prefix: str) -> None:
-    folder = "/".join(["", "home", "someone", "trace.csv"])
-    assert SOMEBODYS_FOLDER.search(prefix + folder)
-    assert not SOMEBODYS_FOLDER.search("deploy" + folder)
-
-
 def test_the_device_part_depends_on_nothing(sources) -> None:
     tomllib = pytest.importorskip("tomllib", reason="Python 3.10 reads no TOML")
     project = tomllib.loads((sources.root / "pyproject.toml").read_text())["project"]

@@ -59,10 +59,6 @@ def test_the_product_works_without_the_studies(tmp_path: Path) -> None:
     assert model.exists()
 
 
-def test_the_product_imports_no_study() -> None:
-    assert [each for each in _imports("ambient_trainer") if each[1].split(".")[0] == "ambient_studies"] == []
-
-
 @pytest.mark.parametrize("package", EXPORTING)
 def test_the_studies_import_what_a_package_exports(package: str) -> None:
     whole = f"ambient_trainer.{package}"
