@@ -6,10 +6,6 @@ Each reader's own faults are tested beside it; here each kind of file goes wrong
 import json
 import os
 import re
-import resource
-import signal
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -178,27 +174,6 @@ def test_a_link_keeps_leading_where_it_led(call, good, tmp_path):
     assert call("ambient-trainer", "fit", good[0], "--circuit", "free-1", "-o", tmp_path / "link.json")[0] == 0
     assert (tmp_path / "link.json").is_symlink()
     assert json.loads((tmp_path / "real.json").read_text())["name"] == "free-1"
-
-
-@pytest.mark.parametrize("name", ["simulate", "replay"])
-def test_a_full_disk(good, tmp_path, name):
-    """A limit on the size of files stands for the disk: the write fails half-way, as on a full one."""
-    out = tmp_path / "out"
-    out.write_text(OLD)
-    program, *arguments = map(str, writer(name, good, out))
-
-    def nearly_full():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))
-
-    words = [sys.executable, "-m", program.replace("-", "_"), *arguments]
-    env = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
-    done = subprocess.run(words, capture_output=True, text=True, preexec_fn=nearly_full, env=env)
-    assert done.returncode == 1
-    assert "(File too large)" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert out.read_text() == OLD
-    assert not [each for each in os.listdir(tmp_path) if each.endswith(".part")]
 
 
 MISUSE = """

@@ -1,4 +1,4 @@
-"""The device's recursion and the numpy path say the same of a day of samples, to 1e-9 degC."""
+"""The device's recursion and the numpy path say the same of thousands of samples, to 1e-9 degC."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator.simulate import simulate
 
-DAY = 86_400
+SAMPLES = 12_000
+"""At each period, among them 20 steps of load; errors of a recursion show within its time constants."""
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 TOLERANCE_DEGC = 1e-9
 MODELS = ("free-3", "model2_ss", "model2_ss_free_cd")
@@ -45,9 +46,14 @@ def _one_thread():
 
 
 @pytest.fixture(scope="module")
-def fits():
-    """Each model fitted to the thesis's training scenario, simulated at 1 Hz."""
-    trace = simulate("5", seed=1).trace
+def trace():
+    """The thesis's training scenario, simulated at 1 Hz."""
+    return simulate("5", seed=1).trace
+
+
+@pytest.fixture(scope="module")
+def fits(trace):
+    """Each model fitted to it."""
     found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2, pieces=8)) for name in MODELS[1:]}
     return {"free-3": FreeFilterEstimator(3).fit([trace], Effort(starts=1)), **found}
 
@@ -61,13 +67,13 @@ def models(fits, tmp_path_factory):
     return {name: load_model(str(folder / f"{name}.json")) for name in fits}
 
 
-def _day(count):
-    """Sensors through a day: slow swings, steps of load, noise; (count, N) in degC."""
+def _sensors(count):
+    """Sensors: slow swings, steps of load, noise; (count, N) in degC."""
     random = np.random.default_rng(count)
-    k = np.arange(DAY)
-    swing = 12 * np.sin(2 * np.pi * k / DAY * random.uniform(1, 3, (count, 1)) + random.uniform(0, 6, (count, 1)))
-    load = np.repeat(random.choice([0.0, 3.0, 12.0, 25.0], (count, DAY // 600)), 600, axis=1)
-    return 25 + swing + load + random.normal(size=(count, DAY)) * 0.3
+    k = np.arange(SAMPLES)
+    swing = 12 * np.sin(2 * np.pi * k / SAMPLES * random.uniform(1, 3, (count, 1)) + random.uniform(0, 6, (count, 1)))
+    load = np.repeat(random.choice([0.0, 3.0, 12.0, 25.0], (count, SAMPLES // 600)), 600, axis=1)
+    return 25 + swing + load + random.normal(size=(count, SAMPLES)) * 0.3
 
 
 def _by_scipy(fit, u, period_s):
@@ -90,9 +96,9 @@ def _by_structure(name, fit, u, period_s):
 
 @pytest.mark.parametrize("period_s", PERIODS_S)
 @pytest.mark.parametrize("name", MODELS)
-def test_a_day_of_samples(name, period_s, fits, models):
+def test_the_recursion(name, period_s, fits, models):
     fit, main = fits[name], models[name].main
-    u = _day(len(fit.inputs))
+    u = _sensors(len(fit.inputs))
     discrete = next(each for each in main.discrete if each.period_s == period_s)
     device = np.array(run_recursion(main, discrete, tuple(map(tuple, u.T.tolist()))))
     assert np.abs(device - _by_scipy(fit, u, period_s)).max() < TOLERANCE_DEGC
@@ -101,14 +107,14 @@ def test_a_day_of_samples(name, period_s, fits, models):
 
 
 @pytest.fixture(scope="module")
-def second():
-    """The fit that the guard is made of: of the same sensors, and of another mind."""
-    return FreeFilterEstimator(1).fit([simulate("5", seed=1).trace], Effort(starts=1))
+def second(trace):
+    """The fit of the secondary estimator: of the same sensors, of lower order."""
+    return FreeFilterEstimator(1).fit([trace], Effort(starts=1))
 
 
 @pytest.fixture(scope="module")
 def guarded(models, second, tmp_path_factory):
-    """The free filter with a guard and a spread of all terms, made up, written to a file and read back."""
+    """The free filter with a secondary estimator and synthetic error variance, written to a file and read back."""
     model = models["free-3"]._replace(
         secondary=Secondary(model_of(second, [], {}).main, THRESHOLD_DEGC),
         error_variance=ErrorVariance(CONSTANT_DEGC2, TERMS, QUANTILES),
@@ -124,7 +130,7 @@ def _low_pass(z, lag_s, period_s):
 
 
 def _by_equations(first, second, u, period_s):
-    """Estimate, the guard's weight and sigma (N,), from the two fits by scipy alone."""
+    """Estimate, the secondary estimator's weight and sigma (N,), from the two fits by scipy alone."""
     main, guard = _by_scipy(first, u, period_s), _by_scipy(second, u, period_s)
     d = main - guard
     w = np.clip(np.abs(d) / THRESHOLD_DEGC - 1, 0, 1)
@@ -136,10 +142,10 @@ def _by_equations(first, second, u, period_s):
 
 
 @pytest.mark.parametrize("period_s", [0.1, 1.0])
-def test_a_day_of_samples_with_guard_and_spread(period_s, fits, second, guarded):
-    u = _day(len(fits["free-3"].inputs))
+def test_secondary_estimator_and_error_variance(period_s, fits, second, guarded):
+    u = _sensors(len(fits["free-3"].inputs))
     y, w, sigma = _by_equations(fits["free-3"], second, u, period_s)
-    assert {0.0, 1.0} <= {*w.tolist()}, "the guard is silent at times, and alone at times"
+    assert {0.0, 1.0} <= {*w.tolist()}, "it is blended in not at all at times, and alone at times"
     both = (_by_scipy(each, u, period_s) for each in (fits["free-3"], second))
     arrays = blended(*both, THRESHOLD_DEGC)
     scale = sigma_degC(guarded.error_variance, arrays.ambient_degC, arrays.apart_degC, period_s)
@@ -154,9 +160,9 @@ def test_a_day_of_samples_with_guard_and_spread(period_s, fits, second, guarded)
     assert np.abs(high - (y + 1.8 * sigma)).max() < TOLERANCE_DEGC
 
 
-def test_a_guarded_day_through_the_daemon_itself(fits, second, guarded, tmp_path):
-    u = _day(len(fits["free-3"].inputs))
-    paths = [str(tmp_path / name) for name in ("model.json", "day.csv", "out.csv")]
+def test_the_daemon_itself(fits, second, guarded, tmp_path):
+    u = _sensors(len(fits["free-3"].inputs))
+    paths = [str(tmp_path / name) for name in ("model.json", "trace.csv", "out.csv")]
     save_model(paths[0], guarded)
     write_trace(paths[1], fits["free-3"].inputs, ((float(k), row) for k, row in enumerate(u.T.tolist())))
     command = [sys.executable, "-m", "ambientd", "replay", paths[0], paths[1], "-o", paths[2]]
