@@ -14,7 +14,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -28,79 +27,54 @@ MEASURED_S = {1.0: 60.0, 10.0: 30.0}
 LOOKS_PER_TICK = 4
 """Few, so that looking keeps nothing awake."""
 STARTS = 7
-OTHERS = [path for minor in range(10, 16) if (path := shutil.which(f"python3.{minor}"))]
-"""Other interpreters on the path, whose memory is told for information."""
 
 Command = Callable[[float, str], list[str]]
 """From a rate in Hz and the file to write to a command line."""
 
 
-class Device(NamedTuple):
-    """A fake sysfs with what the model reads, and the files of a daemon on it."""
-
-    folder: Path
-    zones: tuple[Path, ...]
-    archive: Path
-    """The daemon as one file,"""
-    compiled: Path
-    """and as one with this interpreter's byte code."""
-    plain: Path
-    """A model without fallbacks,"""
-    full: Path
-    """with one for each input,"""
-    guarded: Path
-    """and with guard and spread besides."""
-
-    def packed(self, python: str, archive: Path, model: Path) -> Command:
-        """The daemon as one file."""
-        return self._daemon([python, "-I", "-S", str(archive)], model)
-
-    def installed(self, model: Path) -> Command:
-        """The daemon as the console script of this environment."""
-        return self._daemon([str(Path(sys.executable).parent / "ambientd")], model)
-
-    def _daemon(self, program: list[str], model: Path) -> Command:
-        rest = ["run", "--model", str(model), "--sysfs-root", str(self.folder / "sys")]
-        return lambda rate_hz, target: [*program, *rest, "--rate", str(rate_hz), "--publish", f"file:{target}"]
-
-    def bare(self, rate_hz: float, target: str) -> list[str]:
-        """The loop to compare with."""
-        return [sys.executable, "-I", "-S", str(BARE), str(rate_hz), target, *map(str, self.zones)]
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """In memory, where sysfs and /run are, too."""
+    memory = Path("/dev/shm")
+    made = memory / f"ambientd-cost-{os.getpid()}" if os.access(memory, os.W_OK) else tmp_path_factory.mktemp("device")
+    made.mkdir(exist_ok=True)
+    yield made
+    shutil.rmtree(made)
 
 
 @pytest.fixture(scope="module")
-def device(model: Model, tmp_path_factory: pytest.TempPathFactory) -> Device:
-    """In memory, where sysfs and /run are, too."""
-    memory = Path("/dev/shm")
-    folder = tmp_path_factory.mktemp("device")
-    if os.access(memory, os.W_OK):
-        folder = memory / f"ambientd-cost-{os.getpid()}"
-        folder.mkdir()
+def subjects(model: Model, folder: Path) -> dict[str, Command]:
+    """The bare loop and the daemon in its builds, on a fake sysfs with what the model reads."""
     zones = []
     for index, each in enumerate(model.main.inputs):
         zone = folder / "sys" / "class" / "thermal" / f"thermal_zone{index}"
         zone.mkdir(parents=True)
         (zone / "type").write_text(f"{each.zone}\n")
         (zone / "temp").write_text(f"{25_000 + 1_111 * index}\n")
-        zones.append(zone / "temp")
-    save_model(str(folder / "plain.json"), model._replace(fallbacks={}))
-    save_model(str(folder / "full.json"), model)
-    save_model(str(folder / "guarded.json"), _guarded(model))
-    archive, compiled = folder / "ambientd.pyz", folder / "compiled.pyz"
+        zones.append(str(zone / "temp"))
+    # a secondary estimator as large as the main one, which never takes precedence: what it costs is the same
+    variance = ErrorVariance(0.25, (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25)), model.main.interval)
+    blended = model._replace(secondary=Secondary(model.main, 1.0), error_variance=variance)
+    for name, each in (("plain", model._replace(fallbacks={})), ("full", model), ("blended", blended)):
+        save_model(str(folder / f"{name}.json"), each)
+    packed, compiled = ([sys.executable, "-I", "-S", str(folder / name)] for name in ("ambientd.pyz", "compiled.pyz"))
     build = [sys.executable, str(ROOT / "deploy" / "build_zipapp.py"), "-o"]
-    subprocess.run([*build, str(archive)], check=True, capture_output=True)
-    subprocess.run([*build, str(compiled), "--compiled"], check=True, capture_output=True)
-    yield Device(
-        folder, tuple(zones), archive, compiled, *(folder / f"{each}.json" for each in ("plain", "full", "guarded"))
-    )
-    shutil.rmtree(folder)
+    subprocess.run([*build, packed[-1]], check=True, capture_output=True)
+    subprocess.run([*build, compiled[-1], "--compiled"], check=True, capture_output=True)
+    installed = [str(Path(sys.executable).parent / "ambientd")]
 
+    def daemon(program: list[str], name: str) -> Command:
+        rest = ["run", "--model", str(folder / f"{name}.json"), "--sysfs-root", str(folder / "sys")]
+        return lambda rate_hz, target: [*program, *rest, "--rate", str(rate_hz), "--publish", f"file:{target}"]
 
-def _guarded(model: Model) -> Model:
-    """The same with a guard as large as the main estimator, which never has a say: what it costs is the same."""
-    terms = (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25))
-    variance = ErrorVariance(0.25, terms, model.main.interval)
-    return model._replace(secondary=Secondary(model.main, 1.0), error_variance=variance)
+    return {
+        "bare loop": lambda rate_hz, target: [sys.executable, "-I", "-S", str(BARE), str(rate_hz), target, *zones],
+        "one file, no fallbacks": daemon(packed, "plain"),
+        "one file, 4 fallbacks": daemon(packed, "full"),
+        "the same, guard and spread": daemon(packed, "blended"),
+        "compiled, 4 fallbacks": daemon(compiled, "full"),
+        "installed, 4 fallbacks": daemon(installed, "full"),
+    }
 
 
 @contextlib.contextmanager
@@ -155,26 +129,14 @@ def _ticks_s(processes: list[subprocess.Popen[bytes]], rate_hz: float, for_s: fl
     return ticks
 
 
-@pytest.fixture(scope="module")
-def subjects(device: Device) -> dict[str, Command]:
-    return {
-        "bare loop": device.bare,
-        "one file, no fallbacks": device.packed(sys.executable, device.archive, device.plain),
-        "one file, 4 fallbacks": device.packed(sys.executable, device.archive, device.full),
-        "the same, guard and spread": device.packed(sys.executable, device.archive, device.guarded),
-        "compiled, 4 fallbacks": device.packed(sys.executable, device.compiled, device.full),
-        "installed, 4 fallbacks": device.installed(device.full),
-    }
-
-
 @pytest.mark.benchmark(group="daemon")
 @pytest.mark.parametrize("rate_hz", MEASURED_S)
-def test_a_device_s_hour(rate_hz, subjects, device, benchmark, noted):
+def test_a_device_s_hour(rate_hz, subjects, folder, benchmark, noted):
     def measured() -> tuple[list[list[float]], list[float]]:
         with contextlib.ExitStack() as stack:
             processes = []
             for index, command in enumerate(subjects.values()):
-                target = str(device.folder / f"out{index}")
+                target = str(folder / f"out{index}")
                 processes.append(stack.enter_context(_running(command(rate_hz, target))))
                 time.sleep(1.237 / rate_hz)  # not all at the same moment
             time.sleep(1)
@@ -196,32 +158,11 @@ def test_a_device_s_hour(rate_hz, subjects, device, benchmark, noted):
 @pytest.mark.parametrize(
     "name", ["bare loop", "one file, 4 fallbacks", "compiled, 4 fallbacks", "installed, 4 fallbacks"]
 )
-def test_the_first_estimate(name, subjects, device, benchmark, noted):
-    target = device.folder / "first"
+def test_the_first_estimate(name, subjects, folder, benchmark, noted):
+    target = folder / "first"
     found = []
     benchmark.pedantic(
         lambda: found.append(_first_value_s(subjects[name](1.0, str(target)), target)), rounds=STARTS, iterations=1
     )
     worst = f"of {STARTS}, worst {max(found):.3f} s"
     noted("start to first value", name, float(np.median(found)), worst)
-
-
-@pytest.mark.benchmark(group="daemon")
-@pytest.mark.parametrize("python", OTHERS)
-def test_other_interpreters(python, device, benchmark, noted):
-    version = subprocess.run([python, "-V"], capture_output=True, text=True)
-    if version.returncode != 0:
-        pytest.skip(f"{python} does not run")
-
-    def measured() -> tuple[float, float]:
-        target = device.folder / "other"
-        with _running([python, "-I", "-S", str(BARE), "10", str(target), str(device.zones[0])]) as process:
-            time.sleep(1)
-            bare_MB = _rss_MB(process)
-        with _running(device.packed(python, device.archive, device.full)(10.0, str(target))) as process:
-            time.sleep(2)
-            return bare_MB, _rss_MB(process)
-
-    bare_MB, MB = benchmark.pedantic(measured, rounds=1)
-    task = f"{version.stdout.strip()}, for information"
-    noted(task, "one file, 4 fallbacks", 2, f"VmRSS {MB:.1f} MB, bare loop {bare_MB:.1f} MB")

@@ -36,15 +36,6 @@ def test_one_that_blocks_is_done_without_until_it_answers(tracking, zones):
     ]
 
 
-def test_one_that_blocks_from_the_start_on_delays_no_start(start, zones):
-    zones.fail("usb-therm", block_s=FOR_EVER_S)
-    daemon = start()
-    statuses = [each["status"] for each in daemon.steps(40)]
-    assert set(statuses) == {"degraded"}  # the fallback without it never knew it
-    zones.heal("usb-therm")
-    assert daemon.steps(120)[-1]["status"] == "tracking"
-
-
 def test_it_ends_and_reloads_while_one_blocks(tracking, zones):
     zones.fail("cpu-0-0", block_s=FOR_EVER_S)
     tracking.steps(3)

@@ -117,32 +117,24 @@ def test_a_folder_that_goes_and_comes_back_is_published_in_again(tracking, tmp_p
             assert path.name != "same" or path.read_bytes() == b"99000\n"  # who keeps it open reads the poison
 
 
-def test_a_log_that_no_one_reads_any_more_ends_nothing(start, zones):
-    """The other end of its pipe is closed, as `2>&1 | head -1` does it."""
+@pytest.mark.parametrize("full", [False, True], ids=["its reader is gone", "its reader has stopped"])
+def test_a_log_that_no_one_reads_delays_and_ends_nothing(start, zones, full):
+    """The other end of its pipe is closed, as `2>&1 | head -1` does it, or its pipe is full: lines are lost."""
     reading, writing = os.pipe()
     daemon = start(log=writing)
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while full:
+            os.write(writing, bytes(4096))
+    os.set_blocking(writing, True)
     os.close(writing)
-    os.close(reading)
+    if not full:
+        os.close(reading)
     zones.fail("battery", "EIO")
     assert daemon.steps(5)[-1]["status"] == "degraded"
     zones.heal("battery")
     assert daemon.steps(60)[-1]["status"] == "tracking"
     daemon.process.terminate()
     assert daemon.process.wait(30) == 0
-
-
-def test_a_log_whose_reader_has_stopped_delays_nothing(start, zones):
-    """Its pipe is full: what is to be said is lost."""
-    reading, writing = os.pipe()
-    daemon = start(log=writing)
-    os.set_blocking(writing, False)
-    with contextlib.suppress(BlockingIOError):
-        while True:
-            os.write(writing, bytes(4096))
-    os.set_blocking(writing, True)
-    zones.fail("battery", "EIO")
-    assert daemon.steps(5)[-1]["status"] == "degraded"
-    daemon.process.terminate()
-    assert daemon.process.wait(30) == 0
-    os.close(reading)
-    os.close(writing)
+    if full:
+        os.close(reading)

@@ -14,7 +14,7 @@ from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 
 OBSERVER = Path(__file__).parent / "observer.py"
-KILLS = 40
+KILLS = 24
 ROWS = 3000
 FIRST_ROW = 9_000
 """Values of four digits, and soon of five and six."""

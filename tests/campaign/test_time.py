@@ -90,19 +90,3 @@ def test_a_wall_clock_that_is_set_by_a_day_is_not_looked_at(tracking, by_s):
     assert [each["time_s"] for each in after] == [before["time_s"] + k for k in range(1, 61)]
     assert {each["status"] for each in after} == {"tracking"}
     assert tracking.end() == []
-
-
-def test_the_state_of_before_is_used_after_a_short_suspend_and_restart_alone(start, tmp_path):
-    """The state's age is time that passed, whether awake or not."""
-    keys = {"state": {"path": str(tmp_path / "state"), "max_age_s": 30}}
-    first = start(**keys)
-    first.steps(40)
-    first.end()
-    first.clock.now_s += 10.0
-    second = start(**keys)
-    assert second.step()["status"] == "tracking"
-    second.end()
-    second.clock.now_s += 3600.0
-    third = start(**keys)
-    assert third.step()["status"] == "warming_up"
-    third.end()
