@@ -151,15 +151,13 @@ def phone(at_rest: Callable[[Path], Path], tmp_path: Path) -> Path:
 
 @pytest.fixture
 def children() -> Callable[[int], dict[int, str]]:
-    """The commands of the processes that a process has started, by their numbers."""
+    """The commands of the processes under a process, by their numbers."""
 
     def of(parent: int) -> dict[int, str]:
         found = {}
-        for folder in Path("/proc").glob("[0-9]*"):
+        for number in _descendants(parent):
             with contextlib.suppress(OSError):  # it has ended meanwhile
-                words_after_name = (folder / "stat").read_text().rpartition(")")[2].split()
-                if int(words_after_name[1]) == parent:
-                    found[int(folder.name)] = (folder / "cmdline").read_text().replace("\0", " ")
+                found[number] = Path(f"/proc/{number}/cmdline").read_text().replace("\0", " ")
         return found
 
     return of

@@ -8,7 +8,8 @@ import pytest
 from ambient_model.faults import Refused
 from ambientd.config import load_settings
 
-LINES = (Path(__file__).resolve().parents[2] / "deploy" / "ambientd.yaml").read_text().splitlines()
+DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+LINES = (DEPLOY / "ambientd.yaml").read_text().splitlines()
 COMMENTED = re.compile(r"^( *)# ((?:[a-zA-Z_]+: |- )[^ ].*)$")
 SETTINGS = [number for number, line in enumerate(LINES) if COMMENTED.match(line)]
 
@@ -27,6 +28,12 @@ def test_as_it_is_shipped_it_is_valid(tmp_path):
         "status:/run/ambientd/status.json",
         "socket:/run/ambientd/ambient.sock",
     ]
+    assert settings.model == "/etc/ambientd/model.json"
+    unit = (DEPLOY / "ambientd.service").read_text().splitlines()
+    assert {
+        "ExecStart=/usr/bin/env ambientd run --config /etc/ambientd/ambientd.yaml",
+        "RuntimeDirectory=ambientd",
+    } <= {*unit}
 
 
 @pytest.mark.parametrize("number", SETTINGS, ids=[LINES[number].strip("# ").split(":")[0] for number in SETTINGS])

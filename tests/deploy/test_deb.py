@@ -116,6 +116,7 @@ def test_what_is_unpacked_runs(dpkg_deb, deb, tmp_path, model_file, deployed):
     assert "/etc/ambientd/model.json: cannot be read (No such file or directory)" in done.stderr
 
 
+@pytest.mark.slow
 def test_lintian_finds_no_error(deb):
     if shutil.which("lintian") is None:
         pytest.skip("lintian is not installed")

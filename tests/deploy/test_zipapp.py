@@ -1,6 +1,6 @@
 """One file that needs nothing but an interpreter: built twice alike, and of the same opinion as the packages."""
 
-import math
+import importlib.util
 import os
 import stat
 import subprocess
@@ -15,15 +15,6 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def run(words, **options):
     return subprocess.run(words, capture_output=True, text=True, timeout=30, **{"env": {}, **options})
-
-
-@pytest.fixture
-def trace(tmp_path):
-    rows = [f"{k},{30 + 5 * math.sin(k / 40)!r},{28 + 2 * math.cos(k / 90)!r}" for k in range(300)]
-    rows[100] = "100,,28.0"
-    path = tmp_path / "trace.csv"
-    path.write_text("\n".join(["time_s,usb_degC,battery_degC", *rows]) + "\n")
-    return path
 
 
 def test_two_builds_are_the_same_bytes_whatever_the_clock_the_mask_and_the_folder(build, tmp_path, zipapp):
@@ -93,3 +84,43 @@ def test_a_call_that_cannot_be_done_is_told(build, arguments, status, message):
     assert (done.returncode, done.stdout) == (status, "")
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def compiled(build, tmp_path):
+    path = tmp_path / "compiled.pyz"
+    assert build("build_zipapp.py", "-o", path, "--compiled").returncode == 0
+    return path
+
+
+def checked(path, model_file):
+    done = run([sys.executable, "-I", "-S", str(path), "check", "--model", model_file])
+    assert (done.returncode, done.stderr) == (0, "")
+    return done.stdout
+
+
+def test_each_module_has_its_byte_code_beside_it(compiled, zipapp):
+    with zipfile.ZipFile(compiled) as full, zipfile.ZipFile(zipapp) as plain:
+        modules = {name for name in plain.namelist() if name.endswith(".py")}
+        assert set(full.namelist()) == {*plain.namelist(), *(f"{name}c" for name in modules)}
+        assert all(full.read(name) == plain.read(name) for name in plain.namelist())
+
+
+def test_it_says_the_same_from_the_byte_code(compiled, zipapp, model_file):
+    ask = "import sys; sys.path[:0] = sys.argv[1:]; import ambientd.cli as cli; print(cli.call.__doc__)"
+    words = [sys.executable, "-I", "-S", "-c", ask, str(compiled)]
+    loaded = run(words).stdout
+    assert loaded == "None\n", "the sources have docstrings, the byte code has none"
+    assert checked(compiled, model_file) == checked(zipapp, model_file)
+
+
+def test_the_byte_code_of_another_python_is_passed_by(compiled, zipapp, model_file, tmp_path):
+    other = tmp_path / "other.pyz"
+    with zipfile.ZipFile(compiled) as full, zipfile.ZipFile(other, "w") as changed:
+        for name in full.namelist():
+            content = full.read(name)
+            if name.endswith(".pyc"):
+                assert content.startswith(importlib.util.MAGIC_NUMBER)
+                content = b"\x01\x00\r\n" + content[4:]
+            changed.writestr(name, content)
+    assert checked(other, model_file) == checked(zipapp, model_file)
