@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -92,21 +91,6 @@ def test_a_process_ends_with_0_and_says_where_the_report_is(saved: Saved, trace_
     assert done.stdout.splitlines()[-1] == f"Report: {tmp_path}/new/report/index.html"
     assert "40 samples" in done.stdout.splitlines()[0]
     assert sorted(os.listdir(tmp_path / "new" / "report")) == ["index.html", "plotly.min.js"]
-
-
-def test_a_missing_column_ends_a_process_with_1_and_one_message(
-    saved: Saved, trace_of: TraceOf, tmp_path: Path
-) -> None:
-    whole = trace_of(60)
-    model, trace = saved(replace(whole, columns={**whole.columns, "skin_degC": whole.columns["usb_degC"]}))
-    text = Path(trace).read_text().replace("usb_degC", "port_degC")
-    Path(trace).write_text(text)
-
-    done = run(model, trace)
-
-    assert (done.returncode, done.stdout) == (1, "")
-    for fact in (f"{trace}: line 1", "'usb_degC'", "port_degC, battery_degC, ambient_degC, skin_degC"):
-        assert fact in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -232,6 +232,7 @@ def trace():
     return Trace("made", np.arange(own.inputs.shape[1]) * 10.0, columns)
 
 
+@pytest.mark.slow
 def test_a_trace_tells_it_from_the_fit_on(trace):
     circuit = load_circuit("model2_ss")
     free = identifiability(circuit, trace, {}, Effort(4, 0), 2, quiet)

@@ -7,15 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.estimators.blended.filter_basis import dc_gains, denominators, noise_gram, signals
 from ambient_trainer.estimators.blended.filters import TrainedFilter
 from ambient_trainer.estimators.blended.poles import (
     Objective,
     best_weights,
+    dc_gains,
+    denominators,
     first_unknowns,
+    noise_gram,
     run_gram,
     search_poles,
     section_poles,
+    signals,
 )
 from ambient_trainer.estimators.blended.recipe import FilterRules
 from ambient_trainer.estimators.blended.training_set import TrainingRun

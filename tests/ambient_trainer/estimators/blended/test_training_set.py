@@ -8,15 +8,15 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.estimators.blended.forward_fit import Forward, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Synthetic, Unmeasured, find_recipe
-from ambient_trainer.estimators.blended.synthetic import (
+from ambient_trainer.estimators.blended.training_set import (
     AmbientModel,
+    TrainingSetDesign,
     fit_ambient,
     fit_workload,
     synthetic_ambient,
     synthetic_heat,
     synthetic_work,
 )
-from ambient_trainer.estimators.blended.training_set import TrainingSetDesign
 from ambient_trainer.estimators.library.recipes import record_of
 
 RULE = Synthetic.model_validate(

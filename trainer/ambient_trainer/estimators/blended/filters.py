@@ -17,8 +17,16 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.budget import Cancelled
 from ambient_trainer.estimation.error_variance import WeightedRun, fit_weighted_error_variance, regressors_degC2
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimators.blended.filter_basis import dc_gains, noise_gram, numerators, signals
-from ambient_trainer.estimators.blended.poles import Objective, Searched, first_unknowns, search_poles
+from ambient_trainer.estimators.blended.poles import (
+    Objective,
+    Searched,
+    dc_gains,
+    first_unknowns,
+    noise_gram,
+    numerators,
+    search_poles,
+    signals,
+)
 from ambient_trainer.estimators.blended.recipe import LOGGED, Recipe
 from ambient_trainer.estimators.blended.training_set import TrainingRun, TrainingSet
 from ambient_trainer.estimators.estimate import Blended, blended

@@ -2,29 +2,210 @@
 
 Idle runs put the device into ambients that the log did not visit in that order. Runs with a pattern hold unmeasured
 heat. The circuit's own residuals are sensor signals that no ambient explains: their target is zero.
+
+A synthetic ambient goes through random set points at the log's rate of change, with the log's swing and noise. The
+swing is fitted where the log's reference is calmest: the strongest sinusoid of that hour, and what is left of it as
+first-order noise. The synthetic load is episodes of logged work, and unmeasured heat.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
+from ambient_model.faults import refuse
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record
 from ambient_trainer.estimators.blended.nonlinear_loss import simulate
-from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Pattern, Recipe
-from ambient_trainer.estimators.blended.synthetic import (
-    AmbientModel,
-    Workload,
-    synthetic_ambient,
-    synthetic_heat,
-    synthetic_work,
+from ambient_trainer.estimators.blended.recipe import (
+    IDLE,
+    LOGGED,
+    RESIDUAL,
+    Pattern,
+    Recipe,
+    Synthetic,
+    Unmeasured,
+    Work,
 )
 
 Array = NDArray[np.float64]
+
+_CALM_S = 3600.0
+_SMOOTHED_S = 900.0
+_SWING_PERIODS_S = np.geomspace(120.0, 1800.0, 200)
+_STEEP_PERCENT = 99.5
+_STEEP_OVER_S = 60.0
+
+
+@dataclass(frozen=True)
+class AmbientModel:
+    """How an ambient changes."""
+
+    slope_K_s: float
+    """Its rate of change to another set point."""
+    swing_K: float
+    swing_period_s: float
+    noise_K: float
+    noise_memory: float
+    """The correlation of the noise with its next sample."""
+    period_s: float
+
+
+def fit_ambient(ambients_degC: Sequence[Array], period_s: float, source: str) -> AmbientModel:
+    """Fitted to ambients of N samples each; raises :class:`Refused` where none of them is an hour long."""
+    window, minute = round(_CALM_S / period_s), max(1, round(_STEEP_OVER_S / period_s))
+    long = [each for each in ambients_degC if len(each) > window]
+    if not long:
+        raise refuse(source, "", "no hour without a gap", "log longer: the ambient's own swing is fitted to one")
+    # in minutes of the whole log, most of which are calm
+    steps = np.concatenate([np.abs(np.diff(each[::minute])) for each in long])
+    calm = _calmest(long, window, period_s)
+    calm = calm - calm.mean()
+    swing_period_s, swing, rest = _strongest(calm, period_s)
+    return AmbientModel(
+        slope_K_s=float(np.percentile(steps, _STEEP_PERCENT)) / (minute * period_s),
+        swing_K=swing,
+        swing_period_s=swing_period_s,
+        noise_K=float(rest.std()),
+        noise_memory=float(np.clip(float(rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-12), 0.0, 0.999)),
+        period_s=period_s,
+    )
+
+
+def synthetic_ambient(ambient: AmbientModel, rule: Synthetic, count: int, random: np.random.Generator) -> Array:
+    """An ambient of ``count`` samples, (N,), through set points that the rule allows."""
+    T = ambient.period_s
+    set_points: list[float] = []
+    while len(set_points) < count:
+        stay = max(1, round(random.uniform(*rule.stay_min) * 60.0 / T))
+        set_points += [random.uniform(*rule.ambient_degC)] * stay
+    step, now, ramp = ambient.slope_K_s * T, set_points[0], np.empty(count)
+    for index in range(count):
+        ramp[index] = now
+        now += min(max(set_points[index] - now, -step), step)
+    kept = math.exp(-T / rule.settling_s)
+    settled = lfilter([1 - kept], [1.0, -kept], ramp - ramp[0]) + ramp[0]
+    phase = random.uniform(0.0, 2.0 * math.pi)
+    swing = ambient.swing_K * np.sin(2.0 * math.pi * T * np.arange(count) / ambient.swing_period_s + phase)
+    white = random.standard_normal(count)
+    white[1:] *= math.sqrt(1.0 - ambient.noise_memory**2)
+    return np.asarray(settled + swing + ambient.noise_K * lfilter([1.0], [1.0, -ambient.noise_memory], white))
+
+
+def _calmest(ambients_degC: Sequence[Array], window: int, period_s: float) -> Array:
+    """The hour whose average over a quarter of an hour moves least."""
+    smoothed = max(1, round(_SMOOTHED_S / period_s))
+    stride = max(1, round(300.0 / period_s))
+    best, calmest = math.inf, ambients_degC[0][:window]
+    for each in ambients_degC:
+        mean = np.convolve(each, np.full(smoothed, 1 / smoothed), "valid")
+        for start in range(0, len(each) - window, stride):
+            moved = float(np.ptp(mean[start : start + window - smoothed + 1]))
+            if moved < best:
+                best, calmest = moved, each[start : start + window]
+    return calmest
+
+
+def _strongest(values: Array, period_s: float) -> tuple[float, float, Array]:
+    """Period (s), amplitude and rest of the sinusoid that explains most of ``values``."""
+    time_s = period_s * np.arange(len(values))
+    best: tuple[float, float, float, Array] | None = None
+    for swing_period_s in _SWING_PERIODS_S.tolist():
+        angle = 2.0 * math.pi * time_s / swing_period_s
+        table = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(angle)])
+        weights = np.linalg.lstsq(table, values, rcond=None)[0]
+        rest = values - table @ weights
+        left = float(rest @ rest)
+        if best is None or left < best[0]:
+            best = (left, swing_period_s, float(np.hypot(weights[0], weights[1])), rest)
+    assert best is not None  # there are periods
+    return best[1:]
+
+
+_LEAST_EFFORT = 0.25
+_LEAST_PAUSE_MIN = 5.0
+
+
+@dataclass(frozen=True)
+class Workload:
+    """The heat of idling (measured, shared), in W, and that of each episode of work in the log, (2, N)."""
+
+    idle_W: Array
+    episodes_W: tuple[Array, ...]
+
+
+def fit_workload(records: Sequence[Record], work: Work, source: str) -> Workload:
+    """The heat of idling and of each stretch of work; raises :class:`Refused` where one of them is missing."""
+    episodes, idle = [], []
+    for record in records:
+        heat = np.vstack([record.measured_W, record.shared_W])
+        busy = record.work > work.busy_above
+        idle.append(heat[:, ~busy])
+        changes = np.flatnonzero(np.diff(record.work)) + 1
+        stretches = zip(np.split(heat, changes, axis=1), np.split(busy, changes))
+        episodes += [stretch for stretch, is_busy in stretches if is_busy[0]]
+    idling = np.concatenate(idle, axis=1)
+    if not episodes or not idling.shape[1]:
+        missing = "never" if not episodes else "always"
+        mend = "log a run with work and with pauses, or name another signal under 'work'"
+        raise refuse(source, f"column {work.signal}", f"is {missing} above {work.busy_above:g}", mend)
+    return Workload(idling.mean(axis=1), tuple(episodes))
+
+
+def synthetic_work(
+    workload: Workload, rule: Synthetic, count: int, period_s: float, random: np.random.Generator
+) -> Array:
+    """The heat (measured, shared) of a device that works now and then, (2, count) in W.
+
+    An episode of the log, in half of the cases weakened, goes on as it ended where it is too short.
+    """
+    heat = np.repeat(workload.idle_W[:, None], count, axis=1)
+    mean_min = sum(rule.episode_min) / 2
+    pause_min = mean_min * (1 - rule.busy) / rule.busy
+    # every run holds some work
+    at = round(random.uniform(*rule.episode_min) * 60 / period_s)
+    while at < count:
+        episode = workload.episodes_W[random.integers(len(workload.episodes_W))]
+        effort = random.uniform(_LEAST_EFFORT, 1.0) if random.random() < 0.5 else 1.0
+        length = min(round(random.uniform(*rule.episode_min) * 60 / period_s), count - at)
+        kept = np.minimum(np.arange(length), episode.shape[1] - 1)
+        heat[:, at : at + length] += effort * (episode[:, kept] - workload.idle_W[:, None])
+        at += length + round((_LEAST_PAUSE_MIN + random.exponential(pause_min - _LEAST_PAUSE_MIN)) * 60 / period_s)
+    return heat
+
+
+def synthetic_heat(
+    watts: Mapping[str, float],
+    rule: Unmeasured,
+    nodes: Mapping[str, int],
+    count: int,
+    period_s: float,
+    random: np.random.Generator,
+) -> Array:
+    """Episodes of ``watts`` into the nodes, (n, count), each scaled by a log-normal factor and each node by another."""
+    heat = np.zeros((len(nodes), count))
+    at = round(random.uniform(0.0, rule.pause_min[1]) * 60 / period_s)
+    while at < count:
+        length = _drawn(rule.episode_min, period_s, random)
+        scale = np.exp(rule.log_spread * random.standard_normal())
+        for node, watt in watts.items():
+            # so that the two factors together have a mean of 1
+            own = np.exp(rule.log_spread * random.standard_normal() - rule.log_spread**2)
+            heat[nodes[node], at : at + length] += watt * scale * own
+        at += length + _drawn(rule.pause_min, period_s, random)
+    return heat
+
+
+def _drawn(minutes: tuple[float, float], period_s: float, random: np.random.Generator) -> int:
+    """A length in samples: at least the first, on average the second."""
+    low, mean = minutes
+    return max(1, round((low + random.exponential(mean - low)) * 60 / period_s))
+
 
 _PASSES = 6
 _LOGGED_EVERY_S = 7.0

@@ -28,8 +28,7 @@ from ambient_trainer.estimators.base import USUAL, Effort, Fit, ParameterEstimat
 from ambient_trainer.estimators.blended.filters import STATES, Filters, TrainedFilter, fit_error_variance, fit_filters
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
-from ambient_trainer.estimators.blended.synthetic import fit_ambient, fit_workload
-from ambient_trainer.estimators.blended.training_set import TrainingSetDesign
+from ambient_trainer.estimators.blended.training_set import TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.observer import fallback_notes, half_width_note
 from ambient_trainer.estimators.searched import MODES, ranges_of
 from ambient_trainer.estimators.training import require_informative, slowest_period_s, source_of
