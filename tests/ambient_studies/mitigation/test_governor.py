@@ -19,22 +19,22 @@ def only(value):
     return np.array([value])
 
 
-def resting_sensor(skin_degC, ambient_degC):
+def steady_sensor(skin_degC, ambient_degC):
     """The sensor under which the skin stays where it is."""
     return (skin_degC - (1 - SHARE) * ambient_degC) / SHARE
 
 
-def test_at_rest_the_cap_is_the_budget_and_what_the_headroom_adds(governor_of):
+def test_in_steady_state_the_cap_is_the_budget_and_what_the_headroom_adds(governor_of):
     governor = Governor(governor_of(), 40.0, TOP, 1.0, only(35.0))
     for _ in range(50):
-        cap_W = governor.cap_W(only(resting_sensor(38.0, 30.0)), only(30.0), only(0.0))
+        cap_W = governor.cap_W(only(steady_sensor(38.0, 30.0)), only(30.0), only(0.0))
     assert governor.skin_degC == pytest.approx([38.0])
     assert cap_W == pytest.approx([(TARGET - 30.0) / R + GAIN * (TARGET - 38.0)])
 
 
 def test_only_a_cap_that_binds_is_corrected(governor_of):
     governor = Governor(governor_of(), 40.0, TOP, 2.0, only(35.0))
-    inputs = only(resting_sensor(39.0, 34.0)), only(34.0)
+    inputs = only(steady_sensor(39.0, 34.0)), only(34.0)
     first_W = governor.cap_W(*inputs, only(0.0))
     assert governor.cap_W(*inputs, only(0.9 * first_W[0])) == pytest.approx(first_W)
     assert governor.cap_W(*inputs, first_W) == pytest.approx(first_W + GAIN / TAU * 2.0 * (TARGET - 39.0))
@@ -56,33 +56,33 @@ def test_the_loop_follows_its_differential_equation(governor_of):
         skin = kept * skin + (1 - kept) * (ambient + R * drawn[0])
 
 
-def test_a_silent_sensor_leaves_the_floor_and_then_all_goes_on(governor_of):
+def test_without_a_reading_the_cap_is_the_floor(governor_of):
     governor = Governor(governor_of(), 40.0, TOP, 1.0, only(35.0))
-    sensor = only(resting_sensor(38.0, 30.0))
+    sensor = only(steady_sensor(38.0, 30.0))
     before = governor.cap_W(sensor, only(30.0), only(0.0))
     for _ in range(100):
         assert governor.cap_W(only(np.nan), only(30.0), only(FLOOR_W)).tolist() == [FLOOR_W]
     assert governor.cap_W(sensor, only(30.0), only(FLOOR_W)) == pytest.approx(before)
 
 
-def test_who_is_told_nothing_any_more_is_at_once_as_careful_as_who_was_never_told(governor_of):
+def test_a_lost_ambient_is_replaced_without_a_transient(governor_of):
     governor = Governor(governor_of(), 40.0, TOP, 1.0, np.full(2, 35.0))
     drawn_W = np.zeros(2)
     for k in range(2000):
-        told = np.array([5.0 if k < 1000 else np.nan, np.nan])
-        drawn_W = governor.cap_W(np.full(2, 50.0), told, drawn_W)
+        known = np.array([5.0 if k < 1000 else np.nan, np.nan])
+        drawn_W = governor.cap_W(np.full(2, 50.0), known, drawn_W)
         assert (governor.ambient_degC == [5.0 if k < 1000 else 35.0, 35.0]).all()
         if k < 1000:
             assert drawn_W[0] > drawn_W[1]
             held_W = drawn_W[1]
         else:
             assert governor.skin_degC[0] == governor.skin_degC[1]
-            # but for what the other has learned meanwhile of the budget, which it has yet to learn
+            # the other has integrated the budget's error meanwhile
             assert drawn_W[0] <= drawn_W[1]
     assert held_W > 0
 
 
-def test_what_the_top_or_the_floor_holds_back_is_not_learned(governor_of):
+def test_what_the_top_or_the_floor_holds_back_is_not_integrated(governor_of):
     for sensor, ambient, held_W, next_degC in ((20.0, 5.0, TOP, 39.0), (90.0, 40.0, FLOOR_W, 20.0)):
         governor = Governor(governor_of(), 40.0, TOP, 1.0, only(35.0))
         cap_W = only(0.0)
@@ -94,22 +94,22 @@ def test_what_the_top_or_the_floor_holds_back_is_not_learned(governor_of):
         assert cap_W == pytest.approx((TARGET - next_degC) / R + GAIN * (TARGET - governor.skin_degC))
 
 
-def test_a_sensor_that_is_silent_from_the_start(governor_of):
+def test_a_sensor_that_has_no_first_reading(governor_of):
     governor = Governor(governor_of(), 40.0, TOP, 1.0, only(35.0))
     assert governor.cap_W(only(np.nan), only(30.0), only(0.0)).tolist() == [FLOOR_W]
     assert np.isfinite(governor.cap_W(only(60.0), only(30.0), only(0.0))).all()
 
 
-def test_who_is_told_a_warmer_ambient_never_allows_more(governor_of):
+def test_a_warmer_ambient_never_raises_the_cap(governor_of):
     identified = governor_of()
 
     @given(sensor=st.floats(-20, 110), ambients=st.lists(st.floats(-20, 60), min_size=2, max_size=2))
-    def never_more(sensor, ambients):
+    def not_raised(sensor, ambients):
         governor = Governor(identified, 40.0, TOP, 1.0, np.full(2, 35.0))
         cap_W = governor.cap_W(np.full(2, sensor), np.array(sorted(ambients)), np.zeros(2))
         assert FLOOR_W <= cap_W[1] <= cap_W[0] <= TOP
 
-    never_more()
+    not_raised()
 
 
 def test_an_assumed_ambient_is_a_fixed_trip(governor_of):

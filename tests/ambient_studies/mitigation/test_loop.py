@@ -1,4 +1,4 @@
-"""What the loop must never do, whatever the room: burn a hand, look at the truth, believe what is not trusted."""
+"""The closed loop: the skin's limit, the ambient that each governor uses, outages, and the open-loop simulation."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from ambient_model.model import Secondary
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import FLOOR_W
 from ambient_studies.mitigation.loop import closed_loop, phone_zones
-from ambient_studies.mitigation.room import Room
-from ambient_studies.mitigation.setting import Outage, Setting, Told
+from ambient_studies.mitigation.setting import Knowledge, Outage, Room, Setting
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.run import Run, integrate, stream
@@ -23,13 +22,13 @@ BRIEF = Setting(work_min=12.0, idle_min=1.0)
 
 @pytest.fixture(scope="module")
 def by_case(records):
-    return {(each.case.room.name, each.case.told, each.case.seed): each for each in records}
+    return {(each.case.room.name, each.case.knowledge, each.case.seed): each for each in records}
 
 
 @pytest.fixture(scope="module")
 def of(by_case):
     """The records of a room and a governor."""
-    return lambda room, told: [by_case[room, told, seed] for seed in (1, 2)]
+    return lambda room, kind: [by_case[room, kind, seed] for seed in (1, 2)]
 
 
 def working(record, values):
@@ -41,38 +40,40 @@ def mean_W(record):
 
 
 @pytest.mark.parametrize("room", ["5", "35", "35/5/35"])
-@pytest.mark.parametrize("told", [Told.TRUTH, Told.HOTTEST, Told.ESTIMATE])
-def test_nobody_is_burnt_where_the_ambient_is_known_or_feared(of, setting, room, told):
-    for record in of(room, told):
+@pytest.mark.parametrize("kind", [Knowledge.TRUTH, Knowledge.HOTTEST, Knowledge.ESTIMATE])
+def test_the_skin_stays_below_its_limit(of, setting, room, kind):
+    for record in of(room, kind):
         assert record.skin_degC.max() < setting.limit_degC
 
 
-@pytest.mark.parametrize("told", [Told.NOTHING, Told.USUAL])
-def test_without_a_governor_or_with_a_wrong_assumption_the_hot_room_burns(of, setting, told):
-    for record in of("35", told):
+@pytest.mark.parametrize("kind", [Knowledge.NOTHING, Knowledge.USUAL])
+def test_without_a_governor_or_with_a_wrong_assumption_the_hot_room_exceeds_the_limit(of, setting, kind):
+    for record in of("35", kind):
         assert (working(record, record.skin_degC) > setting.limit_degC).mean() > 0.8
         assert record.skin_degC.max() > setting.limit_degC + 1
 
 
-def test_the_estimate_gives_back_what_the_fear_of_heat_costs(of):
+def test_the_estimate_allows_more_work_than_the_hottest_assumption(of):
     for room, least_W in (("5", 1.0), ("35/5/35", 0.3)):
-        for feared, mine, free in zip(*(of(room, told) for told in (Told.HOTTEST, Told.ESTIMATE, Told.NOTHING))):
-            assert mean_W(mine) > mean_W(feared) + least_W
+        for cautious, mine, free in zip(
+            *(of(room, kind) for kind in (Knowledge.HOTTEST, Knowledge.ESTIMATE, Knowledge.NOTHING))
+        ):
+            assert mean_W(mine) > mean_W(cautious) + least_W
             assert mean_W(mine) <= mean_W(free) + 1e-9
-    for mine, free in zip(of("5", Told.ESTIMATE), of("5", Told.NOTHING)):
+    for mine, free in zip(of("5", Knowledge.ESTIMATE), of("5", Knowledge.NOTHING)):
         assert np.array_equal(mine.skin_degC, free.skin_degC)
 
 
 def test_the_estimate_is_never_far_behind_the_truth(of):
     for room, most_W in (("5", 1e-9), ("35", 0.4), ("35/5/35", 0.3)):
-        for mine, best in zip(of(room, Told.ESTIMATE), of(room, Told.TRUTH)):
+        for mine, best in zip(of(room, Knowledge.ESTIMATE), of(room, Knowledge.TRUTH)):
             assert abs(mean_W(mine) - mean_W(best)) <= most_W
 
 
 def test_a_held_phone_settles_at_its_fixed_trip(records, of, identified, setting):
-    """Told 35 degC, the governor is a controller of its sensor: it holds the die where the prediction is the target."""
-    record = of("5", Told.HOTTEST)[0]
-    late = slice(-300, None)
+    """At an assumed 35 degC the governor holds the die at the temperature that predicts the target."""
+    record = of("5", Knowledge.HOTTEST)[0]
+    late = slice(-75, None)
     trip_degC = identified.trip_degC(setting.limit_degC, setting.hottest_degC)
     # from the die's power and the phone's conductances, not from the governor
     phone = load_device()
@@ -81,87 +82,93 @@ def test_a_held_phone_settles_at_its_fixed_trip(records, of, identified, setting
     assert 0 < trip_degC - die_above_surroundings_K - record.skin_degC[late].mean() < 12
 
 
-def test_each_is_told_what_its_row_says(of, setting):
+def test_each_governor_uses_the_ambient_of_its_row(of, setting):
     for room in ("5", "35", "35/5/35"):
-        assert (of(room, Told.HOTTEST)[0].told_degC == setting.hottest_degC).all()
-        assert (of(room, Told.USUAL)[0].told_degC == setting.usual_degC).all()
-        truth = of(room, Told.TRUTH)[0]
-        assert np.array_equal(truth.told_degC, truth.air_degC)
-        assert np.isnan(of(room, Told.NOTHING)[0].told_degC).all()
-        mine = of(room, Told.ESTIMATE)[0]
+        assert (of(room, Knowledge.HOTTEST)[0].used_degC == setting.hottest_degC).all()
+        assert (of(room, Knowledge.USUAL)[0].used_degC == setting.usual_degC).all()
+        truth = of(room, Knowledge.TRUTH)[0]
+        assert np.array_equal(truth.used_degC, truth.air_degC)
+        assert np.isnan(of(room, Knowledge.NOTHING)[0].used_degC).all()
+        mine = of(room, Knowledge.ESTIMATE)[0]
         assert working(mine, mine.trusted).all()
-        assert np.array_equal(working(mine, mine.told_degC), working(mine, mine.estimate_degC))
-        for told in (Told.NOTHING, Told.HOTTEST, Told.USUAL, Told.TRUTH):
-            assert np.isnan(of(room, told)[0].estimate_degC).all()
+        assert np.array_equal(working(mine, mine.used_degC), working(mine, mine.estimate_degC))
+        for kind in (Knowledge.NOTHING, Knowledge.HOTTEST, Knowledge.USUAL, Knowledge.TRUTH):
+            assert np.isnan(of(room, kind)[0].estimate_degC).all()
 
 
 def test_all_governors_of_a_seed_meet_the_same_weather(by_case):
     for room in ("5", "35", "35/5/35"):
-        airs = [by_case[room, told, 1].air_degC for told in Told]
+        airs = [by_case[room, kind, 1].air_degC for kind in Knowledge]
         assert all(np.array_equal(airs[0], each) for each in airs)
-        assert not np.array_equal(airs[0], by_case[room, Told.TRUTH, 2].air_degC)
+        assert not np.array_equal(airs[0], by_case[room, Knowledge.TRUTH, 2].air_degC)
 
 
-def test_the_estimate_is_what_the_devices_recursion_says_to_the_open_loop_simulation(of, model, setting):
+def test_the_estimate_is_the_devices_recursion_on_the_open_loop_simulation(of, model, setting):
     """In the cold nothing is capped: the same readings come from the simulation that knows no loop."""
-    record = of("5", Told.ESTIMATE)[0]
+    record = of("5", Knowledge.ESTIMATE)[0]
     count = len(record.time_s)
     phone = load_device()
     activity = np.where(record.time_s < 0, phone.activity_index([]), phone.activity_index(["cpu_100"]))
     run = Run(phone, float(record.air_degC[0]), record.air_degC, activity, np.ones(count), 0)
-    driven = integrate([run], 1.0)[0]
+    driven = integrate([run], setting.period_s)[0]
     zones = phone_zones(model, "soc")
     columns = [
-        zone_reading(zone, felt(zone, run.device, driven.nodes_degC, 1.0), stream(1, f"zone {zone.name}"))
+        zone_reading(zone, felt(zone, run.device, driven.nodes_degC, setting.period_s), stream(1, f"zone {zone.name}"))
         for zone in zones
     ]
-    tracker = Tracker(model.main, nearest_discrete(model.main, 1.0))
-    said = [tracker.update(k * 1.0, list(row)).ambient_degC for k, row in enumerate(zip(*columns))]
+    tracker = Tracker(model.main, nearest_discrete(model.main, setting.period_s))
+    estimates = [tracker.update(k * setting.period_s, list(row)).ambient_degC for k, row in enumerate(zip(*columns))]
     assert [zone.name for zone in zones] == [each.name for each in model.main.inputs]
-    assert record.estimate_degC == pytest.approx(np.array(said), abs=1e-6)
+    assert record.estimate_degC == pytest.approx(np.array(estimates), abs=1e-6)
 
 
-def test_the_loop_believes_the_recursion_and_not_the_air(saying, identified):
+def test_the_governor_uses_the_estimate_and_not_the_air(saying, identified):
     records = closed_loop(saying(17.0), identified, BRIEF, [Room((5.0,)), Room((35.0,))], [1])
     for record in records:
-        if record.case.told is Told.ESTIMATE:
+        if record.case.knowledge is Knowledge.ESTIMATE:
             assert record.trusted.all()
-            assert (record.told_degC == 17.0).all()
+            assert (record.used_degC == 17.0).all()
 
 
-@pytest.mark.parametrize(("guard_degC", "told_degC"), [(18.5, 17.0), (20.0, 18.5), (14.0, 15.5), (25.0, 25.0)])
-def test_the_loop_hears_the_guard_as_a_device_does(saying, identified, guard_degC, told_degC):
-    """Up to 2 degC apart the main estimator alone is believed, 3 degC apart half of each, from 4 degC on the guard."""
-    model = saying(17.0)._replace(secondary=Secondary(saying(guard_degC).main, 2.0))
+@pytest.mark.parametrize(("secondary_degC", "used_degC"), [(18.5, 17.0), (20.0, 18.5), (14.0, 15.5), (25.0, 25.0)])
+def test_the_secondary_estimator_is_blended_as_on_a_device(saying, identified, secondary_degC, used_degC):
+    """Up to 2 degC apart the main estimator is used, 3 degC apart half of each, from 4 degC on the secondary one."""
+    model = saying(17.0)._replace(secondary=Secondary(saying(secondary_degC).main, 2.0))
     records = closed_loop(model, identified, replace(BRIEF, work_min=2.0), [Room((20.0,))], [1])
-    [mine] = [each for each in records if each.case.told is Told.ESTIMATE]
+    [mine] = [each for each in records if each.case.knowledge is Knowledge.ESTIMATE]
     assert mine.trusted.all()
-    assert mine.estimate_degC == pytest.approx(np.full(len(mine.time_s), told_degC))
-    assert np.array_equal(mine.told_degC, mine.estimate_degC)
+    assert mine.estimate_degC == pytest.approx(np.full(len(mine.time_s), used_degC))
+    assert np.array_equal(mine.used_degC, mine.estimate_degC)
 
 
 def test_what_still_warms_up_is_not_trusted(model, identified):
     records = closed_loop(model, identified, BRIEF, [Room((35.0,))], [1])
-    mine, feared = (next(each for each in records if each.case.told is told) for told in (Told.ESTIMATE, Told.HOTTEST))
+    mine, cautious = (
+        next(each for each in records if each.case.knowledge is kind)
+        for kind in (Knowledge.ESTIMATE, Knowledge.HOTTEST)
+    )
     assert np.isfinite(mine.estimate_degC).all()
     assert not mine.trusted.any()
-    assert np.array_equal(mine.soc_W, feared.soc_W)
+    assert np.array_equal(mine.soc_W, cautious.soc_W)
 
 
 def test_a_faulted_estimate_is_the_hottest_room(saying, identified):
-    """Who trusts 17 degC in the hot room burns; 30 s after the sensor is gone fear takes over, until it returns."""
+    """30 s after its sensor is lost the estimate of 17 degC is replaced by the hottest room, until it returns."""
     setting = replace(BRIEF, outage=Outage("usb", 5.0, 11.0))
     records = closed_loop(saying(17.0), identified, setting, [Room((35.0,))], [1])
-    mine, feared = (next(each for each in records if each.case.told is told) for told in (Told.ESTIMATE, Told.HOTTEST))
+    mine, cautious = (
+        next(each for each in records if each.case.knowledge is kind)
+        for kind in (Knowledge.ESTIMATE, Knowledge.HOTTEST)
+    )
     out = (mine.time_s >= 300 + 31) & (mine.time_s < 660)
     assert np.isnan(mine.estimate_degC[out]).all()
-    assert (mine.told_degC[out] == setting.hottest_degC).all()
-    assert (mine.told_degC[~out & (mine.time_s < 300 + 30)] == 17.0).all()
-    assert (mine.told_degC[mine.time_s >= 660] == 17.0).all()
-    trusting, fearing = (mine.time_s > 200) & (mine.time_s < 300), (mine.time_s > 600) & out
-    assert mine.soc_W[trusting].min() > feared.soc_W[trusting].max() + 0.3
-    assert np.abs(mine.soc_W - feared.soc_W)[fearing].max() < 0.3
-    assert mine.skin_degC[fearing].max() < setting.limit_degC
+    assert (mine.used_degC[out] == setting.hottest_degC).all()
+    assert (mine.used_degC[~out & (mine.time_s < 300 + 30)] == 17.0).all()
+    assert (mine.used_degC[mine.time_s >= 660] == 17.0).all()
+    trusted_time, cautious_time = (mine.time_s > 200) & (mine.time_s < 300), (mine.time_s > 600) & out
+    assert mine.soc_W[trusted_time].min() > cautious.soc_W[trusted_time].max() + 0.3
+    assert np.abs(mine.soc_W - cautious.soc_W)[cautious_time].max() < 0.3
+    assert mine.skin_degC[cautious_time].max() < setting.limit_degC
 
 
 def test_a_governor_without_its_own_sensor_leaves_the_floor(saying, identified):
@@ -169,7 +176,7 @@ def test_a_governor_without_its_own_sensor_leaves_the_floor(saying, identified):
     for record in closed_loop(saying(17.0), identified, setting, [Room((35.0,))], [1]):
         # a die above 90 degC takes a moment to leave the protection's reach
         out = (record.time_s >= 130) & (record.time_s < 240)
-        if record.case.told is Told.NOTHING:
+        if record.case.knowledge is Knowledge.NOTHING:
             assert record.soc_W[out].min() > 2
         else:
             assert record.soc_W[out] == pytest.approx(np.full(out.sum(), FLOOR_W))
@@ -181,10 +188,7 @@ def test_a_model_of_another_device_is_refused(model):
     other = model._replace(main=model.main._replace(inputs=(*inputs, *model.main.inputs[2:])))
     with pytest.raises(Refused) as refused:
         phone_zones(other, "soc")
-    assert str(refused.value) == (
-        "model 'free-2': inputs: reads ch102_degC, flash_A, which the simulated phone has no zone for; "
-        "fit one to `ambient-trainer simulate 5`"
-    )
+    assert all(each in str(refused.value) for each in ("model 'free-2': inputs", "ch102_degC", "flash_A"))
 
 
 def test_a_sensor_that_the_phone_lacks_is_refused(model):
@@ -199,7 +203,7 @@ def test_streaming_comes_in_bursts(saying, identified):
     assert record.soc_W[record.time_s < 0].std() < 0.01
 
 
-def test_without_idle_time_it_still_starts_from_rest(saying, identified):
+def test_without_idle_time_it_starts_in_steady_state(saying, identified):
     """The work begins at 0 s; the phone was off it before."""
     record = closed_loop(saying(17.0), identified, replace(BRIEF, idle_min=0.0), [Room((20.0,))], [1])[0]
     assert record.time_s[:2].tolist() == [-1.0, 0.0]

@@ -78,12 +78,13 @@ def test_a_cap_cuts_the_processor_and_nothing_else():
     assert drawn_W[1:, 1] == pytest.approx(np.ones(99))
     assert drawn_W[1:, 0].min() > 1.5
     assert (nodes[2:, 1] < nodes[2:, 0]).all()
-    # the uncapped neighbours of one seed are one phone, noise and all
-    assert np.array_equal(nodes[:, 0], nodes[:, 2])
-    assert np.array_equal(readings[:, 0], readings[:, 2])
+    # the uncapped phones of one seed agree, noise included; not to the last bit, because a BLAS product may round equal
+    # rows of a batch differently
+    assert nodes[:, 0] == pytest.approx(nodes[:, 2], abs=1e-9)
+    assert readings[:, 0] == pytest.approx(readings[:, 2], abs=1e-9)
 
 
-def test_the_skin_is_the_hottest_of_what_is_touched():
+def test_the_skin_is_the_hottest_surface_node():
     nodes = np.arange(2.0 * len(PHONE.nodes)).reshape(2, -1)
     nodes[0, PHONE.index("back")] = 50.0
     nodes[:, SOC] = 90.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_studies.mitigation.room import Room, room_of
+from ambient_studies.mitigation.setting import Room, room_of
 
 
 @pytest.mark.parametrize(("text", "temps"), [("5", (5.0,)), ("-3.5", (-3.5,)), ("35/5/35", (35.0, 5.0, 35.0))])
@@ -20,8 +20,8 @@ def test_a_room_is_read_and_named_as_it_is_written(text, temps):
     [
         ("warm", "--room: 'warm' is no temperature; write 5, or 35/5/35 for a walk"),
         ("5//5", "--room: '5//5' is no temperature; write 5, or 35/5/35 for a walk"),
-        ("nan", "--room: nan lies outside -20 to 60 degC; nobody works there: choose others"),
-        ("20/61", "--room: 20/61 lies outside -20 to 60 degC; nobody works there: choose others"),
+        ("nan", "--room: nan lies outside -20 to 60 degC; choose temperatures in this range"),
+        ("20/61", "--room: 20/61 lies outside -20 to 60 degC; choose temperatures in this range"),
     ],
 )
 def test_what_is_no_room_is_refused(text, message):

@@ -1,4 +1,4 @@
-"""The whole comparison: identify the governor in the chamber, then let it work in every room, knowing this or that."""
+"""The comparison: identify the governor in the chamber, then simulate it in every room with every knowledge."""
 
 from __future__ import annotations
 
@@ -11,19 +11,18 @@ from ambient_model.model import Model
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones
-from ambient_studies.mitigation.room import Room
-from ambient_studies.mitigation.setting import Setting
+from ambient_studies.mitigation.setting import Room, Setting
 from ambient_studies.mitigation.training import identify, training_trace
 
 Progress = Callable[[str, int, int], None]
-"""What is under way, how much of it is done, of how much."""
+"""Stage, steps done, steps in all."""
 
 _LEAST_IDLE_MIN, _MOST_IDLE_MIN = 20.0, 240.0
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """What was compared, and what happened."""
+    """Model, governor and setting of a comparison, and its records."""
 
     model: Model
     identified: Identified
@@ -46,8 +45,7 @@ def compare(
 
 
 def settling_min(model: Model, period_s: float) -> float:
-    """How long a phone should have been on before it works, so that its estimate is trusted: 20 min to 4 h."""
-    # five minutes more show that it is
+    """Idle time after which the estimate is trusted: the model's settling time and 5 min, within 20 min to 4 h."""
     discrete = nearest_discrete(model.main, period_s)
     settled_s = (Tracker(model.main, discrete).settling_steps + 1) * discrete.period_s
     return min(max(_LEAST_IDLE_MIN, settled_s / 60 + 5), _MOST_IDLE_MIN)

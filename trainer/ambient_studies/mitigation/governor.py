@@ -1,12 +1,12 @@
-"""The governor's law: a cap on the SoC's power that holds the skin at its target, for whatever ambient it is told.
+"""The governor's law: a cap on the SoC's power that holds the skin at its target, for the ambient that it uses.
 
 With the ambient T, the skin's temperature S as a filter of one internal sensor and T, and the skin's rise R per W with
 its time constant tau,
 
     P = (target - T) / R + k (target - S) + I,    k = (4 - 1) / R,    dI/dt = k / tau (target - S) where P binds,
 
-the budget that this ambient leaves, more while the skin is still cool (alone it would make the loop four times as fast
-as the phone), and what the budget is wrong by. Only the ambient differs between who knows it and who does not.
+the steady-state budget at this ambient, a proportional term (alone it makes the loop four times as fast as the phone)
+and an integral term for the budget's error. The governors of a comparison differ in their ambient only.
 """
 
 from __future__ import annotations
@@ -16,21 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.data import Array
 from ambient_trainer.lti import Hold, StateSpace, dc_gain, discretised
-
-Array = NDArray[np.float64]
 
 SPEED = 4.0
 """How many times faster than the phone itself its skin would settle without the integral; chosen."""
 FLOOR_W = 0.5
-"""What is always left: a phone that answers; chosen."""
+"""The lowest cap: the phone still responds; chosen."""
 _BINDS = 0.95
 """A cap binds where the SoC draws this share of it."""
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What a training run tells of a phone: all that the governor knows of it."""
+    """What a governor knows of a phone, identified on a training run."""
 
     sensor: str
     skin: StateSpace
@@ -41,92 +40,92 @@ class Identified:
     margin_K: float
     """The skin was at most this much hotter than predicted in 95 % of the training run."""
     resistance_K_W: float
-    """The skin's rise over the ambient per W that the SoC draws, at rest."""
+    """The skin's rise over the ambient per W that the SoC draws, in steady state."""
     time_constant_s: float
     """Of that rise."""
 
     @property
-    def rest_gains(self) -> tuple[float, float]:
-        """The skin's change at rest per K of the sensor, and per K of the ambient."""
+    def dc_gains(self) -> tuple[float, float]:
+        """The DC gains of the skin from the sensor and from the ambient."""
         sensor, ambient = dc_gain(self.skin)[0].tolist()
         return sensor, ambient
 
     def trip_degC(self, limit_degC: float, ambient_degC: float) -> float:
-        """Where the sensor settles under a governor that assumes an ambient: the fixed trip that this amounts to."""
-        sensor, ambient = self.rest_gains
+        """The sensor's steady state under a governor that assumes an ambient: the equivalent fixed trip point."""
+        sensor, ambient = self.dc_gains
         offset = float(self.skin.offset[0])
         return (limit_degC - self.margin_K - offset - ambient * ambient_degC) / sensor
 
     def __str__(self) -> str:
-        sensor, ambient = self.rest_gains
+        sensor, ambient = self.dc_gains
         return (
-            f"at rest the skin is {sensor:.3f} {self.sensor} {'-' if ambient < 0 else '+'} {abs(ambient):.3f} ambient, "
-            f"{self.rmse_degC:.2f} degC off "
-            f"(RMSE), and rises by {self.resistance_K_W:.2f} K per W with {self.time_constant_s:.0f} s; "
-            f"{self.margin_K:.1f} K are kept to the limit"
+            f"in steady state the skin is {sensor:.3f} {self.sensor} {'-' if ambient < 0 else '+'} {abs(ambient):.3f} "
+            f"ambient (RMSE {self.rmse_degC:.2f} degC), and rises by {self.resistance_K_W:.2f} K per W with "
+            f"{self.time_constant_s:.0f} s; "
+            f"the margin to the limit is {self.margin_K:.1f} K"
         )
 
 
 class Governor:
-    """A batch of governors of one phone, alike but for the ambient each goes by; ``top_W`` is the most that is asked.
+    """A batch of governors of one phone that differ in the ambient they use; ``top_W`` is the highest demand.
 
-    ``assumed_degC``, shape (batch,), is what each goes by while it is told nothing: at once and in full, for its own
-    prediction of the skin runs beside the other all the time. One whose own sensor is silent leaves :data:`FLOOR_W`.
+    ``assumed_degC``, shape (batch,), replaces a missing ambient without a transient: a second prediction of the skin
+    always runs on it. Without a reading of its sensor a governor sets the cap to :data:`FLOOR_W`.
     """
 
     def __init__(
         self, identified: Identified, limit_degC: float, top_W: float, period_s: float, assumed_degC: Array
     ) -> None:
         self.target_degC = limit_degC - identified.margin_K
-        self._told_skin = _Skin(identified, period_s)
+        self._known_skin = _Skin(identified, period_s)
         self._assumed_skin = _Skin(identified, period_s)
         self._resistance = identified.resistance_K_W
         self._gain = (SPEED - 1.0) / self._resistance
-        self._integral = self._gain * period_s / identified.time_constant_s
+        self._integral_gain = self._gain * period_s / identified.time_constant_s
         self._top_W = top_W
         self._assumed_degC = assumed_degC
         self._sensor_degC = np.full(len(assumed_degC), np.nan)
-        self._was_told = np.zeros(len(assumed_degC), dtype=np.bool_)
-        self._trim_W = np.zeros(len(assumed_degC))
+        self._was_known = np.zeros(len(assumed_degC), dtype=np.bool_)
+        self._integral_W = np.zeros(len(assumed_degC))
         self._wanted_W = np.full(len(assumed_degC), np.inf)
         self.ambient_degC = assumed_degC
-        """What each went by last."""
+        """The ambient that each used last."""
         self.skin_degC = np.full(len(assumed_degC), np.nan)
-        """What each predicted last."""
+        """The skin that each predicted last."""
 
-    def cap_W(self, sensor_degC: Array, told_degC: Array, drawn_W: Array) -> Array:
-        """The caps from now on; ``drawn_W`` was drawn under the last ones. NaN: a silent sensor, nothing told."""
-        told = ~np.isnan(told_degC)
-        self.ambient_degC = np.where(told, told_degC, self._assumed_degC)
-        silent = self._heard(sensor_degC)
-        mine = self._told_skin.predicted(self._sensor_degC, self.ambient_degC)
-        feared = self._assumed_skin.predicted(self._sensor_degC, self._assumed_degC)
-        self.skin_degC = np.where(told, mine, feared)
+    def cap_W(self, sensor_degC: Array, known_degC: Array, drawn_W: Array) -> Array:
+        """The next caps; ``drawn_W`` was drawn under the last ones. NaN: no reading of the sensor, no known ambient."""
+        known = ~np.isnan(known_degC)
+        self.ambient_degC = np.where(known, known_degC, self._assumed_degC)
+        silent = self._hold_last(sensor_degC)
+        on_known = self._known_skin.predicted(self._sensor_degC, self.ambient_degC)
+        on_assumed = self._assumed_skin.predicted(self._sensor_degC, self._assumed_degC)
+        self.skin_degC = np.where(known, on_known, on_assumed)
         headroom_K = self.target_degC - self.skin_degC
-        # the trim is the error of one ambient, and says nothing of another
-        self._trim_W = np.where(told == self._was_told, self._trim_W, 0.0)
-        self._trim_W = self._trim_W + self._bound(drawn_W) * ~silent * self._integral * headroom_K
-        self._was_told = told
+        # the integral belongs to one ambient
+        self._integral_W = np.where(known == self._was_known, self._integral_W, 0.0)
+        self._integral_W = self._integral_W + self._limited(drawn_W) * ~silent * self._integral_gain * headroom_K
+        self._was_known = known
         budget_W = (self.target_degC - self.ambient_degC) / self._resistance
-        wanted_W = budget_W + self._gain * headroom_K + self._trim_W
+        wanted_W = budget_W + self._gain * headroom_K + self._integral_W
         self._wanted_W = np.where(silent, np.inf, wanted_W)
         return np.where(silent, FLOOR_W, np.clip(wanted_W, FLOOR_W, self._top_W))
 
-    def _heard(self, sensor_degC: Array) -> NDArray[np.bool_]:
-        """Which sensors are silent: their last word stands in, and before it the ambient."""
+    def _hold_last(self, sensor_degC: Array) -> NDArray[np.bool_]:
+        """Which sensors lack a reading: their last reading is used, before the first one the ambient."""
         silent = np.isnan(sensor_degC)
         last = np.where(np.isnan(self._sensor_degC), self.ambient_degC, self._sensor_degC)
         self._sensor_degC = np.where(silent, last, sensor_degC)
         return silent
 
-    def _bound(self, drawn_W: Array) -> NDArray[np.bool_]:
-        """Where the last cap was the law's own and held the SoC back."""
+    def _limited(self, drawn_W: Array) -> NDArray[np.bool_]:
+        """Where the last cap lay between floor and top and limited the SoC."""
         own = (self._wanted_W > FLOOR_W) & (self._wanted_W < self._top_W)
         return own & (drawn_W >= _BINDS * self._wanted_W)
 
 
 class _Skin:
-    """The skin as a filter of sensor and ambient, for a batch, from equilibrium with its first inputs on."""
+    """The skin as a filter of sensor and ambient, for a batch; starts in equilibrium with its first inputs."""
 
     def __init__(self, identified: Identified, period_s: float) -> None:
         self._filter = discretised(identified.skin, period_s, identified.hold)
@@ -134,7 +133,7 @@ class _Skin:
         self._state: Array | None = None
 
     def predicted(self, sensor_degC: Array, ambient_degC: Array) -> Array:
-        """The skin now, and one step on."""
+        """The skin now; advances the state by one step."""
         inputs = np.stack([sensor_degC, ambient_degC])
         state = self._start @ inputs if self._state is None else self._state
         self._state = self._filter.A @ state + self._filter.B @ inputs

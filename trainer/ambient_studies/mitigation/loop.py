@@ -1,7 +1,6 @@
-"""The closed loop: phones in rooms, a model on their sensors as a device runs it, governors that are told an ambient.
+"""The closed loop: phones in rooms, a model on their sensors as on a device, governors that use its estimate.
 
-Nothing that a phone cannot know reaches its governor, but in the row that says so: the estimator sees readings, the
-governor its sensor, the estimate, and what the SoC drew.
+A governor gets its sensor, the estimate and the SoC's power; only with :attr:`Knowledge.TRUTH` the true ambient.
 """
 
 from __future__ import annotations
@@ -19,36 +18,34 @@ from ambient_model.observer import Observer
 from ambient_model.tracking import COASTING, DEGRADED, TRACKING, Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import Governor, Identified
 from ambient_studies.mitigation.plant import Plant, skin_degC
-from ambient_studies.mitigation.room import Room
-from ambient_studies.mitigation.setting import Case, Setting, Told
+from ambient_studies.mitigation.setting import Case, Knowledge, Room, Setting
+from ambient_trainer.data import Array
 from ambient_trainer.simulator.device import Zone
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.run import Progress, Run, bursts, stream
 
-Array = NDArray[np.float64]
-
 TRUSTED = (TRACKING, DEGRADED, COASTING)
-"""With any other status the governor assumes the hottest room, as if it had no estimate."""
+"""With any other status the governor assumes the hottest room."""
 
 _PROGRESS_EVERY = 50
 
 
 @dataclass(frozen=True)
 class Record:
-    """What happened to one phone, sample by sample, shape (n,); the work begins at 0 s."""
+    """The signals of one phone, each of shape (n,); the work begins at 0 s."""
 
     case: Case
     time_s: Array
     air_degC: Array
     skin_degC: Array
     soc_W: Array
-    told_degC: Array
-    """The ambient that its governor went by; NaN without a governor."""
+    used_degC: Array
+    """The ambient that its governor used; NaN without a governor."""
     estimate_degC: Array
-    """What the model said; NaN where it said nothing, or there is none."""
+    """The model's estimate; NaN where there is none."""
     trusted: NDArray[np.bool_]
-    """Whether the governor went by the estimate."""
+    """Whether the governor used the estimate."""
 
 
 def closed_loop(
@@ -59,24 +56,28 @@ def closed_loop(
     seeds: Sequence[int],
     progress: Progress | None = None,
 ) -> list[Record]:
-    """A record for every room, seed and :class:`Told`; raises :class:`Refused` where the phone lacks an input."""
-    cases = [Case(room, seed, told) for room, seed, told in itertools.product(rooms, seeds, Told)]
+    """A record for every room, seed and :class:`Knowledge`; raises :class:`Refused` where the phone lacks an input."""
+    cases = [Case(*each) for each in itertools.product(rooms, seeds, Knowledge)]
     zones = phone_zones(model, identified.sensor)
     names = [zone.name for zone in zones]
     plant = Plant([_run(case, setting) for case in cases], [case.seed for case in cases], zones, setting.period_s)
-    assumed = np.array([setting.usual_degC if each.told is Told.USUAL else setting.hottest_degC for each in cases])
+    assumed = np.array(
+        [setting.usual_degC if each.knowledge is Knowledge.USUAL else setting.hottest_degC for each in cases]
+    )
     governor = Governor(identified, setting.limit_degC, _most_W(setting), setting.period_s, assumed)
-    free, knowing = (np.array([each.told is told for each in cases]) for told in (Told.NOTHING, Told.TRUTH))
+    free, knowing = (
+        np.array([each.knowledge is kind for each in cases]) for kind in (Knowledge.NOTHING, Knowledge.TRUTH)
+    )
     estimators = _Estimators(model, cases, names, setting.period_s)
     sensor = names.index(identified.sensor)
     time_s: Array = (np.arange(setting.samples, dtype=np.float64) - setting.idle_samples) * setting.period_s
     kept = np.full((6, len(time_s), len(cases)), np.nan)
     drawn_W = np.zeros(len(cases))
     for k, now_s in enumerate(time_s.tolist()):
-        readings = _heard(plant.readings_degC, names, setting, now_s)
+        readings = _with_outage(plant.readings_degC, names, setting, now_s)
         estimate, trusted = estimators.update(now_s, readings)
-        told = np.where(trusted, estimate, np.where(knowing, plant.air_degC, np.nan))
-        cap_W = np.where(free, np.inf, governor.cap_W(readings[:, sensor], told, drawn_W))
+        known = np.where(trusted, estimate, np.where(knowing, plant.air_degC, np.nan))
+        cap_W = np.where(free, np.inf, governor.cap_W(readings[:, sensor], known, drawn_W))
         drawn_W = plant.drawn_W(cap_W)
         ambient = np.where(free, np.nan, governor.ambient_degC)
         kept[:, k] = plant.air_degC, skin_degC(plant.nodes_degC), drawn_W, ambient, estimate, trusted
@@ -104,7 +105,7 @@ def phone_zones(model: Model, sensor: str) -> list[Zone]:
 
 
 class _Estimators:
-    """The model, its guard included, on the readings of each phone whose governor is told what it says."""
+    """The model with its secondary estimator, on the readings of each phone whose governor uses the estimate."""
 
     def __init__(self, model: Model, cases: Sequence[Case], names: Sequence[str], period_s: float) -> None:
         discrete = nearest_discrete(model.main, period_s)
@@ -112,24 +113,24 @@ class _Estimators:
         self._observers = {
             index: Observer(model, Tracker(model.main, discrete))
             for index, case in enumerate(cases)
-            if case.told is Told.ESTIMATE
+            if case.knowledge is Knowledge.ESTIMATE
         }
         self._size = len(cases)
 
     def update(self, now_s: float, readings: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """What is said now, NaN for nothing, and whether it is to be trusted, both of shape (batch,)."""
-        said, trusted = np.full(self._size, np.nan), np.zeros(self._size, dtype=np.bool_)
+        """The estimates now, NaN for none, and whether they are trusted, both of shape (batch,)."""
+        estimates, trusted = np.full(self._size, np.nan), np.zeros(self._size, dtype=np.bool_)
         for index, observer in self._observers.items():
             row = readings[index, self._picks].tolist()
             estimate = observer.update(now_s, [None if value != value else value for value in row])
             if estimate.ambient_degC is not None:
-                said[index] = estimate.ambient_degC
+                estimates[index] = estimate.ambient_degC
                 trusted[index] = estimate.status in TRUSTED
-        return said, trusted
+        return estimates, trusted
 
 
-def _heard(readings: Array, names: Sequence[str], setting: Setting, now_s: float) -> Array:
-    """The readings that come through: NaN from a sensor that is out."""
+def _with_outage(readings: Array, names: Sequence[str], setting: Setting, now_s: float) -> Array:
+    """``readings`` with NaN for a sensor in its outage."""
     outage = setting.outage
     if outage is not None and 60 * outage.from_min <= now_s < 60 * outage.to_min:
         readings[:, names.index(outage.sensor)] = np.nan
@@ -149,7 +150,7 @@ def _run(case: Case, setting: Setting) -> Run:
 
 
 def _most_W(setting: Setting) -> float:
-    """The most that any activity asks of the SoC."""
+    """The highest SoC power of any activity."""
     every = np.arange(len(setting.phone.activities))
     balance = HeatBalance([setting.phone] * len(every))
     return float(balance.demand(every, np.ones(len(every))).heat_W[:, balance.processor].max())

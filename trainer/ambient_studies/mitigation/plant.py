@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambient_trainer.data import Array
 from ambient_trainer.simulator import Stepper, Zone, load_device
 from ambient_trainer.simulator.heat import Demand
 from ambient_trainer.simulator.run import Run, stream
 
-Array = NDArray[np.float64]
-
 SKIN = ("display", "back", "frame")
-"""The nodes that a hand lies on."""
+"""The nodes of the phone's surface."""
 
 
 def skin_degC(nodes_degC: Array) -> Array:
-    """The hottest of what a hand touches, shape (...), of nodes of shape (..., nodes)."""
+    """The hottest surface node, shape (...), of nodes of shape (..., nodes)."""
     hottest: Array = nodes_degC[..., [load_device().index(node) for node in SKIN]].max(axis=-1)
     return hottest
 
@@ -59,7 +57,7 @@ class Plant:
         return balance.drawn(self.nodes_degC, self._demand(cap_W))[0][:, balance.processor]
 
     def step(self, cap_W: Array) -> None:
-        """Go on to the next sample under caps of shape (batch,), in W; infinity caps nothing."""
+        """Advance by one sample under caps of shape (batch,), in W; infinity caps nothing."""
         self._stepper.step(self._demand(cap_W), (self._air[self._sample], self._air[self._sample + 1]))
         self._sample += 1
 

@@ -1,14 +1,13 @@
-"""What the governor knows of a phone comes from a training run in the chamber, never from the rooms it is judged in.
+"""Identification of the governor on a training run in the chamber; the rooms of the comparison are no part of it.
 
 In the thesis's scenario 5 thermocouples lie on the skin and in the air, and the phone logs its sensor and the SoC's
-power. The trainer's own free filter of order 1 is fitted twice: to the skin from the sensor and the air, and to the
-skin from the SoC's power and the air; the second tells the rise per W and its time constant.
+power. A free filter of order 1 is fitted twice: to the skin from the sensor and the air, and to the skin from the SoC's
+power and the air; the second gives the rise per W and its time constant.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.trace import REFERENCE
 from ambient_studies.mitigation.governor import Identified
@@ -22,8 +21,6 @@ from ambient_trainer.simulator.instruments import felt, probe_reading, zone_read
 from ambient_trainer.simulator.run import Progress, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import load_scenario
 
-Array = NDArray[np.float64]
-
 SCENARIO = "5"
 SEED = 0
 _AIR, _POWER = "air_degC", "soc_power_W"
@@ -31,7 +28,7 @@ _MARGIN_PERCENT = 95
 
 
 def training_trace(zone: Zone, period_s: float = 1.0, progress: Progress | None = None) -> Trace:
-    """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin in the reference's place."""
+    """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin as the reference."""
     phone = load_device()
     driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone)], period_s, progress)[0]
     kept = slice(driven.run.unrecorded, None)
@@ -47,7 +44,7 @@ def training_trace(zone: Zone, period_s: float = 1.0, progress: Progress | None 
 
 
 def identify(trace: Trace) -> Identified:
-    """What a governor on the trace's first column knows."""
+    """Identify a governor on the trace's first column."""
     sensor = next(iter(trace.columns))
     skin, power = _fit(trace, sensor), _fit(trace, _POWER)
     return Identified(

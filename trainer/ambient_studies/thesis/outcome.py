@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 from ambient_studies.thesis.methods import Progress, thesis_methods
 from ambient_studies.thesis.published import CONSTANT_SCENARIOS, MODELS, published_results, sensor_statistics
 from ambient_studies.thesis.rows import Row, evaluate, like_published, spearman
-from ambient_trainer.report.table import Table
+from ambient_trainer.report import Finding, Report, Section, Table
 from ambient_trainer.simulator import Device, simulate_many
 
 MEAN_BAR_DEGC = 1.0
@@ -51,6 +51,17 @@ def outcomes(device: Device, seed: int) -> list[Outcome]:
         if published.std_degC is not None:
             found.append(Outcome(scenario, sensor, "std", published.std_degC, float(values.std())))
     return found
+
+
+def report_of(compared: Sequence[Outcome], rows: Sequence[Row], fitted: str = "") -> Report:
+    """The residuals of the calibration and the ranks of the models' errors; ``fitted`` names the search's result."""
+    return Report(
+        subject="Calibration of the simulated phone",
+        title=f"{sum(each.within for each in compared)} of {len(compared)} published figures within the bar",
+        lead=[Finding(fitted, "result") if fitted else None],
+        sections=[Section("", [outcome_table(compared), rank_table(rows)])],
+        data={},
+    )
 
 
 def outcome_table(found: Sequence[Outcome]) -> Table:

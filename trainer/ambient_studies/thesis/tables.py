@@ -9,7 +9,7 @@ from ambient_model.model import LEVELS_PERCENT
 from ambient_studies.thesis.names import OURS, RELATED, SCENARIOS, TABLES, VARIANTS, method_name
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, Result
 from ambient_studies.thesis.rows import Row
-from ambient_trainer.report.table import Table
+from ambient_trainer.report import Table
 
 PUBLISHED, SIMULATED = "published", "simulated"
 

@@ -42,19 +42,14 @@ def page_of(report: Report) -> str:
     )  # fmt: skip
 
 
-def render(template: str, **content: Any) -> str:
-    """The page that ``template`` (a file in ``report/templates``) makes of ``content``; all text is escaped."""
-    return _environment().get_template(template).render(**content)
-
-
-def write_report(folder: str, report: Report | str) -> str:
+def write_report(folder: str, report: Report) -> str:
     """Write the page of ``report`` and what it needs into ``folder``, made where missing, and return the page's path.
 
     Each file is replaced whole or left as it was. Raises :class:`Refused` where the folder cannot be written to.
     """
     from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
-    page = page_of(report) if isinstance(report, Report) else report
+    page = page_of(report)
     try:
         os.makedirs(folder, exist_ok=True)
     except OSError as error:

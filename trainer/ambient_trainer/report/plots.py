@@ -17,23 +17,10 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.report.decimate import broken_at_gaps, envelope, extremes
-from ambient_trainer.report.palette import (
-    AXIS,
-    BLUE,
-    DIVERGING,
-    GRID,
-    INK,
-    ORANGE,
-    SAND,
-    SENSOR_COLOURS,
-    SKY,
-    TEXT,
-)
+from ambient_trainer.report.palette import AXIS, DIVERGING, GRID, TEXT
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
-
-__all__ = ["BLUE", "INK", "ORANGE", "SAND", "SENSOR_COLOURS", "SKY"]  # those who draw take them from the palette
 
 POINTS_PER_LINE = 6000
 """Lines of more samples than this are drawn from the extremes of stretches."""
@@ -199,11 +186,6 @@ def matrix_figure(
     )
     figure.update_xaxes(type="category", showgrid=False)
     figure.update_yaxes(autorange="reversed", automargin=True, showgrid=False)
-    return figure
-
-
-def with_legend_above(figure: go.Figure) -> go.Figure:
-    """``figure``: its legend stands above anyhow; goes when nothing calls it."""
     return figure
 
 
