@@ -25,7 +25,9 @@ sys.argv = ["ambient-trainer", *sys.argv[1:]]
 from ambient_trainer.__main__ import main
 main()
 """
-EXPORTING = ("circuits", "data", "lti")
+EXPORTING = (
+    "circuits", "cli", "data", "diagnosis", "estimation", "estimators", "evaluation", "lti", "report", "simulator",
+)  # fmt: skip
 """Packages of which the studies import exported names only."""
 
 

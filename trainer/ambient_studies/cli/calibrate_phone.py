@@ -7,9 +7,7 @@ from pathlib import Path
 import click
 
 from ambient_model.atomic import replacing
-from ambient_trainer.cli.options import seed_option
-from ambient_trainer.cli.output import Output, check_outputs
-from ambient_trainer.cli.progress import counted_progress
+from ambient_trainer.cli import Output, check_outputs, counted_progress, seed_option
 
 BUDGET = 25
 
@@ -32,7 +30,7 @@ def command(output: str, seed: int, budget: int) -> None:
     """
     from ambient_studies.thesis.calibration import calibrate
     from ambient_studies.thesis.outcome import outcomes, ranked, report_of
-    from ambient_trainer.simulator.device_file import device_path, load_constants, load_device, rounded, with_calibrated
+    from ambient_trainer.simulator import device_path, load_constants, load_device, rounded, with_calibrated
 
     constants = load_constants()
     values, fitted = {name: each.value for name, each in constants.items()}, ""

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ambient_trainer.cli.options import jobs_option, output_options
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import counted_progress
+from ambient_trainer.cli import Output, counted_progress, jobs_option, output_options
 
 if TYPE_CHECKING:
     from ambient_studies.discovery.runner import Done
@@ -41,7 +39,7 @@ def command(count: int, seed: int, circuit_name: str, output: Output, jobs: int)
     same seed draws the same cases; interrupted, it shows those that are done.
     """
     from ambient_studies.discovery.report import as_json, case_json, report_of  # scipy: --help should not wait for it
-    from ambient_trainer.estimators.registry import thermal_circuit
+    from ambient_trainer.estimators import thermal_circuit
 
     output.check([circuit_name])
     circuit = thermal_circuit(circuit_name)

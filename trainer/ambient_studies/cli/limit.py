@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ambient_trainer.cli.options import output_options, sampling_option, whole_numbers
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer.cli import Output, output_options, sampling_option, staged_progress, whole_numbers
 
 
 @click.command("limit")
@@ -33,7 +31,7 @@ def command(model_path: str, scenario_list: str, seed_list: str, fitted: int, pe
     from ambient_model.codec import load_model
     from ambient_studies.lower_bound.report import report_of  # scipy: --help should not wait for it
     from ambient_studies.lower_bound.study import Seeds, lower_bounds
-    from ambient_trainer.simulator.scenario import scenario_names
+    from ambient_trainer.simulator import scenario_names
 
     output.check([model_path])
     scenarios = scenario_names() if scenario_list == "all" else tuple(dict.fromkeys(scenario_list.split(",")))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ambient_trainer.cli.options import Finite, FiniteRange, output_options, sampling_option
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer.cli import Finite, FiniteRange, Output, output_options, sampling_option, staged_progress
 
 _WORKLOADS = ("cpu_100", "cpu_50", "camera_1080p", "camera_4k", "streaming")
 _ROOMS = ("5", "20", "35", "35/5/35")

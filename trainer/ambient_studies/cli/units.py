@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ambient_trainer.cli.options import jobs_option, output_options, sampling_option
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer.cli import Output, jobs_option, output_options, sampling_option, staged_progress
 
 
 @click.command("units")

@@ -12,11 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ambient_trainer.data import Trace
-from ambient_trainer.simulator.draw import draw_hidden
-from ambient_trainer.simulator.hidden import Hidden, effects
-from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Simulated, simulate_many
+from ambient_trainer.simulator import SIGNALS, Hidden, Simulated, draw_hidden, effects, load_scenario, simulate_many
 
 SCENARIO = "5"
 """Seven hours, with every load and air from cold to hot."""

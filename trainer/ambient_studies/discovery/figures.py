@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from ambient_studies.discovery.outcome import Outcome
-from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause
+from ambient_trainer.diagnosis import NONE, UNKNOWN, Cause
 
 LARGE_IN_NOISE = 5.0
 """An effect of at least this size counts as large."""

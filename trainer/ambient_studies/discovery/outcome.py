@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ambient_trainer.diagnosis.result import Cause
+from ambient_trainer.diagnosis import Cause
 
 
 @dataclass(frozen=True)

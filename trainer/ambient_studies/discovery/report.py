@@ -24,10 +24,8 @@ from ambient_studies.discovery.figures import (
 )
 from ambient_studies.discovery.outcome import Outcome
 from ambient_studies.discovery.runner import Done
-from ambient_trainer.diagnosis.words import digits, duration
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
-from ambient_trainer.report.palette import ESTIMATE, LIMIT
-from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
+from ambient_trainer.diagnosis import digits, duration
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -208,7 +206,9 @@ def _confusion_figure(outcomes: Sequence[Outcome]) -> go.Figure:
     shares = matrix.counts / np.maximum(matrix.counts.sum(axis=1, keepdims=True), 1)
     right = np.array(matrix.true)[:, None] == np.array(matrix.found)
     texts = [[str(count) if count else "" for count in row] for row in matrix.counts.tolist()]
-    figure = matrix_figure(matrix.found, matrix.true, np.where(right, shares, -shares).tolist(), texts, cell_px=34)
+    figure = plots.matrix_figure(
+        matrix.found, matrix.true, np.where(right, shares, -shares).tolist(), texts, cell_px=34
+    )
     figure.update_layout(height=figure.layout.height + 130)
     for update, names in ((figure.update_xaxes, matrix.found), (figure.update_yaxes, matrix.true)):
         # names in two lines, small: a phone's screen has room for the cells besides
@@ -223,12 +223,14 @@ def _detection_figure(outcomes: Sequence[Outcome]) -> go.Figure:
     sizes, shares = [each.middle for each in found], [100 * each.share.value for each in found]
     ends = [(100 * low, 100 * high) for low, high in (each.share.ci95 for each in found)]
     hover = [f"{each.share.hits} of {each.share.cases}" for each in found]
-    figure = panel_figure("size, in units of the noise", "cause, place and signal right [%]", height_px=400)
-    add_curve(figure, sizes, shares, "right, with its 95 % interval", ESTIMATE, width=2, ends=ends, hover=hover)
+    figure = plots.panel_figure("size, in units of the noise", "cause, place and signal right [%]", height_px=400)
+    plots.add_curve(
+        figure, sizes, shares, "right, with its 95 % interval", palette.ESTIMATE, width=2, ends=ends, hover=hover
+    )
     asked = 100 * BARS["large"]
     end = max(*sizes, 2 * LARGE_IN_NOISE)
     name = f"asked: {asked:.0f} % from {LARGE_IN_NOISE:g} on"
-    add_curve(figure, [LARGE_IN_NOISE, end], [asked, asked], name, LIMIT, dash="dash", width=1.6)
+    plots.add_curve(figure, [LARGE_IN_NOISE, end], [asked, asked], name, palette.LIMIT, dash="dash", width=1.6)
     figure.update_xaxes(type="log", tickvals=[0.2, 0.5, 1, 2, 5, 10, 20, 50, 100], hoverformat=".1f")
     figure.update_yaxes(range=[-3, 103])
     return figure

@@ -15,13 +15,16 @@ from ambient_studies.discovery.cases import Case, simulated
 from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.data import Trace
-from ambient_trainer.diagnosis.diagnose import diagnose_trained
-from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.record import diagnosis_period_s
-from ambient_trainer.diagnosis.selection import known_good_model
-from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
-from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimation.workers import results, workers
+from ambient_trainer.diagnosis import (
+    TrainedCircuit,
+    diagnose_trained,
+    diagnosis_period_s,
+    forward,
+    known_good_model,
+    records_of,
+    train_on_baselines,
+)
+from ambient_trainer.estimation import Progress, results, workers
 from ambient_trainer.simulator import Simulated, Truth
 
 _AT_ONCE = 24

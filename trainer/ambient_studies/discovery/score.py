@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 from ambient_studies.discovery.outcome import Outcome
 from ambient_trainer.circuits import Circuit
-from ambient_trainer.diagnosis.result import Cause, Diagnosis, Step
-from ambient_trainer.simulator import load_device
-from ambient_trainer.simulator.truth import Truth
+from ambient_trainer.diagnosis import Cause, Diagnosis, Step
+from ambient_trainer.simulator import Truth, load_device
 
 ONSET_S = 120.0
 MAGNITUDE_FRAC = 0.25

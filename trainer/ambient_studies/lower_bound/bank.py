@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data import Trace, sampling_period_s
-from ambient_trainer.estimation.least_squares import Gram
+from ambient_trainer.estimation import Gram
 from ambient_trainer.lti import one_pole
 
 Array = NDArray[np.float64]

@@ -19,9 +19,8 @@ from ambient_model.model import Model
 from ambient_model.trace import REFERENCE
 from ambient_studies.lower_bound.bank import fitted, gram, rmse_degC
 from ambient_trainer.data import Trace
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import estimator
-from ambient_trainer.evaluation.evaluate import evaluate_trace
+from ambient_trainer.estimators import Effort, estimator
+from ambient_trainer.evaluation import evaluate_trace
 from ambient_trainer.simulator import load_device, load_scenario, simulate_many
 
 Progress = Callable[[str, int, int], None]

@@ -20,10 +20,7 @@ from ambient_studies.mitigation.governor import Governor, Identified
 from ambient_studies.mitigation.plant import Plant, skin_degC
 from ambient_studies.mitigation.setting import Case, Knowledge, Room, Setting
 from ambient_trainer.data import Array
-from ambient_trainer.simulator.device import Zone
-from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.heat import HeatBalance
-from ambient_trainer.simulator.run import Progress, Run, bursts, stream
+from ambient_trainer.simulator import HeatBalance, Progress, Run, Zone, bursts, load_device, stream
 
 TRUSTED = (TRACKING, DEGRADED, COASTING)
 """With any other status the governor assumes the hottest room."""

@@ -7,9 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambient_trainer.data import Array
-from ambient_trainer.simulator import Stepper, Zone, load_device
-from ambient_trainer.simulator.heat import Demand
-from ambient_trainer.simulator.run import Run, stream
+from ambient_trainer.simulator import Demand, Run, Stepper, Zone, load_device, stream
 
 SKIN = ("display", "back", "frame")
 """The nodes of the phone's surface."""

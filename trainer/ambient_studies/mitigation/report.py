@@ -15,9 +15,7 @@ from ambient_studies.mitigation.score import Score, scores
 from ambient_studies.mitigation.setting import Knowledge, Setting
 from ambient_studies.mitigation.training import SCENARIO
 from ambient_trainer.data import Array
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
-from ambient_trainer.report.palette import BLUE, INK, LIGHT, LIMIT, ORANGE, SAND, SKY
-from ambient_trainer.report.plots import Line, Panel, stacked_figure
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -26,11 +24,11 @@ _NOTICED_FRAC = 0.02  # differences of work below this are not named; chosen
 _NOTICED_MIN = 0.5  # nor those of the time above the limit; chosen
 _BEFORE_S = 300.0
 _STYLES = {
-    Knowledge.NOTHING: (LIGHT, 7.0),
-    Knowledge.USUAL: (SAND, 4.6),
-    Knowledge.TRUTH: (SKY, 3.0),
-    Knowledge.HOTTEST: (ORANGE, 1.6),
-    Knowledge.ESTIMATE: (BLUE, 1.6),
+    Knowledge.NOTHING: (palette.LIGHT, 7.0),
+    Knowledge.USUAL: (palette.SAND, 4.6),
+    Knowledge.TRUTH: (palette.SKY, 3.0),
+    Knowledge.HOTTEST: (palette.ORANGE, 1.6),
+    Knowledge.ESTIMATE: (palette.BLUE, 1.6),
 }
 """Colour and width, widest first: curves below stay visible as a rim where they coincide."""
 _ABOUT = (
@@ -223,18 +221,18 @@ def _room_figure(by_knowledge: dict[Knowledge, Record], setting: Setting) -> go.
     shown = mine.time_s >= -_BEFORE_S
     time_s = mine.time_s[shown]
 
-    def lines(of: Callable[[Record], Array]) -> list[Line]:
-        return [Line(names[kind], of(by_knowledge[kind])[shown], *style) for kind, style in _STYLES.items()]
+    def lines(of: Callable[[Record], Array]) -> list[plots.Line]:
+        return [plots.Line(names[kind], of(by_knowledge[kind])[shown], *style) for kind, style in _STYLES.items()]
 
-    limit = Line("limit", np.full(len(time_s), setting.limit_degC), LIMIT, 1.0)
+    limit = plots.Line("limit", np.full(len(time_s), setting.limit_degC), palette.LIMIT, 1.0)
     ambient = [
-        Line("ambient in use", mine.used_degC[shown], SAND, 5.0),
-        Line("air", mine.air_degC[shown], INK),
-        Line("estimate", mine.estimate_degC[shown], BLUE, 1.0),
+        plots.Line("ambient in use", mine.used_degC[shown], palette.SAND, 5.0),
+        plots.Line("air", mine.air_degC[shown], palette.INK),
+        plots.Line("estimate", mine.estimate_degC[shown], palette.BLUE, 1.0),
     ]
     panels = [
-        Panel("skin [°C]", [limit, *lines(lambda each: each.skin_degC)], height_px=300),
-        Panel("SoC [W]", lines(lambda each: each.soc_W), height_px=260),
-        Panel("ambient [°C]", ambient, height_px=240),
+        plots.Panel("skin [°C]", [limit, *lines(lambda each: each.skin_degC)], height_px=300),
+        plots.Panel("SoC [W]", lines(lambda each: each.soc_W), height_px=260),
+        plots.Panel("ambient [°C]", ambient, height_px=240),
     ]
-    return stacked_figure(time_s, panels)
+    return plots.stacked_figure(time_s, panels)

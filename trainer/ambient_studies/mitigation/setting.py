@@ -11,8 +11,7 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_trainer.data import Array
 from ambient_trainer.lti import lagged
-from ambient_trainer.simulator import Device, load_device
-from ambient_trainer.simulator.chamber import coloured
+from ambient_trainer.simulator import Device, coloured, load_device
 
 COLDEST_DEGC, HOTTEST_DEGC = -20.0, 60.0
 _DOOR_S = 20.0  # time constant of the air around a phone that is carried into the next room; chosen

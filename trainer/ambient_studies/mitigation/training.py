@@ -13,13 +13,19 @@ from ambient_model.trace import REFERENCE
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.plant import skin_degC
 from ambient_trainer.data import Trace
-from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.library.free import FreeFilterEstimator
-from ambient_trainer.simulator.device import Zone
-from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
-from ambient_trainer.simulator.run import Progress, integrate, prepare, stream
-from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
+from ambient_trainer.simulator import (
+    Progress,
+    Zone,
+    felt,
+    integrate,
+    load_device,
+    load_scenario,
+    prepare,
+    probe_reading,
+    stream,
+    zone_reading,
+)
 
 SCENARIO = "5"
 SEED = 0

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 from ambient_studies.thesis.candidates import Recorded, formula_errors, record, statistics
 from ambient_studies.thesis.published import CONSTANT_SCENARIOS, published_results, sensor_statistics
 from ambient_trainer.data import Array
-from ambient_trainer.simulator.device_file import Constant
+from ambient_trainer.simulator import Constant
 
 Progress = Callable[[int, float], None]
 """Called with the number of evaluations and the lowest cost so far."""

@@ -20,12 +20,9 @@ from ambient_studies.thesis.published import (
 )
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array
-from ambient_trainer.evaluation.metrics import Metrics, score
+from ambient_trainer.evaluation import Metrics, score
 from ambient_trainer.lti import dc_gain
-from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.instruments import felt
-from ambient_trainer.simulator.run import Driven, integrate, prepare
-from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.simulator import Driven, felt, integrate, load_device, load_scenario, prepare
 
 SCENARIOS = (*CONSTANT_SCENARIOS, "3")
 """What candidates go through; 4 and 5 are left for the evaluation."""

@@ -23,7 +23,7 @@ from ambient_studies.thesis.published import (
 )
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array, Trace
-from ambient_trainer.estimators.estimate import estimate_degC
+from ambient_trainer.estimators import estimate_degC
 from ambient_trainer.lti import StateSpace, dc_gain
 
 _TRUTH_DEGC = 20.0

@@ -11,10 +11,8 @@ from ambient_studies.thesis.published import MODELS
 from ambient_studies.thesis.reproduction import Reproduction
 from ambient_studies.thesis.rows import Row, like_published
 from ambient_trainer.data import Array, Trace
-from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, rolling_band
-from ambient_trainer.report import Figure, Section
-from ambient_trainer.report.palette import AXIS, ESTIMATE, INTERVAL, REFERENCE, SENSOR_COLOURS, sensor_colours
-from ambient_trainer.report.plots import Band, Line, Panel, panel_figure, stacked_figure
+from ambient_trainer.evaluation import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, rolling_band
+from ambient_trainer.report import Figure, Section, palette, plots
 from ambient_trainer.simulator import load_device, simulate
 
 if TYPE_CHECKING:
@@ -26,13 +24,13 @@ _LOADED = "2.1"
 _DISPLAY_W = 0.4
 """Heat of a display at full brightness; chosen, somewhat above what streaming takes."""
 
-_SCENARIO_COLOURS = dict(zip(("1", "2.1", "2.3", "2.4", "3", "4"), SENSOR_COLOURS))
+_SCENARIO_COLOURS = dict(zip(("1", "2.1", "2.3", "2.4", "3", "4"), palette.SENSOR_COLOURS))
 _SYMBOLS = (
     "circle", "square", "diamond", "cross", "x", "star", "triangle-up", "triangle-down", "pentagon", "hexagram"
 )  # fmt: skip
 _SENSORS = {"soc": "SoC", "flash": "flash", "battery": "battery", "usb": "USB", "display": "display"}
 _ZONES = {"soc": "SoC", "board1": "Board 1", "board2": "Board 2", **_SENSORS}
-_COLOURS = sensor_colours(_ZONES)
+_COLOURS = palette.sensor_colours(_ZONES)
 
 ESTIMATES = {
     "5.1": ("model1_kirchhoff",),
@@ -89,7 +87,7 @@ def error_figure(rows: Sequence[Row]) -> go.Figure:
         for row in like_published(rows)
         if row.published and row.reproduced
     ]
-    figure = panel_figure("published RMSE [°C]", "simulated RMSE [°C]", _SCATTER_HEIGHT_PX)
+    figure = plots.panel_figure("published RMSE [°C]", "simulated RMSE [°C]", _SCATTER_HEIGHT_PX)
     edges = [value for _, *pair in points for value in pair]
     low, high = 0.7 * min(edges, default=0.1), 1.4 * max(edges, default=10.0)
     for factor, dash in ((1.0, "solid"), (2.0, "dot"), (0.5, "dot")):
@@ -99,7 +97,7 @@ def error_figure(rows: Sequence[Row]) -> go.Figure:
             mode="lines",
             hoverinfo="skip",
             showlegend=False,
-            line={"color": AXIS, "dash": dash, "width": 1.2},
+            line={"color": palette.AXIS, "dash": dash, "width": 1.2},
         )
     for scenario, colour in _SCENARIO_COLOURS.items():
         here = [each for each in points if each[0].scenario == scenario]
@@ -134,8 +132,8 @@ def _display_figure(seed: int) -> go.Figure:
     lit = phone.with_values({f"activities.{name}.heat_W.display": _DISPLAY_W for name in ("idle", "cpu_100")})
     off, on = (simulate(_LOADED, device, seed).trace for device in (phone, lit))
     lines = [
-        Line("display on", on.columns["display_degC"], SENSOR_COLOURS[1]),
-        Line("display off", off.columns["display_degC"], SENSOR_COLOURS[0]),
+        plots.Line("display on", on.columns["display_degC"], palette.SENSOR_COLOURS[1]),
+        plots.Line("display off", off.columns["display_degC"], palette.SENSOR_COLOURS[0]),
     ]
     return _plot(off, lines)
 
@@ -150,14 +148,16 @@ def _estimates_figure(trace: Trace, estimates: dict[str, Array]) -> go.Figure:
         alone, sensor = len(estimates) == 1, model.removeprefix("linear_")
         low, high = rolling_band(trace.reference - estimate)
         band = f"{ROLLING_LEVEL_PERCENT} % band" if alone else f"band, {sensor}"
-        bands.append(Band(band, estimate + low, estimate + high, INTERVAL if alone else _COLOURS[sensor]))
-        lines.append(Line("estimate" if alone else sensor, estimate, ESTIMATE if alone else _COLOURS[sensor]))
-    return _plot(trace, [*lines, Line("ambient", trace.reference, REFERENCE)], bands)
+        bands.append(plots.Band(band, estimate + low, estimate + high, palette.INTERVAL if alone else _COLOURS[sensor]))
+        lines.append(
+            plots.Line("estimate" if alone else sensor, estimate, palette.ESTIMATE if alone else _COLOURS[sensor])
+        )
+    return _plot(trace, [*lines, plots.Line("ambient", trace.reference, palette.REFERENCE)], bands)
 
 
-def _line(trace: Trace, zone: str) -> Line:
-    return Line(_ZONES[zone], trace.columns[f"{zone}_degC"], _COLOURS[zone])
+def _line(trace: Trace, zone: str) -> plots.Line:
+    return plots.Line(_ZONES[zone], trace.columns[f"{zone}_degC"], _COLOURS[zone])
 
 
-def _plot(trace: Trace, lines: Sequence[Line], bands: Sequence[Band] = ()) -> go.Figure:
-    return stacked_figure(trace.time_s, [Panel("temperature [°C]", lines, bands, _HEIGHT_PX)])
+def _plot(trace: Trace, lines: Sequence[plots.Line], bands: Sequence[plots.Band] = ()) -> go.Figure:
+    return plots.stacked_figure(trace.time_s, [plots.Panel("temperature [°C]", lines, bands, _HEIGHT_PX)])

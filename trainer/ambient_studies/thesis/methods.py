@@ -17,9 +17,7 @@ from ambient_studies.thesis.printed import PRINTED
 from ambient_studies.thesis.published import MODELS, NONCAUSAL, published_parameters
 from ambient_trainer.circuits import assemble, load_circuit
 from ambient_trainer.data import Array, Trace, sampling_period_s
-from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.estimators.registry import estimator
+from ambient_trainer.estimators import Effort, Fit, estimate_degC, estimator
 
 Variant = Literal["corrected", "as_printed", "noncausal", "published_parameters", "ours"]
 

@@ -16,7 +16,7 @@ from scipy.stats import spearmanr
 from ambient_studies.thesis.methods import Method, Progress, Variant
 from ambient_studies.thesis.published import NONCAUSAL, Result, Results
 from ambient_trainer.data import Array, Trace
-from ambient_trainer.evaluation.metrics import score
+from ambient_trainer.evaluation import score
 
 
 @dataclass(frozen=True)

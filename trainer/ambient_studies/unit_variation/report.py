@@ -11,9 +11,7 @@ import numpy as np
 
 from ambient_studies.unit_variation.runs import CALIBRATION_DEGC, KNOWN_MIN
 from ambient_studies.unit_variation.study import Study
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
-from ambient_trainer.report.palette import AXIS, BASELINE, ESTIMATE, INK
-from ambient_trainer.report.plots import add_curve, panel_figure
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 WAYS = {"as it is": "", "corrected": "corrected_"}
 """How a model runs on a unit, and what the names of those figures begin with."""
 
-_COLOURS = dict(zip(WAYS, (BASELINE, ESTIMATE)))
+_COLOURS = dict(zip(WAYS, (palette.BASELINE, palette.ESTIMATE)))
 _HEIGHT_PX = 330
 _CAPTION = (
     "RMSE and bias (true minus estimate) in degC, over {} simulated units; ±: standard deviation from unit to unit. In "
@@ -178,31 +176,33 @@ def _rows(study: Study) -> Iterator[tuple[str, ...]]:
 
 
 def _rmse_figure(study: Study, group: int) -> go.Figure:
-    figure = panel_figure("share of units that are better [%]", "RMSE [°C]", _HEIGHT_PX)
+    figure = plots.panel_figure("share of units that are better [%]", "RMSE [°C]", _HEIGHT_PX)
     for way, prefix in WAYS.items():
         values = np.array(figures(study, group, f"{prefix}rmse_degC"))
         order = np.argsort(values)
         shares = 100 * (np.arange(len(values)) + 0.5) / len(values)
         hover = [f"unit {study.units[index].number}" for index in order]
-        add_curve(figure, shares.tolist(), values[order].tolist(), way, _COLOURS[way], hover=hover)
+        plots.add_curve(figure, shares.tolist(), values[order].tolist(), way, _COLOURS[way], hover=hover)
     trained = study.nominal.scores[group].rmse_degC
-    add_curve(figure, [0, 100], [trained, trained], "the unit it was trained on", INK, dash="dash", width=1.4)
+    plots.add_curve(
+        figure, [0, 100], [trained, trained], "the unit it was trained on", palette.INK, dash="dash", width=1.4
+    )
     figure.update_yaxes(rangemode="tozero")
     figure.update_xaxes(range=[0, 100])
     return figure
 
 
 def _bias_figure(study: Study, group: int) -> go.Figure:
-    figure = panel_figure("bias as it is [°C]", "bias corrected [°C]", _HEIGHT_PX)
+    figure = plots.panel_figure("bias as it is [°C]", "bias corrected [°C]", _HEIGHT_PX)
     names = [f"{prefix}bias_degC" for prefix in WAYS.values()]
     x, y = (figures(study, group, name) for name in names)
     edge = 1.1 * max(*map(abs, x), *map(abs, y), 0.1)
-    line = {"color": AXIS, "dash": "dot", "width": 1.4}
+    line = {"color": palette.AXIS, "dash": "dot", "width": 1.4}
     figure.add_scatter(x=[-edge, edge], y=[-edge, edge], mode="lines", line=line, name="as before", hoverinfo="skip")
     nominal = [getattr(study.nominal.scores[group], name) for name in names]
     for each, points, texts, marker in (
-        ("a unit", (x, y), [f"unit {unit.number}" for unit in study.units], {"color": ESTIMATE, "size": 8}),
-        ("the unit it was trained on", nominal, [""], {"color": INK, "size": 11, "symbol": "diamond"}),
+        ("a unit", (x, y), [f"unit {unit.number}" for unit in study.units], {"color": palette.ESTIMATE, "size": 8}),
+        ("the unit it was trained on", nominal, [""], {"color": palette.INK, "size": 11, "symbol": "diamond"}),
     ):
         x_values, y_values = (np.atleast_1d(values).tolist() for values in points)
         figure.add_scatter(

@@ -7,11 +7,22 @@ from typing import NamedTuple
 
 from ambient_studies.unit_variation.unit import Case, Skewed, Unit
 from ambient_trainer.data import Trace
-from ambient_trainer.simulator.additions import Added, together
-from ambient_trainer.simulator.hidden import Hidden
-from ambient_trainer.simulator.run import Progress, Run, integrate, prepare, stream
-from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
-from ambient_trainer.simulator.simulate import added, setting_of, trace_of
+from ambient_trainer.simulator import (
+    Added,
+    Hidden,
+    Progress,
+    Run,
+    Scenario,
+    Step,
+    added,
+    integrate,
+    load_scenario,
+    prepare,
+    setting_of,
+    stream,
+    together,
+    trace_of,
+)
 
 CALIBRATION = "calibration"
 CALIBRATION_DEGC = 25.0

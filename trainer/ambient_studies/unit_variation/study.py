@@ -17,10 +17,9 @@ from ambient_studies.mitigation.loop import phone_zones
 from ambient_studies.unit_variation.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
 from ambient_studies.unit_variation.unit import Unit, drawn, nominal
 from ambient_trainer.data import Trace
-from ambient_trainer.estimation.workers import results, workers
-from ambient_trainer.evaluation.correction import MAIN, corrected, correction, known_between
-from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.simulator.scenario import load_scenario
+from ambient_trainer.estimation import results, workers
+from ambient_trainer.evaluation import correction, evaluate_trace
+from ambient_trainer.simulator import load_scenario
 
 Progress = Callable[[str, int, int], None]
 """Called with what is under way, how much of it is done, and of how much."""
@@ -136,10 +135,10 @@ def _runs(unit: Unit, plan: Plan) -> list[Asked]:
 
 
 def _one(model: Model, number: int, runs: Sequence[Asked], logged: Sequence[Trace]) -> ScoredUnit:
-    found = correction(model, known_between(logged[0], 60 * ON_BEFORE_MIN, None))
-    improved = corrected(model, found, {"trace": CALIBRATION})
+    found = correction.correction(model, correction.known_between(logged[0], 60 * ON_BEFORE_MIN, None))
+    improved = correction.corrected(model, found, {"trace": CALIBRATION})
     scores = [_score(run, model, improved, trace) for run, trace in zip(runs[1:], logged[1:])]
-    return ScoredUnit(number, found.offsets_degC[MAIN], tuple(scores))
+    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores))
 
 
 def _score(run: Asked, model: Model, improved: Model, trace: Trace) -> Score:

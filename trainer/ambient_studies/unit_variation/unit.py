@@ -14,10 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator.device import Device, Tolerances, Zone
-from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.instruments import Instruments
-from ambient_trainer.simulator.run import stream
+from ambient_trainer.simulator import Device, Instruments, Tolerances, Zone, load_device, stream
 
 Array = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from rich.progress import (
 )
 
 if TYPE_CHECKING:
-    from ambient_trainer.estimation import search  # scipy: --help should not wait for it
+    from ambient_trainer.estimation import Progress as SearchProgress  # scipy: --help should not wait for it
 
 Show: TypeAlias = Callable[[str, int, int], None]
 """What is under way, how much of it is done, and of how much."""
@@ -30,7 +30,7 @@ _PATIENCE_S = 1.0
 
 
 @contextlib.contextmanager
-def fit_progress(name: str, searches: int, samples: int) -> Iterator[search.Progress]:
+def fit_progress(name: str, searches: int, samples: int) -> Iterator[SearchProgress]:
     """A bar over the searches of a fit, mostly one a start, with the evaluations and the best RMSE so far."""
     with _bar(0.0, MofNCompleteColumn(), TextColumn("searches")) as show_bar:
         show_bar(name, 0, searches)

@@ -1,10 +1,28 @@
 """What a circuit gets wrong about measured data: shown, named, added to the circuit, and scored on other data."""
 
-from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_trained
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.record import diagnosis_period_s
 from ambient_trainer.diagnosis.report import report_of
-from ambient_trainer.diagnosis.result import Cause, Diagnosis, Gain, Magnitude, Misfit, Ranked, Step, Tested
+from ambient_trainer.diagnosis.result import (
+    NONE,
+    UNKNOWN,
+    Cause,
+    Diagnosis,
+    Gain,
+    Magnitude,
+    Misfit,
+    Ranked,
+    Step,
+    Tested,
+)
+from ambient_trainer.diagnosis.selection import known_good_model
+from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
+from ambient_trainer.diagnosis.words import digits, duration
 
 __all__ = [
+    "NONE",
+    "UNKNOWN",
     "Cause",
     "Diagnosis",
     "Gain",
@@ -13,6 +31,15 @@ __all__ = [
     "Ranked",
     "Step",
     "Tested",
+    "TrainedCircuit",
     "diagnose",
+    "diagnose_trained",
+    "diagnosis_period_s",
+    "digits",
+    "duration",
+    "forward",
+    "known_good_model",
+    "records_of",
     "report_of",
+    "train_on_baselines",
 ]

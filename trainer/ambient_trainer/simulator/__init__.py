@@ -1,26 +1,70 @@
 """Simulated devices and the scenarios they go through; everything that comes from here is simulated."""
 
-from ambient_trainer.simulator.device import Device, Zone
-from ambient_trainer.simulator.device_file import device_names, load_device
-from ambient_trainer.simulator.hidden import Effect, Hidden
-from ambient_trainer.simulator.scenario import Scenario, load_scenario, scenario_names
-from ambient_trainer.simulator.simulate import Simulated, simulate, simulate_many
+from ambient_trainer.simulator.additions import Added, together
+from ambient_trainer.simulator.chamber import coloured
+from ambient_trainer.simulator.device import Device, Tolerances, Zone
+from ambient_trainer.simulator.device_file import (
+    Constant,
+    device_names,
+    device_path,
+    load_constants,
+    load_device,
+    rounded,
+    with_calibrated,
+)
+from ambient_trainer.simulator.draw import draw_hidden
+from ambient_trainer.simulator.heat import Demand, HeatBalance
+from ambient_trainer.simulator.hidden import Effect, Hidden, effects
+from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
+from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
+from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
+from ambient_trainer.simulator.signals import SIGNALS
+from ambient_trainer.simulator.simulate import Simulated, added, setting_of, simulate, simulate_many, trace_of
 from ambient_trainer.simulator.stepper import Stepper
 from ambient_trainer.simulator.truth import Truth
 
 __all__ = [
+    "SIGNALS",
+    "Added",
+    "Constant",
+    "Demand",
     "Device",
+    "Driven",
     "Effect",
+    "HeatBalance",
     "Hidden",
+    "Instruments",
+    "Progress",
+    "Run",
     "Scenario",
     "Simulated",
+    "Step",
     "Stepper",
+    "Tolerances",
     "Truth",
     "Zone",
+    "added",
+    "bursts",
+    "coloured",
     "device_names",
+    "device_path",
+    "draw_hidden",
+    "effects",
+    "felt",
+    "integrate",
+    "load_constants",
     "load_device",
     "load_scenario",
+    "prepare",
+    "probe_reading",
+    "rounded",
     "scenario_names",
+    "setting_of",
     "simulate",
     "simulate_many",
+    "stream",
+    "together",
+    "trace_of",
+    "with_calibrated",
+    "zone_reading",
 ]

@@ -11,8 +11,8 @@ import numpy as np
 from ambient_model.model import Quantiles
 from ambient_studies.thesis.related._samples import estimated
 from ambient_trainer.data import Array, Trace
-from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import USUAL, Effort, Fitted, error_quantiles
+from ambient_trainer.estimation import Progress
+from ambient_trainer.estimators import USUAL, Effort, Fitted, error_quantiles
 
 
 class Predictor(Protocol):

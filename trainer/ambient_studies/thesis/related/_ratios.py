@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambient_trainer.data import Array, Segment
-from ambient_trainer.estimation.structure import Expansion, Unknowns
+from ambient_trainer.estimation import Expansion, Unknowns
 from ambient_trainer.lti import one_pole
 
 _FASTEST_PERIODS = 2.0

@@ -38,7 +38,7 @@ from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_studies.thesis.related._ratios import FirstOrderRatios
 from ambient_studies.thesis.related._samples import lagged, training_samples
 from ambient_trainer.data import Array, Trace, segments
-from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation import search
 
 SENSORS = ("usb_degC", "soc_degC", "flash_degC", "battery_degC", "display_degC")
 """The reference sensor, then the sources', strongest first."""
