@@ -1,4 +1,4 @@
-"""The spread finds a variance that is known, and its levels cover what they say."""
+"""The error variance model finds a variance that is known, and its levels cover what they say."""
 
 import numpy as np
 import pytest
@@ -26,19 +26,19 @@ def run(seed, samples=30_000, constant=0.04, weight=0.5, lag_s=10.0):
 
 def test_a_known_variance_is_found():
     moment, variance = run(1)
-    spread = fit_error_variance([moment], PERIOD_S)
+    model = fit_error_variance([moment], PERIOD_S)
     # levels are of the errors: 90 % of normal ones lie within 1.645
-    sigma = sigma_degC(spread, moment.estimate_degC, 0 * variance, PERIOD_S) * spread.quantiles[90][1] / 1.645
+    sigma = sigma_degC(model, moment.estimate_degC, 0 * variance, PERIOD_S) * model.quantiles[90][1] / 1.645
     assert np.median(np.abs(np.log(sigma / np.sqrt(variance)))) < 0.05
 
 
 def test_the_levels_cover_another_run():
-    spread = fit_error_variance([run(1)[0]], PERIOD_S)
+    model = fit_error_variance([run(1)[0]], PERIOD_S)
     moment, _ = run(2)
     off = np.abs(moment.reference_degC - moment.estimate_degC)
-    sigma = sigma_degC(spread, moment.estimate_degC, 0 * off, PERIOD_S)
+    sigma = sigma_degC(model, moment.estimate_degC, 0 * off, PERIOD_S)
     quiet = sigma < np.quantile(sigma, 0.5)
-    for level, (low, high) in spread.quantiles.items():
+    for level, (low, high) in model.quantiles.items():
         assert low == -high
         for part in (quiet, ~quiet):
             assert np.mean(off[part] <= high * sigma[part]) == pytest.approx(level / 100, abs=0.02)
@@ -51,12 +51,12 @@ def test_it_is_wide_where_the_estimate_moves():
     assert half["90"] > 2 * half["10"]
 
 
-def test_errors_that_do_not_care_have_a_constant_spread():
+def test_errors_of_constant_variance_have_a_constant_width():
     moment, _ = run(3, weight=0.0)
-    spread = fit_error_variance([moment], PERIOD_S)
-    half = half_widths(spread, [moment], PERIOD_S)
+    model = fit_error_variance([moment], PERIOD_S)
+    half = half_widths(model, [moment], PERIOD_S)
     assert half["90"] < 1.1 * half["10"]
-    assert all(term.weight > 0 for term in spread.terms)
+    assert all(term.weight > 0 for term in model.terms)
 
 
 def test_missing_references_do_not_count():

@@ -104,7 +104,7 @@ def test_the_filter_says_on_the_trace_what_its_gains_say(small, grams):
 
 def test_the_noise_gain_is_what_white_noise_comes_out_with(small, grams):
     fitted = grams.fitted(small.places("left", "right"))
-    noise = np.random.default_rng(3).normal(size=(2, 40_000))
+    noise = np.random.default_rng(3).normal(size=(2, 15_000))
     noise[:, 0] = 0.0
     out = regressors(noise) @ fitted.gains.reshape(-1)
     assert fitted.noise_gain(PERIOD_S) == pytest.approx(out.std(), rel=0.03)

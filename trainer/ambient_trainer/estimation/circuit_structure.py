@@ -93,15 +93,9 @@ class CircuitStructure:
 
     @staticmethod
     def _unknowns(parameters: Sequence[Parameter], logarithmic: NDArray[np.bool_]) -> Unknowns:
-        def searched(values: Sequence[float]) -> Array:
-            return np.array([math.log(x) if log else x for x, log in zip(values, logarithmic)], dtype=float)
-
-        return Unknowns(
-            tuple(each.name for each in parameters),
-            searched([each.initial for each in parameters]),
-            searched([each.low for each in parameters]),
-            searched([each.high for each in parameters]),
-        )
+        table = np.array([(each.initial, each.low, each.high) for each in parameters]).reshape(-1, 3).T
+        scaled = np.where(logarithmic, np.log(np.where(logarithmic, table, 1.0)), table)
+        return Unknowns(tuple(each.name for each in parameters), *scaled)
 
     @property
     def logarithmic_names(self) -> tuple[str, ...]:

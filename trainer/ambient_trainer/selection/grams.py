@@ -59,9 +59,9 @@ class Filter:
 
     def noise_gain(self, period_s: float) -> float:
         """Standard deviation of the estimate per unit of white noise in every sensor."""
-        return float(np.sqrt(np.einsum("ij,jk,ik->", self.gains, noise_gram(self.poles_s, period_s), self.gains)))
+        return self.noise_degC(np.ones(len(self.sensors)), period_s)
 
-    def noise_degC(self, noises_degC: Sequence[float], period_s: float) -> float:
+    def noise_degC(self, noises_degC: Sequence[float] | Array, period_s: float) -> float:
         """Standard deviation that the sensors' own noise makes in the estimate."""
         weighed = self.gains * np.asarray(noises_degC)[:, None]
         return float(np.sqrt(np.einsum("ij,jk,ik->", weighed, noise_gram(self.poles_s, period_s), weighed)))
@@ -165,14 +165,8 @@ def gathered(
         held.append(_gram(table[:, out], count[out]))
         fitted_to.append(whole - _gram(table[:, near], count[near]) + (total - int(count[near].sum())) * penalty)
         samples.append(int(count[out].sum()))
-    return Grams(
-        poles_s,
-        len(sensors),
-        whole + total * penalty,
-        np.array(fitted_to),
-        np.array(held),
-        np.array(samples, dtype=np.float64),
-    )
+    by_block = np.array(fitted_to), np.array(held), np.array(samples, dtype=np.float64)
+    return Grams(poles_s, len(sensors), whole + total * penalty, *by_block)
 
 
 def _table(segment: Segment, poles_s: tuple[float, ...], level: float) -> Array:

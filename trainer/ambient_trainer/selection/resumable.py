@@ -9,7 +9,6 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from types import TracebackType
 from typing import Any, Protocol
 
 from joblib import delayed
@@ -70,10 +69,8 @@ class ResumablePool:
         self._parallel.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._parallel.__exit__(kind, error, trace)
+    def __exit__(self, *raised: Any) -> None:
+        self._parallel.__exit__(*raised)
         self._database.close()
 
     def results(self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1) -> dict[Any, Any]:

@@ -31,7 +31,7 @@ from __future__ import annotations
 import codecs
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, StrictBool, model_validator
 
 from ambient_model.faults import Fault
 from ambient_model.trace import LARGEST, split_column
@@ -49,7 +49,62 @@ def _as_list(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
+def _unit(unit: str | None) -> str | None:
+    if unit is not None and unit not in UNITS:
+        raise wrong(f"no unit is called {unit!r}", f"take one of {', '.join(UNITS)}, or give 'scale' and 'offset'")
+    return unit
+
+
+def _scale(scale: float) -> float:
+    if scale == 0:
+        raise wrong("a scale of 0 leaves nothing of the value", "give another, or leave the column out")
+    return scale
+
+
+def _columns(columns: Any) -> Any:
+    if columns in (None, {}):
+        raise wrong("no columns", "map at least one, such as 'usb_degC: T_usb'")
+    return columns
+
+
+def _encoding(encoding: str | None) -> str | None:
+    try:
+        "".encode(encoding or "utf-8")
+        codecs.lookup(encoding or "utf-8")
+    except (LookupError, ValueError):
+        raise wrong(f"no encoding is called {encoding!r}", "take utf-8, utf-16, cp1252 or latin-1") from None
+    return encoding
+
+
+def _delimiter(delimiter: str) -> str:
+    if delimiter != WHITESPACE and (len(delimiter) != 1 or delimiter in _NO_DELIMITERS):
+        raise wrong(f"{delimiter!r} is no delimiter", f"give one character, or '{WHITESPACE}' for runs of blanks")
+    return delimiter
+
+
+def _constants(constants: dict[str, float]) -> dict[str, float]:
+    for name, value in constants.items():
+        if abs(value) > LARGEST:
+            raise wrong(f"{name} is {value:g}", "give what an instrument could read")
+    return constants
+
+
+def _notes(notes: dict[str, str]) -> dict[str, str]:
+    for key, text in notes.items():
+        if key in OWN_NOTES:
+            raise wrong(f"'{key}' is a note that the import writes", "call it otherwise")
+        if not key or ":" in key or key != key.strip("# ") or not (key + text).isprintable():
+            raise wrong(f"{key!r} is no note", "give a key without ':' or '#', and one line of text")
+    return notes
+
+
+WHITESPACE = "whitespace"
+"""The delimiter of a table whose cells are parted by runs of blanks."""
+OWN_NOTES = ("source", "start", "dropped_rows", "assumed")
+"""The notes that an import itself writes into a trace."""
+_NO_DELIMITERS = ('"', "\r", "\n", "\0")
 Text = Annotated[str, BeforeValidator(_text)]
+Texts = Annotated[tuple[Text, ...], BeforeValidator(_as_list)]
 
 
 class TimeSource(Strict):
@@ -73,8 +128,8 @@ class ColumnSource(Strict):
 
     sources: Annotated[tuple[Text, ...], Field(alias="from", min_length=1), BeforeValidator(_as_list)]
     combine: Literal["mean", "median"] | None = None
-    unit: str | None = None
-    scale: float = 1.0
+    unit: Annotated[str | None, AfterValidator(_unit)] = None
+    scale: Annotated[float, AfterValidator(_scale)] = 1.0
     offset: float = 0.0
     missing: tuple[Text, ...] = ()
 
@@ -82,20 +137,6 @@ class ColumnSource(Strict):
     @classmethod
     def _shorthand(cls, value: Any) -> Any:
         return value if isinstance(value, dict) else {"from": value}
-
-    @field_validator("unit")
-    @classmethod
-    def _known(cls, unit: str | None) -> str | None:
-        if unit is not None and unit not in UNITS:
-            raise wrong(f"no unit is called {unit!r}", f"take one of {', '.join(UNITS)}, or give 'scale' and 'offset'")
-        return unit
-
-    @field_validator("scale")
-    @classmethod
-    def _not_zero(cls, scale: float) -> float:
-        if scale == 0:
-            raise wrong("a scale of 0 leaves nothing of the value", "give another, or leave the column out")
-        return scale
 
     @model_validator(mode="after")
     def _combined(self) -> ColumnSource:
@@ -108,30 +149,23 @@ class ColumnSource(Strict):
         return self
 
 
-WHITESPACE = "whitespace"
-"""The delimiter of a table whose cells are parted by runs of blanks."""
-OWN_NOTES = ("source", "start", "dropped_rows", "assumed")
-"""The notes that an import itself writes into a trace."""
-_NO_DELIMITERS = ('"', "\r", "\n", "\0")
-
-
 class ColumnMap(Strict):
     """The whole file. ``missing`` counts for all columns, beside empty cells and NaN."""
 
     time: TimeSource
-    columns: dict[Text, ColumnSource] = Field(min_length=1)
-    constants: dict[Text, float] = Field(default_factory=dict)
+    columns: Annotated[dict[Text, ColumnSource], BeforeValidator(_columns)]
+    constants: Annotated[dict[Text, float], AfterValidator(_constants)] = Field(default_factory=dict)
     missing: tuple[Text, ...] = ()
-    delimiter: str = ","
+    delimiter: Annotated[str, AfterValidator(_delimiter)] = ","
     decimal: Literal[".", ","] = "."
     header: StrictBool = True
     skip_rows: int = Field(0, ge=0)
     skip_under_header: int = Field(0, ge=0)
-    drop_rows: dict[Text, Annotated[tuple[Text, ...], BeforeValidator(_as_list)]] = Field(default_factory=dict)
+    drop_rows: dict[Text, Texts] = Field(default_factory=dict)
     bad_rows: Literal["refuse", "drop"] = "refuse"
-    notes: dict[Text, Text] = Field(default_factory=dict)
+    notes: Annotated[dict[Text, Text], AfterValidator(_notes)] = Field(default_factory=dict)
     comment: str | None = Field(None, min_length=1)
-    encoding: str | None = None
+    encoding: Annotated[str | None, AfterValidator(_encoding)] = None
 
     def asked(self) -> dict[str, str]:
         """The columns of the table that are read, by the place in the map that asks for each."""
@@ -140,49 +174,6 @@ class ColumnMap(Strict):
             for index, each in enumerate(source.sources):
                 asked[f"columns.{name}.from[{index}]" if len(source.sources) > 1 else f"columns.{name}.from"] = each
         return asked | {f"drop_rows.{name}": name for name in self.drop_rows}
-
-    @field_validator("columns", mode="before")
-    @classmethod
-    def _not_empty(cls, columns: Any) -> Any:
-        if columns in (None, {}):
-            raise wrong("no columns", "map at least one, such as 'usb_degC: T_usb'")
-        return columns
-
-    @field_validator("encoding")
-    @classmethod
-    def _codec(cls, encoding: str | None) -> str | None:
-        try:
-            "".encode(encoding or "utf-8")
-            codecs.lookup(encoding or "utf-8")
-        except (LookupError, ValueError):
-            raise wrong(f"no encoding is called {encoding!r}", "take utf-8, utf-16, cp1252 or latin-1") from None
-        return encoding
-
-    @field_validator("delimiter")
-    @classmethod
-    def _delimits(cls, delimiter: str) -> str:
-        if delimiter != WHITESPACE and (len(delimiter) != 1 or delimiter in _NO_DELIMITERS):
-            mend = f"give one character, or '{WHITESPACE}' for runs of blanks"
-            raise wrong(f"{delimiter!r} is no delimiter", mend)
-        return delimiter
-
-    @field_validator("constants")
-    @classmethod
-    def _measurable(cls, constants: dict[str, float]) -> dict[str, float]:
-        for name, value in constants.items():
-            if abs(value) > LARGEST:
-                raise wrong(f"{name} is {value:g}", "give what an instrument could read")
-        return constants
-
-    @field_validator("notes")
-    @classmethod
-    def _one_line(cls, notes: dict[str, str]) -> dict[str, str]:
-        for key, text in notes.items():
-            if key in OWN_NOTES:
-                raise wrong(f"'{key}' is a note that the import writes", "call it otherwise")
-            if not key or ":" in key or key != key.strip("# ") or not (key + text).isprintable():
-                raise wrong(f"{key!r} is no note", "give a key without ':' or '#', and one line of text")
-        return notes
 
     @model_validator(mode="after")
     def _consistent(self) -> ColumnMap:
