@@ -146,25 +146,6 @@ def test_everything_is_created_as_configured_and_a_reload_changes_it_without_a_g
 
 
 @as_root
-def test_without_the_right_to_give_files_away_each_outlet_fails_alone(until, ended, configured, out, tmp_path):
-    call = [sys.executable, "-c", WITHOUT_CHOWN, "run", "--config", str(configured({"owner": 4711}))]
-    daemon = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        until((tmp_path / "own").exists)
-        said = (tmp_path / "own").read_text()
-        until(lambda: (tmp_path / "own").read_text() not in ("", said))
-        assert os.listdir(out) == []  # nothing that anyone could read who should not
-        status, _, log = ended(daemon)
-    finally:
-        daemon.kill()
-        daemon.communicate()
-    assert status == 0
-    failed = log.splitlines()[1:]
-    assert all("(Operation not permitted)" in line for line in failed)
-    assert sorted(line.split(": cannot")[0].rpartition("/")[2] for line in failed) == sorted(NAMES)
-
-
-@as_root
 def test_check_reports_before_the_start_what_could_not_be_given_away(configured, ambientd, out):
     config = configured({"mode": "0640", "owner": 4711})
     done = ambientd("check", "--config", config)

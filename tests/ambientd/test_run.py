@@ -125,15 +125,8 @@ def test_a_replay_as_fast_as_it_goes_loses_no_line(ambientd, model_file, trace_f
 
 def test_a_rate_paces_a_replay_by_rows(start, ended, model_file, write_trace):
     """What lies between the rows in the trace is not waited for."""
-    daemon = start(
-        "run",
-        "--model",
-        model_file,
-        "--replay",
-        write_trace([(k * 25.0, 30.0, 25.0) for k in range(5)]),
-        "--rate",
-        "20",
-    )
+    trace = write_trace([(k * 25.0, 30.0, 25.0) for k in range(5)])
+    daemon = start("run", "--model", model_file, "--replay", trace, "--rate", "20")
     out, _ = daemon.communicate(timeout=15)
     assert [json.loads(line)["time_s"] for line in out.splitlines()] == [0.0, 25.0, 50.0, 75.0, 100.0]
 
