@@ -8,8 +8,8 @@ import signal
 import sys
 
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.collect import Job, collect, resume
+from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Supervision
 
 

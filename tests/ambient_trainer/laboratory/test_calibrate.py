@@ -12,14 +12,12 @@ from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.calibration import (
     BathRecorder,
     Settled,
-    SimulatedBath,
     calibrated,
     save_bath,
     settled_windows,
-    simulated_instruments,
+    simulated_bath,
     unsettled,
 )
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.messages import NoResponse
 from ambient_trainer.laboratory.probe_offsets import load_offsets
@@ -104,12 +102,11 @@ def test_a_probe_that_is_not_in_the_bath_is_refused() -> None:
 @pytest.fixture
 def instruments():
     """A simulated thermometer and probes in a bath of 20 degC, 200 times as fast."""
-    clock = Clock(200.0)
     kinds = (
         settings("greisinger-easybus", port=""),
         settings("agilent-34970a", port="", probes={"a": 101, "b": 102}),
     )
-    with simulated_instruments(*kinds, clock, SimulatedBath(clock, 20.0)) as made:
+    with simulated_bath(*kinds, speed=200.0, room_degC=20.0) as made:
         yield made
 
 

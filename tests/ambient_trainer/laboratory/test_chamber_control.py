@@ -5,10 +5,9 @@ import time
 
 import pytest
 
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import SetPointLimits, settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
-from ambient_trainer.laboratory.messages import Failure, Sample, Timebase
+from ambient_trainer.laboratory.messages import Clock, Failure, Sample, Timebase
 from ambient_trainer.laboratory.workers import ChamberControl, Target
 
 

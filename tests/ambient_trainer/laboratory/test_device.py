@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import Device, PowerSupply
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest, degrees_from_millidegrees
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, Clock, Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.shell import Connection, Shell, connection_to
 
 ZONES = {"xo-therm": "board_degC", "battery": "battery_degC"}

@@ -19,9 +19,8 @@ import yaml
 
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Sample
+from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Clock, Sample
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
 SPEED = 60.0

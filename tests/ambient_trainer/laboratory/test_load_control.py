@@ -7,8 +7,7 @@ import time
 import pytest
 
 from ambient_trainer.laboratory.campaign import Action, load_campaign
-from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.messages import Failure, LoadState, Timebase
+from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Timebase
 from ambient_trainer.laboratory.shell import connection_to
 from ambient_trainer.laboratory.workers import LoadControl
 from ambient_trainer.simulator.scenario import scenario_path

@@ -10,9 +10,9 @@ import pytest
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.collect import Job, collect, laboratory_path, resume
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
+from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Ending, Supervision
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 

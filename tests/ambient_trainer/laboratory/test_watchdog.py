@@ -7,9 +7,9 @@ import time
 
 import pytest
 
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import SetPointLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
+from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 SAFE_DEGC = 20.0
@@ -49,16 +49,13 @@ def ends(process):
     assert process.wait(timeout=30) == 0
 
 
-def test_the_end_of_the_pipe_is_a_death(chamber, process):
+@pytest.mark.parametrize("away", [False, True])
+def test_the_end_of_the_pipe_is_a_death_also_with_the_chamber_away(chamber, process, away):
+    if away:
+        chamber.unplug()
+        threading.Timer(1.5, chamber.plug).start()
     time.sleep(0.3)
     assert chamber.held_degC == 50.0
-    ends(process)
-    assert chamber.held_degC == SAFE_DEGC
-
-
-def test_it_waits_for_a_chamber_that_is_away(chamber, process):
-    chamber.unplug()
-    threading.Timer(1.5, chamber.plug).start()
     ends(process)
     assert chamber.held_degC == SAFE_DEGC
 

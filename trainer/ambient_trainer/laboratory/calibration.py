@@ -21,7 +21,6 @@ import pandas as pd
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import (
     THERMOMETER_COLUMN,
     Driver,
@@ -30,7 +29,7 @@ from ambient_trainer.laboratory.instruments import (
     instrument,
     probe_column,
 )
-from ambient_trainer.laboratory.messages import InstrumentError
+from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.laboratory.probe_offsets import OffsetPoint, ProbeOffset
 from ambient_trainer.report import Block, Finding, Report, Table
 
@@ -199,7 +198,7 @@ def real_bath(
 class SimulatedBath:
     """A bath that starts at a room's temperature, and follows its set point as a first-order lag."""
 
-    def __init__(self, clock: Clock, room_degC: float = 22.0) -> None:
+    def __init__(self, clock: Clock, room_degC: float) -> None:
         self._clock = clock
         self._since_s = clock.now_s()
         self._from_degC = self._to_degC = room_degC
@@ -221,23 +220,15 @@ class SimulatedBath:
 
 @contextlib.contextmanager
 def simulated_bath(
-    thermometer: ThermometerSettings, multiplexer: MultiplexerSettings, seed: int = 0
+    thermometer: ThermometerSettings, multiplexer: MultiplexerSettings, speed: float = SPEED, room_degC: float = 22.0
 ) -> Iterator[BathInstruments]:
-    """The same instruments simulated, :data:`SPEED` times as fast; their bath goes to :data:`BATHS_DEGC`."""
-    clock = Clock(SPEED)
-    with simulated_instruments(thermometer, multiplexer, clock, SimulatedBath(clock), seed) as instruments:
-        yield instruments
-
-
-@contextlib.contextmanager
-def simulated_instruments(
-    thermometer: ThermometerSettings, multiplexer: MultiplexerSettings, clock: Clock, bath: SimulatedBath, seed: int = 0
-) -> Iterator[BathInstruments]:
-    """Simulated instruments in ``bath``."""
+    """The same instruments simulated, ``speed`` times as fast; their bath goes to :data:`BATHS_DEGC`."""
+    clock = Clock(speed)
+    bath = SimulatedBath(clock, room_degC)
     with contextlib.ExitStack() as stack:
         reference = instrument(thermometer.kind).Simulated(thermometer, clock, bath.at)
         stack.callback(reference.close)
-        probes = instrument(multiplexer.kind).Simulated(multiplexer, clock, bath.at, seed)
+        probes = instrument(multiplexer.kind).Simulated(multiplexer, clock, bath.at)
         stack.callback(probes.close)
         at_ports = (
             thermometer.model_copy(update={"port": reference.port}),

@@ -16,12 +16,10 @@ from typing import NamedTuple
 from ambient_model.faults import refuse
 from ambient_model.trace import write_trace
 from ambient_trainer.laboratory.campaign import LoadedCampaign
-from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.equipment import Equipment, equipment_of, identify
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Identity, LoadState, Note, Timebase
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note, Timebase
 from ambient_trainer.laboratory.program import Program
-from ambient_trainer.laboratory.run import Ending, Outcome, Run, Supervision
+from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.trace_rows import Rows, grid_of, laboratory_rows, trace_rows
 from ambient_trainer.laboratory.watchdog import Watchdog
 

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from functools import partial
 
 from ambient_trainer.laboratory.campaign import Device
-from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, InstrumentError, Reading
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, InstrumentError, Reading
 from ambient_trainer.laboratory.shell import Connection, Shell
 
 PLAUSIBLE_DEGC = (-60.0, 250.0)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.messages import Clock
 
 XON, XOFF = b"\x11", b"\x13"
 _BITS_A_BYTE = 10  # with start and stop bit

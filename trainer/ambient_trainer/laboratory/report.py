@@ -17,7 +17,6 @@ from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note
 from ambient_trainer.laboratory.run import Outcome
 from ambient_trainer.laboratory.trace_rows import Rows
 from ambient_trainer.report import Block, Finding, Report, Section, Table
-from ambient_trainer.simulator.scenario import Settle
 
 _CAPTION = (
     "Times in h:mm:ss; air there after: estimated from the chamber's usual rates, from its safe set point on. A step "
@@ -64,7 +63,7 @@ def schedule_table(campaign: Campaign) -> Table:
             clock_text(each.length_s),
             f"{step.chamber_degC:g}",
             clock_text(each.ramp_s) if each.ramp_s else "-",
-            _settle_text(step.settle),
+            f"{step.settle.for_min:g} min in {step.settle.within_K:g} K" if step.settle else "-",
             ", ".join(step.load) or "-",
         )
         for index, (step, each) in enumerate(zip(campaign.program, expected(campaign)))
@@ -92,10 +91,6 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
         *missing,
     ]
     return Report(f"{loaded.name}: {campaign.about}", blocks, [], {}, "Schedule")
-
-
-def _settle_text(settle: Settle | None) -> str:
-    return "-" if settle is None else f"{settle.for_min:g} min in {settle.within_K:g} K"
 
 
 def clock_text(duration_s: float) -> str:

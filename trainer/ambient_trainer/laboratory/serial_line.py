@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 
 import serial  # type: ignore[import-untyped]
 
-from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.messages import Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
 
 _QUIET_S = 0.02
 """Silence for so long ends an answer: many bytes at the bauds of instruments, and more than an adapter holds back."""

@@ -15,8 +15,7 @@ import time
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.messages import DEVICE, Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import DEVICE, Clock, Disconnected, InstrumentError, NoResponse
 
 _CHUNK = 1 << 16
 _MOST_KEPT = 200

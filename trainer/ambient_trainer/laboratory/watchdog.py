@@ -12,9 +12,8 @@ import sys
 import time
 from types import TracebackType
 
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, SetPointLimits, instrument
-from ambient_trainer.laboratory.messages import InstrumentError
+from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.laboratory.workers import Target
 
 _RELEASE = b"done\n"

@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import (
     AIR,
     THERMOMETER_COLUMN,
@@ -14,7 +13,7 @@ from ambient_trainer.laboratory.instruments import (
     probe_column,
     settings,
 )
-from ambient_trainer.laboratory.messages import InstrumentError
+from ambient_trainer.laboratory.messages import Clock, InstrumentError
 
 SPEED = 20.0
 KINDS = {"chamber": "voetsch-vt4004", "multiplexer": "agilent-34970a", "thermometer": "greisinger-easybus"}

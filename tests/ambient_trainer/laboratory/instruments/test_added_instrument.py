@@ -10,8 +10,8 @@ from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import instruments
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.collect import Job, collect, laboratory_path
+from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Supervision
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 

@@ -9,8 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from ambient_trainer.laboratory.clock import Clock
-from ambient_trainer.laboratory.messages import Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.pseudo_terminal import XOFF
 
 STATE = b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r"

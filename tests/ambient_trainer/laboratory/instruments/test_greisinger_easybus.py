@@ -2,10 +2,9 @@ from __future__ import annotations
 
 import pytest
 
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.greisinger_easybus import Simulated
-from ambient_trainer.laboratory.messages import InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse
 
 
 def test_it_reads_and_reports_its_number(bench) -> None:

@@ -8,10 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, SetPointLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
-from ambient_trainer.laboratory.messages import Disconnected, NoResponse
+from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
 
 
 def became(condition) -> None:

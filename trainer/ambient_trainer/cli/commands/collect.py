@@ -78,8 +78,8 @@ def command(
 
 @contextlib.contextmanager
 def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed: int) -> Iterator[Job]:
-    from ambient_trainer.laboratory.clock import Clock
     from ambient_trainer.laboratory.collect import Job
+    from ambient_trainer.laboratory.messages import Clock
     from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
     clock = Clock(speed)

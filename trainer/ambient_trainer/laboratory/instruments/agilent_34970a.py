@@ -17,9 +17,8 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_column
-from ambient_trainer.laboratory.messages import InstrumentError, NoResponse, Reading
+from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies

@@ -17,9 +17,8 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, ThermometerSettings
-from ambient_trainer.laboratory.messages import NoResponse, Reading
+from ambient_trainer.laboratory.messages import Clock, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, shown
 

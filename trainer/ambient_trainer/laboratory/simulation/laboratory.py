@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
-from ambient_trainer.laboratory.clock import Clock
 from ambient_trainer.laboratory.instruments import instrument
+from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.simulation.phone import SimulatedPhone
 from ambient_trainer.simulator import Device, Zone, load_device
 from ambient_trainer.simulator.run import stream

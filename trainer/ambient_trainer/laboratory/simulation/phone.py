@@ -19,7 +19,7 @@ from types import TracebackType
 import numpy as np
 
 from ambient_trainer.laboratory.campaign import PowerSupply
-from ambient_trainer.laboratory.clock import Clock
+from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.simulator.device import Bursts, Device, Zone
 from ambient_trainer.simulator.heat import Demand
 from ambient_trainer.simulator.run import bursts, stream
