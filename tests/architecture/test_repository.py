@@ -102,11 +102,13 @@ PRIVATE_WORDS = {
 CONTRACTS = re.compile(
     r"""["'`]+(guard|spread|unrest|voices|speaking|lag_guard|guard_lag_s)["'`]+|["'](guard|spread)\.[^"']*["']"""
     r"""|f?["']spread\.terms[^"']*["']|guard +=|is 'guard'|key 'guard'"""
+    r"""|(recipe|weights|rule)\.(believed|guard|spread|log_spread)"""
+    r"""|\b(log_spread|guard|guard_lag_s|believed|spread): \w+|lags\.guard_lag_s|"told" if name"""
 )
-"""Keys of the model file and of the daemon's state, which stay: ``guard``, ``spread``, ``unrest``, ``voices``."""
+"""Keys of files, which stay: the model's ``guard`` and ``spread``, the daemon's state's, an estimator's recipe's."""
 
 
-@pytest.mark.parametrize("package", ["ambient_model", "ambientd"])
+@pytest.mark.parametrize("package", ["ambient_model", "ambientd", "ambient_trainer", "ambient_studies"])
 def test_product_code_uses_the_fields_words(sources, package: str) -> None:
     words = re.compile(rf"(?<![a-zA-Z])({'|'.join(PRIVATE_WORDS)})(?![a-zA-Z])", re.IGNORECASE)
     found = [

@@ -5,9 +5,10 @@ import time
 
 import pytest
 
-from ambient_trainer.laboratory.instruments import SetPointLimits, settings
+from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
 from ambient_trainer.laboratory.messages import Clock, Failure, Sample, Timebase
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.workers import ChamberControl, Target
 
 

@@ -7,9 +7,10 @@ import time
 
 import pytest
 
-from ambient_trainer.laboratory.instruments import SetPointLimits, settings
+from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 SAFE_DEGC = 20.0

@@ -28,7 +28,7 @@ SCENARIOS = (*CONSTANT_SCENARIOS, "3")
 """What candidates go through; 4 and 5 are left for the evaluation."""
 
 FORMULAS = ("linear_battery", "linear_usb", "linear_flash", "linear_combined", "model1_kirchhoff", "model2_ss_free_cd")
-"""Models whose published parameters tell of the sensors; the last by its DC gains."""
+"""Models whose published parameters constrain the sensors; the last by its DC gains."""
 
 PERIOD_S = 2.0
 _SENSORS = load_device().sensors

@@ -174,8 +174,8 @@ class _Reading:
         self.used: dict[str, str] = {}
         """Per parameter the unit of what it stands for."""
 
-    def _fault(self, place: str, problem: str, mend: str) -> None:
-        self.faults.append(Fault(place, problem, mend))
+    def _fault(self, place: str, problem: str, hint: str) -> None:
+        self.faults.append(Fault(place, problem, hint))
 
     def circuit(self, source: str) -> Circuit:
         file = self.file

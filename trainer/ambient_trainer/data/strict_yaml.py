@@ -23,9 +23,9 @@ class Strict(BaseModel):
 _Model = TypeVar("_Model", bound=Strict)
 
 
-def wrong(problem: str, mend: str) -> PydanticCustomError:
-    """What a validator raises: the problem, and the mend that stands behind it in the message."""
-    return PydanticCustomError("wrong", "{problem}", {"problem": problem, "mend": mend})
+def wrong(problem: str, hint: str) -> PydanticCustomError:
+    """What a validator raises: the problem, and the hint that stands behind it in the message."""
+    return PydanticCustomError("wrong", "{problem}", {"problem": problem, "hint": hint})
 
 
 def shipped_path(kind: str, name: str, folder: Path, names: Sequence[str]) -> str:
@@ -107,9 +107,9 @@ def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
         return Fault(place, "unknown key", f"remove it or correct its name; known are {known}")
     if kind == "missing":
         return Fault(place, "missing", "add it")
-    mend = detail.get("ctx", {}).get("mend")
-    if mend:
-        return Fault(place, message, str(mend))
+    hint = detail.get("ctx", {}).get("hint")
+    if hint:
+        return Fault(place, message, str(hint))
     return Fault(place, f"{_shown(detail['input'])}: {message[0].lower()}{message[1:]}", "correct it")
 
 

@@ -236,10 +236,10 @@ def _describes(selection: Selection, trained: TrainedCircuit, own: Sequence[Reco
     """Whether the model with all its steps describes the data, or most of the misfit: else no cause is named."""
     left = np.concatenate([each.residual_degC for each in selection.final.views], axis=1)
     read = np.concatenate([record.sensors for record in own], axis=1)
-    spread = np.nanvar(read, axis=1)
+    variance = np.nanvar(read, axis=1)
     square = np.nanmean(left**2, axis=1)
     # all together, and the one that is worst off: a reading of noise drowns among others that are described
-    for unexplained, whole in ((square.mean(), spread.mean()), (square.max(), spread[square.argmax()])):
+    for unexplained, whole in ((square.mean(), variance.mean()), (square.max(), variance[square.argmax()])):
         if unexplained > _MOST_UNEXPLAINED**2 * max(whole, 1e-12):
             return False
     if _confounded_with_ambient(selection):

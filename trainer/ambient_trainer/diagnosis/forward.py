@@ -26,8 +26,8 @@ def forward(circuit: Circuit) -> Circuit:
         )
     read = [node for node in nodes if node.capacitance is not None and node.sensor is not None]
     if not read:
-        mend = "take one with heat capacities, such as model2_ss, or write one"
-        raise refuse(circuit.name, "nodes", "no sensor reads a node with a capacitance: nothing can be simulated", mend)
+        hint = "take one with heat capacities, such as model2_ss, or write one"
+        raise refuse(circuit.name, "nodes", "no sensor reads a node with a capacitance: nothing can be simulated", hint)
     unit = Parameter("whole", "1", 1.0, 1.0, 1.0, free=False)
     outputs = tuple(Output(str(node.sensor), {node.name: unit.name}, {}, None) for node in read)
     used = {node.capacitance for node in nodes} | {edge.resistance for edge in circuit.edges}

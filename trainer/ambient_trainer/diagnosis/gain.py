@@ -76,5 +76,5 @@ def gain(before: Blocks, after: Blocks, unknowns: float, tries: int) -> Gain:
 def differ(one: Blocks, other: Blocks) -> float:
     """By how many standard errors the whitened held-out squares of two models differ; positive if ``one`` is worse."""
     difference = one.white - other.white
-    spread = float(np.std(difference, ddof=1)) * np.sqrt(len(difference))
-    return float(difference.sum() / spread) if spread > 0 else 0.0
+    deviation = float(np.std(difference, ddof=1)) * np.sqrt(len(difference))
+    return float(difference.sum() / deviation) if deviation > 0 else 0.0

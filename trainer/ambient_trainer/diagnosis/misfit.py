@@ -25,7 +25,7 @@ from ambient_trainer.diagnosis.view import View, conductances_to_ambient
 Array = NDArray[np.float64]
 
 NOISE_SHARE = 0.2
-"""The window is the shortest in which noise makes no more than this share of the spread of all heat."""
+"""The window is the shortest in which noise makes no more than this share of the standard deviation of all heat."""
 _SHORTEST, _LONGEST_SHARE, _LONGER = 5, 0.05, 1.3
 
 

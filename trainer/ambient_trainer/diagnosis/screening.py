@@ -177,7 +177,7 @@ def _normal_equations(
     if regression.normal is not None:
         before = regression.normal.columns(candidate, [None])[:, 0]
         normal, own = before @ before.T, X[:, 0] @ X[:, 0].T
-        # what the known-good records hardly hold they cannot speak of
+        # what the known-good records hardly hold they do not constrain
         doubt = _DOUBT * np.diag(np.diag(own)) + 1e-12 * np.eye(k)
         apparent = np.linalg.solve(normal + doubt, before @ regression.normal.left)
         apparent = np.array([each if fixed is None else 0.0 for each, fixed in zip(apparent, candidate.fixed)])

@@ -105,7 +105,7 @@ class CircuitStructure:
     def penalty(self, theta: Array) -> tuple[Array, Array]:
         """Per mode, the logarithm by which its time constant exceeds the longest segment or undercuts a tenth period.
 
-        Data of a day cannot tell a time constant of a year from none at all, and a mode without one is an integrator:
+        Data of a day do not distinguish a time constant of a year from none, and a mode without one is an integrator:
         its start means nothing and its error never ends. One that is gone before the next sample is no state.
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """

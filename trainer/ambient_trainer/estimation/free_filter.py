@@ -53,9 +53,9 @@ class FreeFilter:
         rate = (self._slowest, self._fastest)
         bounds = [rate, (math.log(_LEAST_DAMPING), math.log(_MOST_DAMPING))] * self.pairs + [rate] * self.singles
         low, high = np.array(bounds).reshape(-1, 2).T
-        # rates spread over what the trace can show
-        spread = np.linspace(*rate, self.order + 2)[1:-1]
-        return Unknowns(tuple(names), np.clip(self._from_rates(np.exp(spread)), low, high), low, high)
+        # rates distributed over what the trace can show
+        rates = np.linspace(*rate, self.order + 2)[1:-1]
+        return Unknowns(tuple(names), np.clip(self._from_rates(np.exp(rates)), low, high), low, high)
 
     def _from_rates(self, rates: Array) -> Array:
         """The theta of real poles at -rates, taken two by two."""
@@ -90,7 +90,7 @@ class FreeFilter:
         rates = np.sort(np.concatenate([-poles[k].real for k in free])) if free else np.zeros(0)
         if len(rates) < 3:
             return theta
-        best = min(_pairings(len(rates)), key=lambda order: _spread(rates[list(order)]))
+        best = min(_pairings(len(rates)), key=lambda order: _span(rates[list(order)]))
         found = theta.copy()
         positions = np.concatenate([np.arange(2 * k, min(2 * k + 2, self.order)) for k in free])
         found[positions] = self._from_rates(rates[list(best)])
@@ -223,7 +223,7 @@ def _pairings(count: int) -> tuple[tuple[int, ...], ...]:
     return ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))
 
 
-def _spread(rates: Array) -> float:
+def _span(rates: Array) -> float:
     """How far apart the closest pair lies, as a logarithm; between ties, how far all of them do."""
     ratios = sorted(abs(math.log(a / b)) for a, b in zip(rates[0:-1:2], rates[1::2]))
     return ratios[0] + 1e-3 * sum(ratios)

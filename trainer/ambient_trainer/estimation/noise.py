@@ -79,11 +79,11 @@ def _autoregression(rows: Sequence[Array]) -> tuple[Array, float, float]:
 class OrderFit:
     """The ``weights`` (p,) of all p stretches of :data:`PAST`, zero beyond an order, from ``rows`` samples.
 
-    What they leave open is ``spread`` (p, p) times standard normal numbers.
+    What they leave open is ``deviations`` (p, p) times standard normal numbers.
     """
 
     weights: Array
-    spread: Array
+    deviations: Array
     rows: int
 
 
@@ -107,11 +107,11 @@ class Autoregression:
     def simulated(self, count: int, samples: int, random: np.random.Generator) -> Array:
         """``count`` series (count, samples) of unit innovations that may remember so, and hold nothing else.
 
-        A short series tells little of how slow it is, and held to one memory whatever is slow in it would pass for an
+        A short series says little of how slow it is, and held to one memory whatever is slow in it would pass for an
         effect: the simulated ones have memories drawn from all that it leaves probable.
         """
         chosen = [self.fits[order] for order in random.choice(len(self.fits), _DRAWN, p=self.shares)]
-        drawn = np.array([fit.weights + fit.spread @ random.standard_normal(len(PAST)) for fit in chosen])
+        drawn = np.array([fit.weights + fit.deviations @ random.standard_normal(len(PAST)) for fit in chosen])
         lags = _unbiased(drawn, np.array([fit.rows for fit in chosen]), samples)
         innovations = np.array_split(random.standard_normal((count, 2 * samples)), _DRAWN)
         series = [lfilter([1.0], np.concatenate([[1.0], -each]), some, axis=1) for each, some in zip(lags, innovations)]
@@ -154,15 +154,15 @@ def autoregression_of(series: Array) -> Autoregression | None:
 
 def _fit(series: Array, order: int) -> OrderFit:
     rows = _rows(series, order)
-    weights, spread = np.zeros(len(PAST)), np.zeros((len(PAST), len(PAST)))
+    weights, deviations = np.zeros(len(PAST)), np.zeros((len(PAST), len(PAST)))
     if order:
         windows = centred_past(series[None], order, rows)[0]
         filters = filters_of(series[None], order, rows)[0]
         squares, directions = np.linalg.eigh(windows[:, 1:].T @ windows[:, 1:])
         innovation = np.linalg.norm(windows @ filters) / np.sqrt(len(rows) - order - 1)
         weights[:order] = -filters[1:]
-        spread[:order, :order] = innovation * directions / np.sqrt(np.maximum(squares, _HAIR * squares.max()))
-    return OrderFit(weights, spread, len(rows))
+        deviations[:order, :order] = innovation * directions / np.sqrt(np.maximum(squares, _HAIR * squares.max()))
+    return OrderFit(weights, deviations, len(rows))
 
 
 def filters_of(series: Array, order: int, rows: NDArray[np.intp]) -> Array:

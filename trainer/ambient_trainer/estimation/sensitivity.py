@@ -1,4 +1,4 @@
-"""What the data cannot tell apart, however good they are: directions along which the output does not change.
+"""Null space of the sensitivities: directions in the parameters along which the output does not change.
 
 J holds the output's derivatives in the logarithm of each parameter; its null space is what a perfect trace leaves open
 where J is taken. Taken at several places it separates two kinds. What is null everywhere is a scaling symmetry: all
@@ -49,7 +49,7 @@ class Sensitivity:
     symmetries: tuple[Exponents, ...]
     products: tuple[Exponents, ...]
     mixed: tuple[str, ...]
-    """The parameters that no trace tells by themselves."""
+    """The parameters that no trace determines by themselves."""
     blind_here: int
     """How many more directions move nothing at the fit, among the parameters that matter there."""
     mixed_here: tuple[str, ...]

@@ -36,7 +36,7 @@ Progress = Callable[[str, int, int], None]
 CLOSE_PERCENT = 98.0
 """The thesis counts a fit of 98 % as close to 100 %; its search stops there."""
 SAME_PERCENT = 99.99
-"""What this search can tell from a local optimum: an end above it gives the same output."""
+"""From here on a fit gives the same output; a local optimum stays below it."""
 MOVED = 0.1
 """A parameter that is 10 % off is another."""
 

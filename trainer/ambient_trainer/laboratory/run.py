@@ -15,7 +15,7 @@ from typing import NamedTuple, Protocol
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
-from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, SetPointLimits, instrument, probe_column
+from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, instrument, probe_column
 from ambient_trainer.laboratory.journal import Journal
 from ambient_trainer.laboratory.messages import (
     CHAMBER,
@@ -35,6 +35,7 @@ from ambient_trainer.laboratory.messages import (
     Timebase,
 )
 from ambient_trainer.laboratory.program import Program, SafetyLimits
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.shell import Connection, connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target, Worker
 

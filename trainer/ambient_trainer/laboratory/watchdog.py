@@ -12,8 +12,9 @@ import sys
 import time
 from types import TracebackType
 
-from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, SetPointLimits, instrument
+from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, instrument
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.workers import Target
 
 _RELEASE = b"done\n"

@@ -115,7 +115,7 @@ class Grams:
 def banks(order: int, period_s: float, longest_s: float) -> list[tuple[float, ...]]:
     """The banks to choose from: ``order`` time constants in s, fastest first, in one ratio each.
 
-    The slowest is shown twenty times by the longest stretch: one that is shown once or twice tells the run's age.
+    The slowest is shown twenty times by the longest stretch: one that is shown once or twice is the run's age.
     """
     found = [
         tuple(float(f"{fastest * period_s * ratio**k:.4g}") for k in range(order))

@@ -21,7 +21,7 @@ from ambient_trainer.selection.result import (
 
 _NAMED_ALTERNATIVES = 3
 _CIRCUITS = (
-    "A line is the wider the more heat it conducts; over its middle its resistance is shown. Temperatures alone tell "
+    "A line is the wider the more heat it conducts; over its middle its resistance is shown. Temperatures alone give "
     "ratios of resistances, not their scale."
 )
 

@@ -126,8 +126,8 @@ def _opened(path: str | None, header: Mapping[str, Any]) -> tuple[sqlite3.Connec
     except BaseException as error:
         database.close()
         if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
-            mend = "wait for it, or name another --state"
-            raise refuse(str(path), "", "another search is using it", mend) from None
+            hint = "wait for it, or name another --state"
+            raise refuse(str(path), "", "another search is using it", hint) from None
         if isinstance(error, sqlite3.Error | ValueError | TypeError):
             raise refuse(str(path), "", "is not the state of a search, or is damaged", _ANEW) from None
         raise

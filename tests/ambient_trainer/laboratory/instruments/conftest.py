@@ -5,15 +5,9 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from ambient_trainer.laboratory.instruments import (
-    AIR,
-    THERMOMETER_COLUMN,
-    SetPointLimits,
-    instrument,
-    probe_column,
-    settings,
-)
+from ambient_trainer.laboratory.instruments import AIR, THERMOMETER_COLUMN, instrument, probe_column, settings
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 SPEED = 20.0
 KINDS = {"chamber": "voetsch-vt4004", "multiplexer": "agilent-34970a", "thermometer": "greisinger-easybus"}

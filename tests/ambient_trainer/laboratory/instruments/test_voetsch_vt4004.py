@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, SetPointLimits, settings
+from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 
 def became(condition) -> None:

@@ -1,4 +1,4 @@
-"""``ambient-trainer identifiability``: what a trace can and cannot tell of a circuit's parameters."""
+"""``ambient-trainer identifiability``: which of a circuit's parameters a trace determines."""
 
 from __future__ import annotations
 

@@ -228,6 +228,6 @@ def _target_faults(data: Any) -> list[Fault]:
         unit = entry.get("unit") if isinstance(entry, dict) else None
         target = target_unit(name)
         if isinstance(unit, str) and unit in UNITS and UNITS[unit].base != target:
-            mend = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{UNITS[unit].base}"
-            faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", mend))
+            hint = f"take one of {', '.join(units_of(target))}" if target else f"end its name in _{UNITS[unit].base}"
+            faults.append(Fault(f"{place}.unit", f"{unit} does not become {target or split_column(name)[1]}", hint))
     return faults

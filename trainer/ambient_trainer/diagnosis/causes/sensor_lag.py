@@ -31,8 +31,8 @@ def _late(sensor: int, name: str, lag_s: float) -> Candidate:
         return (SensorTerm(sensor, lambda reading: lagged(reading, lag_s, view.plant.period_s) - reading),)
 
     def magnitude(estimate: Estimate) -> Magnitude:
-        spread = DELTA_95 * estimate.deviation(1)
-        ends = lag_s * max(0.0, 1.0 - spread), lag_s * (1.0 + spread)
+        half = DELTA_95 * estimate.deviation(1)
+        ends = lag_s * max(0.0, 1.0 - half), lag_s * (1.0 + half)
         return Magnitude(lag_s, "s", f"time constant of a lag of {name}", ends)
 
     candidate = faulty("sensor_lag", sensor, name, Span.WINDOW, terms, magnitude, fixed=(1.0,))

@@ -30,7 +30,7 @@ class Wording:
         distinguished = [first, *(others[each] for each in found.others)]
         *before, last = (f"{each:.2f} degC if {said}" for each, said in zip(found.predicted_degC, distinguished))
         open_still = [said for each, said in enumerate(others) if each not in found.others]
-        more = f" It does not tell whether {' or '.join([first, *open_still])}." if open_still else ""
+        more = f" It does not separate whether {' or '.join([first, *open_still])}." if open_still else ""
         return (
             f"{self._done(found)}: {_when(found)} {self._look(found)} reads {', '.join(before)}, and {last}"
             f" (3 sigma is {digits(found.three_sigma_degC, 2)} degC).{more}"
@@ -40,7 +40,9 @@ class Wording:
         """That no plan distinguishes the first from any other, and how far the best plan comes."""
         differ_degC = abs(found.predicted_degC[0] - found.predicted_degC[1])
         all_of_them, any_two = ("both", "the two") if len(self.claims) == 2 else ("all", "the first and another")
-        none = f"No experiment of up to {span(longest_s)} that was simulated tells whether {' or '.join(self.claims)}"
+        none = (
+            f"No experiment of up to {span(longest_s)} that was simulated separates whether {' or '.join(self.claims)}"
+        )
         if differ_degC < _SAME_DEGC:
             return f"{none}: {all_of_them} predict the same readings throughout."
         done = self._done(found)

@@ -71,11 +71,11 @@ class Calibrated:
     def along_with(self, driver: Driver) -> Dependence | None:
         """The test of ``driver``, at its best delay; None where it never changes while the series is known."""
         windows = self._past(driver.responses)
-        spread = self._product(windows, windows)
-        usable = (spread > 1e-20 * np.ptp(driver.responses) ** 2).all(axis=0)
+        energy = self._product(windows, windows)
+        usable = (energy > 1e-20 * np.ptp(driver.responses) ** 2).all(axis=0)
         if not usable.any():
             return None
-        norm = np.sqrt(np.maximum(spread, 1e-300))
+        norm = np.sqrt(np.maximum(energy, 1e-300))
         correlation = self._along(windows) / norm
         if driver.given is not None:
             correlation = self._without(driver.given, windows, norm, correlation)
@@ -135,9 +135,9 @@ class Calibrated:
     def _without(self, given: Array, windows: Array, norm: Array, correlation: Array) -> Array:
         """The partial correlation, with the part of ``given`` taken out of both."""
         others = self._past(given)
-        spread = np.sqrt(np.maximum(self._product(others, others), 1e-300))
-        first = self._along(others) / spread
-        shared = self._product(windows, others) / norm / spread
+        energy = np.sqrt(np.maximum(self._product(others, others), 1e-300))
+        first = self._along(others) / energy
+        shared = self._product(windows, others) / norm / energy
         left = np.maximum((1 - first**2) * (1 - shared**2), 1e-12)
         return np.asarray((correlation - first * shared) / np.sqrt(left))
 

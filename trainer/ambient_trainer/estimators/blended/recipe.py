@@ -255,8 +255,8 @@ def _circuit(name: str, source: str) -> Circuit:
     if name.endswith((".yaml", ".yml")):
         return load_circuit(str(Path(source).parent / name))
     if name not in circuit_names():
-        mend = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
-        raise refuse(source, "circuit", f"no circuit is called {name!r}", mend)
+        hint = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
+        raise refuse(source, "circuit", f"no circuit is called {name!r}", hint)
     return load_circuit(name)
 
 
@@ -264,8 +264,8 @@ def _circuit_faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
     states = [node.name for node in circuit.states]
     read = [str(node.sensor) for node in circuit.states if node.sensor is not None]
     if circuit.form != "temperature" or [f"{node.sensor}_degC" for node in circuit.measured] != [REFERENCE]:
-        mend = "take one of form temperature in which the ambient, with 'sensor: ambient', is all that is prescribed"
-        yield Fault("circuit", f"{circuit.name} cannot be simulated from the ambient alone", mend)
+        hint = "take one of form temperature in which the ambient, with 'sensor: ambient', is all that is prescribed"
+        yield Fault("circuit", f"{circuit.name} cannot be simulated from the ambient alone", hint)
     for name in recipe.sensors:
         if name not in read:
             yield Fault(f"sensors.{name}", f"reads no state of {circuit.name}", f"its sensors are {', '.join(read)}")

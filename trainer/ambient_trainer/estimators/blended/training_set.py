@@ -152,8 +152,8 @@ def fit_workload(records: Sequence[Record], work: Work, source: str) -> Workload
     idling = np.concatenate(idle, axis=1)
     if not episodes or not idling.shape[1]:
         missing = "never" if not episodes else "always"
-        mend = "log a run with work and with pauses, or name another signal under 'work'"
-        raise refuse(source, f"column {work.signal}", f"is {missing} above {work.busy_above:g}", mend)
+        hint = "log a run with work and with pauses, or name another signal under 'work'"
+        raise refuse(source, f"column {work.signal}", f"is {missing} above {work.busy_above:g}", hint)
     return Workload(idling.mean(axis=1), tuple(episodes))
 
 

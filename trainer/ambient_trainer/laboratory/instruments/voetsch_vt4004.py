@@ -12,10 +12,11 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberSettings, NotNegative, SetPointLimits
+from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberSettings, NotNegative
 from ambient_trainer.laboratory.messages import Clock, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, text_replies
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 if TYPE_CHECKING:
     import numpy as np
