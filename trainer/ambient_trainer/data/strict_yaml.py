@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import typing
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,8 +29,9 @@ def wrong(problem: str, hint: str) -> PydanticCustomError:
     return PydanticCustomError("wrong", "{problem}", {"problem": problem, "hint": hint})
 
 
-def shipped_path(kind: str, name: str, folder: Path, names: Sequence[str]) -> str:
+def shipped_path(kind: str, name: str | os.PathLike[str], folder: Path, names: Sequence[str]) -> str:
     """The file of ``folder`` of that name, or ``name`` itself where it is a YAML file's; else ``Refused``."""
+    name = os.fspath(name)
     if name in names:
         return str(folder / f"{name}.yaml")
     if not name.endswith((".yaml", ".yml")):
