@@ -84,6 +84,7 @@ def night(campaign_file, tmp_path):
     return make
 
 
+@pytest.mark.slow  # in real time: a busy machine misses samples
 def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
     lab = night(minutes((4, 25), (4, 25, ["cpu_100"]), (2, 22)), before=minutes((2, 20)))
     lab.run()
@@ -153,6 +154,7 @@ def test_a_hot_device_ends_the_run_safely(night):
     assert lab.outcome.why.startswith("device: soc_degC is 6")
 
 
+@pytest.mark.slow  # in real time: a busy machine misses samples
 def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     def acknowledge(there, recorder):
         there.chamber.repair()
