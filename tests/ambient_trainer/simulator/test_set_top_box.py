@@ -60,7 +60,7 @@ def test_hidden_heat_is_found_in_it():
     known_good = simulate(DAY, "set_top_box", 1, 30.0).trace
     run = simulate(DAY, "set_top_box", 5, 30.0, ["heat_source:board:1.5W:from=90min:to=200min"], decoys=["wifi_on"])
     first = diagnose(load_circuit("set_top_box"), [run.trace], [known_good]).steps[0]
-    assert (first.cause.cause, first.cause.location) == ("heat_source", "board")
+    assert (first.cause.name, first.cause.location) == ("heat_source", "board")
     assert first.magnitude.value == pytest.approx(run.truths[0].magnitude, rel=0.5)  # the fan hides a part
     assert first.onset_s == pytest.approx(5400.0, abs=300.0)
 

@@ -59,7 +59,7 @@ class Read:
                 self.again_s = at_s
         read = re.match(
             r"(then|(?:after )[\dhmins ]+?) `(\w+)`(.*?) reads (.*) \(3 sigma is ([\d.]+) degC\)\."
-            r"(?: It does not tell whether (.*)\.)?$",
+            r"(?: It does not separate whether (.*)\.)?$",
             look,
         )
         assert read, sentence
