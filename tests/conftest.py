@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import pty
+import select
 import signal
+import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,6 +50,46 @@ def trainer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
         return (stopped.value.code, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture
+def interrupted(tmp_path: Path) -> Callable[..., tuple[int, str, str]]:
+    """Runs a command on a terminal, where bars show, with Ctrl-C once that shows a word: status, output, messages."""
+
+    def run(word: str, *arguments: object) -> tuple[int, str, str]:
+        terminal, end = pty.openpty()
+        command = [sys.executable, "-m", "ambient_trainer", *map(str, arguments)]
+        with open(tmp_path / "printed", "w+") as printed:
+            process = subprocess.Popen(command, stdout=printed, stderr=end, start_new_session=True)
+            os.close(end)
+            shown, sent, limit_s = b"", False, time.monotonic() + 100
+            try:
+                while process.poll() is None:
+                    assert time.monotonic() < limit_s, shown.decode()
+                    shown += _read(terminal, 0.1)
+                    if word.encode() in shown and not sent:
+                        os.killpg(process.pid, signal.SIGINT)
+                        sent = True
+                while more := _read(terminal, 0.0):
+                    shown += more
+            finally:
+                with contextlib.suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait(10)
+                os.close(terminal)
+            printed.seek(0)
+            return process.returncode, printed.read(), shown.decode()
+
+    return run
+
+
+def _read(terminal: int, patience_s: float) -> bytes:
+    if not select.select([terminal], [], [], patience_s)[0]:
+        return b""
+    with contextlib.suppress(OSError):  # no process has its other end
+        return os.read(terminal, 4096)
+    time.sleep(patience_s)
+    return b""
 
 
 @pytest.fixture

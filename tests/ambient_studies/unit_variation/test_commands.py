@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import pty
-import signal
-import subprocess
-import sys
 
 import pytest
 
@@ -41,25 +36,10 @@ def test_a_wrong_call_of_units(trainer, saved, free_model, arguments, status, me
 
 
 @pytest.mark.slow
-def test_ctrl_c_stops_units_without_a_traceback(saved, free_model, tmp_path):
-    terminal, end = pty.openpty()  # the bar shows on a terminal only, and says what is under way
-    command = [sys.executable, "-m", "ambient_trainer", "units", saved(free_model), "--jobs", "2"]
-    command += ["--period", "10"]
-    with open(tmp_path / "printed", "w") as printed:
-        running = subprocess.Popen([*command, "--json", str(tmp_path / "found.json")], stdout=printed, stderr=end)
-    os.close(end)
-    seen = b""
-    while b"phones" not in seen:
-        seen += os.read(terminal, 1024)
-    running.send_signal(signal.SIGINT)
-    try:
-        while piece := os.read(terminal, 1024):
-            seen += piece
-    except OSError:
-        pass  # the other end is closed
-    assert running.wait(timeout=60) == 1
-    os.close(terminal)
-    assert b"stopped" in seen
-    assert b"Traceback" not in seen
-    assert (tmp_path / "printed").read_text() == ""
+def test_ctrl_c_stops_units_without_a_traceback(interrupted, saved, free_model, tmp_path):
+    words = ("units", saved(free_model), "--jobs", "2", "--period", "10", "--json", tmp_path / "found.json")
+    status, printed, shown = interrupted("phones", *words)
+    assert (status, printed) == (1, "")
+    assert "stopped" in shown
+    assert "Traceback" not in shown
     assert not (tmp_path / "found.json").exists()

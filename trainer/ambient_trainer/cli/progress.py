@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-import time
+import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -62,13 +62,11 @@ def _bar(patience_s: float, *numbers: ProgressColumn) -> Iterator[Show]:
         *numbers,
         TimeElapsedColumn(),
     )
-    started_s = time.monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=None, visible=not patience_s)
-        yield lambda what, done, total: bar.update(
-            task,
-            description=what,
-            completed=done,
-            total=total,
-            visible=time.monotonic() - started_s >= patience_s,
-        )
+        task = bar.add_task("", total=None, visible=False)
+        shown = threading.Timer(patience_s, bar.update, (task,), {"visible": True})
+        shown.start()
+        try:
+            yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+        finally:
+            shown.cancel()

@@ -1,4 +1,4 @@
-"""Worker processes are started whole, and leave Ctrl-C to whoever started them, who then ends them.
+"""Worker processes leave Ctrl-C to whoever started them, who then ends them.
 
 One that is interrupted while it starts would print a traceback of its own.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
@@ -28,12 +29,14 @@ def results(parallel: Parallel, tasks: Iterable[tuple[Callable[..., Any], Any, A
 
 @contextlib.contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C comes when the block is done."""
-    came: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    """Processes that start in the block ignore Ctrl-C; to this one it comes when the block is done."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # Ctrl-C comes to the main thread alone
+        return
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # what is blocked is kept, although it is ignored
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-    if came and callable(before):
-        before(signal.SIGINT, None)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
