@@ -9,7 +9,6 @@ import sys
 
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect, resume
-from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Supervision
 
 
@@ -31,7 +30,7 @@ def main():
     path, output, speed, *words = sys.argv[1:]
     asked = []
     signal.signal(signal.SIGTERM, lambda number, _: asked.append(number))
-    job = Job(load_campaign(path), output, Clock(float(speed)))
+    job = Job(load_campaign(path), output, float(speed))
     supervision = Supervision(Printer(), lambda: "stopped" if asked else None, lambda: False)
     outcome = (resume if words == ["resume"] else collect)(job, supervision).outcome
     print("end", outcome.ending.value, outcome.safe, flush=True)

@@ -175,6 +175,7 @@ def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_pat
         (["--probe", "a=101", "--probe", "a=102"], ["--probe a=102", "twice"]),
         (["--probe", "1a=101"], ["--probe 1a=101", "NAME=CHANNEL"]),
         (["--simulate", "--points", "5"], ["4 temperatures"]),
+        (["--simulate", "--window", "30", "--period", "2"], ["16 readings", "--window 58"]),
         (["bath.csv", "--points", "2"], ["--points"]),
         (["bath.csv", "--record", "other.csv"], ["--record"]),
     ],
@@ -198,6 +199,7 @@ def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_pat
     ran = CliRunner().invoke(command, ["--simulate", "--window", "120", "-o", output, "--record", record])
     assert ran.exit_code == 0, ran.output
     assert "the worst offset misses its by 0.0" in ran.output
+    assert "it lasts 0 s of 120 s" in ran.output, "without a terminal, too, it says what it waits for"
     assert list(load_trace(record).columns) == ["bath_degC", "air1_degC", "air2_degC", "air3_degC", "air4_degC"]
     ran = CliRunner().invoke(command, [record, "--window", "120", "-o", again])
     assert ran.exit_code == 0, ran.output

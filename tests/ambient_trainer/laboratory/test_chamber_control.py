@@ -7,7 +7,7 @@ import pytest
 
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
-from ambient_trainer.laboratory.messages import Clock, Failure, Sample, Timebase
+from ambient_trainer.laboratory.messages import Clock, Failure, Sample
 from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.workers import ChamberControl, Target
 
@@ -22,7 +22,7 @@ class Controlled:
         port = self.simulated.port
         limits = SetPointLimits(port, -20.0, 60.0)
         driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
-        self.control = ChamberControl(driver, Timebase(self.clock, 0.0), self.posted.put, 10.0, target, gradients)
+        self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, gradients, 120.0)
         self.control.start()
 
     def until(self, condition):

@@ -119,7 +119,9 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
         {"duration_min": 6, "chamber_degC": 30, "load": ["cpu_50"]},
         {"duration_min": 8, "chamber_degC": 10},
     ]
-    loaded = load_campaign(campaign_file(steps, {"safety.ambient_lost_s": 600.0}), ports=False)
+    loaded = load_campaign(
+        campaign_file(steps, {"safety.ambient_lost_s": 600.0, "safety.confirm_s": 600.0}), ports=False
+    )
     draw = random.Random(seed)
     outages = Outages()
     trace, journal = tmp_path / "trace.csv", tmp_path / "trace.csv.part"

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from ambient_trainer.laboratory.campaign import Action, load_campaign
-from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Timebase
+from ambient_trainer.laboratory.messages import Clock, Failure, LoadState
 from ambient_trainer.laboratory.shell import connection_to
 from ambient_trainer.laboratory.workers import LoadControl
 from ambient_trainer.simulator.scenario import scenario_path
@@ -21,8 +21,8 @@ class Running:
     def __init__(self, phone, actions, setup=""):
         changes = {"actions": actions, "device": SHIPPED.device.model_copy(update={"setup": setup})}
         self.posted: queue.Queue = queue.Queue()
-        connection, timebase = connection_to("adb", phone.environment), Timebase(Clock(10.0), 0.0)
-        self.control = LoadControl(SHIPPED.model_copy(update=changes), connection, timebase, self.posted.put)
+        connection, clock = connection_to("adb", phone.environment), Clock(10.0)
+        self.control = LoadControl(SHIPPED.model_copy(update=changes), connection, clock, self.posted.put)
         self.control.start()
 
     def next(self, kind):

@@ -30,7 +30,7 @@ class Recorder:
         self.held = []
 
     def update(self, run):
-        while self.deeds and run.timebase.now_s() >= self.deeds[0][0]:
+        while self.deeds and run.clock.now_s() >= self.deeds[0][0]:
             self.deeds.pop(0)[1](self.there, self)
 
     def event(self, at_s, text):
@@ -48,11 +48,10 @@ class Night:
     held_degC = None
 
     def run(self, deeds=(), work=collect, giving_up=False, before=lambda there: None, monitor=Recorder):
-        clock = Clock(SPEED)
-        with simulated_laboratory(self.loaded, clock, seed=3) as there:
+        with simulated_laboratory(self.loaded, Clock(SPEED), seed=3) as there:
             before(there)
             recorder = monitor(there, deeds)
-            job = Job(there.loaded, self.output, clock, True, there.environment)
+            job = Job(there.loaded, self.output, SPEED, True, there.environment)
             supervision = Supervision(recorder, lambda: recorder.stop, lambda: giving_up and bool(recorder.stop))
             try:
                 self.outcome = work(job, supervision).outcome
@@ -78,7 +77,7 @@ def minutes(*steps):
 def night(campaign_file, tmp_path):
     def make(steps, changes=None, **further):
         # a machine that is loaded stalls for some of a fast clock's minutes
-        changes = {"safety.ambient_lost_s": 1200, **(changes or {})}
+        changes = {"safety.ambient_lost_s": 1200, "safety.confirm_s": 1200, **(changes or {})}
         return Night(campaign_file(steps, changes, **further), tmp_path / "trace.csv")
 
     return make

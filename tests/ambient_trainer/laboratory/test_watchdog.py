@@ -17,7 +17,7 @@ SAFE_DEGC = 20.0
 
 
 def watchdog_at(port):
-    return Watchdog(settings("voetsch-vt4004", port=port, timeout_s=1.0), SAFE_DEGC)
+    return Watchdog(settings("voetsch-vt4004", port=port, timeout_s=1.0), SAFE_DEGC, False, "/dev/null")
 
 
 def driver_at(port):

@@ -5,15 +5,15 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.laboratory.messages import Crash, Failure, NoResponse, Reading, Sample, Timebase
+from ambient_trainer.laboratory.messages import Crash, Failure, NoResponse, Reading, Sample
 from ambient_trainer.laboratory.workers import Sampler
 
 
 class StillClock:
     """Time that passes by waiting and by asking, and else not at all."""
 
-    def __init__(self):
-        self.time_s = 1000.0
+    def __init__(self, time_s):
+        self.time_s = time_s
 
     def now_s(self):
         return self.time_s
@@ -43,18 +43,18 @@ class Slow:
         self.closed = True
 
 
-def sampled(durations_s, period_s, zero_s=1000.0, errors=()):
+def sampled(durations_s, period_s, begin_s=0.0, errors=()):
     """What a sampler of a slow instrument posts."""
-    clock, posted = StillClock(), []
+    clock, posted = StillClock(begin_s), []
     instrument = Slow(clock, durations_s, errors)
-    instrument.sampler = Sampler("x", instrument, period_s, Timebase(clock, zero_s), posted.append)
+    instrument.sampler = Sampler("x", instrument, period_s, clock, posted.append)
     instrument.sampler.run()
     assert instrument.closed
     return posted
 
 
 def test_each_period_is_asked_for_when_it_begins():
-    asked = [sample.asked_s for sample in sampled([0.3, 0.1, 0.9, 0.2], 1.0, zero_s=999.5)]
+    asked = [sample.asked_s for sample in sampled([0.3, 0.1, 0.9, 0.2], 1.0, begin_s=0.5)]
     assert asked == [1.0, 2.0, 3.0, 4.0]
 
 

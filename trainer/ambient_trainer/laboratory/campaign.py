@@ -146,12 +146,16 @@ class Safety(Strict):
     """Where the chamber goes at the end of a run or when something is wrong, and what is wrong.
 
     ``device_high_degC`` is by column; ``ambient_lost_s`` the longest time without an ambient while the chamber works.
+    With a set point that the chamber does not confirm within ``confirm_s``, the run goes on, waits, or ends, as
+    ``unconfirmed`` says; it counts as incomplete in any case.
     """
 
     set_point_degC: _Temperature
     chamber: ChamberLimits
     device_high_degC: dict[str, _Temperature] = Field(default_factory=dict)
     ambient_lost_s: Positive = 120.0
+    confirm_s: Positive = 120.0
+    unconfirmed: Literal["go-on", "wait", "end"] = "go-on"
 
 
 class Laboratory(Strict):
@@ -179,6 +183,11 @@ class Campaign(Scenario):
     def columns(self) -> tuple[str, ...]:
         """The trace's, without ``time_s``."""
         return (*self.laboratory.device.columns, REFERENCE, *self.laboratory.signals)
+
+    @property
+    def gradients(self) -> bool:
+        """Whether any step limits how fast the set point moves; else the chamber's own gradients stay as they are."""
+        return any(step.gradient_K_min is not None for step in self.program)
 
     def step_name(self, index: int) -> str:
         """A step of the program for a table: its number, from 1 on, in ``before`` or in the recording."""
@@ -291,7 +300,7 @@ def _port_faults(instruments: dict[Any, Any], ports: bool) -> Iterator[Fault]:
         owner = owners.setdefault(os.path.realpath(port), str(name))
         if owner != name:
             yield Fault(place, f"{port} is the {owner}'s, too", "each instrument has a port of its own")
-        if ports and not os.path.exists(port):
+        if ports and "://" not in port and not os.path.exists(port):
             yield Fault(place, f"{port} is not there", "plug the adapter in, or name its port (see /dev/serial/by-id)")
 
 

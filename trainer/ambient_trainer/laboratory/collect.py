@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import time
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from typing import NamedTuple
@@ -17,7 +16,7 @@ from ambient_model.faults import refuse
 from ambient_model.trace import write_trace
 from ambient_trainer.laboratory.campaign import LoadedCampaign
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note, Timebase
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note
 from ambient_trainer.laboratory.program import Program
 from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.trace_rows import Rows, grid_of, laboratory_rows, trace_rows
@@ -29,7 +28,7 @@ class Job(NamedTuple):
 
     loaded: LoadedCampaign
     output: str
-    clock: Clock
+    speed: float = 1.0
     simulated: bool = False
     environment: Mapping[str, str] | None = None
 
@@ -64,17 +63,18 @@ def collect(job: Job, supervision: Supervision) -> Collected:
     """Run the campaign from its beginning; raises :class:`Refused` before anything moves."""
     if os.path.exists(job.journal_path):
         Journal(job.journal_path, _head(job))  # is refused, with what to do about it
-    equipment = equipment_of(job.loaded, job.clock, job.environment)
+    clock = Clock(job.speed)
+    equipment = equipment_of(job.loaded, clock, job.environment)
     try:
         identities = identify(equipment, job.loaded)
     except BaseException:
         equipment.close()
         raise
-    timebase = Timebase(job.clock, job.clock.now_s())
+    clock.set(0.0)
     journal = Journal(job.journal_path, _head(job))
     for identity in identities:
         journal.add(Identity(*identity))
-    return _run(job, equipment, journal, timebase, Program(job.loaded.campaign.program, 0.0), supervision)
+    return _run(job, equipment, journal, clock, Program(job.loaded.campaign.program, 0.0), supervision)
 
 
 def resume(job: Job, supervision: Supervision) -> Collected:
@@ -87,25 +87,26 @@ def resume(job: Job, supervision: Supervision) -> Collected:
         return _written(job, Outcome(Ending.FINISHED, "finished", None, True))
     journal = Journal(job.journal_path)
     # the calendar may have been set back in between: time goes on all the same
-    now_s = max((time.time() - record.head.began_unix_s) * record.head.speed, last_s + campaign.period_s)
-    timebase = Timebase(job.clock, job.clock.now_s() - now_s)
+    now_s = max(record.head.now_s(), last_s + campaign.period_s)
+    clock = Clock(job.speed)
+    clock.set(now_s)
     journal.add(LoadState(last_s, None))
     journal.add(Note(now_s, f"resumed after {now_s - last_s:.0f} s"))
     program = Program(campaign.program, now_s, left.step, left.elapsed_s)
-    equipment = equipment_of(job.loaded, job.clock, job.environment)
-    return _run(job, equipment, journal, timebase, program, supervision)
+    return _run(job, equipment_of(job.loaded, clock, job.environment), journal, clock, program, supervision)
 
 
 def _run(
-    job: Job, equipment: Equipment, journal: Journal, timebase: Timebase, program: Program, supervision: Supervision
+    job: Job, equipment: Equipment, journal: Journal, clock: Clock, program: Program, supervision: Supervision
 ) -> Collected:
     campaign = job.loaded.campaign
-    watchdog = Watchdog(campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC)
+    chamber, safe_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
+    watchdog = Watchdog(chamber, safe_degC, campaign.gradients, os.path.abspath(f"{job.output}.safety.log"))
     with contextlib.ExitStack() as stack:
         stack.callback(journal.close)
         if not job.simulated:  # a simulated chamber ends with this process
             stack.enter_context(watchdog)
-        outcome = Run(campaign, equipment, timebase, journal, program, supervision).conduct()
+        outcome = Run(campaign, equipment, clock, journal, program, supervision).conduct()
         if not outcome.safe:
             watchdog.take_over()
     return _written(job, outcome)
@@ -115,6 +116,9 @@ def _written(job: Job, outcome: Outcome) -> Collected:
     """The trace, whole, of what there is; a journal that has come to its end is removed."""
     record = read_journal(job.journal_path)
     campaign = job.loaded.campaign
+    over = outcome.finished
+    if over and record.deviations:
+        outcome = outcome._replace(ending=Ending.DEVIATED, why="; ".join(record.deviations))
     grid = grid_of(record, campaign)
     trace = None
     if grid is not None:
@@ -122,13 +126,13 @@ def _written(job: Job, outcome: Outcome) -> Collected:
         trace = trace_rows(record, campaign, grid)
         write_trace(job.output, *trace, notes)
         write_trace(laboratory_path(job.output), *laboratory_rows(record, campaign, grid), notes)
-    if outcome.finished:
+    if over:
         os.unlink(job.journal_path)
     return Collected(outcome, record, trace)
 
 
 def _head(job: Job) -> Head:
-    return Head(job.loaded.name, job.loaded.sha256, time.time(), job.clock.speed, job.simulated)
+    return Head.now(job.loaded.name, job.loaded.sha256, job.speed, job.simulated)
 
 
 def _check_same(job: Job, record: Record) -> None:
@@ -137,7 +141,7 @@ def _check_same(job: Job, record: Record) -> None:
         problem = f"holds a run of campaign {head.campaign!r} as it was with SHA-256 {head.sha256[:12]}"
         hint = f"{job.loaded.path} is another, or was changed since: give the one that it began with"
         raise refuse(job.journal_path, "", problem, hint)
-    if (head.simulated, head.speed) != (job.simulated, job.clock.speed):
+    if (head.simulated, head.speed) != (job.simulated, job.speed):
         began = f"--simulate --speed {head.speed:g}" if head.simulated else "real instruments"
         raise refuse(job.journal_path, "", f"holds a run that began with {began}", "resume it the same way")
 

@@ -1,7 +1,8 @@
 """A run's journal, ``TRACE.csv.part``: a line an entry, on the disk within seconds, so that no end of a run loses it.
 
 The first line identifies the run; every other is a JSON list whose first entry is its kind. A line that a power loss
-cut is left out. Times are the run's own, which go on over a stop: the machine's calendar gives how long it lasted.
+cut is left out. Times are the run's own, which go on over a stop: the machine's uptime gives how long it lasted, or,
+after a new start, its calendar.
 """
 
 from __future__ import annotations
@@ -10,11 +11,14 @@ import contextlib
 import json
 import os
 import threading
+import time
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from ambient_model.faults import refuse
 from ambient_trainer.laboratory.messages import (
-    Crash,
+    CHAMBER_GRADIENT,
+    CHAMBER_SET_POINT,
     End,
     Entry,
     Failure,
@@ -43,7 +47,8 @@ _NAMES = {kind: name for name, kind in _KINDS.items()}
 class Head(NamedTuple):
     """What run it is.
 
-    ``began_unix_s`` is the machine's calendar when the run's time was 0; ``speed`` is 1 except in a simulation.
+    ``began_unix_s`` is the machine's calendar when the run's time was 0; ``began_boot_s``, the time since the start
+    ``boot`` of the machine, which nobody steps; ``speed`` is 1 except in a simulation.
     """
 
     campaign: str
@@ -51,6 +56,27 @@ class Head(NamedTuple):
     began_unix_s: float
     speed: float
     simulated: bool
+    boot: str = ""
+    began_boot_s: float = 0.0
+
+    @classmethod
+    def now(cls, campaign: str, sha256: str, speed: float, simulated: bool) -> Head:
+        """That of a run whose time is 0 now."""
+        return cls(campaign, sha256, time.time(), speed, simulated, *_uptime())
+
+    def now_s(self) -> float:
+        """The run's time now; by the calendar where the machine was started anew since it began."""
+        boot, uptime_s = _uptime()
+        same = boot and boot == self.boot
+        return self.speed * (uptime_s - self.began_boot_s if same else time.time() - self.began_unix_s)
+
+
+def _uptime() -> tuple[str, float]:
+    """Which start of the machine this is, and the time since, suspension included; "" where nobody says it."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip(), time.clock_gettime(time.CLOCK_BOOTTIME)
+    except (OSError, AttributeError):
+        return "", 0.0
 
 
 class Record(NamedTuple):
@@ -68,6 +94,12 @@ class Record(NamedTuple):
     def steps(self) -> list[StepBegan]:
         """The begins of steps, of one that was resumed again."""
         return [entry for entry in self.entries if isinstance(entry, StepBegan)]
+
+    @property
+    def deviations(self) -> list[str]:
+        """What the chamber did not do of all that the program asks for."""
+        sources = (CHAMBER_SET_POINT, CHAMBER_GRADIENT)
+        return [each.text for each in self.entries if isinstance(each, Failure) and each.source in sources]
 
     @property
     def last_s(self) -> float:
@@ -89,7 +121,7 @@ class Record(NamedTuple):
 def _time_s(entry: Entry) -> float:
     if isinstance(entry, Sample):
         return entry.answered_s
-    return 0.0 if isinstance(entry, (Identity, Crash)) else entry.at_s
+    return 0.0 if isinstance(entry, Identity) else entry.at_s
 
 
 class Journal:

@@ -1,7 +1,8 @@
 """What instruments answer, and what happens in a run: what its threads post, and what its journal keeps.
 
-Whoever waits or stamps asks a clock: the machine's time, or ``speed`` times as fast. A reading has the clock's times, a
-message or an entry the run's own. An error names instrument, port, what was expected and what came.
+Whoever waits or stamps asks the run's one clock, as fast as the machine's time or ``speed`` times as fast. All times
+are its seconds, which go on over a stop and a new start. An error names instrument, port, what was expected and what
+came.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 
 
 class Clock:
-    """Seconds since the clock was made, which pass ``speed`` times as fast as the machine's."""
+    """Seconds since the clock was made or set, which pass ``speed`` times as fast as the machine's."""
 
     LEAST_PATIENCE_S = 0.5
     """However fast the clock, a loaded machine may need this long to let the other side answer."""
@@ -22,11 +23,15 @@ class Clock:
         if not speed > 0.0:
             raise ValueError(f"a clock's speed is positive, not {speed}")
         self.speed = speed
-        self._began_s = time.monotonic()
+        self.set(0.0)
+
+    def set(self, now_s: float) -> None:
+        """Let it be ``now_s`` now; a run's clock is set when the run begins or goes on, and not while it lasts."""
+        self._zero_s = time.monotonic() - now_s / self.speed
 
     def now_s(self) -> float:
-        """The time, which never jumps."""
-        return (time.monotonic() - self._began_s) * self.speed
+        """The time, which goes on evenly whatever the machine's calendar does."""
+        return (time.monotonic() - self._zero_s) * self.speed
 
     def sleep(self, duration_s: float) -> None:
         """Return ``duration_s`` of this clock later, at once where it is not positive."""
@@ -46,12 +51,14 @@ class Clock:
 
 
 CHAMBER, MULTIPLEXER, THERMOMETER, DEVICE = "chamber", "multiplexer", "thermometer", "device"
+CHAMBER_SET_POINT, CHAMBER_GRADIENT = "the chamber's set point", "the chamber's gradient"
+"""Sources of a :class:`Failure` to do what the campaign asks for: the run is not complete with one."""
 CLOCK_OFFSET = "device_clock_offset_s"
 """Column of the device: its uptime less the time here."""
 
 
 class Reading(NamedTuple):
-    """One answer: values by column (None for none), and when, in the clock's seconds.
+    """One answer: values by column (None for none), and when it was asked for and came.
 
     The note is what else the instrument reports, such as an alarm, or why it has no value.
     """
@@ -89,7 +96,7 @@ class NoResponse(InstrumentError):
 
 
 class Sample(NamedTuple):
-    """One instrument's reading, in the run's time."""
+    """One instrument's reading in a run."""
 
     source: str
     asked_s: float
@@ -109,6 +116,13 @@ class Failure(NamedTuple):
     source: str
     at_s: float
     text: str
+
+
+class Recovered(NamedTuple):
+    """What a :class:`Failure` of the same source reported is over."""
+
+    source: str
+    at_s: float
 
 
 class LoadState(NamedTuple):
@@ -154,24 +168,6 @@ class End(NamedTuple):
     why: str
 
 
-Message = Sample | Failure | LoadState | Crash
-Entry = Message | StepBegan | Note | Identity | End
+Message = Sample | Failure | Recovered | LoadState | Crash
+Entry = Sample | Failure | LoadState | StepBegan | Note | Identity | End
 Post = Callable[[Message], None]
-
-
-class Timebase(NamedTuple):
-    """One time for all of a run's instruments, also over a stop and a new start; ``zero_s`` is the clock's at its 0."""
-
-    clock: Clock
-    zero_s: float
-
-    def now_s(self) -> float:
-        """The run's time."""
-        return self.clock.now_s() - self.zero_s
-
-    def sample(self, source: str, reading: Reading) -> Sample:
-        """``reading`` in the run's time, in which the device's clock offset counts, too."""
-        values = dict(reading.values)
-        if (offset_s := values.get(CLOCK_OFFSET)) is not None:
-            values[CLOCK_OFFSET] = round(offset_s + self.zero_s, 4)
-        return Sample(source, reading.asked_s - self.zero_s, reading.answered_s - self.zero_s, values, reading.note)

@@ -27,7 +27,7 @@ def monitor_of(console: Console, job: Job) -> Iterator[Monitor]:
     if not console.is_terminal:
         yield LineMonitor(console)
         return
-    simulated = f", simulated at {job.clock.speed:g} times real time" if job.simulated else ""
+    simulated = f", simulated at {job.speed:g} times real time" if job.simulated else ""
     monitor = LiveMonitor(console, f"{job.loaded.name}{simulated}")
     with monitor.live:
         yield monitor
@@ -43,7 +43,7 @@ class LineMonitor:
 
     def update(self, run: Run) -> None:
         """Print a line where one is due."""
-        now_s, wall_s = run.timebase.now_s(), time.monotonic()
+        now_s, wall_s = run.clock.now_s(), time.monotonic()
         if now_s >= self._due_s and wall_s >= self._due_wall_s:
             self._due_s, self._due_wall_s = now_s + _LINE_S, wall_s + _LINE_WALL_S
             ambient = "-" if run.ambient_degC is None else f"{run.ambient_degC:.2f}"
@@ -74,7 +74,7 @@ class LiveMonitor:
         self.live.console.print(Text(f"{clock_text(at_s)}  {text}"))
 
     def _picture(self, run: Run) -> Group:
-        now_s = run.timebase.now_s()
+        now_s = run.clock.now_s()
         parts: list[RenderableType] = [
             Text(f"{self._title}: {_step_text(run)}", style="bold"),
             Text(f"{clock_text(now_s)} since the beginning, {_left_text(run)}"),
@@ -102,7 +102,7 @@ def _left_text(run: Run) -> str:
     steps, program = expected(run.campaign), run.program
     left_s = 0.0
     if not program.over:
-        left_s = max(steps[program.step].length_s - (run.timebase.now_s() - program.began_s), 0.0)
+        left_s = max(steps[program.step].length_s - (run.clock.now_s() - program.began_s), 0.0)
         left_s += sum(each.length_s for each in steps[program.step + 1 :])
     return f"{clock_text(left_s)} left, {run.journal.samples_on_disk} samples on disk"
 

@@ -14,7 +14,7 @@ from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.collect import Collected, Job, laboratory_path
 from ambient_trainer.laboratory.journal import Record
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note
-from ambient_trainer.laboratory.run import Outcome
+from ambient_trainer.laboratory.run import Ending, Outcome
 from ambient_trainer.laboratory.trace_rows import Rows
 from ambient_trainer.report import Block, Finding, Report, Section, Table
 
@@ -82,7 +82,7 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
     missing = [
         Finding(f"{name}: {settings.port} is not there now.")
         for name, settings in campaign.laboratory.instruments
-        if settings is not None and not os.path.exists(settings.port)
+        if settings is not None and "://" not in settings.port and not os.path.exists(settings.port)
     ]
     blocks: list[Block] = [
         schedule_table(campaign),
@@ -180,5 +180,10 @@ def problems_of(outcome: Outcome, job: Job) -> list[str]:
         problems.append(f"the chamber is stopped, after its alarm: {outcome.alarm}")
     if not outcome.finished:
         where = f"the chamber holds {safe_degC:g} degC; " if outcome.safe and outcome.alarm is None else ""
-        problems.append(f"{outcome.why}; {where}--resume goes on with it")
+        again = (
+            "the trace is whole, and its note says so"
+            if outcome.ending is Ending.DEVIATED
+            else "--resume goes on with it"
+        )
+        problems.append(f"{outcome.why}; {where}{again}")
     return problems

@@ -1,13 +1,16 @@
 """One run of a program: threads post what they read; the run writes it down, moves the program, and sees to safety.
 
-However a run ends, the safe set point goes to the chamber before anything is shown, and until the chamber confirms it.
+However a run ends, the safe set point goes to the chamber before anything is shown, and until the chamber confirms it
+or a minute is over; from then on the watchdog sends it.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import queue
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import NamedTuple, Protocol
@@ -19,6 +22,8 @@ from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, instru
 from ambient_trainer.laboratory.journal import Journal
 from ambient_trainer.laboratory.messages import (
     CHAMBER,
+    CHAMBER_GRADIENT,
+    CHAMBER_SET_POINT,
     DEVICE,
     MULTIPLEXER,
     THERMOMETER,
@@ -30,9 +35,9 @@ from ambient_trainer.laboratory.messages import (
     LoadState,
     Message,
     Note,
+    Recovered,
     Sample,
     StepBegan,
-    Timebase,
 )
 from ambient_trainer.laboratory.program import Program, SafetyLimits
 from ambient_trainer.laboratory.set_point_limits import SetPointLimits
@@ -100,15 +105,23 @@ def identify(equipment: Equipment, loaded: LoadedCampaign) -> list[tuple[str, st
 _POLL_S = 0.02
 """The machine's seconds between two looks at the program where nothing comes in."""
 _PATIENCE_S = 15.0
-"""For the device to stop its actions, and for threads to end."""
+"""For the device to stop its actions, for gradients to be lifted, and for threads to end."""
+_SAFE_S = 60.0
+"""The machine's seconds for the chamber to confirm its safe set point."""
+_LONGEST_WAIT_S = 1800.0
+"""For a set point that the campaign waits for; then the run ends."""
 _FRESH_PERIODS = 3.0
 """An older sample of the device is no evidence of its steady state."""
+_SLOW_TIMES = 5
+"""An instrument whose answers take longer than its period so many times in a row cannot hold it."""
 
 
 class Ending(Enum):
     """How a run ended."""
 
     FINISHED = "finished"
+    DEVIATED = "deviated"
+    """The program came to its end, but the chamber did not do all of it."""
     STOPPED = "stopped"
     LIMIT = "limit"
     FAILED = "failed"
@@ -124,7 +137,7 @@ class Outcome(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """Whether the program came to its end."""
+        """Whether the program came to its end, and the chamber did all of it."""
         return self.ending is Ending.FINISHED
 
 
@@ -156,13 +169,13 @@ class Run:
         self,
         campaign: Campaign,
         equipment: Equipment,
-        timebase: Timebase,
+        clock: Clock,
         journal: Journal,
         program: Program,
         supervision: Supervision,
     ) -> None:
         self.campaign = campaign
-        self.timebase = timebase
+        self.clock = clock
         self.journal = journal
         self.program = program
         self.latest: dict[str, Sample] = {}
@@ -173,51 +186,50 @@ class Run:
         self._equipment = equipment
         self._supervision = supervision
         self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._limits = SafetyLimits(self._laboratory.safety, timebase.now_s())
+        self._limits = SafetyLimits(self._laboratory.safety, clock.now_s())
         self._failure_texts: dict[str, set[str]] = {}
         self._notes: dict[str, str | None] = {}
+        self._slow: Counter[str] = Counter()
         self._crash: BaseException | None = None
+        self._held_s: float | None = None
         post = self._messages.put
         self.chamber = self._new_chamber_control(_target(program))
-        self.load = LoadControl(self._laboratory, equipment.connection, timebase, post)
+        self.load = LoadControl(self._laboratory, equipment.connection, clock, post)
         self._workers: list[Worker] = [self.chamber, self.load]
         for source, (driver, period_s) in equipment.sampled.items():
-            self._workers.append(Sampler(source, driver, period_s, timebase, post))
+            self._workers.append(Sampler(source, driver, period_s, clock, post))
 
     def conduct(self) -> Outcome:
         """Run the program to its end, or to safety."""
-        outcome = Outcome(Ending.FAILED, "the program failed", None, False)
+        ending, why = Ending.FAILED, "the program failed"
         try:
             for worker in self._workers:
                 worker.start()
             self._apply_step()
-            now_s = self.timebase.now_s()
-            self.journal.add(StepBegan(now_s, self.program.step, now_s - self.program.began_s))
+            self._begin_step()
             ending, why = self._until_over()
-            outcome = Outcome(ending, why, None, False)
         except Exception as error:
             # whatever it is: the chamber comes first, and then it is shown
-            outcome = outcome._replace(why=f"{type(error).__name__}: {error}")
+            why = f"{type(error).__name__}: {error}"
         finally:
-            left_s = self.timebase.now_s()
+            self.journal.add(End(self.clock.now_s(), why))
             safe = self._make_safe()
-            self.journal.add(End(left_s, outcome.why))
-            if outcome.finished:
-                self._show(self.timebase.now_s(), "the program is over")
+            if ending is Ending.FINISHED:
+                self._show(self.clock.now_s(), "the program is over")
             else:
-                self._note(outcome.why)
+                self._note(why)
             running = [worker for worker in self._workers if worker.is_alive()]
             for worker in running:
                 worker.finish()
             for worker in running:
                 worker.join(_PATIENCE_S)
-        return outcome._replace(alarm=self.alarm, safe=safe)
+        return Outcome(ending, why, self.alarm, safe)
 
     def _new_chamber_control(self, target: Target) -> ChamberControl:
-        gradients = any(step.gradient_K_min is not None for step in self.program.steps)
         period_s = self._laboratory.instruments.chamber.period_s
+        confirm_s = self._laboratory.safety.confirm_s
         chamber, post = self._equipment.chamber, self._messages.put
-        return ChamberControl(chamber, self.timebase, post, period_s, target, gradients)
+        return ChamberControl(chamber, self.clock, post, period_s, target, self.campaign.gradients, confirm_s)
 
     def _until_over(self) -> tuple[Ending, str]:
         while not self.program.over:
@@ -228,11 +240,11 @@ class Run:
                 return Ending.FAILED, f"{self.journal.path}: cannot be written ({self.journal.failure.strerror})"
             if why := self._supervision.stopping():
                 return Ending.STOPPED, why
-            now_s = self.timebase.now_s()
+            now_s = self.clock.now_s()
             # after an alarm the chamber is stopped: there is nothing more to do, but to go on logging
-            if self.alarm is None and (why := self._limits.violation(now_s)):
+            if self.alarm is None and (why := self._limits.violation(now_s) or self._unconfirmed(now_s)):
                 return Ending.LIMIT, why
-            for reached in self.program.advance(now_s):
+            for reached in self.program.advance(now_s) if self._held_s is None else ():
                 if reached.unsettled:
                     self._note(f"step {reached.step} went on unsettled: it was given no more time")
                 self.journal.add(StepBegan(reached.at_s, reached.step, 0.0))
@@ -240,11 +252,29 @@ class Run:
             self._update_monitor()
         return Ending.FINISHED, "finished"
 
+    def _begin_step(self) -> None:
+        now_s = self.clock.now_s()
+        self.journal.add(StepBegan(now_s, self.program.step, now_s - self.program.began_s))
+
+    def _unconfirmed(self, now_s: float) -> str | None:
+        """Why the run ends because of a set point that is not confirmed; holds the program where that is asked for."""
+        failure, wanted = self.failures.get(CHAMBER_SET_POINT), self._laboratory.safety.unconfirmed
+        if failure is not None and wanted == "wait" and self._held_s is None:
+            self._held_s = failure.at_s
+        elif failure is None and self._held_s is not None:
+            self.program.began_s += now_s - self._held_s
+            self._held_s = None
+            self._begin_step()
+        waited_s = 0.0 if self._held_s is None else now_s - self._held_s
+        return failure.text if failure and (wanted == "end" or waited_s > _LONGEST_WAIT_S) else None
+
     def _apply_step(self) -> None:
         """Send chamber and device to what the step asks for; after an alarm, both stay stopped."""
         if self.alarm is not None or self.program.over:
             return
         if (target := _target(self.program)) != self.chamber.target:
+            for source in (CHAMBER_SET_POINT, CHAMBER_GRADIENT):  # of the target before
+                self.failures.pop(source, None)
             self.chamber.go_to(target)
         self.load.go_to(self.program.now.load)
 
@@ -268,6 +298,8 @@ class Run:
                 texts.add(message.text)
                 self.journal.add(message)
                 self._show(message.at_s, message.text)
+        elif isinstance(message, Recovered):
+            self._recovered(*message)
         elif isinstance(message, LoadState):
             self.journal.add(message)
             if message.actions is not None:
@@ -285,6 +317,8 @@ class Run:
             self.program.update(sample.answered_s, self.ambient_degC, self._zones(sample.answered_s))
         else:
             self._limits.check(sample.values)
+        if sample.source in self._equipment.sampled:
+            self._check_pace(sample)
         if sample.note != self._notes.get(sample.source):
             self._notes[sample.source] = sample.note
             if sample.source == CHAMBER and sample.note is not None:
@@ -294,6 +328,14 @@ class Run:
                 self._note(f"the chamber raised an alarm ({sample.note}): it was stopped, and the logging goes on")
             elif sample.note is not None:
                 self._note(f"{sample.source}: {sample.note}")
+
+    def _check_pace(self, sample: Sample) -> None:
+        took_s, period_s = sample.answered_s - sample.asked_s, self._equipment.sampled[sample.source][1]
+        if self._slow[sample.source] < _SLOW_TIMES:
+            self._slow[sample.source] = self._slow[sample.source] + 1 if took_s > period_s else 0
+            if self._slow[sample.source] == _SLOW_TIMES:
+                wanted = f"its 'period_s' is {period_s:g}: give it {math.ceil(took_s)} or more"
+                self._note(f"{sample.source} takes {took_s:.1f} s for an answer, so that cells stay empty; {wanted}")
 
     def _recovered(self, source: str, at_s: float) -> None:
         failure = self.failures.pop(source, None)
@@ -309,7 +351,10 @@ class Run:
         return {name: value for name in device.zones.values() if (value := sample.values.get(name)) is not None}
 
     def _make_safe(self) -> bool:
-        """Send the chamber to safety, stop the device's actions, and wait; whether the chamber confirmed it."""
+        """Send the chamber to safety, stop the device's actions, and wait; whether the chamber confirmed it.
+
+        A signal that comes while it waits, at the end of a program, ends the waiting.
+        """
         safe = Target(None if self.alarm is not None else self._laboratory.safety.set_point_degC, urgent=True)
         if not self.chamber.is_alive():
             self.chamber = self._new_chamber_control(safe)
@@ -317,21 +362,20 @@ class Run:
             self.chamber.start()
         self.chamber.go_to(safe)
         self.load.go_to(())
-        began_s = noted_s = time.monotonic()
-        while not self._supervision.giving_up():
+        began_s, stopped = time.monotonic(), self._supervision.stopping()
+        while (waited_s := time.monotonic() - began_s) < _SAFE_S:
+            if self._supervision.giving_up() or (self._supervision.stopping() and not stopped):
+                break
             with contextlib.suppress(Exception):  # that the chamber is safe matters more than what is posted meanwhile
                 self._receive()
             self._update_monitor()
-            waited_s = time.monotonic() - began_s
-            if self.chamber.confirmed and (self.load.confirmed or waited_s > _PATIENCE_S):
-                return True
-            if time.monotonic() - noted_s > _PATIENCE_S and not self.chamber.confirmed:
-                noted_s = time.monotonic()
-                self._note("the chamber has not confirmed its safe set point yet: it is sent again and again")
+            settled = self.chamber.settled and self.load.confirmed
+            if self.chamber.confirmed and (settled or waited_s > _PATIENCE_S):
+                break
         return self.chamber.confirmed
 
     def _note(self, text: str) -> None:
-        now_s = self.timebase.now_s()
+        now_s = self.clock.now_s()
         self.journal.add(Note(now_s, text))
         self._show(now_s, text)
 

@@ -24,7 +24,7 @@ import serial  # type: ignore[import-untyped]
 
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
 
-_QUIET_S = 0.02
+QUIET_S = 0.02
 """Silence for so long ends an answer: many bytes at the bauds of instruments, and more than an adapter holds back."""
 _PORT_ERRORS = (OSError, ValueError, TypeError, termios.error)
 """What a port raises that is not there, or not any more; TypeError is pyserial's, of a descriptor that it has lost."""
@@ -81,6 +81,7 @@ def text_replies(ending: bytes, ignored: bytes, longest: int, parse: Callable[[s
     def decode(data: bytes) -> tuple[list[Any], bytes]:
         *lines, rest = data.split(ending)
         found = [reply for line in lines for reply in read(line.strip(ignored))]
+        rest = rest.lstrip(ignored)
         if len(rest) > longest:
             return [*found, malformed(rest)], b""
         return found, rest
@@ -101,8 +102,9 @@ def shown(data: bytes) -> str:
 class SerialLine:
     """One instrument's line; opened by the first query, and again after it was lost.
 
-    ``synchronise_query`` is one whose answer no other query has; ``pause_s`` the least time between two requests;
-    with ``xonxoff`` the instrument stops the sender with XOFF.
+    ``synchronise_query`` is one whose answer no other query has, or else comes after a silence of ``quiet_s``;
+    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF. A
+    port may be a URL, such as ``socket://HOST:2049``.
     """
 
     instrument: str
@@ -113,6 +115,7 @@ class SerialLine:
     baud: int
     pause_s: float = 0.0
     xonxoff: bool = False
+    quiet_s: float = QUIET_S
     _lock: threading.RLock = field(default_factory=threading.RLock, init=False)
     _serial: serial.Serial | None = field(default=None, init=False)
     _synchronised: bool = field(default=False, init=False)
@@ -128,8 +131,7 @@ class SerialLine:
         """The answer to ``query``; raises :class:`InstrumentError`."""
         with self._lock:
             self.synchronise()
-            data = self._receive(0.0)
-            if data:
+            if any(self.decode(data := self._receive(0.0))):
                 raise self._failed(f"nothing before it was asked for {query.expected}", shown(data))
             return self._exchange(query)
 
@@ -141,7 +143,7 @@ class SerialLine:
         """
         with self._lock:
             self._open()
-            if self._receive(0.0):
+            if any(self.decode(self._receive(0.0))):
                 self._synchronised = False
             try:
                 self.synchronise()
@@ -164,7 +166,7 @@ class SerialLine:
             if self._synchronised:
                 return None
             end_s = self._patience_end_s()
-            while self._receive(_QUIET_S) and time.monotonic() < end_s:
+            while self._receive(self.quiet_s) and time.monotonic() < end_s:
                 pass
             self._send(self.synchronise_query.request)
             self._synchronisations_due += 1
@@ -213,8 +215,8 @@ class SerialLine:
             raise self._failed(query.expected, first.got)
         if not query.is_answer(first):
             raise self._failed(query.expected, f"the answer to another question, {first}")
-        beyond = self._receive(self.clock.wall_s(_QUIET_S))
-        if more or rest or beyond:
+        beyond = rest + self._receive(self.clock.wall_s(QUIET_S))
+        if more or any(self.decode(beyond)):
             raise self._failed(f"{query.expected}, and nothing more", f"{first}, and more in {shown(data + beyond)}")
         return Answer(asked_s, answered_s, first)
 
@@ -231,7 +233,7 @@ class SerialLine:
         if self._serial is not None:
             return
         try:
-            port = serial.Serial(
+            port = serial.serial_for_url(
                 self.port,
                 self.baud,
                 timeout=0,
@@ -251,8 +253,8 @@ class SerialLine:
     def _send(self, request: bytes) -> float:
         port = self._serial
         assert port is not None, "nothing is sent on a line that is not open"
-        self.clock.sleep(self._may_send_s - self.clock.now_s())
-        self._may_send_s = self.clock.now_s() + self.pause_s
+        time.sleep(max(self._may_send_s - time.monotonic(), 0.0))
+        self._may_send_s = time.monotonic() + self.clock.wall_s(self.pause_s)
         asked_s = self.clock.now_s()
         try:
             port.write(request)

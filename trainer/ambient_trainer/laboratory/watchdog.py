@@ -1,35 +1,38 @@
 """A process that is left when the program that runs a campaign is killed; it sends the chamber to its safe set point.
 
 It waits at the end of a pipe. ``done`` on it releases the watchdog; its end without that is the death of the program.
+Then it holds the chamber as a run does at its end, at the same pace, lifts the gradients, and writes down each step.
 """
 
 from __future__ import annotations
 
 import errno
 import json
+import logging
 import subprocess
 import sys
-import time
 from types import TracebackType
 
 from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, instrument
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.laboratory.set_point_limits import SetPointLimits
-from ambient_trainer.laboratory.workers import Target
+from ambient_trainer.laboratory.workers import ChamberControl, Target
 
 _RELEASE = b"done\n"
 _RETRY_S = 1.0
 _LONGEST_S = 3600.0
 _BUSY_TIMES = 4
 """A port that is in use for so long has a collector again, which sees to the chamber; once, it may still be closing."""
+_log = logging.getLogger("ambient_trainer.laboratory")
 
 
 class Watchdog:
-    """A watchdog over the chamber for the time of a ``with`` block."""
+    """A watchdog over the chamber for the time of a ``with`` block; ``log_path`` gets its steps where it acts."""
 
-    def __init__(self, chamber: ChamberSettings, safe_degC: float) -> None:
+    def __init__(self, chamber: ChamberSettings, safe_degC: float, gradients: bool, log_path: str) -> None:
         self._taken_over = False
-        self.argv = [sys.executable, "-m", __name__, chamber.model_dump_json(), repr(safe_degC)]
+        order = {"chamber": chamber.model_dump(), "safe_degC": safe_degC, "gradients": gradients, "log": log_path}
+        self.argv = [sys.executable, "-m", __name__, json.dumps(order)]
 
     def __enter__(self) -> Watchdog:
         # a session of its own: what ends this one does not end it
@@ -57,33 +60,39 @@ class Watchdog:
         self._taken_over = True
 
 
-def make_safe(chamber: ChamberDriver, safe_degC: float) -> None:
-    """Send the set point until the chamber confirms it, or another program has it.
+def make_safe(chamber: ChamberDriver, period_s: float, safe_degC: float, gradients: bool) -> str:
+    """Send the set point until the chamber confirms it, or another program has it; returns how it ended.
 
     A stopped chamber stays stopped: it may have an alarm.
     """
-    end_s = time.monotonic() + _LONGEST_S
+    clock = Clock()
+    safe = Target(safe_degC, urgent=True)
+    control = ChamberControl(chamber, clock, lambda message: _log.info("%s", message), period_s, safe, gradients, 60.0)
     busy = 0
-    while time.monotonic() < end_s and busy < _BUSY_TIMES:
+    while clock.now_s() < _LONGEST_S and busy < _BUSY_TIMES:
         try:
-            reading = chamber.read()
-            if Target(None).confirmed_by(reading) or Target(safe_degC).confirmed_by(reading):
-                return
-            chamber.set_point(safe_degC)
-        except InstrumentError as error:
-            in_use = getattr(error.__cause__, "errno", None) == errno.EWOULDBLOCK
-            busy = busy + 1 if in_use else 0
-            time.sleep(_RETRY_S)
+            if not control.begun and Target(None).confirmed_by(chamber.read()):
+                return "the chamber is stopped, and stays so"
+            due_s, error = control.turn(), control.error
+        except InstrumentError as failure:
+            due_s, error = clock.now_s() + _RETRY_S, failure
+        if control.settled:
+            return f"the chamber confirmed {safe}"
+        busy = busy + 1 if getattr(getattr(error, "__cause__", None), "errno", None) == errno.EWOULDBLOCK else 0
+        clock.sleep(due_s - clock.now_s())
+    return "another program has the chamber" if busy else f"the chamber has not confirmed {safe}"
 
 
 def main() -> None:
     """Watch the pipe on standard input."""
-    data, safe = json.loads(sys.argv[1]), float(sys.argv[2])
-    kind = instrument(data["kind"])
-    limits = SetPointLimits(data["port"], safe - 0.1, safe + 0.1)
-    chamber = kind.Driver(kind.Settings.model_validate(data), Clock(), limits)
+    order = json.loads(sys.argv[1])
+    kind, safe_degC = instrument(order["chamber"]["kind"]), order["safe_degC"]
+    settings = kind.Settings.model_validate(order["chamber"])
+    chamber = kind.Driver(settings, Clock(), SetPointLimits(settings.port, safe_degC - 0.1, safe_degC + 0.1))
     if sys.stdin.buffer.read() != _RELEASE:
-        make_safe(chamber, safe)
+        logging.basicConfig(filename=order["log"], format="%(asctime)s %(message)s", level=logging.INFO)
+        _log.info("the program that ran the campaign has ended without a word: the chamber goes to %g degC", safe_degC)
+        _log.info("%s", make_safe(chamber, settings.period_s, safe_degC, order["gradients"]))
         chamber.close()
 
 

@@ -1,12 +1,14 @@
 """The threads of a run. Each instrument is asked on its own absolute schedule: a slow one delays no other.
 
 A query that was due while the last one was still out is left out. The chamber is kept at its target, which is sent
-until the chamber's own answer confirms it; the device at the actions that a step asks for, also after it was lost.
-Actions go over a shell of their own: one that takes seconds delays no sample.
+until the chamber's own answer confirms it, and no set point waits for a gradient; the device is kept at the actions
+that a step asks for, also after it was lost. Actions go over a shell of their own: one that takes seconds delays no
+sample.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,34 +16,40 @@ from typing import TYPE_CHECKING, NamedTuple
 from ambient_trainer.laboratory.instruments import RUNNING, SET_POINT, ChamberDriver, Driver
 from ambient_trainer.laboratory.messages import (
     CHAMBER,
+    CHAMBER_GRADIENT,
+    CHAMBER_SET_POINT,
     DEVICE,
+    Clock,
     Crash,
     Failure,
     InstrumentError,
     LoadState,
     Post,
     Reading,
-    Timebase,
+    Recovered,
+    Sample,
 )
 from ambient_trainer.laboratory.shell import Connection, Shell
 
 if TYPE_CHECKING:
     from ambient_trainer.laboratory.campaign import Laboratory  # the watchdog does not wait for it
 
+_log = logging.getLogger(__name__)
+
 
 class Worker(threading.Thread):
     """A thread of a run: ``turn`` is called again and again until ``finish``; what it raises is posted as a crash."""
 
-    def __init__(self, source: str, timebase: Timebase, post: Post) -> None:
+    def __init__(self, source: str, clock: Clock, post: Post) -> None:
         super().__init__(name=source, daemon=True)
         self.source = source
-        self.timebase = timebase
+        self.clock = clock
         self.post = post
         self.woken = threading.Event()
         self.finished = False
 
     def turn(self) -> float:
-        """Do what is due; returns the run's time of the next turn."""
+        """Do what is due; returns the time of the next turn."""
         raise NotImplementedError
 
     def close(self) -> None:
@@ -53,8 +61,8 @@ class Worker(threading.Thread):
         self.woken.set()
 
     def failed(self, error: InstrumentError, again_after_s: float) -> float:
-        """Post ``error``; returns the run's time of the next attempt."""
-        now_s = self.timebase.now_s()
+        """Post ``error``; returns the time of the next attempt."""
+        now_s = self.clock.now_s()
         self.post(Failure(self.source, now_s, str(error)))
         return now_s + again_after_s
 
@@ -63,8 +71,8 @@ class Worker(threading.Thread):
         try:
             while not self.finished:
                 due_s = self.turn()
-                while not self.finished and (left_s := due_s - self.timebase.now_s()) > 0.0:
-                    if self.timebase.clock.wait(self.woken, left_s):
+                while not self.finished and (left_s := due_s - self.clock.now_s()) > 0.0:
+                    if self.clock.wait(self.woken, left_s):
                         break
                 if not self.finished:
                     self.woken.clear()
@@ -77,8 +85,8 @@ class Worker(threading.Thread):
 class Sampler(Worker):
     """Takes a sample at every multiple of ``period_s``, the first one in its second turn."""
 
-    def __init__(self, source: str, instrument: Driver, period_s: float, timebase: Timebase, post: Post) -> None:
-        super().__init__(source, timebase, post)
+    def __init__(self, source: str, instrument: Driver, period_s: float, clock: Clock, post: Post) -> None:
+        super().__init__(source, clock, post)
         self._instrument = instrument
         self._period_s = period_s
         self._scheduled = False
@@ -87,11 +95,11 @@ class Sampler(Worker):
         """Read the instrument, and post the sample."""
         try:
             if self._scheduled:
-                self.post(self.timebase.sample(self.source, self._instrument.read()))
+                self.post(Sample(self.source, *self._instrument.read()))
         except InstrumentError as error:
             self.failed(error, 0.0)
         self._scheduled = True
-        return next_multiple(self.timebase.now_s(), self._period_s)
+        return next_multiple(self.clock.now_s(), self._period_s)
 
     def close(self) -> None:
         """Close the instrument."""
@@ -100,58 +108,87 @@ class Sampler(Worker):
 
 def next_multiple(now_s: float, period_s: float) -> float:
     """The first multiple of ``period_s`` after ``now_s``."""
-    return (math.floor(now_s / period_s) + 1) * period_s
+    return (math.floor(now_s / period_s + 1e-9) + 1) * period_s
 
 
 RESOLUTION_K = 0.06
 """A set point that is reported this near is the one that was sent: controllers have tenths."""
+_BEHIND_MIN, _BEHIND_K = 1.0, 0.5
+"""How far a nominal value that moves under a gradient may be from the straight line; chosen."""
 _RETRY_S = 1.0
+_QUICK_RETRIES = 5
+"""After so many attempts the next ones come once a period; a gradient is then given up."""
 
 
 class Target(NamedTuple):
     """The state to hold: the set point (None: stop), and how fast it may move (None: as fast as it can).
 
-    The set point of one that is ``urgent`` goes out before its gradient.
+    Under a gradient, the nominal value that the chamber reports is still on its way; an urgent set point goes out
+    before the gradient is lifted, any other after the gradient was sent.
     """
 
     set_degC: float | None
     gradient_K_min: float | None = None
     urgent: bool = False
 
-    def confirmed_by(self, reading: Reading) -> bool:
-        """Whether the chamber's ``reading`` agrees; under a gradient its nominal value is still on its way."""
+    def __str__(self) -> str:
+        return "a stop" if self.set_degC is None else f"the set point {self.set_degC:.1f} degC"
+
+    def confirmed_by(self, reading: Reading, moving_K: float = 0.0) -> bool:
+        """Whether the chamber's ``reading`` agrees, its nominal value at most ``moving_K`` away."""
         if self.set_degC is None:
             return not reading.values[RUNNING]
         reported_degC = reading.values[SET_POINT]
         assert reported_degC is not None, "a chamber reports its set point"
-        on_target = bool(self.gradient_K_min) or abs(reported_degC - self.set_degC) <= RESOLUTION_K
-        return bool(reading.values[RUNNING]) and on_target
+        return bool(reading.values[RUNNING]) and abs(reported_degC - self.set_degC) <= RESOLUTION_K + moving_K
 
 
 class ChamberControl(Worker):
-    """Holds the chamber at the newest target and samples it; ``gradients``: whether any target has one."""
+    """Holds the chamber at the newest target and samples it.
+
+    ``gradients`` is whether any target has one; what is not confirmed within ``confirm_s``, and a gradient that is
+    refused, is posted as a failure with what was asked for and what the chamber reports.
+    """
 
     def __init__(
         self,
         chamber: ChamberDriver,
-        timebase: Timebase,
+        clock: Clock,
         post: Post,
         period_s: float,
         target: Target,
         gradients: bool,
+        confirm_s: float,
     ) -> None:
-        super().__init__(CHAMBER, timebase, post)
+        super().__init__(CHAMBER, clock, post)
         self.target = target
+        self.error: InstrumentError | None = None
+        """Why the newest turn failed, or None."""
         self._chamber = chamber
         self._period_s = period_s
         self._gradients = gradients
-        self._sent: Target | None = None
+        self._confirm_s = confirm_s
+        self._begun: Target | None = None
+        self._got = ""
+        self._gradient_attempts = 0
+        self._gradient_error: InstrumentError | None = None
         self._confirmed: Target | None = None
+        self._reported_degC: float | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether the newest target has been sent, or tried to be."""
+        return self._begun is self.target
 
     @property
     def confirmed(self) -> bool:
         """Whether the chamber's own answer agrees with the newest target."""
         return self._confirmed is self.target
+
+    @property
+    def settled(self) -> bool:
+        """Whether there is nothing left to send: the target is confirmed, its gradient taken or given up."""
+        return self.confirmed and not self._gradient_attempts
 
     def go_to(self, target: Target) -> None:
         """Hold another target from now on; returns at once."""
@@ -159,34 +196,107 @@ class ChamberControl(Worker):
         self.woken.set()
 
     def turn(self) -> float:
-        """Send the target where it is not confirmed, and read the chamber."""
+        """Send what is not confirmed, and read the chamber."""
         target = self.target
+        if not self.begun:
+            self._begin(target)
+        self.error = None
         try:
-            if self._sent is not target:
+            if target.urgent:
                 self._send(target)
-                self._sent = target
+            self._send_gradient(target)
+            self._send(target)
             reading = self._chamber.read()
         except InstrumentError as error:
+            self.error = error
+            self._check_overdue("no answer")
             return self.failed(error, _RETRY_S)
-        self._sent = self._confirmed = target if target.confirmed_by(reading) else None
-        self.post(self.timebase.sample(CHAMBER, reading))
-        now_s = self.timebase.now_s()
-        return now_s + _RETRY_S if self._sent is None else next_multiple(now_s, self._period_s)
+        agrees = target.confirmed_by(reading, self._moving_K(target, reading))
+        self._to_send, self._confirmed = not agrees, target if agrees else None
+        self._reported_degC = reading.values[SET_POINT]
+        state = "running" if reading.values[RUNNING] else "stopped"
+        self._check_overdue(f"a nominal value of {self._reported_degC:.1f} degC, {state}")
+        self.post(Sample(CHAMBER, *reading))
+        now_s = self.clock.now_s()
+        quick = not self.settled and self._attempts < _QUICK_RETRIES
+        return now_s + _RETRY_S if quick else next_multiple(now_s, self._period_s)
 
     def close(self) -> None:
         """Close the line; the chamber goes on as it is."""
         self._chamber.close()
 
+    def _begin(self, target: Target) -> None:
+        if self._begun and self._got:
+            self._fail_set_point(self._begun)
+        if self._begun and self._gradient_attempts:
+            self._fail_gradient(self._begun)
+        self._begun, self._from_degC = target, self._reported_degC
+        self._begun_s = self._agreed_s = self.clock.now_s()
+        self._to_send, self._overdue, self._attempts, self._got = True, False, 0, ""
+        self._gradient_attempts = _QUICK_RETRIES if self._gradients and target.set_degC is not None else 0
+        self._gradient_error = None
+
     def _send(self, target: Target) -> None:
+        if not self._to_send:
+            return
+        self._attempts += 1
+        _log.info("%s is sent", target)
         if target.set_degC is None:
             self._chamber.stop()
+        else:
+            self._chamber.set_point(target.set_degC)
+        self._to_send = False
+
+    def _send_gradient(self, target: Target) -> None:
+        """Limit how fast the set point moves; a chamber that refuses it goes to its set point all the same."""
+        if not self._gradient_attempts or target.set_degC is None:
             return
-        if target.urgent:
-            self._chamber.set_point(target.set_degC)
-        if self._gradients:  # else the chamber's own stays as it is
-            self._chamber.gradient(target.gradient_K_min or 0.0)
-        if not target.urgent:
-            self._chamber.set_point(target.set_degC)
+        self._gradient_attempts -= 1
+        rate_K_min = target.gradient_K_min or 0.0
+        _log.info("the gradient %g K/min is sent", rate_K_min)
+        try:
+            self._chamber.gradient(rate_K_min, rising=target.set_degC >= (self._from_degC or 0.0))
+            self._gradient_attempts = 0
+        except InstrumentError as error:
+            _log.info("%s", error)
+            self._gradient_error = error
+            if not self._gradient_attempts:
+                self._fail_gradient(target)
+
+    def _moving_K(self, target: Target, reading: Reading) -> float:
+        """How far from the target the nominal value may still be, on its way under the target's gradient."""
+        if not target.gradient_K_min or target.set_degC is None:
+            return 0.0
+        if self._from_degC is None:
+            self._from_degC = reading.values[SET_POINT] or 0.0
+        minutes = max((self.clock.now_s() - self._begun_s) / 60.0 - _BEHIND_MIN, 0.0)
+        return max(abs(target.set_degC - self._from_degC) - target.gradient_K_min * minutes, 0.0) + _BEHIND_K
+
+    def _check_overdue(self, reported: str) -> None:
+        """Post a failure where the target has not been confirmed for too long, and when that is over."""
+        now_s = self.clock.now_s()
+        assert self._begun is not None
+        if self.confirmed:
+            self._agreed_s, self._got = now_s, ""
+            if self._overdue:
+                self.post(Recovered(CHAMBER_SET_POINT, now_s))
+            self._overdue = False
+        else:
+            self._got = reported
+            if now_s - self._agreed_s > self._confirm_s:
+                self._fail_set_point(self._begun)
+
+    def _fail_set_point(self, target: Target) -> None:
+        if not self._overdue:
+            self._overdue = True
+            hint = "compare it with the chamber's panel: is it in manual or program mode, is its layout another?"
+            text = f"{CHAMBER}: expected {target} within {self._confirm_s:g} s, got {self._got}; {hint}"
+            self.post(Failure(CHAMBER if target.urgent else CHAMBER_SET_POINT, self.clock.now_s(), text))
+
+    def _fail_gradient(self, target: Target) -> None:
+        if self._gradient_error is not None:
+            source = CHAMBER if target.urgent else CHAMBER_GRADIENT
+            self.post(Failure(source, self.clock.now_s(), str(self._gradient_error)))
 
 
 _PERIOD_S = 2.0
@@ -199,9 +309,9 @@ _FAILED = "try the command in a shell on the device; it is tried again"
 class LoadControl(Worker):
     """Keeps the device at the actions that were last asked for."""
 
-    def __init__(self, laboratory: Laboratory, connection: Connection, timebase: Timebase, post: Post) -> None:
-        super().__init__(f"{DEVICE}'s actions", timebase, post)
-        self.shell = Shell(connection, timebase.clock, _TIMEOUT_S, laboratory.device.setup)
+    def __init__(self, laboratory: Laboratory, connection: Connection, clock: Clock, post: Post) -> None:
+        super().__init__(f"{DEVICE}'s actions", clock, post)
+        self.shell = Shell(connection, clock, _TIMEOUT_S, laboratory.device.setup)
         self._actions = laboratory.actions
         self._target: tuple[str, ...] = ()
         self._active: tuple[str, ...] | None = None
@@ -233,7 +343,7 @@ class LoadControl(Worker):
         except InstrumentError as error:
             self._set_active(None)
             return self.failed(error, _LOAD_RETRY_S)
-        return self.timebase.now_s() + _PERIOD_S
+        return self.clock.now_s() + _PERIOD_S
 
     def close(self) -> None:
         """Close the shell."""
@@ -252,7 +362,7 @@ class LoadControl(Worker):
         self._active = actions
         if actions != self._posted:
             self._posted = actions
-            self.post(LoadState(self.timebase.now_s(), actions))
+            self.post(LoadState(self.clock.now_s(), actions))
 
     def _run(self, name: str, what: str) -> None:
         action = self._actions[name]

@@ -83,9 +83,9 @@ def test_one_file_adds_an_instrument(meter, campaign_file, tmp_path):
     changes = {"instruments.thermometer": link, "safety.ambient_lost_s": 1200}
     loaded = load_campaign(campaign_file([{"duration_min": 4, "chamber_degC": 22}], changes), ports=False)
     assert loaded.campaign.laboratory.instruments.thermometer.baud == 19200
-    output, clock = str(tmp_path / "trace.csv"), Clock(100.0)
-    with simulated_laboratory(loaded, clock) as there:
-        job = Job(there.loaded, output, clock, True, there.environment)
+    output = str(tmp_path / "trace.csv")
+    with simulated_laboratory(loaded, Clock(100.0)) as there:
+        job = Job(there.loaded, output, 100.0, True, there.environment)
         assert collect(job, Supervision(NoMonitor(), lambda: None, lambda: False)).outcome.finished
     assert load_trace(output).notes["thermometer"] == "KELVIN 1"
     reading = load_trace(laboratory_path(output)).column("thermometer_degC")

@@ -74,13 +74,11 @@ TABLE: dict[str, tuple[Any, bytes, Any]] = {
     ),
 }
 COMMANDS = {
-    voetsch.READ_STATE.request: b"$00I\r",
-    voetsch.READ_FAULT.request: b"$00F\r",
     voetsch.set_values((10.0, 0, 0, 0, 0), bits("0101010100000100")): (
-        b"$00E 0010.0 0000.0 0000.0 0000.0 0000.0 0101010100000100\r"
+        b"E 0010.0 0000.0 0000.0 0000.0 0000.0 0101010100000100"
     ),
-    voetsch.set_values((-7.5, 0, 0, 0, 0), OUTPUTS)[:12]: b"$00E -007.5 ",
-    voetsch.set_gradients(2.0, 1.5): b"$00U 0002.0 0001.5 0000.0 0000.0\r",
+    voetsch.set_values((-7.5, 0, 0, 0, 0), OUTPUTS)[:9]: b"E -007.5 ",
+    voetsch.set_gradients(2.0, 1.5): b"U 0002.0 0001.5 0000.0 0000.0",
     agilent.READ_IDENTITY.request: b"*IDN?\n",
     agilent.RESET: b"*RST\n*CLS\n",
     agilent.read_scan((101,)).request: b"READ?\n",
@@ -171,7 +169,7 @@ def test_a_simulated_value_is_read_back(hundredths) -> None:
 
 
 @pytest.mark.parametrize(
-    ("protocol", "ending", "longest"), [(voetsch, b"\r", 200), (agilent, b"\n", 8192), (easybus, None, 12)]
+    ("protocol", "ending", "longest"), [(voetsch, b"\r", 400), (agilent, b"\n", 8192), (easybus, None, 12)]
 )
 @given(noise=st.binary(max_size=1000))
 def test_after_any_bytes_the_next_line_is_read_and_little_is_kept(protocol, ending, longest, noise) -> None:

@@ -45,7 +45,7 @@ def test_it_starts_goes_to_its_set_point_and_stops(recorded) -> None:
     assert bench.simulated.held_degC is None
     assert b"".join(received).split(b"\r") == [
         b"$00F",  # synchronises
-        b"$00I", b"$00F",
+        b"$00I", b"$00I", b"$00F",  # the layout, twice
         b"$00U 0002.0 0002.0 0000.0 0000.0",
         b"$00E -010.0 0000.0 0000.0 0000.0 0000.0 0101000000000000",
         b"$00I", b"$00F",

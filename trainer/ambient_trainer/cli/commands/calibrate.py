@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,8 @@ _KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 _PATIENCE_S = 3600.0
+_LINE_S = 30.0
+"""Between two lines of what it waits for, where there is no terminal."""
 _DRIFT = FiniteRange(min=0.0, min_open=True)
 
 
@@ -95,6 +98,7 @@ def command(
     from ambient_trainer.laboratory.probe_offsets import offsets_text
 
     live = bool(thermometer or multiplexer or probes)
+    readings = int(window_s / period_s) + 1
     wrong = {
         "take the bath from TRACE.csv, or from --thermometer, --multiplexer and --probe, or --simulate it": (
             (trace_path is not None) + live + simulate != 1
@@ -105,6 +109,10 @@ def command(
         f"{thermometer} is named for both instruments: each has a port of its own": live and thermometer == multiplexer,
         "--record is for a live bath: TRACE.csv is the record": trace_path is not None and record_path is not None,
         "--points is for a live bath: TRACE.csv has as many as it settled at": trace_path is not None and points != 1,
+        f"{window_s:g} s have {readings} readings, and to settle needs {Settled.samples}: take --window "
+        f"{(Settled.samples - 1) * period_s:g} or more, or a shorter --period than {period_s:g}": (
+            trace_path is None and readings < Settled.samples
+        ),
         f"the simulated bath goes to {len(BATHS_DEGC)} temperatures, no more": simulate and points > len(BATHS_DEGC),
     }
     for message, is_so in wrong.items():
@@ -123,6 +131,14 @@ def command(
             settings(_KINDS["multiplexer"], port=multiplexer or "", **named),
         )
         status = Console(stderr=True, highlight=False).status("")
+        due_s = time.monotonic()
+
+        def show(text: str) -> None:
+            nonlocal due_s
+            status.update(text)
+            if not status.console.is_terminal and time.monotonic() >= due_s:
+                due_s = time.monotonic() + _LINE_S
+                click.echo(text, err=True)
 
         def go_to(point: int) -> None:
             if point:
@@ -134,7 +150,7 @@ def command(
             with simulated_bath(*links) if simulate else real_bath(*links, go_to) as instruments, status:
                 source, errors_K = instruments.identify(), instruments.errors_K
                 recorder = BathRecorder(instruments, period_s, _PATIENCE_S)
-                windows = recorder.windows(points, settled, status.update, record_path)
+                windows = recorder.windows(points, settled, show, record_path)
         except InstrumentError as error:
             raise click.ClickException(str(error)) from error
     offsets = calibrated(windows, trace_path or "the bath")

@@ -82,12 +82,11 @@ def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed
     from ambient_trainer.laboratory.messages import Clock
     from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
-    clock = Clock(speed)
     if not simulate:
-        yield Job(loaded, output, clock)
+        yield Job(loaded, output)
         return
-    with simulated_laboratory(loaded, clock, seed) as there:
-        yield Job(there.loaded, output, clock, True, there.environment)
+    with simulated_laboratory(loaded, Clock(speed), seed) as there:
+        yield Job(there.loaded, output, speed, True, there.environment)
 
 
 def _run(job: Job, again: bool) -> int:

@@ -110,8 +110,8 @@ class ChamberDriver(Driver, Protocol):
     def set_point(self, temp_degC: float) -> None:
         """Go to ``temp_degC`` and start, without waiting; raises :class:`Refused` outside the limits."""
 
-    def gradient(self, rate_K_min: float) -> None:
-        """Let the set point move no faster than this; 0 does not limit it."""
+    def gradient(self, rate_K_min: float, rising: bool = True) -> None:
+        """Let the set point move no faster than this on its way up, or down; 0 does not limit it."""
 
     def stop(self) -> None:
         """Stop heating and cooling."""

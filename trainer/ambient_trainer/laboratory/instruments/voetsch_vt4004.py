@@ -1,49 +1,89 @@
-"""A Voetsch VT 4004 climate chamber. Its protocol is ASCII-2: ``$00``, a letter, numbers in ``%06.1f``, CR.
+"""A Voetsch or Weiss climate chamber. Its protocol is ASCII-2: ``$``, an address, a letter, numbers in ``%06.1f``, CR.
 
-Five pairs of nominal and actual values, the first being the temperature, and sixteen outputs, counted from 0 on the
-left: 1 starts the chamber, 3 its temperature controller. A nominal value counts only with its output. What the manual
-leaves open: the reply to a malformed command is silence or an empty line, and no fault is taken to be number 00.
+A state is pairs of nominal and actual values, the first being the temperature's, and outputs, counted from 0 on the
+left. A VT 4004 has five pairs and sixteen outputs: 1 starts the chamber, 3 its temperature controller; others have
+other numbers of both (``$01?`` prints them), and start by output 1 alone. What a campaign does not give of the layout
+is taken from the first two states, which have to agree; from then on no other is taken for a state. The reply to a
+malformed command is silence, an empty line or some text, and no fault is taken to be number 00.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
+from pydantic import Field, model_validator
+
+from ambient_trainer.data.strict_yaml import wrong
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberSettings, NotNegative
-from ambient_trainer.laboratory.messages import Clock, Reading
+from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
-from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, text_replies
+from ambient_trainer.laboratory.serial_line import (
+    QUIET_S,
+    Answer,
+    Malformed,
+    Query,
+    SerialDriver,
+    SerialLine,
+    text_replies,
+)
 from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 if TYPE_CHECKING:
     import numpy as np
 
-LOWEST_DEGC, HIGHEST_DEGC = -45.0, 185.0
-"""What the chamber itself can do."""
-START, TEMPERATURE = 1, 3
-"""The outputs that let the chamber run, and let the first nominal value count."""
+START = 1
+"""The output that lets the chamber run."""
 VALUES, OUTPUTS = 5, 16
+"""Of a VT 4004."""
 
 _BAUD = 9600
-_LONGEST = 200
+_LONGEST = 400
 _NUMBER = r"(?:\d{4}|-\d{3})\.\d"
-_STATE = re.compile(rf"{_NUMBER}(?: {_NUMBER}){{{2 * VALUES - 1}}} [01]{{{OUTPUTS}}}")
+_STATE = re.compile(rf"({_NUMBER}(?: {_NUMBER})+) ([01]{{8,}})[A-Z]?")
 _FAULT = re.compile(r"(\d\d)(?: +(.*))?")
-_A_REPLY = "five pairs of values and 16 outputs, '0', or a fault's two digits and text"
+_A_REPLY = "pairs of values and outputs, '0', or a fault's two digits and text"
 
 
 class Settings(ChamberSettings):
-    """The chamber; ``pause_s`` is the least time between two strings: a later controller needs 5 s."""
+    """The chamber; ``pause_s`` is the least time between two strings: a later controller needs 5 s.
+
+    ``values`` is how many nominal values are set at once, ``other_values`` what all but the first are then (else: as
+    last reported), ``readings`` how many a state has (else: two for each), ``outputs`` its outputs, and ``start`` those
+    that are on while it runs. ``gradient`` is the form of the gradients' command: ``both`` ways in one, the one way
+    that is ``needed`` and 0 for the other, or both and the ``outputs``. With ``alarms: false`` it is not asked for
+    faults, which some chambers do not know: then it is not noticed where one stops it.
+    """
 
     kind: Literal["voetsch-vt4004"]
+    address: Annotated[int, Field(ge=0, le=99)] = 0
+    terminator: Literal["CR", "CRLF"] = "CR"
     pause_s: NotNegative = 0.0
+    lowest_degC: float = -45.0
+    highest_degC: float = 185.0
+    values: Annotated[int, Field(ge=1, le=20)] | None = None
+    readings: Annotated[int, Field(ge=2, le=40)] | None = None
+    other_values: tuple[float, ...] | None = None
+    outputs: Annotated[int, Field(ge=8, le=64)] | None = None
+    start: tuple[Annotated[int, Field(ge=0, lt=64)], ...] | None = None
+    gradient: Literal["both", "needed", "outputs"] = "both"
+    alarms: bool = True
+
+    @model_validator(mode="after")
+    def _possible(self) -> Settings:
+        values = self.values or 1 + len(self.other_values or ())
+        if self.other_values is not None and len(self.other_values) != values - 1:
+            raise wrong(f"{len(self.other_values)} of other_values", f"give all but the first of the {values} values")
+        if self.readings is not None and self.readings != 2 * values and self.other_values is None:
+            raise wrong("readings that are no pairs", "give 'values', and 'other_values': what is set but the first")
+        return self
 
 
 class State(NamedTuple):
-    """The reply to ``$00I``: nominal and actual values, the temperature's in degC first, and the outputs."""
+    """The reply to ``I``: nominal and actual values, the temperature's in degC first, and the outputs."""
 
     nominal: tuple[float, ...]
     actual: tuple[float, ...]
@@ -55,27 +95,24 @@ class Done(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """The reply to ``$00F``; number 0 is no fault."""
+    """The reply to ``F``; number 0 is no fault."""
 
     number: int
     text: str
 
 
-READ_STATE = Query(b"$00I\r", "a state, five pairs of values", lambda reply: isinstance(reply, State))
-READ_FAULT = Query(b"$00F\r", "a fault, two digits and text", lambda reply: isinstance(reply, Fault))
-
-
 def set_values(nominal: Sequence[float], outputs: Sequence[bool]) -> bytes:
-    """The command that sets five nominal values and sixteen outputs."""
-    return b"$00E %s %s\r" % (_numbers(nominal), _bits(outputs))
+    """The command that sets nominal values and outputs."""
+    return b"E %s %s" % (_numbers(nominal), _bits(outputs))
 
 
-def set_gradients(up_K_min: float, down_K_min: float) -> bytes:
+def set_gradients(up_K_min: float, down_K_min: float, outputs: Sequence[bool] | None = None) -> bytes:
     """The command that limits how fast the nominal temperature rises and falls; 0.0 does not limit it.
 
-    The second pair is a humidity's, which a chamber without it ignores.
+    The second pair is a humidity's, which a chamber without it ignores; some have the outputs in its place.
     """
-    return b"$00U %s\r" % _numbers((up_K_min, down_K_min, 0.0, 0.0))
+    further = _numbers((0.0, 0.0)) if outputs is None else _bits(outputs)
+    return b"U %s %s" % (_numbers((up_K_min, down_K_min)), further)
 
 
 Reply = State | Done | Fault
@@ -86,10 +123,9 @@ def _parsed(line: str) -> Reply | Malformed:
         return Malformed(_A_REPLY, "an empty line, as after a malformed command")
     if line == "0":
         return Done()
-    if _STATE.fullmatch(line):
-        *numbers, bits = line.split(" ")
-        values = [float(number) for number in numbers]
-        return State(tuple(values[::2]), tuple(values[1::2]), tuple(bit == "1" for bit in bits))
+    if match := _STATE.fullmatch(line):
+        values = [float(number) for number in match[1].split(" ")]
+        return State(tuple(values[::2]), tuple(values[1::2]), tuple(bit == "1" for bit in match[2]))
     if match := _FAULT.fullmatch(line):
         return Fault(int(match[1]), (match[2] or "").strip())
     return Malformed(_A_REPLY, repr(line))
@@ -118,11 +154,18 @@ def _bits(outputs: Sequence[bool]) -> bytes:
 
 
 class Driver(SerialDriver):
-    """The chamber on its serial line; a set point or a stop is sent even where it does not answer."""
+    """The chamber on its line; a set point or a stop is sent even where it does not answer."""
 
     def __init__(self, settings: Settings, clock: Clock, limits: SetPointLimits) -> None:
-        self._limits = limits.within(LOWEST_DEGC, HIGHEST_DEGC)
-        self.line = SerialLine("chamber", settings, clock, decode, READ_FAULT, baud=_BAUD, pause_s=settings.pause_s)
+        self._settings = settings
+        self._limits = limits.within(settings.lowest_degC, settings.highest_degC)
+        self._read_state = self._query(b"I", "a state, pairs of values and outputs", self._is_state)
+        self._read_fault = self._query(b"F", "a fault, two digits and text", lambda reply: isinstance(reply, Fault))
+        quiet_s = QUIET_S if settings.alarms else settings.timeout_s
+        marker = self._read_fault if settings.alarms else self._read_state
+        self.line = SerialLine(
+            "chamber", settings, clock, decode, marker, _BAUD, pause_s=settings.pause_s, quiet_s=quiet_s
+        )
         self._last: State | None = None
 
     def identify(self) -> str:
@@ -132,10 +175,11 @@ class Driver(SerialDriver):
 
     def read(self) -> Reading:
         """Set point, temperature and whether it runs; its fault is the note."""
-        asked_s, answered_s, state = self.line.query(READ_STATE)
-        self._last = state
-        fault = self.line.query(READ_FAULT).reply
-        alarm = f"{fault.number:02d} {fault.text}".rstrip() if fault.number else None
+        asked_s, answered_s, state = self._state()
+        alarm = None
+        if self._settings.alarms:
+            fault = self.line.query(self._read_fault).reply
+            alarm = f"{fault.number:02d} {fault.text}".rstrip() if fault.number else None
         values = {SET_POINT: state.nominal[0], AIR: state.actual[0], RUNNING: float(state.outputs[START])}
         return Reading(asked_s, answered_s, values, alarm)
 
@@ -144,11 +188,14 @@ class Driver(SerialDriver):
         allowed_degC = self._limits.set_point(temp_degC)
         self._command(allowed_degC, True, f"'0' to the set point {allowed_degC:.1f} degC")
 
-    def gradient(self, rate_K_min: float) -> None:
+    def gradient(self, rate_K_min: float, rising: bool = True) -> None:
         """Let the set point rise and fall no faster than this; 0 does not limit it."""
-        allowed_K_min = self._limits.gradient(rate_K_min)
-        expected = f"'0' to the gradient {allowed_K_min:.1f} K/min up, {allowed_K_min:.1f} K/min down"
-        self.line.query(Query(set_gradients(allowed_K_min, allowed_K_min), expected, _is_done))
+        up_K_min = down_K_min = self._limits.gradient(rate_K_min)
+        if self._settings.gradient == "needed":
+            up_K_min, down_K_min = (up_K_min, 0.0) if rising else (0.0, down_K_min)
+        outputs = self._outputs(True) if self._settings.gradient == "outputs" else None
+        expected = f"'0' to the gradient {up_K_min:.1f} K/min up, {down_K_min:.1f} K/min down"
+        self.line.query(self._query(set_gradients(up_K_min, down_K_min, outputs), expected, _is_done))
 
     def stop(self) -> None:
         """Stop heating and cooling."""
@@ -156,12 +203,49 @@ class Driver(SerialDriver):
         nominal_degC = self._last.nominal[0] if self._last else min(max(20.0, low_degC), high_degC)
         self._command(nominal_degC, False, "'0' to the stop")
 
+    def _query(self, command: bytes, expected: str, is_answer: Callable[[Any], bool]) -> Query:
+        ending = b"\r\n" if self._settings.terminator == "CRLF" else b"\r"
+        return Query(b"$%02d%s%s" % (self._settings.address, command, ending), expected, is_answer)
+
+    def _is_state(self, reply: object) -> bool:
+        """Whether it is a state of the chamber's layout, as far as that is known."""
+        if not isinstance(reply, State):
+            return False
+        given, known = self._settings, self._last or reply
+        readings = given.readings or (2 * given.values if given.values else len(known.nominal) + len(known.actual))
+        outputs = given.outputs or len(known.outputs)
+        return (len(reply.nominal) + len(reply.actual), len(reply.outputs)) == (readings, outputs)
+
+    def _state(self) -> Answer:
+        known = self._last
+        try:
+            self._last = self.line.query(self._read_state).reply if known is None else known
+            answer = self.line.query(self._read_state)
+        except InstrumentError as error:
+            self._last = known
+            if known is None and isinstance(error, NoResponse):
+                faults = ", and does it know 'F' (else 'alarms: false')" if self._settings.alarms else ""
+                error.hint += f" is its address {self._settings.address}{faults}?"
+            raise
+        self._last = answer.reply
+        return answer
+
+    def _outputs(self, run: bool) -> list[bool]:
+        outputs = list(self._last.outputs if self._last else (False,) * (self._settings.outputs or OUTPUTS))
+        for output in self._settings.start or ((START, 3) if len(outputs) == OUTPUTS else (START,)):
+            outputs[output] = run
+        return outputs
+
     def _command(self, nominal_degC: float, run: bool, expected: str) -> None:
         """Set the temperature; other values and outputs stay as the chamber last reported them."""
-        others = self._last.nominal[1:] if self._last else (0.0,) * (VALUES - 1)
-        outputs = list(self._last.outputs if self._last else (False,) * OUTPUTS)
-        outputs[START] = outputs[TEMPERATURE] = run
-        self.line.query_anyway(Query(set_values((nominal_degC, *others), outputs), expected, _is_done))
+        if self._last is None and not (self._settings.values and self._settings.outputs):
+            with contextlib.suppress(InstrumentError):  # a VT 4004, then
+                self._state()
+        others = self._settings.other_values
+        if others is None:
+            others = self._last.nominal[1:] if self._last else (0.0,) * ((self._settings.values or VALUES) - 1)
+        command = set_values((nominal_degC, *others), self._outputs(run))
+        self.line.query_anyway(self._query(command, expected, _is_done))
 
 
 def _is_done(reply: object) -> bool:
@@ -169,8 +253,8 @@ def _is_done(reply: object) -> bool:
 
 
 _ANSWERS_AFTER_S = 0.08  # chosen
-_SET = re.compile(rf"E((?: -?\d+\.\d){{{VALUES}}}) ([01]{{{OUTPUTS}}})")
-_GRADIENT = re.compile(r"U (-?\d+\.\d) (-?\d+\.\d)(?: -?\d+\.\d)*")
+_SET = re.compile(r"E((?: -?\d+\.\d)+) ([01]+)")
+_GRADIENT = re.compile(r"U (-?\d+\.\d) (-?\d+\.\d) .*")
 
 
 class Simulated(SimulatedInstrument):
@@ -187,11 +271,11 @@ class Simulated(SimulatedInstrument):
         from ambient_trainer.laboratory.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
 
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
-        self._pause_s = settings.pause_s
+        self._settings = settings
         self._receives_from_s = -math.inf
         self._received = b""
-        self._nominal: tuple[float, ...] = (room_degC, 0.0, 0.0, 0.0, 0.0)
-        self._outputs: tuple[bool, ...] = (False,) * OUTPUTS
+        self._nominal: tuple[float, ...] = (room_degC, *(0.0,) * ((settings.values or VALUES) - 1))
+        self._outputs: tuple[bool, ...] = (False,) * (settings.outputs or OUTPUTS)
         self._fault = Fault(0, "")
         self._broken = False
         super().__init__("chamber", clock, _BAUD, folder)
@@ -203,7 +287,7 @@ class Simulated(SimulatedInstrument):
     @property
     def held_degC(self) -> float | None:
         """The set point that it holds; None while it is stopped."""
-        return self._nominal[0] if self._outputs[START] and self._outputs[TEMPERATURE] else None
+        return self._nominal[0] if self._outputs[START] else None
 
     def raise_alarm(self, number: int, text: str) -> None:
         """Break something: the chamber stops, and starts only when that is repaired and acknowledged."""
@@ -223,10 +307,10 @@ class Simulated(SimulatedInstrument):
         self.air.drive(self._clock.now_s(), self.held_degC)
 
     def answer(self, command: str) -> bytes:
-        """The reply to what stands behind ``$00``."""
+        """The reply to what stands behind ``$`` and the address."""
         if command == "I":
             actual_degC = round(self.air_degC(), 1) + 0.0
-            return encode(State(self._nominal, (actual_degC,) * VALUES, self._outputs))
+            return encode(State(self._nominal, (actual_degC,) * len(self._nominal), self._outputs))
         if command == "F":
             return encode(self._fault)
         if command == "Q":  # acknowledges the fault
@@ -234,7 +318,8 @@ class Simulated(SimulatedInstrument):
             return encode(Done())
         if match := _SET.fullmatch(command):
             nominal = tuple(float(number) for number in match[1].split())
-            if LOWEST_DEGC <= nominal[0] <= HIGHEST_DEGC:
+            layout = (len(nominal), len(match[2])) == (len(self._nominal), len(self._outputs))
+            if layout and self._settings.lowest_degC <= nominal[0] <= self._settings.highest_degC:
                 self.put(nominal, tuple(bit == "1" for bit in match[2]))
                 return encode(Done())
         if match := _GRADIENT.fullmatch(command):
@@ -248,7 +333,7 @@ class Simulated(SimulatedInstrument):
             now_s = self._clock.now_s()
             if now_s < self._receives_from_s:
                 continue
-            self._receives_from_s = now_s + self._pause_s
+            self._receives_from_s = now_s + self._settings.pause_s
             text = line.strip(b"\n").decode("ascii", "replace")
-            if text.startswith("$00"):
-                yield Response(_ANSWERS_AFTER_S, self.answer(text.removeprefix("$00")))
+            if text.startswith(own := f"${self._settings.address:02d}"):
+                yield Response(_ANSWERS_AFTER_S, self.answer(text.removeprefix(own)))
