@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,10 +16,11 @@ from ambient_trainer.api.result import Result
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.write import save_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose as diagnose_traces
+from ambient_trainer.diagnosis.later import Later, later_errors
 from ambient_trainer.diagnosis.report import report_of
 from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.estimators.registry import thermal_circuit
-from ambient_trainer.report import Report
+from ambient_trainer.report import Finding, Report
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,12 @@ class DiagnosisResult(Result):
     ----------
     diagnosis : Diagnosis
         Steps, ranking, residuals and their tests.
+    later : Later or None
+        Errors on time that the diagnosis has not seen, where that was asked for.
     """
 
     diagnosis: Diagnosis
+    later: Later | None = None
 
     @property
     def verdict(self) -> dict[str, Any]:
@@ -57,7 +61,15 @@ class DiagnosisResult(Result):
     @cached_property
     def summary(self) -> Report:
         """What ``ambient-trainer diagnose`` shows."""
-        return report_of(self.diagnosis)
+        report, later = report_of(self.diagnosis), self.later
+        if later is None:
+            return report
+        what = (
+            f"On {later.samples:,} samples from {later.from_s:g} s on, which no step has seen, the circuit is "
+            f"{later.bare_rmse_degC:.2f} degC off, with what was found {later.extended_rmse_degC:.2f} degC (RMSE)."
+        )
+        first, *rest = report.lead
+        return replace(report, lead=[first, Finding(what), *rest], data={**report.data, "later": asdict(later)})
 
     def save_circuit(self, path: str | os.PathLike[str]) -> str:
         """Write the extended circuit.
@@ -90,6 +102,7 @@ def diagnose(
     baselines: Data = (),
     from_s: float | None = None,
     to_s: float | None = None,
+    later_from_s: float | None = None,
     period_s: float | None = None,
     jobs: int | None = None,
     progress: Callable[[str, int, int], None] | None = None,
@@ -107,6 +120,8 @@ def diagnose(
         lacks.
     from_s, to_s : float, optional
         Only samples with ``from_s <= time_s < to_s`` are diagnosed.
+    later_from_s : float, optional
+        Samples from then on are kept from the diagnosis, and score the circuit without and with what was found.
     period_s : float, optional
         The grid; by default one of at most 2000 samples.
     jobs : int, optional
@@ -138,6 +153,9 @@ def diagnose(
     ('heat_source', 'board2')
     """
     traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
+    seen = traces if later_from_s is None else [trace.cut(None, later_from_s) for trace in traces]
     with parallel_config(n_jobs=jobs):
-        found = diagnose_traces(thermal_circuit(circuit), traces, traces_of(baselines), progress, period_s)
-    return DiagnosisResult(found)
+        found = diagnose_traces(thermal_circuit(circuit), seen, traces_of(baselines), progress, period_s)
+    if later_from_s is None or found.fitted is None:
+        return DiagnosisResult(found)
+    return DiagnosisResult(found, later_errors(found.fitted, found.extended, traces, later_from_s))

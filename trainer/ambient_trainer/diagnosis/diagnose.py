@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.causes import kind_of
@@ -126,6 +127,7 @@ def diagnose_trained(
         extended=extension.circuit,
         candidates_tried=selection.steps[0].tried,
         notes=extension.left_out,
+        fitted=with_values(circuit, trained.model.plant.values),
     )
 
 

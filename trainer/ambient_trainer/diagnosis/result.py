@@ -210,6 +210,8 @@ class Diagnosis:
         Candidates and windows of the first step.
     notes : sequence of str
         What the extended circuit leaves out, and why.
+    fitted : Circuit or None
+        The bare circuit with its parameters as fitted.
     """
 
     trace: str
@@ -225,6 +227,7 @@ class Diagnosis:
     extended: Circuit | None
     candidates_tried: int
     notes: Sequence[str] = field(default_factory=tuple)
+    fitted: Circuit | None = None
 
     @property
     def explained(self) -> tuple[Step, ...]:

@@ -21,6 +21,7 @@ EFFECT = CAUSE | {"onset_s", "end_s", "magnitude", "gain"}
 STEP = EFFECT | {"confidence", "indistinguishable_from", "sentence", "parameters"}
 WHOLE = {"trace", "circuit", "baselines", "steps", "verdict", "ranking", "residuals", "next_experiment",
          "candidates_tried", "notes"}  # fmt: skip
+LATER_S = "9000"
 GAIN = {"rmse_before_degC", "rmse_after_degC", "ci95_degC", "p_value", "held_out"}
 
 
@@ -47,7 +48,7 @@ def done(folder):
     """The whole command, once: what it printed."""
     status, printed, errors = called(
         *("diagnose", "day.csv", "--circuit", "lid.yaml", "--baseline", "good.csv"),
-        *("--json", "out.json", "--report", "page", "--extended", "lid_extended.yaml"),
+        *("--json", "out.json", "--report", "page", "--extended", "lid_extended.yaml", "--later", LATER_S),
         folder=folder,
     )
     assert status == 0, errors
@@ -94,6 +95,10 @@ def test_every_key_of_the_contract_is_there(done, folder):
     for test in data["residuals"]["tests"]:
         assert test.keys() == {"name", "subject", "statistic", "threshold", "significant", "sentence"}
     assert isinstance(data["next_experiment"], str)
+    later = data["later"]
+    assert (later.keys(), later["from_s"]) == ({"from_s", "bare_rmse_degC", "extended_rmse_degC", "samples"}, 9000)
+    assert later["samples"] == 180
+    assert later["extended_rmse_degC"] < 0.5 * later["bare_rmse_degC"]
 
 
 def test_the_extended_circuit_fits_with_the_step(done, folder):
@@ -111,6 +116,7 @@ def test_the_extended_circuit_fits_with_the_step(done, folder):
         ("day.csv --circuit nosuch", 1, "'nosuch'"),
         ("day.csv --circuit lid.yaml --baseline renamed.csv", 1, "renamed.csv: line 1: no column 'shell_degC'"),
         ("day.csv --circuit lid.yaml --to 200", 1, "at least 100"),
+        ("day.csv --circuit lid.yaml --later nan", 2, "--later"),
         ("day.csv --circuit lid.yaml --extended lid.yaml", 2, "lid.yaml"),
     ],
 )

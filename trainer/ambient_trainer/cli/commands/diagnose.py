@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import click
 
-from ambient_trainer.cli.options import circuit_option, jobs_option, output_options, period_option, window_options
+from ambient_trainer.cli.options import (
+    Finite,
+    circuit_option,
+    jobs_option,
+    output_options,
+    period_option,
+    window_options,
+)
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import staged_progress
 
@@ -20,6 +27,13 @@ from ambient_trainer.cli.progress import staged_progress
     help="A known-good trace of the same device: the question is then what changed since. May be given often.",
 )
 @window_options
+@click.option(
+    "--later",
+    "later_from_s",
+    type=Finite(),
+    metavar="FROM_S",
+    help="Keep the samples from this time_s on for a test of the circuit without and with what was found.",
+)
 @period_option("at most 2000 samples")
 @output_options("the diagnosis", page=True)
 @click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was missing.")
@@ -30,6 +44,7 @@ def command(
     baseline_paths: tuple[str, ...],
     from_s: float | None,
     to_s: float | None,
+    later_from_s: float | None,
     period_s: float | None,
     output: Output,
     extended_path: str | None,
@@ -50,6 +65,7 @@ def command(
             baselines=baseline_paths,
             from_s=from_s,
             to_s=to_s,
+            later_from_s=later_from_s,
             period_s=period_s,
             jobs=jobs,
             progress=progress,

@@ -1,0 +1,99 @@
+"""The error of the bare and the extended circuit on time that no step of a diagnosis has seen.
+
+Both are simulated forward from the beginning of the trace and run on, without a reading, through the time that is
+scored: their start is fitted to what lies before it. The extended circuit is the one in its file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.faults import refuse
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.write import write_circuit
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.plant import Plant
+from ambient_trainer.diagnosis.record import Record, records
+from ambient_trainer.diagnosis.view import expected_start, fitted_start
+
+
+@dataclass(frozen=True)
+class Later:
+    """Forward simulation error over all sensors from ``from_s`` on, of ``samples`` grid points.
+
+    Without a circuit that holds what was found, ``extended_rmse_degC`` is that of the bare one.
+    """
+
+    from_s: float
+    bare_rmse_degC: float
+    extended_rmse_degC: float
+    samples: int
+
+
+def later_errors(bare: Circuit, extended: Circuit | None, traces: Sequence[Trace], from_s: float) -> Later:
+    """Errors of two circuits, as their parameters' initial values have them, on the later part of traces.
+
+    Parameters
+    ----------
+    bare, extended : Circuit
+        Without and with what was found.
+    traces : sequence of Trace
+        With the time before ``from_s``, through which the states run on.
+    from_s : float
+        Where the scored time begins, in each trace's ``time_s``.
+
+    Returns
+    -------
+    Later
+
+    Raises
+    ------
+    Refused
+        Where no sensor is read after ``from_s``.
+    """
+    before = _residual_degC(bare, traces, from_s)
+    scored = np.isfinite(before)
+    if not scored.any():
+        problem = f"no sensor is read from {from_s:g} s on"
+        raise refuse("--later", ", ".join(trace.path for trace in traces), problem, "choose an earlier time")
+    after = before if extended is None else _residual_degC(_read_again(extended), traces, from_s)
+    samples = int(scored.any(axis=0).sum())
+    return Later(from_s, _rmse(before), _rmse(after), samples)
+
+
+def _read_again(circuit: Circuit) -> Circuit:
+    return parse_circuit(write_circuit(circuit), circuit.name)
+
+
+def _rmse(residual_degC: Array) -> float:
+    return float(np.sqrt(np.nanmean(residual_degC**2)))
+
+
+def _residual_degC(circuit: Circuit, traces: Sequence[Trace], from_s: float) -> Array:
+    """Measured less simulated from ``from_s`` on, (s, samples), NaN where nothing was measured."""
+    return np.concatenate([each for trace in traces for each in _residuals(forward(circuit), trace, from_s)], axis=1)
+
+
+def _residuals(circuit: Circuit, trace: Trace, from_s: float) -> Iterator[Array]:
+    sensors = [output.column for output in circuit.outputs]
+    for record in records(trace, circuit.inputs, sensors, sampling_period_s(trace.time_s), circuit.hold):
+        later = record.time_s >= from_s
+        yield (record.sensors - _simulated_degC(circuit, record, ~later))[:, later]
+
+
+def _simulated_degC(circuit: Circuit, record: Record, training: NDArray[np.bool_]) -> Array:
+    """What the sensors would read, (s, N); the start is fitted to the samples of ``training`` alone."""
+    plant = Plant.of(circuit, {each.name: each.initial for each in circuit.parameters}, record.period_s)
+    plain = plant.forced(record.inputs)[plant.reads]
+    starts = plant.decays(record.samples)[:, plant.reads]
+    start = expected_start(plant, record)
+    if training.any():
+        start = fitted_start(starts[..., training], (record.sensors - plain)[:, training], start)
+    return np.asarray(plain + np.einsum("i,isk->sk", start, starts), dtype=np.float64)
