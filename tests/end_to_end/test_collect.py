@@ -181,7 +181,7 @@ def test_scenario_5_collected_is_scenario_5_simulated(process, call, tmp_path):
     trace = load_trace(str(collected))
     assert len(trace.time_s) == len(load_trace(str(simulated)).time_s) == 23100
     assert np.isfinite(trace.column("ambient_degC")).mean() > 0.8
-    for circuit in ("free-2", "model2_ss", "model2_ss_free_cd", "linear_combined"):
+    for circuit in ("free-2", "model2_ss", "linear_combined"):
         options = SENSORS if circuit == "free-2" else ()
         _, model = fit(other, circuit, *options)
         pairs = {

@@ -32,6 +32,7 @@ from ambient_trainer.laboratory.simulation.laboratory import simulated_laborator
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 SPEED = 120.0
+in_real_time = pytest.mark.slow  # a busy machine misses samples
 
 
 class Chamber:
@@ -218,17 +219,19 @@ def minutes(*steps):
     return [dict(zip(("duration_min", "chamber_degC", "gradient_K_min"), step)) for step in steps]
 
 
+@in_real_time
 def test_a_set_point_does_not_wait_for_a_gradient_that_is_refused(chamber, campaign_file, tmp_path):
     made = chamber(slopes="refused")
-    night = Night(campaign_file, tmp_path, made, minutes((6, 35.0, 2.0), (4, 30.0)))
+    night = Night(campaign_file, tmp_path, made, minutes((4, 35.0, 2.0), (2, 30.0)))
     assert [degC for _, degC in made.set_points()] == [35.0, 30.0, 20.0]
     assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
-    assert night.took_s < 600 / SPEED + 25.0
+    assert night.took_s < 25.0
     assert night.complete.startswith("no: ")
     assert "gradient 2.0 K/min" in night.complete
     assert not os.path.exists(night.output + ".part")
 
 
+@in_real_time
 def test_a_gradient_is_followed_and_lifted_at_the_end(chamber, campaign_file, tmp_path):
     made = chamber(speed=SPEED)
     night = Night(campaign_file, tmp_path, made, minutes((8, 35.0, 2.5)), chamber={"gradient": "needed"}, confirm_s=60)
@@ -240,37 +243,39 @@ WAYS = {
     "go-on": (Ending.DEVIATED, None),
     "wait": (Ending.LIMIT, None),
     "end": (Ending.LIMIT, None),
-    "stopped": (Ending.STOPPED, 400.0),
+    "stopped": (Ending.STOPPED, 180.0),
 }
 
 
+@in_real_time
 @pytest.mark.parametrize("way", WAYS)
 def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, campaign_file, tmp_path, monkeypatch, way):
     """It shows 31.5 for 25, and never the safe set point either."""
     monkeypatch.setattr(run_module, "_SAFE_S", 2.0)
-    monkeypatch.setattr(run_module, "_LONGEST_WAIT_S", 300.0)
+    monkeypatch.setattr(run_module, "_LONGEST_WAIT_S", 120.0)
     made = chamber()
     made.shown_K = 6.5
     ending, stop_s = WAYS[way]
     wanted = {"unconfirmed": way} if way in ("go-on", "wait", "end") else {}
-    night = Night(campaign_file, tmp_path, made, minutes((10, 25.0)), stop_s, confirm_s=60, **wanted)
+    night = Night(campaign_file, tmp_path, made, minutes((4, 25.0)), stop_s, confirm_s=60, **wanted)
     (said,) = {text for text in night.events if "31.5" in text}
     assert "25.0 degC within 60 s" in said
     assert (night.outcome.ending, night.outcome.safe) == (ending, False)
     assert night.complete.startswith("no: ")
-    assert night.took_s < 600 / SPEED + 20.0
+    assert night.took_s < 15.0
     rows = len(load_trace(night.output).time_s)
-    assert (rows < 600) == (way in ("end", "stopped", "wait"))
+    assert (rows < 240) == (way in ("end", "stopped", "wait"))
     assert os.path.exists(night.output + ".part") == (way != "go-on")
 
 
+@in_real_time
 def test_a_program_waits_for_its_set_point_and_goes_on(chamber, campaign_file, tmp_path):
     made = chamber()
     made.shown_K = 6.5
-    threading.Timer(420 / SPEED, lambda: setattr(made, "shown_K", 0.0)).start()
+    threading.Timer(300 / SPEED, lambda: setattr(made, "shown_K", 0.0)).start()
     night = Night(campaign_file, tmp_path, made, minutes((3, 25.0)), confirm_s=30, unconfirmed="wait")
     assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
-    assert len(load_trace(night.output).time_s) > 350
+    assert len(load_trace(night.output).time_s) > 240
 
 
 def test_after_a_crash_the_gradient_is_lifted_at_an_even_pace_and_each_step_is_logged(chamber, tmp_path):
@@ -302,6 +307,7 @@ def test_after_a_crash_a_chamber_that_refuses_gradients_is_safe_all_the_same(cha
     assert len(made.received) < 60
 
 
+@in_real_time
 def test_a_run_whose_program_is_over_keeps_its_deviation_over_a_resumption(chamber, campaign_file, tmp_path):
     made = chamber(slopes="refused")
     night = Night(campaign_file, tmp_path, made, minutes((4, 25.0, 2.0)))

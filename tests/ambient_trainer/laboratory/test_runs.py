@@ -168,7 +168,7 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
         ]
     )
     assert recorder.held == [None], "after an alarm, people start the chamber"
-    assert (lab.outcome.ending, lab.outcome.alarm, lab.held_degC) == (Ending.FINISHED, "07 overtemperature", None)
+    assert (lab.outcome.ending, lab.outcome.alarm, lab.held_degC) == (Ending.DEVIATED, "07 overtemperature", None)
     assert any("07 overtemperature" in text for text in recorder.events)
     assert len(lab.trace.time_s) == 420
     assert np.isfinite(lab.trace.column("ambient_degC")[300:]).sum() > 60

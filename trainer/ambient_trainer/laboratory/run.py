@@ -325,7 +325,8 @@ class Run:
                 self.alarm = self.alarm or sample.note
                 self.chamber.go_to(Target(None, urgent=True))
                 self.load.go_to(())
-                self._note(f"the chamber raised an alarm ({sample.note}): it was stopped, and the logging goes on")
+                text = f"the chamber raised an alarm ({sample.note}): it was stopped, and the logging goes on"
+                self._take(Failure(CHAMBER_SET_POINT, sample.at_s, text))
             elif sample.note is not None:
                 self._note(f"{sample.source}: {sample.note}")
 

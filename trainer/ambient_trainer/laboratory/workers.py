@@ -226,7 +226,7 @@ class ChamberControl(Worker):
         self._chamber.close()
 
     def _begin(self, target: Target) -> None:
-        if self._begun and self._got:
+        if self._begun and self._got and target.set_degC is not None:  # a stop is an alarm's, and has its own failure
             self._fail_set_point(self._begun)
         if self._begun and self._gradient_attempts:
             self._fail_gradient(self._begun)
@@ -276,7 +276,7 @@ class ChamberControl(Worker):
         """Post a failure where the target has not been confirmed for too long, and when that is over."""
         now_s = self.clock.now_s()
         assert self._begun is not None
-        if self.confirmed:
+        if self._confirmed is self._begun:  # whatever the newest target is by now
             self._agreed_s, self._got = now_s, ""
             if self._overdue:
                 self.post(Recovered(CHAMBER_SET_POINT, now_s))
