@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
+import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
+from ambient_model.codec import load_model
 from ambient_trainer.cli.main import COMMANDS, STUDIES, trainer
 from ambient_trainer.cli.options import sensor_columns, sensor_names
 from ambient_trainer.data.plugins import plugin_names
+from ambient_trainer.estimators.registry import LIBRARY
 
 
 @pytest.mark.parametrize(
@@ -37,10 +43,80 @@ def test_a_list_of_sensors_is_taken_with_and_without_the_unit() -> None:
     assert sensor_columns(None) == ()
 
 
-def test_help_names_every_command_and_imports_no_numpy() -> None:
-    code = "import sys; sys.argv = ['x', '--help']\ntry:\n from ambient_trainer.cli.main import main; main()\n"
-    code += "finally:\n print(sorted({'numpy', 'plotly', 'pandas', 'rich'} & set(sys.modules)), file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
-    listed = {line.split()[0] for line in done.stdout.splitlines() if line.startswith("  ") and line.strip()}
-    assert listed >= {*plugin_names(COMMANDS), *plugin_names(STUDIES)}
-    assert done.stderr.strip() == "[]"
+HELP = """
+import sys
+from ambient_trainer.cli.main import main
+for words in {calls}:
+    sys.argv = ["ambient-trainer", *words, "--help"]
+    try:
+        main()
+    except SystemExit as left:
+        assert left.code == 0, words
+print(sorted({{"numpy", "scipy", "plotly", "pandas", "sklearn"}} & set(sys.modules)), file=sys.stderr)
+"""
+
+
+def helped(calls: list[list[str]]) -> str:
+    """The help of each call, after which nothing heavy may have been imported."""
+    run = [sys.executable, "-c", HELP.format(calls=calls)]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "[]\n")
+    return done.stdout
+
+
+def test_help_names_every_command_and_waits_for_nothing() -> None:
+    lines = helped([[]]).splitlines()
+    assert {line.split()[0] for line in lines if line.startswith("  ") and line.strip()} >= {
+        *plugin_names(COMMANDS), *plugin_names(STUDIES)
+    }  # fmt: skip
+    helped([[name] for name in plugin_names(COMMANDS) if name != "import"])  # which asks each format for its words
+
+
+PLUG_IN = """
+import click
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
+
+NAMES = ("mine",)
+
+def find(name):
+    return FreeFilterEstimator(1) if name == "mine" else None
+
+@click.command("hello")
+def command():
+    \"\"\"Say hello.\"\"\"
+    click.echo("hello")
+"""
+
+
+def test_another_package_adds_a_command_and_an_estimator(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(PLUG_IN)
+    described = tmp_path / "mine-1.dist-info"
+    described.mkdir()
+    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
+    (described / "entry_points.txt").write_text(f"[{COMMANDS}]\nhello = mine\n[{LIBRARY}]\nmine = mine\n")
+    samples = "".join(f"{k},{20 + k % 7},{18 + k % 5}\n" for k in range(400))
+    (tmp_path / "t.csv").write_text("time_s,usb_degC,ambient_degC\n" + samples)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+
+    def run(*words: str) -> str:
+        call = [sys.executable, "-m", "ambient_trainer", *words]
+        environment = {**os.environ, "PYTHONPATH": path}
+        done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=100, env=environment)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert re.search(r"hello +Say hello", run("--help"))
+    assert run("hello") == "hello\n"
+    run("fit", "t.csv", "--circuit", "mine", "--starts", "1", "-o", "model.json")
+    assert load_model(str(tmp_path / "model.json")).main.states == ("mode1",)
+
+
+def test_a_new_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "greet.py").write_text(PLUG_IN)
+    package = importlib.import_module(COMMANDS)
+    monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
+    plugin_names.cache_clear()
+    try:
+        assert CliRunner().invoke(trainer, ["greet"]).output == "hello\n"
+    finally:
+        plugin_names.cache_clear()

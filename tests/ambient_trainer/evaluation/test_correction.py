@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -135,8 +136,11 @@ def test_no_known_ambient_is_refused():
 def test_correct_writes_a_model_that_is_right_there(trainer, saved, tmp_path):
     trace, output = tmp_path / "known.csv", tmp_path / "corrected.json"
     save_trace(str(trace), known_trace(samples=600))
-    status, out, err = trainer("correct", saved(mean_model()), trace, "-o", output, "--from", 300)
+    figures = tmp_path / "correction.json"
+    words = ("correct", saved(mean_model()), trace, "-o", output, "--from", 300, "--json", figures)
+    status, out, err = trainer(*words)
     assert (status, err) == (0, "")
+    assert json.loads(figures.read_text())["samples"] == 300
     # usb and display are 3 degC off on average, and the offset was 1
     columns = known_trace(samples=600).cut(300, None).columns
     expected = 21 - (columns["usb_degC"] + columns["display_degC"]).mean() / 2 - 1

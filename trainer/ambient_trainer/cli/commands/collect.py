@@ -13,7 +13,6 @@ import click
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.cli.options import FiniteRange
 from ambient_trainer.cli.output import Output, printer
-from ambient_trainer.simulator.scenario import scenario_path
 
 if TYPE_CHECKING:
     from ambient_trainer.laboratory.campaign import LoadedCampaign
@@ -52,6 +51,7 @@ def command(
     """
     from ambient_trainer.laboratory.campaign import load_campaign
     from ambient_trainer.laboratory.report import schedule_report
+    from ambient_trainer.simulator.scenario import scenario_path
 
     if not simulate and (speed is not None or seed is not None):
         raise click.UsageError("--speed and --seed are for --simulate: a real laboratory has a time of its own")

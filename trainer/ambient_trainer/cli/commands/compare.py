@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,16 +14,10 @@ from ambient_trainer.cli.interrupt import interruptible
 from ambient_trainer.cli.options import Finite, circuit_option, effort_options, output_options, sensor_columns
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import fit_progress
-from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.evaluation.compare import (
-    Contender,
-    Contest,
-    contend,
-    held_out_contest,
-    report_of,
-    split_contest,
-)
+
+if TYPE_CHECKING:
+    from ambient_trainer.estimators.base import Effort
+    from ambient_trainer.evaluation.compare import Contender, Contest
 
 
 @click.command("compare")
@@ -48,6 +43,8 @@ def command(
 
     Ctrl-C shows those that are done.
     """
+    from ambient_trainer.evaluation.compare import contend, report_of  # scipy: --help should not wait for it
+
     if models is not None and not Path(models).is_dir():
         raise refuse(models, "", "is no folder", "make it first")
     written = [str(Path(models) / f"{Path(name).stem}.json") for name in circuit] if models is not None else []
@@ -66,6 +63,9 @@ def command(
 
 
 def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str | None) -> Contest:
+    from ambient_trainer.data.trace import load_trace
+    from ambient_trainer.evaluation.compare import held_out_contest, split_contest
+
     if (split_s is None) == (held_out is None):
         raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
     if held_out is not None:

@@ -5,21 +5,17 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
-import numpy as np
-from rich.console import Console
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import fit_progress
-from ambient_trainer.data.trace import load_trace, save_trace
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.evaluation import compare
-from ambient_trainer.evaluation.compare import Contender, contend, held_out_contest
-from ambient_trainer.evaluation.report import report_of
-from ambient_trainer.simulator import simulate
+
+if TYPE_CHECKING:
+    from ambient_trainer.evaluation.compare import Contender
 
 _CIRCUITS = ("linear_combined", "model2_ss", "model2_ss_free_cd", "free-2")
 _EXPORTED = "free-2"
@@ -33,6 +29,13 @@ def command(folder: str) -> None:
 
     Every figure it prints is of simulated data.
     """
+    from rich.console import Console  # this and scipy: --help should not wait for them
+
+    from ambient_trainer.data.trace import load_trace, save_trace
+    from ambient_trainer.estimators.base import Effort
+    from ambient_trainer.evaluation.compare import contend, held_out_contest, report_of
+    from ambient_trainer.simulator import simulate
+
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -49,7 +52,7 @@ def command(folder: str) -> None:
     for name in _CIRCUITS:
         with fit_progress(name, 8, contest.samples) as progress:
             contenders.append(contend(name, contest, (), Effort(), progress))
-    Output().show(compare.report_of(contenders))
+    Output().show(report_of(contenders))
     exported = next(each for each in contenders if each.fit.circuit == _EXPORTED)
     save_model(str(model_path), exported.model)
     click.echo(f"3. {_EXPORTED} is exported: {model_path}")
@@ -73,12 +76,17 @@ def _replay(model: Path, trace: Path, output: Path) -> None:
 
 
 def _rmse_of_replay(trace_path: Path, replay_path: Path) -> float:
+    import numpy as np
+
+    from ambient_trainer.data.trace import load_trace
+
     reference = load_trace(str(trace_path)).reference
     estimate = np.genfromtxt(str(replay_path), np.float64, delimiter=",", skip_header=1, usecols=(1,))
     return float(np.sqrt(np.nanmean((reference - estimate) ** 2)))
 
 
 def _report(folder: str, exported: Contender) -> str:
-    from ambient_trainer.report.page import write_report  # jinja2: the fits should not wait for it
+    from ambient_trainer.evaluation.report import report_of
+    from ambient_trainer.report.page import write_report
 
     return write_report(str(Path(folder) / "report"), report_of(exported.model, [exported.running]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from ambient_trainer.cli.options import (
@@ -21,7 +23,7 @@ from ambient_trainer.cli.progress import staged_progress
 @circuit_option()
 @click.option(
     "--baseline",
-    "baseline_paths",
+    "baselines",
     multiple=True,
     metavar="TRACE",
     help="A known-good trace of the same device: the question is then what changed since. May be given often.",
@@ -41,14 +43,10 @@ from ambient_trainer.cli.progress import staged_progress
 def command(
     trace_paths: tuple[str, ...],
     circuit: str,
-    baseline_paths: tuple[str, ...],
-    from_s: float | None,
-    to_s: float | None,
-    later_from_s: float | None,
-    period_s: float | None,
+    baselines: tuple[str, ...],
     output: Output,
     extended_path: str | None,
-    jobs: int,
+    **question: Any,
 ) -> None:
     """Show where TRACE and the simulated circuit part, name the cause, and measure what adding it gains.
 
@@ -57,19 +55,9 @@ def command(
     """
     from ambient_trainer.api.diagnosing import diagnose  # scipy: --help should not wait for it
 
-    output.check([*trace_paths, *baseline_paths, circuit], [extended_path])
+    output.check([*trace_paths, *baselines, circuit], [extended_path])
     with staged_progress() as progress:
-        result = diagnose(
-            trace_paths,
-            circuit,
-            baselines=baseline_paths,
-            from_s=from_s,
-            to_s=to_s,
-            later_from_s=later_from_s,
-            period_s=period_s,
-            jobs=jobs,
-            progress=progress,
-        )
+        result = diagnose(trace_paths, circuit, baselines=baselines, progress=progress, **question)
     output.show(result.summary)
     if extended_path is None:
         return

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import click
 
-from ambient_trainer.api.evaluating import evaluate
 from ambient_trainer.cli.options import output_options, window_options
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import counted_progress
@@ -29,6 +28,8 @@ def command(
     The estimate starts from the first sensor sample, never from the reference, and is scored from there on: with
     --from, from a cold start at that time, or, with --run-in, as on a device that was already on.
     """
+    from ambient_trainer.api.evaluating import evaluate  # scipy: --help should not wait for it
+
     if run_in and from_s is None:
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
     output.check([model_path, *trace_paths])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
-import numpy as np
 
 from ambient_model.trace import REFERENCE
-from ambient_trainer.api.fitting import fit
 from ambient_trainer.cli.interrupt import interruptible
 from ambient_trainer.cli.options import (
     circuit_option,
@@ -18,9 +18,9 @@ from ambient_trainer.cli.options import (
 )
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import fit_progress
-from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import estimator
+
+if TYPE_CHECKING:
+    from ambient_trainer.estimators.base import Effort
 
 STOPPED = 1
 
@@ -57,6 +57,12 @@ def command(
 
     Ctrl-C ends the search and keeps the best so far, marked so in the file.
     """
+    import numpy as np  # --help should not wait for it
+
+    from ambient_trainer.api.fitting import fit
+    from ambient_trainer.data.trace import load_trace
+    from ambient_trainer.estimators.registry import estimator
+
     zone_types = dict(_pair(each) for each in zones)
     output.check([*trace_paths, circuit], [model_path])
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]

@@ -14,11 +14,6 @@ from ambient_trainer.cli.options import (
 )
 from ambient_trainer.cli.output import Output
 from ambient_trainer.cli.progress import counted_progress
-from ambient_trainer.data.trace import load_trace
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import thermal_circuit
-from ambient_trainer.evaluation.identifiability import identifiability
-from ambient_trainer.evaluation.identifiability_report import report_of
 
 
 @click.command("identifiability")
@@ -61,6 +56,12 @@ def command(
     explains it. Then by what no start can miss: the directions along which the output never changes, and how far each
     parameter may stray before this trace's noise excludes it.
     """
+    from ambient_trainer.data.trace import load_trace  # scipy: --help should not wait for it
+    from ambient_trainer.estimators.base import Effort
+    from ambient_trainer.estimators.registry import thermal_circuit
+    from ambient_trainer.evaluation.identifiability import identifiability
+    from ambient_trainer.evaluation.identifiability_report import report_of
+
     output.check([trace_path, circuit])
     fixed = dict(_fix(each) for each in fixes)
     thermal = thermal_circuit(circuit)

@@ -6,15 +6,14 @@ import math
 from typing import TYPE_CHECKING
 
 import click
-import numpy as np
-import pandas as pd
 
 from ambient_trainer.cli.output import Output, check_outputs
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.data.trace import save_trace
 from ambient_trainer.report import Finding, Report, Table
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from ambient_trainer.data.importers._table import Imported
 
 IMPORTERS = "ambient_trainer.data.importers"
@@ -56,6 +55,8 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
       skip_rows: 15                    # above the names; skip_under_header: 1 below them
       drop_rows: {Status: [STOP]}      # rows to leave out; bad_rows: drop for unreadable ones
     """
+    from ambient_trainer.data.trace import save_trace  # numpy and pandas: --help should not wait for them
+
     check_outputs([output], [src, *([map_path] if map_path else [])])
     importer = plugin(IMPORTERS, kind)
     if map_path is None and getattr(importer, "NEEDS_MAP", False):
@@ -67,6 +68,8 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
 
 
 def _report(imported: Imported) -> Report:
+    import pandas as pd
+
     trace = imported.trace
     columns = pd.DataFrame(trace.columns)
     figures = columns.agg(["min", "mean", "max"]).T
@@ -86,6 +89,8 @@ def _extent(time_s: np.ndarray) -> str:
     rows = f"{len(time_s)} rows"
     if len(time_s) < 2:
         return rows
+    import numpy as np
+
     steps_s = np.diff(time_s)
     period, longest = f"{np.median(steps_s):.4g} s", _duration(steps_s.max())
     return f"{rows}, {_duration(time_s[-1])}, median period {period}, longest step {longest}"
