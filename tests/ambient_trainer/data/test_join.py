@@ -1,0 +1,115 @@
+"""Traces of several loggers on one clock, and the command."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from ambient_trainer.cli.commands.join import command
+from ambient_trainer.data.join import Logged, joined, load_logged, on_one_epoch
+from ambient_trainer.data.trace import Trace, load_trace, save_trace
+
+
+def trace(name, time_s, columns, **notes):
+    time_s = np.asarray(time_s, dtype=float)
+    values = {key: np.broadcast_to(np.asarray(each, dtype=float), time_s.shape) for key, each in columns.items()}
+    return Trace(name, time_s, values, notes)
+
+
+def test_a_slower_column_is_drawn_and_a_faster_one_averaged():
+    first = trace("a", np.arange(0, 100, 10), {"a_degC": 1.0})
+    slow = trace("b", np.arange(0, 101, 20), {"b_degC": np.arange(0, 101, 20) / 10})
+    fast = trace("c", np.arange(-5, 105, 1), {"c_degC": np.arange(110) % 2})
+    result = joined([first, slow, fast])
+    np.testing.assert_allclose(result.columns["b_degC"], first.time_s / 10)
+    np.testing.assert_allclose(result.columns["c_degC"], 0.5)
+
+
+def test_a_switch_keeps_its_value():
+    first = trace("a", np.arange(0, 60, 10), {"a_degC": 1.0})
+    result = joined([first, trace("b", [0, 20, 45], {"heater_on": [0, 1, 0]})])
+    np.testing.assert_array_equal(result.columns["heater_on"], [0, 0, 1, 1, 1, 0])
+
+
+def test_in_a_gap_and_outside_there_is_nothing():
+    first = trace("a", np.arange(0, 200, 10), {"a_degC": 1.0})
+    time_s = np.r_[20:60:10, 120:160:10]
+    there = ~np.isnan(joined([first, trace("b", time_s, {"b_degC": 5.0})]).columns["b_degC"])
+    np.testing.assert_array_equal(first.time_s[there], time_s)
+
+
+def test_a_name_that_is_taken_gets_a_number():
+    each = [trace(name, [0, 10, 20], {"ambient_degC": value}) for name, value in (("a", 1), ("b", 2), ("c", 3))]
+    assert {name: row[0] for name, row in joined(each).columns.items()} == {
+        "ambient_degC": 1.0,
+        "ambient_2_degC": 2.0,
+        "ambient_3_degC": 3.0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("starts", "times", "epoch_s"),
+    [
+        (("2024-05-01T10:00:00", "2024-05-01 10:00:30"), (0, 0), 30.0),
+        (("1700000000.0 s", "1700000090.0 s"), (0, 0), 90.0),
+        ((None, None), (0, 50), 0.0),
+        ((None, None), (0, 1.7e9), -1.7e9),
+        (("2024-05-01T10:00:00", "5/1/2024 10:00"), (0, 1e6), -1e6),
+    ],
+)
+def test_the_epoch_is_by_notes_else_by_times_else_by_the_first_samples(starts, times, epoch_s):
+    made = [
+        trace("x", time_s + np.arange(0, 100, 10), {"x_degC": 1.0}, **({"start": start} if start else {}))
+        for start, time_s in zip(starts, times)
+    ]
+    assert [each.epoch_s for each in on_one_epoch([Logged(each, 0) for each in made])] == [0.0, epoch_s]
+
+
+def test_stamps_that_repeat_or_go_back_are_left_out(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("# start: x\ntime_s,a_degC\n0,1\n10,2\n10,3\n5,4\n20,\n")
+    logged = load_logged(str(path))
+    assert (logged.trace.time_s.tolist(), logged.dropped_rows) == ([0, 10, 20], 2)
+    np.testing.assert_array_equal(logged.trace.columns["a_degC"], [1, 2, np.nan])
+
+
+@pytest.fixture
+def two(tmp_path):
+    """A board's log, and a thermometer's of the same air whose clock is 40 s behind."""
+    time_s = np.arange(0.0, 8000.0, 5.0)
+    air = 20 + 3 * np.sin(time_s / 700) + np.sin(time_s / 263)
+    at_40 = 20 + 3 * np.sin((time_s + 40) / 700) + np.sin((time_s + 40) / 263)
+    save_trace(str(tmp_path / "board.csv"), trace("", time_s, {"board_degC": air + 5, "ambient_degC": air}))
+    save_trace(str(tmp_path / "room.csv"), trace("", time_s, {"ambient_degC": at_40, "wall_degC": at_40}))
+    return tmp_path
+
+
+@pytest.mark.parametrize("apply", [False, True])
+def test_a_shift_is_applied_only_when_asked(two, monkeypatch, apply):
+    monkeypatch.chdir(two)
+    arguments = ["board.csv", "room.csv", "-o", "out.csv", "--json", "out.json", *["--shift"] * apply]
+    done = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert done.exit_code == 0
+    (_, other) = json.loads((two / "out.json").read_text())["traces"]
+    low, high = other["shift"]["ci95_s"]
+    assert low < 40 < high < 42
+    assert other["applied_s"] == (other["shift"]["shift_s"] if apply else 0)
+    result = load_trace(str(two / "out.csv"))
+    assert list(result.columns) == ["board_degC", "ambient_degC", "ambient_2_degC", "wall_degC"]
+    off = np.nanmax(np.abs(result.columns["wall_degC"] - result.columns["ambient_degC"]))
+    assert off < 0.02 if apply else off > 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [(["board.csv", "-o", "out.csv"], "two"), (["board.csv", "room.csv", "-o", "room.csv"], "room.csv")],
+)
+def test_a_wrong_call_writes_nothing(two, monkeypatch, arguments, named):
+    monkeypatch.chdir(two)
+    before = (two / "room.csv").read_bytes()
+    done = CliRunner().invoke(command, arguments)
+    assert done.exit_code == 2
+    assert named in done.output
+    assert not (two / "out.csv").exists()
+    assert (two / "room.csv").read_bytes() == before

@@ -1,0 +1,142 @@
+"""Traces of several loggers on one clock: the first one's stamps, to which the others' columns are brought.
+
+A column that is logged more often than the stamps stand is averaged around each; one that is logged less often is drawn
+as straight lines; a switch (``_on``) keeps its last value. Where a logger has a gap there is nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+import numpy as np
+import pandas as pd
+
+from ambient_model.faults import Refused
+from ambient_model.trace import TIME, split_column
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace, load_trace
+
+_GAP = 3.0
+"""In periods of its own: a longer step of a logger is a gap."""
+
+
+@dataclass(frozen=True)
+class Logged:
+    """A trace as it was read, how many of its rows were left out because time did not increase, and its ``epoch``.
+
+    ``epoch_s`` is what to add to its time so that it stands on the first trace's clock, by what ``epoch`` says.
+    """
+
+    trace: Trace
+    dropped_rows: int
+    epoch_s: float = 0.0
+    epoch: str = "its time_s"
+
+    def moved(self, shift_s: float = 0.0) -> Trace:
+        """The trace on the first one's clock."""
+        return replace(self.trace, time_s=self.trace.time_s + self.epoch_s + shift_s)
+
+
+def load_logged(path: str) -> Logged:
+    """The trace in a file whose stamps may repeat or go back: the first of such rows counts. Raises Refused."""
+    try:
+        return Logged(load_trace(path), 0)
+    except Refused as refused:
+        try:
+            frame = pd.read_csv(path, comment="#", dtype=np.float64, skip_blank_lines=True)
+        except (ValueError, OSError, UnicodeError):
+            raise refused from None
+        if TIME not in frame or frame[TIME].isna().any():
+            raise refused from None
+        increasing = frame[TIME].to_numpy() > np.concatenate([[-np.inf], np.maximum.accumulate(frame[TIME])[:-1]])
+        if increasing.all():
+            raise refused from None
+        try:
+            trace = load_trace(frame[increasing])
+        except Refused as other:
+            raise Refused(path, list(other.faults)) from None
+        return Logged(replace(trace, path=path), int((~increasing).sum()))
+
+
+def on_one_epoch(traces: Sequence[Logged]) -> list[Logged]:
+    """The traces with their epochs: by the dates in their notes, else by their times, else from their first samples."""
+    first, found = traces[0].trace, []
+    for each in traces:
+        started = [_start(trace) for trace in (first, each.trace)]
+        apart = first.time_s[0] - each.trace.time_s[0]
+        overlap = min(first.time_s[-1], each.trace.time_s[-1]) - max(first.time_s[0], each.trace.time_s[0])
+        if None not in started and type(started[0]) is type(started[1]):
+            offset = started[1] - started[0]  # type: ignore[operator]
+            seconds = offset if isinstance(offset, float) else offset.total_seconds()
+            found.append(replace(each, epoch_s=float(seconds), epoch="the start in its notes"))
+        elif overlap > 0:
+            found.append(each)
+        else:
+            found.append(replace(each, epoch_s=float(apart), epoch="its first sample, taken for simultaneous"))
+    return found
+
+
+def _start(trace: Trace) -> datetime | float | None:
+    """When time_s was 0: a date in ISO form or seconds of some epoch; None where the notes do not say."""
+    text = trace.notes.get("start", "")
+    number, _, unit = text.partition(" ")
+    try:
+        return float(number) if unit == "s" else datetime.fromisoformat(text).replace(tzinfo=None)
+    except ValueError:
+        return None
+
+
+def joined(traces: Sequence[Trace]) -> Trace:
+    """One trace with the columns of all.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        On one clock. The first gives the stamps.
+
+    Returns
+    -------
+    Trace
+        A name that stands in several traces gets a number from the second on: ``ambient_2_degC``.
+    """
+    first = traces[0]
+    columns = dict(first.columns)
+    for other in traces[1:]:
+        for name, values in other.columns.items():
+            columns[_free(name, columns)] = _brought(other.time_s, values, first.time_s, name.endswith("_on"))
+    sources = ", ".join(os.path.basename(trace.path) for trace in traces)
+    return Trace(first.path, first.time_s, columns, {**first.notes, "joined": sources})
+
+
+def _free(name: str, taken: dict[str, Array]) -> str:
+    base, unit = split_column(name)
+    number, free = 2, name
+    while free in taken:
+        free, number = f"{base}_{number}_{unit}", number + 1
+    return free
+
+
+def _brought(time_s: Array, values: Array, stamps_s: Array, switch: bool) -> Array:
+    """``values`` at ``stamps_s``, NaN where none is near."""
+    known = ~np.isnan(values)
+    if known.sum() < 2:
+        return np.full(len(stamps_s), np.nan)
+    time_s, values = time_s[known], values[known]
+    own, wanted = sampling_period_s(time_s), sampling_period_s(stamps_s)
+    after = np.searchsorted(time_s, stamps_s, side="right")
+    if switch:
+        brought = values[np.maximum(after - 1, 0)]
+    elif wanted < 1.5 * own:
+        brought = np.interp(stamps_s, time_s, values)
+    else:
+        edges = np.concatenate([stamps_s - wanted / 2, stamps_s + wanted / 2])
+        low, high = np.searchsorted(time_s, edges).reshape(2, -1)
+        total = np.concatenate([[0.0], np.cumsum(values)])
+        brought = np.where(high > low, (total[high] - total[low]) / np.maximum(high - low, 1), np.nan)
+    before, next_ = time_s[np.maximum(after - 1, 0)], time_s[np.minimum(after, len(time_s) - 1)]
+    far = (next_ - before > _GAP * own) & (stamps_s - before > own / 2) & (next_ - stamps_s > own / 2)
+    outside = (stamps_s < time_s[0] - own / 2) | (stamps_s > time_s[-1] + own / 2)
+    return np.where(far | outside, np.nan, brought)

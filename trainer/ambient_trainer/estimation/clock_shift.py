@@ -1,0 +1,352 @@
+"""The shift between the clocks of two loggers, by what their columns share.
+
+A column that both have under one name is the same curve read twice: y(t) = c + g x(t - s). Where they have none, a
+column of one drives one of the other through first-order lags, y = c + g L(x)(t - s). A body that is more than its lags
+looks like a later clock: the interval then holds what one lag says and what two say, and where they disagree the shift
+is not determined.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+from scipy.ndimage import gaussian_filter1d
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.lti.lag import lagged
+
+_MOST_SAMPLES = 50_000
+"""Of the coarse search."""
+_LEAST_EXPLAINED = {"same": 0.5, "related": 0.95}
+"""Of the variance of a column, by one quantity read twice and by what drives it; below, the match may be chance. Of the
+measured sets, a cell's temperature follows the current of other pulses than its own to 0.88."""
+_LONGEST_LAG = 0.05
+"""Of a log: two random walks of 12 h follow each other to 0.97 by lags of hours."""
+_NO_LAG = 0.05
+"""Of the lags between two columns: no body is exactly its lags. On measured sets the shift is off by 0.02 and 0.03."""
+_AS_GOOD = 9.2
+"""Twice the log-likelihood by which a rival may fall behind: the 99 % quantile of chi-square with two degrees."""
+_BLOCKS = 20
+"""Of time, taken for independent: the clusters of the sandwich variance."""
+_LAGS = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
+"""In samples, where the search for a lag starts."""
+_SAME_GAIN = 1.5
+_DRAWN = 0.02
+"""Of the shorter period: by how much straight lines between samples move the best shift."""
+_WIDTHS = 2.0 ** np.arange(0, 9)
+"""In samples: standard deviations of the Gaussian by which both columns are smoothed."""
+_CLEAR = 0.95
+"""Correlation of the slopes of both columns: with less, noise passes for information on the shift."""
+_GAP = 10.0
+"""In periods: nothing is read within a longer step."""
+
+
+@dataclass(frozen=True)
+class ClockShift:
+    """What to add to the other trace's time, with the 95 % interval.
+
+    ``columns`` are the reference's and the other's, ``lags_s`` the lags between them, none for one quantity read
+    twice; ``explained`` is the share of variance. ``problem`` says why the shift is not determined, if it is not.
+    """
+
+    shift_s: float
+    ci95_s: tuple[float, float]
+    columns: tuple[str, str]
+    lags_s: tuple[float, ...] = ()
+    explained: float = 0.0
+    problem: str | None = None
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is determined and its interval excludes 0."""
+        return self.problem is None and not self.ci95_s[0] <= 0.0 <= self.ci95_s[1]
+
+
+@dataclass(frozen=True)
+class _Series:
+    """A column without its missing samples; from ``reference`` it stands on the first clock."""
+
+    name: str
+    time_s: Array
+    values: Array
+    period_s: float
+    of_reference: bool
+
+    def at(self, time_s: Array, lags_s: Sequence[float] = ()) -> Array:
+        """Its values at any times, after lags; NaN outside and within gaps."""
+        times, values = self.time_s, self.values
+        if lags_s:
+            times = np.arange(times[0], times[-1] + self.period_s / 2, self.period_s)
+            values = np.interp(times, self.time_s, self.values)
+            for lag_s in lags_s:
+                values = lagged(values, lag_s, self.period_s)
+        next_ = np.searchsorted(self.time_s, time_s).clip(1, len(self.time_s) - 1)
+        wide = self.time_s[next_] - self.time_s[next_ - 1] > _GAP * self.period_s
+        return np.where(wide, np.nan, np.interp(time_s, times, values, np.nan, np.nan))
+
+    def smooth(self, width_s: float) -> _Series:
+        """It on a uniform grid, averaged with a Gaussian."""
+        times = np.arange(self.time_s[0], self.time_s[-1] + self.period_s / 2, self.period_s)
+        known = ~np.isnan(self.at(times))
+        averaged = gaussian_filter1d(np.interp(times, self.time_s, self.values), width_s / self.period_s)
+        return replace(self, time_s=times[known], values=averaged[known])
+
+
+@dataclass(frozen=True)
+class _Match:
+    """The coarse shift of the driver ``x`` that fits ``y`` best, of all that were tried."""
+
+    y: _Series
+    x: _Series
+    lags_s: tuple[float, ...]
+    shift_s: float
+    explained: float
+    problem: str | None
+
+
+def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -> ClockShift | None:
+    """Shift of the clock of ``other`` against that of ``reference``.
+
+    Parameters
+    ----------
+    reference, other : Trace
+        Their times are meant to be on one clock.
+    within_s : float, optional
+        The largest shift that is searched; by default any that leaves half of the shorter trace in common.
+
+    Returns
+    -------
+    ClockShift or None
+        None where no two columns change.
+
+    Notes
+    -----
+    A coarse search takes the correlation at every shift of a grid, the fine one least squares over shift and lags. The
+    variance is the sandwich with blocks of time as clusters, and that of a stamp that was rounded to a sample is added.
+    """
+    ours, theirs = _series(reference, True), _series(other, False)
+    both = [name for name in ours if name in theirs]
+    if both:
+        matches = [_matched(ours[name], theirs[name], (), within_s) for name in both]
+    else:
+        drives = [
+            *itertools.product(_temperatures(ours), _drivers(theirs.values())),
+            *itertools.product(_temperatures(theirs), _drivers(ours.values())),
+        ]
+        matches = [_matched(y, x, lag, within_s) for y, x in drives for lag in _lags(y, x)]
+    found = [match for match in matches if match is not None]
+    if not found:
+        return None
+    match = max(found, key=lambda each: each.explained)
+    return _same(_smoothed(match)) if both else _related(match)
+
+
+def _series(trace: Trace, of_reference: bool) -> dict[str, _Series]:
+    found = {}
+    for name, values in trace.columns.items():
+        known = ~np.isnan(values)
+        if known.sum() > 2 and np.ptp(values[known]) > 0:
+            period_s = sampling_period_s(trace.time_s[known])
+            found[name] = _Series(name, trace.time_s[known], values[known], period_s, of_reference)
+    return found
+
+
+def _temperatures(series: Mapping[str, _Series]) -> list[_Series]:
+    """What may be driven."""
+    return [each for name, each in series.items() if name.endswith("_degC")]
+
+
+def _drivers(series: Iterable[_Series]) -> Iterator[_Series]:
+    """What may drive a column: every column, and the square of what is no temperature."""
+    for each in series:
+        yield each
+        if not each.name.endswith("_degC"):
+            yield replace(each, name=f"{each.name}^2", values=each.values**2)
+
+
+def _lags(y: _Series, x: _Series) -> Iterator[tuple[float, ...]]:
+    period_s = max(y.period_s, x.period_s)
+    return ((float(each),) for each in _LAGS * period_s if each < _LONGEST_LAG * (y.time_s[-1] - y.time_s[0]))
+
+
+def _same(match: _Match) -> ClockShift:
+    (shift_s,), ((variance,),), explained = _refined(match, ())
+    return _result(match, shift_s, np.sqrt(variance), (), explained)
+
+
+def _related(match: _Match) -> ClockShift:
+    """The shift by one lag and by two: the better one, with the interval of both."""
+    results = []
+    for lags_s in (match.lags_s, (*match.lags_s, match.lags_s[0] / 4)):
+        found, covariance, explained = _refined(match, lags_s)
+        lags = tuple(np.exp(found[1:]).tolist())
+        results.append(_result(match, found[0], float(np.sqrt(covariance[0, 0])), lags, explained))
+    period_s = max(match.y.period_s, match.x.period_s)
+    if min(results[1].lags_s) < period_s:
+        del results[1]  # a lag shorter than a sample is none
+    best = max(results, key=lambda each: each.explained)
+    low, high = min(each.ci95_s[0] for each in results), max(each.ci95_s[1] for each in results)
+    problem = best.problem
+    if problem is None and not _steady(match, best):
+        problem = "what one does to the other differs between the first and the last half"
+    if problem is None and sum(best.lags_s) > _LONGEST_LAG * (match.y.time_s[-1] - match.y.time_s[0]):
+        problem = f"a lag of {sum(best.lags_s):.4g} s between them needs a longer log"
+    if problem is None and high - low > max(sum(best.lags_s), 5 * period_s):
+        problem = f"it lies between {low:.4g} and {high:.4g} s, wider than the lag between them"
+    return replace(best, ci95_s=(low, high), problem=problem)
+
+
+def _steady(match: _Match, shift: ClockShift) -> bool:
+    """Whether the gain is the same in both halves: two columns that merely wander follow each other for a while."""
+    y = match.y
+    shift_s = shift.shift_s if y.of_reference else -shift.shift_s
+    driven = match.x.at(y.time_s - shift_s, shift.lags_s)
+    gains = []
+    for part in np.array_split(np.flatnonzero(~np.isnan(driven)), 2):
+        x, values = driven[part] - driven[part].mean(), y.values[part] - y.values[part].mean()
+        gains.append(float(x @ values) / max(float(x @ x), 1e-12))
+    return bool(min(gains) * max(gains) > 0 and 1 / _SAME_GAIN < gains[0] / gains[1] < _SAME_GAIN)
+
+
+def _result(match: _Match, shift_s: float, error_s: float, lags_s: tuple[float, ...], explained: float) -> ClockShift:
+    drawn_s = _DRAWN * min(match.y.period_s, match.x.period_s)
+    half = float(student.ppf(0.975, _BLOCKS - 1) * np.hypot(error_s, drawn_s)) + _NO_LAG * sum(lags_s)
+    # the shift of the driver is the other trace's where that trace drives
+    sign = 1.0 if match.y.of_reference else -1.0
+    ours, theirs = (match.y, match.x) if match.y.of_reference else (match.x, match.y)
+    value = sign * float(shift_s)
+    problem = match.problem
+    if problem is None and explained < _LEAST_EXPLAINED["related" if lags_s else "same"]:
+        problem = f"they share only {100 * explained:.0f} % of their variance"
+    return ClockShift(value, (value - half, value + half), (ours.name, theirs.name), lags_s, explained, problem)
+
+
+def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float | None) -> _Match | None:
+    """The best coarse shift of ``x`` on ``y``, and what else fits as well."""
+    span_s = max(each.time_s[-1] - each.time_s[0] for each in (y, x))
+    period_s = max(y.period_s, x.period_s, span_s / _MOST_SAMPLES)
+    on_y, on_x = (np.arange(each.time_s[0], each.time_s[-1] + period_s / 2, period_s) for each in (y, x))
+    correlation, lags, common = _correlation(y.at(on_y), x.at(on_x, lags_s))
+    shifts_s = on_y[0] - on_x[0] + lags * period_s
+    allowed = common >= 0.5 * min(common.max(), len(on_y), len(on_x))
+    allowed &= (np.abs(shifts_s) <= within_s) if within_s is not None else True
+    if not allowed.any():
+        return None
+    # one quantity read twice rises and falls together
+    explained = np.where(allowed, np.maximum(correlation, 0.0) ** 2 if not lags_s else correlation**2, 0.0)
+    best = int(explained.argmax())
+    match = _Match(y, x, lags_s, float(shifts_s[best]), float(explained[best]), None)
+    rivals = _rivals(explained, best, _independent(match, on_y))
+    if not len(rivals):
+        return match
+    sign = 1.0 if y.of_reference else -1.0
+    others = ", ".join(f"{sign * each:.4g} s" for each in shifts_s[rivals[:3]])
+    return replace(match, problem=f"{others} fits as well: narrow it by --within")
+
+
+def _smoothed(match: _Match) -> _Match:
+    """The match of columns that are smooth enough for their slopes to be alike."""
+    period_s, best, clearest = max(match.y.period_s, match.x.period_s), match, -1.0
+    for width_s in _WIDTHS * period_s:
+        y, x = match.y.smooth(width_s), match.x.smooth(width_s)
+        time_s = y.time_s[0] + period_s * np.arange((y.time_s[-1] - y.time_s[0]) / period_s)
+        slopes = np.diff([y.at(time_s), x.at(time_s - match.shift_s, match.lags_s)])
+        slopes = slopes[:, ~np.isnan(slopes).any(axis=0)]
+        if slopes.shape[1] < _BLOCKS or not slopes.std(axis=1).all():
+            break
+        alike = abs(float(np.corrcoef(slopes)[0, 1]))
+        if alike > clearest:
+            best, clearest = replace(match, y=y, x=x), alike
+        if alike > _CLEAR:
+            break
+    return best
+
+
+def _correlation(y: Array, x: Array) -> tuple[Array, Array, Array]:
+    """Correlation of two series with missing samples at every lag, the lags, and how many samples are in common."""
+    known_y, known_x = ~np.isnan(y) * 1.0, ~np.isnan(x) * 1.0
+    y, x = (np.nan_to_num(each - np.nanmean(each)) / (np.nanstd(each) + 1e-12) for each in (y, x))
+
+    def over(one: Array, other: Array) -> Array:
+        return np.asarray(signal.correlate(one, other, method="fft"))
+
+    common = np.round(over(known_y, known_x))
+    count = np.maximum(common, 1.0)
+    mean_y, mean_x = over(y, known_x) / count, over(known_y, x) / count
+    variance_y, variance_x = over(y**2, known_x) / count - mean_y**2, over(known_y, x**2) / count - mean_x**2
+    product = over(y, x) / count - mean_y * mean_x
+    enough = (common > 10) & (variance_y > 1e-4) & (variance_x > 1e-4)
+    correlation = np.where(enough, product / np.sqrt(np.where(enough, variance_y * variance_x, 1.0)), 0.0)
+    return np.clip(correlation, -1.0, 1.0), signal.correlation_lags(len(y), len(x)), common
+
+
+def _independent(match: _Match, time_s: Array) -> float:
+    """How many independent samples the residual at the coarse shift has."""
+    left = _projected(match.y.at(time_s), match.x.at(time_s - match.shift_s, match.lags_s))
+    left = left[~np.isnan(left)]
+    spectrum = np.fft.rfft(left, 2 * len(left))
+    autocorrelation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(left)]
+    negative = np.flatnonzero(autocorrelation <= 0)
+    until = negative[0] if len(negative) else len(left)
+    memory = 2 * autocorrelation[:until].sum() / max(autocorrelation[0], 1e-12) - 1
+    return float(len(left) / max(memory, 1.0))
+
+
+def _rivals(explained: Array, best: int, independent: float) -> Array:
+    """The other peaks, the nearest first, that explain nearly as much, with a valley between them and the best."""
+    left = np.maximum(1 - explained, 1e-6)
+    behind = independent * np.log(left / left[best])
+    peaks, _ = signal.find_peaks(-behind)
+    peaks = peaks[(behind[peaks] < _AS_GOOD) & (peaks != best)]
+    apart = [each for each in peaks if behind[min(each, best) : max(each, best)].max() > _AS_GOOD]
+    return np.array(sorted(apart, key=lambda each: abs(each - best)), dtype=int)
+
+
+def _refined(match: _Match, lags_s: Sequence[float]) -> tuple[Array, Array, float]:
+    """Shift and logarithms of the lags by least squares, their covariance, and the share explained."""
+    y, x = match.y, match.x
+    step_s = np.array([max(y.period_s, x.period_s) / 2, *[0.05] * len(lags_s)])
+    start = np.array([match.shift_s, *np.log(lags_s)])
+    room_s = 4 * max(y.period_s, x.period_s) + 2 * sum(lags_s)
+
+    def curve(p: Array) -> Array:
+        return x.at(y.time_s - p[0], tuple(np.exp(p[1:]).tolist()))
+
+    known = ~np.isnan(x.at(y.time_s - start[0] - room_s) + x.at(y.time_s - start[0] + room_s) + curve(start))
+    known = known if known.sum() > 50 else ~np.isnan(curve(start))
+    values = y.values[known]
+
+    def residual(p: Array) -> Array:
+        bent = curve(p)[known]
+        return _projected(values, np.where(np.isnan(bent), np.nanmean(bent), bent))
+
+    def slope(p: Array) -> Array:
+        moves = np.diag(step_s)
+        return np.stack([(residual(p + each) - residual(p - each)) / (2 * each.sum()) for each in moves], axis=1)
+
+    low = start - np.array([room_s, *[7.0] * len(lags_s)])
+    high = start + np.array([room_s, *[4.0] * len(lags_s)])
+    found = least_squares(residual, start, slope, bounds=(low, high), x_scale=step_s, max_nfev=50)
+    left, jacobian = residual(found.x), slope(found.x)
+    bread = np.linalg.pinv(jacobian.T @ jacobian)
+    scores = [part.sum(axis=0) for part in np.array_split(jacobian * left[:, None], _BLOCKS)]
+    covariance = bread @ (np.transpose(scores) @ np.array(scores)) @ bread * _BLOCKS / (_BLOCKS - 1)
+    return found.x, covariance, float(1 - left.var() / max(values.var(), 1e-12))
+
+
+def _projected(y: Array, x: Array) -> Array:
+    """``y`` (N,) less its regression on ``x`` and a constant, NaN where either is."""
+    known = ~np.isnan(y + x)
+    if not known.any():
+        return np.zeros_like(y)
+    x_known, y_known = x[known] - x[known].mean(), y[known] - y[known].mean()
+    left = np.full_like(y, np.nan)
+    left[known] = y_known - x_known * (x_known @ y_known) / max(x_known @ x_known, 1e-12)
+    return left
