@@ -67,7 +67,7 @@ def test_lateness(benchmark, tmp_path, noted, slow, others) -> None:
         with simulated_laboratory(loaded, clock) as there:
             job = Job(there.loaded, str(tmp_path / "trace.csv"), 1.0, True, there.environment)
             monitor = _SlowDown(getattr(there, slow, None))
-            collected = collect(job, Supervision(monitor, lambda: None, lambda: False))
+            collected = collect(job, Supervision(monitor.update, monitor.event, lambda: None, lambda: False))
         return [entry for entry in collected.record.entries if isinstance(entry, Sample)]
 
     samples = benchmark.pedantic(run, rounds=1, iterations=1)

@@ -31,7 +31,7 @@ def main():
     asked = []
     signal.signal(signal.SIGTERM, lambda number, _: asked.append(number))
     job = Job(load_campaign(path), output, float(speed))
-    supervision = Supervision(Printer(), lambda: "stopped" if asked else None, lambda: False)
+    supervision = Supervision(Printer().update, Printer().event, lambda: "stopped" if asked else None, lambda: False)
     outcome = (resume if words == ["resume"] else collect)(job, supervision).outcome
     print("end", outcome.ending.value, outcome.safe, flush=True)
 

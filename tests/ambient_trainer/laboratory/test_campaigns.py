@@ -5,7 +5,7 @@ import yaml
 
 from ambient_model.faults import Refused
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.trace_rows import signals_while
+from ambient_trainer.laboratory.collect import signals_while
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names, scenario_path
 

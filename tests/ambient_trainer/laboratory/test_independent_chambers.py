@@ -201,7 +201,9 @@ class Night:
             )
             self.job = Job(there.loaded._replace(campaign=campaign), self.output, SPEED, True, there.environment)
             began_s = time.monotonic()
-            self.outcome = collect(self.job, Supervision(self, lambda: self.stopped, lambda: False)).outcome
+            self.outcome = collect(
+                self.job, Supervision(self.update, self.event, lambda: self.stopped, lambda: False)
+            ).outcome
             self.took_s = time.monotonic() - began_s
         self.complete = load_trace(self.output).notes["complete"]
 
@@ -312,5 +314,5 @@ def test_a_run_whose_program_is_over_keeps_its_deviation_over_a_resumption(chamb
     made = chamber(slopes="refused")
     night = Night(campaign_file, tmp_path, made, minutes((4, 25.0, 2.0)))
     os.rename(tmp_path / "kept", night.output + ".part")
-    again = resume(night.job, Supervision(night, lambda: None, lambda: False)).outcome
+    again = resume(night.job, Supervision(night.update, night.event, lambda: None, lambda: False)).outcome
     assert (again.ending, again.why) == (Ending.DEVIATED, night.outcome.why)

@@ -1,10 +1,12 @@
 """What is told at the end, from records made by hand."""
 
+import numpy as np
+import pandas as pd
+
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import Head, Record
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note, Sample, StepBegan
 from ambient_trainer.laboratory.report import column_table, events, expected, settling_table
-from ambient_trainer.laboratory.trace_rows import Rows
 from ambient_trainer.simulator.scenario import scenario_path
 
 HEAD = Head("3", "", 0.0, 1.0, False)
@@ -16,10 +18,7 @@ def scan(at_s, degC):
 
 
 def test_columns_tell_what_they_lack():
-    rows = Rows(
-        ("a_degC", "b_degC", "c_degC"),
-        [(0.0, [1.0, None, None]), (1.0, [None, 2.0, None]), (2.0, [None, 4.0, None]), (3.0, [3.0, None, None])],
-    )
+    rows = pd.DataFrame({"a_degC": [1.0, np.nan, np.nan, 3.0], "b_degC": [np.nan, 2.0, 4.0, np.nan], "c_degC": np.nan})
     assert column_table(rows).rows == (
         ("a_degC", "2", "1", "2", "1.000", "2.000", "3.000"),
         ("b_degC", "2", "2", "1", "2.000", "3.000", "4.000"),

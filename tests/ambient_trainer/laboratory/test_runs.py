@@ -17,6 +17,7 @@ from ambient_trainer.laboratory.run import Ending, Supervision
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
 SPEED = 150.0
+in_real_time = pytest.mark.slow  # a busy machine misses samples
 
 
 class Recorder:
@@ -52,7 +53,9 @@ class Night:
             before(there)
             recorder = monitor(there, deeds)
             job = Job(there.loaded, self.output, SPEED, True, there.environment)
-            supervision = Supervision(recorder, lambda: recorder.stop, lambda: giving_up and bool(recorder.stop))
+            supervision = Supervision(
+                recorder.update, recorder.event, lambda: recorder.stop, lambda: giving_up and bool(recorder.stop)
+            )
             try:
                 self.outcome = work(job, supervision).outcome
             finally:
@@ -83,7 +86,7 @@ def night(campaign_file, tmp_path):
     return make
 
 
-@pytest.mark.slow  # in real time: a busy machine misses samples
+@in_real_time
 def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
     lab = night(minutes((4, 25), (4, 25, ["cpu_100"]), (2, 22)), before=minutes((2, 20)))
     lab.run()
@@ -107,6 +110,7 @@ def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
     assert np.nanmean(probes.mean(axis=0)) == pytest.approx(np.nanmean(probes[0]), abs=0.3)
 
 
+@in_real_time
 def test_a_stop_comes_to_safety_first_and_goes_on_later(night):
     def stop(there, recorder):
         recorder.held.append(there.chamber.held_degC)
@@ -153,7 +157,7 @@ def test_a_hot_device_ends_the_run_safely(night):
     assert lab.outcome.why.startswith("device: soc_degC is 6")
 
 
-@pytest.mark.slow  # in real time: a busy machine misses samples
+@in_real_time
 def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     def acknowledge(there, recorder):
         there.chamber.repair()
@@ -175,6 +179,7 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     assert np.nanmax(lab.trace.column("cpu_load_frac")) == 0.02
 
 
+@in_real_time
 def test_a_rebooted_phone_goes_on_with_its_load(night):
     def reboot(there, recorder):
         there.phone.reboot()
@@ -225,6 +230,7 @@ def test_a_run_that_only_lacks_its_trace_is_brought_to_its_end(night, tmp_path):
     assert Path(lab.output).read_bytes() == whole
 
 
+@in_real_time
 def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
     link = {"kind": "greisinger-easybus", "port": "/dev/ttyUSB2", "period_s": 2}
     lab = night(minutes((10, 22)), {"instruments.thermometer": link})

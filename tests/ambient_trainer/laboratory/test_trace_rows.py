@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import load_campaign
+from ambient_trainer.laboratory.collect import Grid, grid_of, laboratory_rows, signals_while, trace_rows
 from ambient_trainer.laboratory.journal import Head, Record
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, End, LoadState, Sample, StepBegan
-from ambient_trainer.laboratory.trace_rows import Grid, grid_of, laboratory_rows, signals_while, trace_rows
 from ambient_trainer.simulator.scenario import scenario_path
 
 CAMPAIGN = load_campaign(scenario_path("1"), ports=False).campaign
@@ -29,7 +29,12 @@ def rows(*entries):
     grid = grid_of(record, CAMPAIGN)
     assert grid == Grid(100.0, 1.0)
     found = trace_rows(record, CAMPAIGN, grid)
-    return [(time_s, dict(zip(found.columns, values))) for time_s, values in found.rows]
+    return [(time_s, row) for time_s, row in known(found).iterrows()]
+
+
+def known(table):
+    """With None for NaN."""
+    return table.astype(object).where(table.notna(), None)
 
 
 def test_each_cell_is_what_was_said_in_its_second():
@@ -58,8 +63,8 @@ def test_an_answer_whose_time_is_not_known_is_not_in_the_trace_but_in_the_labora
     assert all(row["ambient_degC"] is None for _, row in rows(late, End(106.0, "")))
     record = Record(HEAD, (StepBegan(0.0, 1, 0.0), late))
     beside = laboratory_rows(record, CAMPAIGN, Grid(100.0, 1.0))
-    assert beside.columns == ("multiplexer_delay_s", "probe_air1_degC", "probe_air2_degC")
-    assert beside.rows == [(3.0, [4.0, 20.0, 20.0])]
+    assert list(beside) == ["multiplexer_delay_s", "probe_air1_degC", "probe_air2_degC"]
+    assert beside.reset_index().to_numpy().tolist() == [[3.0, 4.0, 20.0, 20.0]]
 
 
 def test_a_stop_is_a_gap_in_which_nothing_is_known():
@@ -83,7 +88,7 @@ def test_before_the_recording_there_is_no_trace_but_a_laboratory_s_file():
     whole = Record(HEAD, (*record.entries, StepBegan(10.0, 1, 0.0)))
     grid = grid_of(whole, CAMPAIGN)
     assert grid is not None
-    assert laboratory_rows(whole, CAMPAIGN, grid).rows == [(-7.0, [0.2, 20.0])]
+    assert laboratory_rows(whole, CAMPAIGN, grid).reset_index().to_numpy().tolist() == [[-7.0, 0.2, 20.0]]
 
 
 def test_a_finished_program_has_a_row_for_each_of_its_periods():
@@ -92,7 +97,7 @@ def test_a_finished_program_has_a_row_for_each_of_its_periods():
     )
     grid = grid_of(record, CAMPAIGN)
     assert grid is not None
-    assert len(trace_rows(record, CAMPAIGN, grid).rows) == 1800
+    assert len(trace_rows(record, CAMPAIGN, grid)) == 1800
 
 
 def test_a_resumed_recording_begins_where_it_first_did():

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ import pandas as pd
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.laboratory.chamber_air import ChamberAir
 from ambient_trainer.laboratory.instruments import (
     THERMOMETER_COLUMN,
     Driver,
@@ -32,6 +33,7 @@ from ambient_trainer.laboratory.instruments import (
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.laboratory.probe_offsets import OffsetPoint, ProbeOffset
 from ambient_trainer.report import Block, Finding, Report, Table
+from ambient_trainer.simulator.chamber import Chamber
 
 LARGEST_OFFSET_K = 5.0
 """Twice what the worst class of thermocouples is allowed: more is a probe that is not in the bath."""
@@ -163,7 +165,7 @@ def _point(pairs: np.ndarray) -> OffsetPoint:
 BATHS_DEGC = (0.0, 20.0, 40.0, 60.0)
 """The temperatures to which the simulated bath goes, one after the other."""
 SPEED = 100.0
-_TIME_CONSTANT_S = 120.0  # chosen
+_BATH = Chamber(heating_K_min=1e4, cooling_K_min=1e4, wobble_degC=0.0, settling_s=120.0, draught_degC=0.0)  # chosen
 
 
 class BathInstruments(NamedTuple):
@@ -187,35 +189,18 @@ class BathInstruments(NamedTuple):
 
 @contextlib.contextmanager
 def real_bath(
-    thermometer: ThermometerSettings, multiplexer: MultiplexerSettings, go_to: Callable[[int], None]
+    thermometer: ThermometerSettings,
+    multiplexer: MultiplexerSettings,
+    go_to: Callable[[int], None],
+    clock: Clock | None = None,
+    errors_K: Mapping[str, float] | None = None,
 ) -> Iterator[BathInstruments]:
     """Two instruments at their ports."""
-    clock = Clock()
-    with _drivers(thermometer, multiplexer, clock) as drivers:
-        yield BathInstruments(*drivers, tuple(multiplexer.probes), clock, go_to)
-
-
-class SimulatedBath:
-    """A bath that starts at a room's temperature, and follows its set point as a first-order lag."""
-
-    def __init__(self, clock: Clock, room_degC: float) -> None:
-        self._clock = clock
-        self._since_s = clock.now_s()
-        self._from_degC = self._to_degC = room_degC
-        self._lock = threading.Lock()
-
-    def go_to(self, temp_degC: float) -> None:
-        """Go to ``temp_degC`` from now on."""
-        now_s = self._clock.now_s()
-        now_degC = self.at(now_s)
-        with self._lock:
-            self._since_s, self._from_degC, self._to_degC = now_s, now_degC, temp_degC
-
-    def at(self, at_s: float) -> float:
-        """Its temperature in degC at a time of the clock, no earlier than its newest set point."""
-        with self._lock:
-            left = math.exp(-max(at_s - self._since_s, 0.0) / _TIME_CONSTANT_S)
-            return self._to_degC + (self._from_degC - self._to_degC) * left
+    clock = clock or Clock()
+    with contextlib.ExitStack() as stack:
+        reference = stack.enter_context(closing(instrument(thermometer.kind).Driver(thermometer, clock)))
+        probes = stack.enter_context(closing(instrument(multiplexer.kind).Driver(multiplexer, clock)))
+        yield BathInstruments(reference, probes, tuple(multiplexer.probes), clock, go_to, errors_K)
 
 
 @contextlib.contextmanager
@@ -224,32 +209,18 @@ def simulated_bath(
 ) -> Iterator[BathInstruments]:
     """The same instruments simulated, ``speed`` times as fast; their bath goes to :data:`BATHS_DEGC`."""
     clock = Clock(speed)
-    bath = SimulatedBath(clock, room_degC)
+    bath = ChamberAir(clock.now_s(), room_degC, 0, _BATH)
     with contextlib.ExitStack() as stack:
-        reference = instrument(thermometer.kind).Simulated(thermometer, clock, bath.at)
-        stack.callback(reference.close)
-        probes = instrument(multiplexer.kind).Simulated(multiplexer, clock, bath.at)
-        stack.callback(probes.close)
-        at_ports = (
+        reference = stack.enter_context(closing(instrument(thermometer.kind).Simulated(thermometer, clock, bath.at)))
+        probes = stack.enter_context(closing(instrument(multiplexer.kind).Simulated(multiplexer, clock, bath.at)))
+        instruments = real_bath(
             thermometer.model_copy(update={"port": reference.port}),
             multiplexer.model_copy(update={"port": probes.port}),
+            lambda point: bath.drive(clock.now_s(), BATHS_DEGC[point]),
+            clock,
+            probes.errors_K,
         )
-        drivers = stack.enter_context(_drivers(*at_ports, clock))
-        names = tuple(multiplexer.probes)
-        yield BathInstruments(*drivers, names, clock, lambda point: bath.go_to(BATHS_DEGC[point]), probes.errors_K)
-
-
-@contextlib.contextmanager
-def _drivers(
-    thermometer: ThermometerSettings, multiplexer: MultiplexerSettings, clock: Clock
-) -> Iterator[tuple[Driver, Driver]]:
-    reference = instrument(thermometer.kind).Driver(thermometer, clock)
-    probes = instrument(multiplexer.kind).Driver(multiplexer, clock)
-    try:
-        yield reference, probes
-    finally:
-        reference.close()
-        probes.close()
+        yield stack.enter_context(instruments)
 
 
 class BathRecorder:

@@ -357,13 +357,12 @@ def _outside(place: str, key: str, part: dict[Any, Any], laboratory: dict[Any, A
 
 
 def _mapping(data: Any, *keys: str) -> dict[Any, Any]:
-    for key in keys:
-        data = data.get(key) if isinstance(data, dict) else None
-    return data if isinstance(data, dict) else {}
+    inner = _at(data, *keys)
+    return inner if isinstance(inner, dict) else {}
 
 
 def _sequence(data: Any, key: str) -> list[Any]:
-    inner = _mapping(data).get(key)
+    inner = _at(data, key)
     return inner if isinstance(inner, list) else []
 
 

@@ -2,24 +2,31 @@
 
 The journal beside the trace holds the run until the trace is written whole. What was read before the stop stays as it
 is; the time in between is a gap, and the program goes on with the step, and the time in the step, where it was.
+
+A trace has one row a period, in which each cell is what was read in that period, or empty. A sample belongs to the
+period in which the middle of its asking and answering lies, and to none where that leaves its time unknown by more than
+a period. Nothing is repeated or interpolated.
 """
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from typing import NamedTuple
 
+import pandas as pd
+
 from ambient_model.faults import refuse
-from ambient_model.trace import write_trace
-from ambient_trainer.laboratory.campaign import LoadedCampaign
+from ambient_model.trace import REFERENCE
+from ambient_trainer.data.trace import Trace, save_trace
+from ambient_trainer.laboratory.campaign import Campaign, Laboratory, LoadedCampaign
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Identity, LoadState, Note
 from ambient_trainer.laboratory.program import Program
 from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
-from ambient_trainer.laboratory.trace_rows import Rows, grid_of, laboratory_rows, trace_rows
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 
@@ -43,7 +50,7 @@ class Collected(NamedTuple):
 
     outcome: Outcome
     record: Record
-    trace: Rows | None
+    trace: pd.DataFrame | None
 
 
 def journal_path(output: str) -> str:
@@ -124,8 +131,12 @@ def _written(job: Job, outcome: Outcome) -> Collected:
     if grid is not None:
         notes = _notes(job, record, outcome)
         trace = trace_rows(record, campaign, grid)
-        write_trace(job.output, *trace, notes)
-        write_trace(laboratory_path(job.output), *laboratory_rows(record, campaign, grid), notes)
+        for path, table in (
+            (job.output, trace),
+            (laboratory_path(job.output), laboratory_rows(record, campaign, grid)),
+        ):
+            columns = {str(name): values.to_numpy() for name, values in table.items()}
+            save_trace(path, Trace(path, table.index.to_numpy(), columns, notes))
     if over:
         os.unlink(job.journal_path)
     return Collected(outcome, record, trace)
@@ -180,3 +191,76 @@ def _delays(record: Record) -> dict[str, str]:
         drift_s = offsets[-1][1] - offsets[0][1]
         notes["device_clock"] = f"uptime {offset_s} s ahead (+-{0.5 * delay_s:.4f} s), {drift_s:+.4f} s more at the end"
     return notes
+
+
+_ROUNDING_S = 1e-6
+
+
+class Grid(NamedTuple):
+    """Rows at multiples of ``period_s`` after ``zero_s`` of the run's time."""
+
+    zero_s: float
+    period_s: float
+
+    def row_at(self, at_s: float) -> int:
+        """The row of what happened at ``at_s``."""
+        return math.floor((at_s - self.zero_s + _ROUNDING_S) / self.period_s)
+
+    def frame(self, cells: dict[int, dict[str, float | None]], columns: Sequence[str]) -> pd.DataFrame:
+        """The rows' cells as a table over their times; NaN where there is nothing."""
+        table = pd.DataFrame.from_dict(cells, orient="index", columns=pd.Index(columns), dtype=float).sort_index()
+        return table.set_axis((table.index.to_numpy(dtype=float) * self.period_s).round(6), axis="index")
+
+
+def grid_of(record: Record, campaign: Campaign) -> Grid | None:
+    """The rows' times, whose zero is the beginning of the recording; None where there was none."""
+    began = next((each for each in record.steps if each.step >= len(campaign.before)), None)
+    if began is None:
+        return None
+    # on the samplers' own schedule, so that a sample which comes a little late does not change its row
+    period_s = campaign.period_s
+    return Grid(math.floor((began.at_s - began.elapsed_s) / period_s + _ROUNDING_S) * period_s, period_s)
+
+
+def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
+    """The trace over its time in s: the device's columns, the ambient, the signals."""
+    laboratory = campaign.laboratory
+    over = [each.at_s for each in record.steps if each.step == len(campaign.program)]
+    count = max(grid.row_at(over[-1]) if over else grid.row_at(record.left.at_s) + 1, 0)
+    cells: dict[int, dict[str, float | None]] = {index: {} for index in range(count)}
+    for sample in record.samples:
+        row = cells.get(grid.row_at(sample.at_s))
+        if row is None or 0.5 * (sample.answered_s - sample.asked_s) > grid.period_s:
+            continue
+        if sample.source == DEVICE:
+            row.update({name: sample.values.get(name) for name in laboratory.device.columns})
+        elif sample.source == MULTIPLEXER:
+            row[REFERENCE] = laboratory.ambient.mean_degC(sample.values)
+    changes = [each for each in record.entries if isinstance(each, LoadState)]
+    for change, end in zip(changes, [*(each.at_s for each in changes[1:]), math.inf]):
+        # unknown until the device's load is known
+        signals = {} if change.actions is None else signals_while(laboratory, change.actions)
+        last = count if end == math.inf else grid.row_at(end)
+        for index in range(max(grid.row_at(change.at_s), 0), min(last, count)):
+            cells[index].update(signals)
+    return grid.frame(cells, campaign.columns)
+
+
+def laboratory_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
+    """The instruments' own readings, also before the recording; only rows that hold any."""
+    device = campaign.laboratory.device.columns
+    cells: dict[int, dict[str, float | None]] = {}
+    for sample in record.samples:
+        row = cells.setdefault(grid.row_at(sample.at_s), {})
+        row.update({name: value for name, value in sample.values.items() if name not in device})
+        row[f"{sample.source}_delay_s"] = round(sample.answered_s - sample.asked_s, 4)
+    return grid.frame(cells, sorted({name for row in cells.values() for name in row}))
+
+
+def signals_while(laboratory: Laboratory, actions: Sequence[str]) -> dict[str, float]:
+    """The signals while ``actions`` last: where several have one, the largest."""
+    found = dict(laboratory.signals)
+    active = [laboratory.actions[action].signals for action in actions]
+    for name in {signal for signals in active for signal in signals}:
+        found[name] = max(signals[name] for signals in active if name in signals)
+    return found

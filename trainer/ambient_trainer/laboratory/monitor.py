@@ -13,7 +13,7 @@ from rich.text import Text
 
 from ambient_trainer.laboratory.collect import Job
 from ambient_trainer.laboratory.report import clock_text, expected
-from ambient_trainer.laboratory.run import Monitor, Run
+from ambient_trainer.laboratory.run import Run
 
 _REDRAW_S = 0.25
 _LINE_S = 60.0
@@ -22,56 +22,36 @@ _LINE_WALL_S = 2.0
 
 
 @contextlib.contextmanager
-def monitor_of(console: Console, job: Job) -> Iterator[Monitor]:
+def monitor_of(console: Console, job: Job) -> Iterator[ConsoleMonitor]:
     """The monitor for a terminal, or for anything else that ``console`` writes to."""
-    if not console.is_terminal:
-        yield LineMonitor(console)
-        return
     simulated = f", simulated at {job.speed:g} times real time" if job.simulated else ""
-    monitor = LiveMonitor(console, f"{job.loaded.name}{simulated}")
-    with monitor.live:
-        yield monitor
+    live = Live(console=console, auto_refresh=False, transient=True) if console.is_terminal else None
+    with live or contextlib.nullcontext():
+        yield ConsoleMonitor(console, live, f"{job.loaded.name}{simulated}")
 
 
-class LineMonitor:
-    """A line a minute, and one for each event."""
+class ConsoleMonitor:
+    """Events, and the state of the run: a ``live`` picture, or else a line a minute."""
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._due_s = 0.0
-        self._due_wall_s = 0.0
+    def __init__(self, console: Console, live: Live | None, title: str) -> None:
+        self._console, self._live, self._title = console, live, title
+        self._due_s = self._due_wall_s = 0.0
 
     def update(self, run: Run) -> None:
-        """Print a line where one is due."""
+        """Draw the picture anew, or print a line, where that is due."""
         now_s, wall_s = run.clock.now_s(), time.monotonic()
-        if now_s >= self._due_s and wall_s >= self._due_wall_s:
-            self._due_s, self._due_wall_s = now_s + _LINE_S, wall_s + _LINE_WALL_S
+        if wall_s < self._due_wall_s or (self._live is None and now_s < self._due_s):
+            return
+        self._due_s, self._due_wall_s = now_s + _LINE_S, wall_s + (_REDRAW_S if self._live else _LINE_WALL_S)
+        if self._live:
+            self._live.update(self._picture(run), refresh=True)
+        else:
             ambient = "-" if run.ambient_degC is None else f"{run.ambient_degC:.2f}"
             self.event(now_s, f"{_step_text(run)}, ambient {ambient} degC, {_left_text(run)}")
 
     def event(self, at_s: float, text: str) -> None:
-        """Print it with its time."""
+        """Print it with its time; above the picture, where it stays."""
         self._console.print(f"{clock_text(at_s)}  {text}", markup=False, highlight=False, soft_wrap=True)
-
-
-class LiveMonitor:
-    """A picture on a terminal, while its ``live`` display is started."""
-
-    def __init__(self, console: Console, title: str) -> None:
-        self._title = title
-        self.live = Live(console=console, auto_refresh=False, transient=True)
-        self._due_wall_s = 0.0
-
-    def update(self, run: Run) -> None:
-        """Draw it anew where that is due."""
-        wall_s = time.monotonic()
-        if wall_s >= self._due_wall_s:
-            self._due_wall_s = wall_s + _REDRAW_S
-            self.live.update(self._picture(run), refresh=True)
-
-    def event(self, at_s: float, text: str) -> None:
-        """Print it above the picture, where it stays."""
-        self.live.console.print(Text(f"{clock_text(at_s)}  {text}"))
 
     def _picture(self, run: Run) -> Group:
         now_s = run.clock.now_s()

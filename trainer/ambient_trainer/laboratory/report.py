@@ -5,17 +5,17 @@ The report before a run is its schedule, estimated: ramps at the chamber's usual
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections import Counter
 from typing import NamedTuple
+
+import pandas as pd
 
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.collect import Collected, Job, laboratory_path
 from ambient_trainer.laboratory.journal import Record
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note
 from ambient_trainer.laboratory.run import Ending, Outcome
-from ambient_trainer.laboratory.trace_rows import Rows
 from ambient_trainer.report import Block, Finding, Report, Section, Table
 
 _CAPTION = (
@@ -104,17 +104,18 @@ _AT_SET_POINT_K = 2.0
 _MOST_SHOWN = 20
 
 
-def column_table(rows: Rows) -> Table:
+def column_table(trace: pd.DataFrame) -> Table:
     """Per column of a trace: samples, gaps, and the range of what stands there."""
     lines = []
-    for index, name in enumerate(rows.columns):
-        values = [values[index] for _, values in rows.rows]
-        known = [value for value in values if value is not None]
-        gaps = [len(list(run)) for missing, run in itertools.groupby(values, lambda value: value is None) if missing]
-        extent = [min(known), sum(known) / len(known), max(known)] if known else []
-        texts = [f"{each:.3f}" for each in extent] or ["-"] * 3
-        lines.append((name, f"{len(known):,}", f"{len(gaps):,}", f"{max(gaps, default=0):,}", *texts))
-    caption = f"Of {len(rows.rows):,} rows. Longest: the most rows in a row without a value."
+    for name, values in trace.items():
+        missing = values.isna()
+        gaps = missing.groupby((missing != missing.shift()).cumsum()).sum()
+        known = values.dropna()
+        texts = [f"{each:.3f}" for each in (known.min(), known.mean(), known.max())] if len(known) else ["-"] * 3
+        lines.append(
+            (str(name), f"{len(known):,}", f"{(gaps > 0).sum():,}", f"{gaps.max() if len(gaps) else 0:,}", *texts)
+        )
+    caption = f"Of {len(trace):,} rows. Longest: the most rows in a row without a value."
     return Table(caption, ("column", "samples", "gaps", "longest", "min", "mean", "max"), tuple(lines), labels=1)
 
 
@@ -162,7 +163,7 @@ def collection_report(collected: Collected, job: Job) -> Report:
     tables: list[Table] = []
     if trace is not None:
         beside = laboratory_path(job.output)
-        title = f"{len(trace.rows):,} rows in {job.output}, the instruments' own readings in {beside}, {after}."
+        title = f"{len(trace):,} rows in {job.output}, the instruments' own readings in {beside}, {after}."
         tables = [column_table(trace), settling_table(record, job.loaded.campaign)]
     simulated = " All of it is simulated." if job.simulated else ""
     found = [Finding(text) for text in events(record)]

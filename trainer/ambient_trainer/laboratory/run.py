@@ -13,7 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
@@ -141,20 +141,14 @@ class Outcome(NamedTuple):
         return self.ending is Ending.FINISHED
 
 
-class Monitor(Protocol):
-    """Shows a run."""
-
-    def update(self, run: Run, /) -> None:
-        """Called often."""
-
-    def event(self, at_s: float, text: str, /) -> None:
-        """Called for each event."""
-
-
 class Supervision(NamedTuple):
-    """Who watches a run: a monitor, why it is to stop (or None), and whether not even to wait for the chamber."""
+    """Who watches a run: ``update`` is called often, ``event`` with a time and a text for each event.
 
-    monitor: Monitor
+    ``stopping`` gives the reason to stop (or None), ``giving_up`` whether not even to wait for the chamber.
+    """
+
+    update: Callable[[Run], None]
+    event: Callable[[float, str], None]
     stopping: Callable[[], str | None]
     giving_up: Callable[[], bool]
 
@@ -383,11 +377,11 @@ class Run:
     def _show(self, at_s: float, text: str) -> None:
         # a terminal that was closed is no reason to leave the chamber alone
         with contextlib.suppress(Exception):
-            self._supervision.monitor.event(at_s, text)
+            self._supervision.event(at_s, text)
 
     def _update_monitor(self) -> None:
         with contextlib.suppress(Exception):
-            self._supervision.monitor.update(self)
+            self._supervision.update(self)
 
 
 def _target(program: Program) -> Target:

@@ -86,7 +86,9 @@ def test_one_file_adds_an_instrument(meter, campaign_file, tmp_path):
     output = str(tmp_path / "trace.csv")
     with simulated_laboratory(loaded, Clock(100.0)) as there:
         job = Job(there.loaded, output, 100.0, True, there.environment)
-        assert collect(job, Supervision(NoMonitor(), lambda: None, lambda: False)).outcome.finished
+        assert collect(
+            job, Supervision(NoMonitor().update, NoMonitor().event, lambda: None, lambda: False)
+        ).outcome.finished
     assert load_trace(output).notes["thermometer"] == "KELVIN 1"
     reading = load_trace(laboratory_path(output)).column("thermometer_degC")
     assert np.isfinite(reading).sum() > 20

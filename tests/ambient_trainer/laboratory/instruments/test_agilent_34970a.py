@@ -61,7 +61,7 @@ def test_the_documented_commands_set_it_up(driver, simulated) -> None:
     simulated._respond = lambda data: (received.append(data), respond(data))[1]
     driver({"a": 101, "b": 102, "c": 103}).read()
     assert b"".join(received) == (
-        b"SYST:ERR?\n*IDN?\n*RST\n*CLS\nCONF:TEMP TC,K,(@101:103)\nROUT:SCAN (@101:103)\nFORM:READ:CHAN ON\n"
+        b"SYST:ERR?\n*IDN?\n*RST\n*CLS\nCONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\nFORM:READ:CHAN ON\n"
         b"SYST:ERR?\nREAD?\n"
     )
 
@@ -109,7 +109,7 @@ def test_readings_of_other_channels_are_refused(driver, simulated) -> None:
     simulated.distort(lambda reply: [(0.0, reply.replace(b",101,", b",103,"))])
     with pytest.raises(InstrumentError) as caught:
         multiplexer.read()
-    assert "(@101:102)" in caught.value.expected
+    assert "(@101,102)" in caught.value.expected
 
 
 def test_another_maker_is_refused(driver, simulated) -> None:
@@ -127,8 +127,8 @@ def test_the_simulated_one_complains_and_forgets_the_channels_numbers(simulated)
     assert replies(b"BOGUS\nFORM:READ:COLOUR ON\n") == b""
     undefined = b'-113,"Undefined header"\r\n'
     assert replies(b"SYST:ERR?\n" * 3) == undefined + undefined + b'+0,"No error"\r\n'
-    assert replies(b"CONF:TEMP TC,K,(@101:102)\nFORM:READ:CHAN ON\nREAD?\n").count(b",") == 3
-    assert replies(b"CONF:TEMP TC,K,(@101:102)\nREAD?\n").count(b",") == 1
+    assert replies(b"CONF:TEMP TC,K,(@101,102)\nFORM:READ:CHAN ON\nREAD?\n").count(b",") == 3
+    assert replies(b"CONF:TEMP TC,K,(@101,102)\nREAD?\n").count(b",") == 1
 
 
 @pytest.mark.parametrize(

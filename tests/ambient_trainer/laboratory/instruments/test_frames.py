@@ -82,8 +82,7 @@ COMMANDS = {
     agilent.READ_IDENTITY.request: b"*IDN?\n",
     agilent.RESET: b"*RST\n*CLS\n",
     agilent.read_scan((101,)).request: b"READ?\n",
-    agilent.configure([101, 102, 103], "K"): b"CONF:TEMP TC,K,(@101:103)\nROUT:SCAN (@101:103)\n",
-    agilent.channel_list([203, 101, 102, 110, 103]): b"(@101:103,110,203)",
+    agilent.configure([103, 101, 102], "K"): b"CONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\n",
     easybus.request(1, easybus.VALUE): bytes.fromhex("FE 00 3D"),
 }
 VALUES = {

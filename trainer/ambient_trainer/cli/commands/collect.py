@@ -97,7 +97,8 @@ def _run(job: Job, again: bool) -> int:
 
     with _caught_signals() as caught, monitor_of(printer(), job) as monitor:
         supervision = Supervision(
-            monitor,
+            monitor.update,
+            monitor.event,
             lambda: f"stopped by {signal.Signals(caught[0]).name}" if caught else None,
             lambda: caught.count(signal.SIGINT) > 1,
         )

@@ -105,15 +105,8 @@ def configure(channels: Iterable[int], thermocouple: str) -> bytes:
 
 
 def channel_list(channels: Iterable[int]) -> bytes:
-    """``(@101:103,105)``: the channels in the instrument's order, runs of them as ranges."""
-    runs: list[list[int]] = []
-    for channel in sorted(set(channels)):
-        if runs and channel == runs[-1][-1] + 1:
-            runs[-1].append(channel)
-        else:
-            runs.append([channel])
-    texts = [f"{run[0]}:{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
-    return f"(@{','.join(texts)})".encode("ascii")
+    """``(@101,102,105)``: the channels in the instrument's order."""
+    return f"(@{','.join(map(str, sorted(channels)))})".encode("ascii")
 
 
 def _parsed(line: str) -> Reply | Malformed:
@@ -297,14 +290,8 @@ class Simulated(SimulatedInstrument):
         yield Response(len(readings) * _CHANNEL_S, encode(Scan(readings, channels)))
 
     def _channels(self, text: str) -> list[int]:
-        """The channels of a list such as ``(@101:103,105)``, in the instrument's order."""
-        found: set[int] = set()
-        for part in text.strip().removeprefix("(@").removesuffix(")").split(","):
-            first, _, last = part.partition(":")
-            if first.isdigit() and (last or first).isdigit():
-                found.update(range(int(first), int(last or first) + 1))
-            else:
-                found.add(0)
+        """The channels of a list such as ``(@101,103)``, in the instrument's order."""
+        found = {int(part) if part.isdigit() else 0 for part in text.strip().removeprefix("(@").rstrip(")").split(",")}
         if not found <= self.probes.keys():
             self._errors.append(ErrorText(-224, "Illegal parameter value"))
             return []
@@ -339,13 +326,10 @@ class _Probe:
             begin_degC = self._air(at_s - _SETTLED_S)
             self._last = (at_s - _SETTLED_S, begin_degC, begin_degC)
         last_s, air_degC, felt_degC = self._last
-        steps = max(math.ceil(at_s - last_s), 1)
-        step_s = (at_s - last_s) / steps
-        if step_s <= 0.0:
-            return felt_degC
-        lag = lag_weights(_PROBES.lag_s, step_s)
-        for step in range(1, steps + 1):
-            before_degC, air_degC = air_degC, self._air(last_s + step * step_s)
+        steps = math.ceil(at_s - last_s)
+        lag = lag_weights(_PROBES.lag_s, max(at_s - last_s, 1e-9) / max(steps, 1))
+        for passed_s in np.linspace(0.0, at_s - last_s, steps + 1)[1:]:
+            before_degC, air_degC = air_degC, self._air(last_s + float(passed_s))
             felt_degC = lag.step(felt_degC, before_degC, air_degC)
         self._last = (at_s, air_degC, felt_degC)
         return felt_degC
