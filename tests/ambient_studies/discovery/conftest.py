@@ -62,9 +62,10 @@ def synthetic_outcomes() -> list[Outcome]:
         right = bool(random.random() < 1 / (1 + (1.5 / size) ** 2))
         wrong = () if random.random() < 0.6 else (causes[random.integers(len(causes))],)
         found = (cause,) if right else wrong
+        sure = float(random.beta(8, 1) if right else random.beta(2, 2))
         outcomes.append(
             Outcome((cause,), size, found, found == (cause,), 0.1 if right else None, 20.0 if right else None,
-                    (0.01, 0.2) if found else None, 4.0)
+                    (0.01, 0.2) if found else None, 4.0, (sure,) * len(found))
         )  # fmt: skip
     outcomes += [Outcome((), 0.0, (), True, None, None, None, 2.0)] * 58
     outcomes += [Outcome((), 0.0, (Cause("unknown"),), False, None, None, (0.001, 0.1), 3.0)] * 2

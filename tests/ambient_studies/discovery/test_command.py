@@ -12,7 +12,7 @@ from ambient_studies.discovery.score import Scored
 from ambient_trainer.diagnosis.result import Cause
 
 BIAS = Cause("sensor_bias", "display")
-OUTCOME = Outcome((BIAS,), 9.0, (BIAS,), True, 0.1, -4.0, (0.2, 0.3), 1.5)
+OUTCOME = Outcome((BIAS,), 9.0, (BIAS,), True, 0.1, -4.0, (0.2, 0.3), 1.5, (0.9,))
 FINISHED = Done(Case(1, 12, (), ()), Scored(OUTCOME, True, True), ("sensor_bias at display: 4 degC",), ())
 PACKAGE = "ambient_studies.discovery"
 
@@ -56,6 +56,8 @@ def test_figures_and_every_case_for_a_machine(trainer, monkeypatch, tmp_path, as
         "onset_error_s": -4.0,
         "gain_ci": [0.2, 0.3],
         "seconds": 1.5,
+        "confidence": [0.9],
+        "named": [{**cause, "confidence": 0.9, "right": True}],
         "onset_right": True,
         "magnitude_right": True,
         "rivals": [],

@@ -10,12 +10,14 @@ from scipy.optimize import brentq
 
 from ambient_studies.discovery.figures import (
     Share,
+    confident_verdicts,
     confusion,
     detection_by_size,
     false_alarms,
     large_effects,
     median_of,
     pairs_found,
+    reliability,
 )
 from ambient_studies.discovery.outcome import Outcome
 from ambient_studies.discovery.report import as_json, report_of
@@ -85,6 +87,20 @@ def test_of_two_effects_each_is_counted_in_any_order():
     assert (pairs.both, pairs.one, pairs.nothing) == (Share(1, 4), Share(2, 4), Share(1, 4))
 
 
+def test_confidence_is_held_against_the_share_that_is_right():
+    def verdict(sure, right, *more):
+        found = (HEAT if right else HAND, *(cause for cause, _ in more))
+        return Outcome((HEAT,), 6.0, found, right, None, None, None, 1.0, (sure, *(own for _, own in more)))
+
+    cases = [verdict(0.95, True), verdict(0.97, False), verdict(1.0, True, (CASE, 0.2)), verdict(0.6, True)]
+    cases += [Outcome((HEAT,), 6.0, (UNKNOWN,), False, None, None, None, 1.0, (0.0,)), outcome((), ())]
+    found = [(each.low, each.high, each.share.hits, each.share.cases) for each in reliability(cases)]
+    assert found == [(0.5, 0.7, 1, 1), (0.95, 1.0, 2, 3)]
+    assert reliability(cases)[1].mean == pytest.approx((0.95 + 0.97 + 1.0) / 3)
+    assert confident_verdicts(cases) == Share(2, 3)
+    assert [right for _, _, right in cases[2].named] == [True, False]
+
+
 def test_the_median_is_of_what_there_is():
     assert median_of([None, -3.0, 1.0, math.nan, 2.0]) == 2.0
     assert math.isnan(median_of([None]))
@@ -108,6 +124,6 @@ def test_the_benchmark_is_held_against_what_is_asked(outcomes):
         blocks = report_of(some, {}).sections[0].blocks
         return {(each.value, each.status) for each in blocks if isinstance(each, Finding)}
 
-    assert tiles(outcomes) >= {("96.7 %", "good"), ("75.0 %", "good")}
+    assert tiles(outcomes) >= {("96.7 %", "good"), ("75.0 %", "bad")}
     assert ("0.0 %", "bad") in tiles([each for each in outcomes if len(each.true) < 2 or not each.correct])
     assert tiles([]) == set()

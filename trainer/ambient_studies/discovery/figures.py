@@ -19,6 +19,9 @@ LARGE_IN_NOISE = 5.0
 """An effect of at least this size counts as large."""
 SIZE_EDGES = (0.0, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, math.inf)
 
+CONFIDENT = 0.9
+CONFIDENCE_EDGES = (0.0, 0.3, 0.5, 0.7, 0.8, CONFIDENT, 0.95, 1.0)
+
 
 @dataclass(frozen=True)
 class Share:
@@ -67,6 +70,16 @@ class Detection:
 
 
 @dataclass(frozen=True)
+class Reliability:
+    """The verdicts given with ``low`` <= confidence < ``high``: their mean confidence, the share that was right."""
+
+    low: float
+    high: float
+    mean: float
+    share: Share
+
+
+@dataclass(frozen=True)
 class Pairs:
     """Cases of two effects at once: both named with their location, at least one, and nothing at all."""
 
@@ -109,6 +122,23 @@ def detection_by_size(outcomes: Sequence[Outcome], edges: Sequence[float] = SIZE
             middle = float(np.median([each.size_in_noise for each in inside]))
             found.append(Detection(low, high, middle, correct_of(inside)))
     return tuple(found)
+
+
+def reliability(outcomes: Sequence[Outcome], edges: Sequence[float] = CONFIDENCE_EDGES) -> tuple[Reliability, ...]:
+    """Of the first causes that were named, the share that was hidden, for each range of confidence that has any."""
+    verdicts = [(sure, right) for each in outcomes for _, sure, right in each.named[:1]]
+    found = []
+    for low, high in pairwise(edges):
+        inside = [(sure, right) for sure, right in verdicts if low <= sure < high or (sure == high == 1.0)]
+        if inside:
+            mean = float(np.mean([sure for sure, _ in inside]))
+            found.append(Reliability(low, high, mean, share_of(right for _, right in inside)))
+    return tuple(found)
+
+
+def confident_verdicts(outcomes: Sequence[Outcome]) -> Share:
+    """The share of right ones among the first causes named with a confidence of ``CONFIDENT`` or more."""
+    return share_of(right for each in outcomes for _, sure, right in each.named[:1] if sure >= CONFIDENT)
 
 
 def large_effects(outcomes: Sequence[Outcome]) -> Share:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ambient_trainer.diagnosis import Cause
+from ambient_trainer.diagnosis import NONE, UNKNOWN, Cause
 
 
 @dataclass(frozen=True)
@@ -15,6 +15,7 @@ class Outcome:
     ``correct`` says whether cause, location and signal were named: of one effect by the first step, of several by some
     step each, and spare steps do not count; where nothing was hidden, whether there is no step. The errors are of the
     first effect, None where it has no magnitude or onset or was not found; ``gain_ci`` is the first step's, in degC.
+    ``confidence`` is that of each cause in ``found``.
     """
 
     true: tuple[Cause, ...]
@@ -25,3 +26,10 @@ class Outcome:
     onset_error_s: float | None
     gain_ci: tuple[float, float] | None
     seconds: float
+    confidence: tuple[float, ...] = ()
+
+    @property
+    def named(self) -> tuple[tuple[Cause, float, bool], ...]:
+        """Each cause that was named, its confidence, and whether it was hidden."""
+        pairs = zip(self.found, self.confidence)
+        return tuple((cause, sure, cause in self.true) for cause, sure in pairs if cause.name not in (NONE, UNKNOWN))

@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambient_studies.discovery.figures import (
+    CONFIDENT,
     LARGE_IN_NOISE,
     Share,
     by_cause,
+    confident_verdicts,
     confusion,
     correct_of,
     detection_by_size,
@@ -21,6 +23,7 @@ from ambient_studies.discovery.figures import (
     large_effects,
     median_of,
     pairs_found,
+    reliability,
 )
 from ambient_studies.discovery.outcome import Outcome
 from ambient_studies.discovery.runner import Done
@@ -30,8 +33,9 @@ from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Tabl
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
-BARS = {"large": 0.90, "none": 0.95, "two": 0.75}
-"""What the benchmark asks for: large effects named, nothing found where nothing is, both of two named."""
+BARS = {"large": 0.92, "none": 0.95, "two": 0.80, "confident": CONFIDENT}
+"""What the benchmark asks for: large effects named, nothing found where nothing is, both of two named, and
+confident verdicts right."""
 
 _CAUSES = (
     f"Large: at least {LARGE_IN_NOISE:g} times the residual's standard deviation. Right: cause, place and signal; in "
@@ -41,6 +45,10 @@ _CAUSES = (
 _CONFUSION = (
     "Cases with nothing or one effect hidden, of every size: what was hidden by row, the first cause named by column, "
     "in counts. Blue is right, orange wrong, deeper with the share of the row."
+)
+_RELIABILITY = (
+    "Verdicts by their confidence: the mean confidence of each range, and the share whose cause, place and signal were "
+    "hidden. On the diagonal confidence is a probability; below it, too much is claimed."
 )
 _DETECTION = (
     "Cases with one effect, by its size: what it adds to the sensors (RMSE) over the standard deviation of the "
@@ -84,6 +92,12 @@ def report_of(outcomes: Sequence[Outcome], data: Mapping[str, Any]) -> Report:
                 "How large an effect has to be",
                 [Figure(partial(_detection_figure, outcomes), _DETECTION)] if detection_by_size(outcomes) else [],
             ),
+            Section(
+                "What confidence is worth",
+                [Figure(partial(_reliability_figure, outcomes), _RELIABILITY), reliability_table(outcomes)]
+                if reliability(outcomes)
+                else [],
+            ),
             Section("Cause by cause", [causes_table(outcomes)]),
         ],
         data=data,
@@ -115,6 +129,11 @@ def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
             }
             for each in detection_by_size(outcomes)
         ],
+        "confident_verdicts": _share_data(confident_verdicts(outcomes)),
+        "reliability": [
+            {"from": each.low, "to": each.high, "mean_confidence": each.mean, **_share_data(each.share)}
+            for each in reliability(outcomes)
+        ],
         "by_cause": {
             name: _share_data(correct_of(cases)) for name, cases in by_cause(outcomes, LARGE_IN_NOISE).items()
         },
@@ -131,6 +150,7 @@ def case_json(done: Done) -> dict[str, Any]:
         **asdict(scored.outcome),
         "onset_right": scored.onset_right,
         "magnitude_right": scored.magnitude_right,
+        "named": [{**asdict(cause), "confidence": sure, "right": right} for cause, sure, right in scored.outcome.named],
         "rivals": list(done.rivals),
         "said": list(done.sentences),
     }
@@ -156,6 +176,12 @@ def causes_table(outcomes: Sequence[Outcome]) -> Table:
     large = by_cause(outcomes, LARGE_IN_NOISE)
     rows = [(name, str(len(cases)), *_cause_cells(large[name])) for name, cases in by_cause(outcomes).items()]
     return Table(_CAUSES, columns, rows)
+
+
+def reliability_table(outcomes: Sequence[Outcome]) -> Table:
+    """One row a range of confidence."""
+    rows = [(f"{each.low:g} to {each.high:g}", f"{each.mean:.2f}", str(each.share)) for each in reliability(outcomes)]
+    return Table("First causes named, by confidence.", ("confidence", "mean", "right (95 %)"), rows)
 
 
 def confusion_table(outcomes: Sequence[Outcome]) -> Table:
@@ -187,6 +213,7 @@ def _asked(outcomes: Sequence[Outcome]) -> Iterator[Finding]:
         "large": (f"large effects named ({LARGE_IN_NOISE:g} times the noise)", large_effects(outcomes).value),
         "none": ("nothing found where nothing is", 1 - false_alarms(outcomes).value),
         "two": ("both of two effects named", pairs_found(outcomes).both.value),
+        "confident": (f"verdicts of confidence {CONFIDENT:g} or more right", confident_verdicts(outcomes).value),
     }
     for key, (what, share) in reached.items():
         if math.isfinite(share):
@@ -215,6 +242,21 @@ def _confusion_figure(outcomes: Sequence[Outcome]) -> go.Figure:
         lines = [name.replace("_", "<br>") for name in names]
         update(tickvals=list(names), ticktext=lines, tickfont={"size": 11}, automargin=True)
     figure.update_xaxes(side="top", tickangle=-90)
+    return figure
+
+
+def _reliability_figure(outcomes: Sequence[Outcome]) -> go.Figure:
+    found = reliability(outcomes)
+    ends = [(100 * low, 100 * high) for low, high in (each.share.ci95 for each in found)]
+    hover = [f"{each.share.hits} of {each.share.cases}" for each in found]
+    figure = plots.panel_figure("confidence [%]", "cause, place and signal right [%]", height_px=400)
+    means, shares = [100 * each.mean for each in found], [100 * each.share.value for each in found]
+    plots.add_curve(
+        figure, means, shares, "right, with its 95 % interval", palette.ESTIMATE, width=2, ends=ends, hover=hover
+    )
+    plots.add_curve(figure, [0, 100], [0, 100], "as stated", palette.LIMIT, dash="dash", width=1.6)
+    figure.update_xaxes(range=[-3, 103], hoverformat=".0f")
+    figure.update_yaxes(range=[-3, 103])
     return figure
 
 

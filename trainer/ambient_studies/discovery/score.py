@@ -50,7 +50,8 @@ def score(
         onset_right = None if onset_s is None else abs(onset_s) <= ONSET_S
         size = magnitude_error_frac(truths[0], step)
         magnitude_right = None if size is None else abs(size) <= MAGNITUDE_FRAC or _in_interval(truths[0], step)
-    outcome = Outcome(true, size_in_noise, found, correct, size, onset_s, _gain(diagnosis), seconds)
+    sure = tuple(step.confidence for step in diagnosis.steps)
+    outcome = Outcome(true, size_in_noise, found, correct, size, onset_s, _gain(diagnosis), seconds, sure)
     return Scored(outcome, onset_right, magnitude_right)
 
 
