@@ -64,6 +64,7 @@ def test_the_unit_publishes_to_all_and_stops_clean(started):
     assert started.run(*nobody, "cat", "/run/ambientd/ambient_temp") == "23000\n"
     assert started.run(*nobody, "stat", "-c", "%a", "/run/ambientd/ambient.sock") == "666\n"
     with socket.socket(socket.AF_UNIX) as follower:
+        follower.settimeout(20)
         follower.connect(str(started.file("/run/ambientd/ambient.sock")))
         assert json.loads(follower.makefile().readline())["ambient_degC"] == 23.0
     started.run("systemctl", "stop", "ambientd")

@@ -33,7 +33,7 @@ def write_circuit(circuit: Circuit) -> str:
         "form": circuit.form,
         "hold": circuit.hold,
         "nodes": {node.name: _node(node, values) for node in circuit.nodes},
-        "edges": [_Line(between=_Row(edge.between), resistance=values[edge.resistance]) for edge in circuit.edges],
+        "edges": [_Line(between=list(edge.between), resistance=values[edge.resistance]) for edge in circuit.edges],
         "sources": [
             _Line(into=source.into, signal=source.signal, share=values[source.share]) for source in circuit.sources
         ],
@@ -79,10 +79,6 @@ class _Line(dict[str, Any]):
     """A mapping that is written in one line."""
 
 
-class _Row(tuple[str, ...]):
-    """A list that is written in one line."""
-
-
 class _Dumper(yaml.SafeDumper):
     """Writes one line a node, an edge, a source and a parameter."""
 
@@ -99,7 +95,4 @@ def _text(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
 _Dumper.add_representer(str, _text)
 _Dumper.add_representer(
     _Line, lambda dumper, line: dumper.represent_mapping("tag:yaml.org,2002:map", line.items(), flow_style=True)
-)
-_Dumper.add_representer(
-    _Row, lambda dumper, row: dumper.represent_sequence("tag:yaml.org,2002:seq", row, flow_style=True)
 )
