@@ -9,7 +9,6 @@ import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
 from ambient_trainer.circuits.write import save_circuit, write_circuit
 
@@ -137,8 +136,3 @@ def test_a_file_is_replaced_whole(tmp_path):
     save_circuit(str(path), circuit)
     assert load_circuit(str(path)) == circuit
     assert os.listdir(tmp_path) == ["circuit.yaml"]
-
-
-def test_no_folder_no_file(tmp_path):
-    with pytest.raises(Refused, match="make the folder first"):
-        save_circuit(str(tmp_path / "none" / "circuit.yaml"), load_circuit("model2_ss"))

@@ -99,23 +99,9 @@ def test_a_map_that_does_not_fit_is_refused(write, columns, fact):
     assert f"{mapped}: {fact}" in _message(path, mapped)
 
 
-def test_repeated_sweeps_may_be_dropped(write):
-    text = _export("Chan 101 (C)", rows=(("1",), ("2",)))
-    path = write("a.csv", text + f"3,{_TIMES[0]},7\r\n")
-    assert "line 4, column Time: 02/02/2000 23:59:55:402 does not come after" in _message(path)
-    mapped = write("m.yaml", "time: {not_increasing: drop}\ncolumns: {a_degC: 101}")
-    assert import_file(path, mapped).dropped_rows == 1
-
-
 def test_another_file_is_refused(write):
     path = write("a.csv", "t,a\n0,1\n")
     assert f"{path}: no line starts with 'Sweep #,'" in _message(path)
-
-
-@pytest.mark.parametrize("text", ["", "[1, 2]", "columns"])
-def test_a_map_that_is_no_mapping_is_refused(write, text):
-    path, mapped = write("a.csv", _export("Chan 101 (C)")), write("m.yaml", text)
-    assert _message(path, mapped).startswith(f"{mapped}: ")
 
 
 def test_a_measured_export_comes_in(measured, maps):
@@ -131,19 +117,6 @@ def test_a_measured_export_comes_in(measured, maps):
     lines = path.read_text().splitlines()
     clock = [datetime.strptime(lines[k].split(",")[1] + "000", "%m/%d/%Y %H:%M:%S:%f") for k in (1, -1)]
     assert trace.time_s[-1] == pytest.approx((clock[1] - clock[0]).total_seconds(), abs=1e-6)
-
-
-@pytest.mark.parametrize(("name", "count"), [("dat00003.csv", 6), ("opentcs.csv", 1)])
-def test_other_measured_exports_come_in_without_a_map(measured, name, count):
-    trace = import_file(str(measured / "thermal-shock-chamber" / name)).trace
-    assert len(trace.columns) == count
-    assert np.median(np.diff(trace.time_s)) == pytest.approx(10.0, abs=0.1)
-
-
-def test_the_other_map_fits_the_measured_file(measured, maps):
-    path = measured / "thermal-shock-chamber" / "dat00002.csv"
-    trace = import_file(str(path), str(maps / "thermal-shock-chamber.map.yaml")).trace
-    assert list(trace.columns) == ["ch102_degC", "ch105_degC", "ch110_degC", "ch112_degC", "ambient_degC"]
 
 
 @given(st.binary(max_size=200))

@@ -99,11 +99,6 @@ columns:
     ]
 
 
-def test_a_map_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(Refused, match="cannot be read"):
-        parse_map(load_yaml(str(tmp_path / "none.yaml")), "m")
-
-
 @given(st.binary(max_size=200))
 def test_any_bytes_are_a_map_or_refused(tmp_path_factory, raw):
     path = tmp_path_factory.getbasetemp() / "any.yaml"
