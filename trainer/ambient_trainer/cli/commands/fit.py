@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -45,13 +45,11 @@ def command(
     trace_paths: tuple[str, ...],
     circuit: str,
     model_path: str,
-    from_s: float | None,
-    to_s: float | None,
     output: Output,
     sensors: str | None,
     zones: tuple[str, ...],
-    period_s: float | None,
     effort: Effort,
+    **grid: Any,
 ) -> int:
     """Fit a circuit to one or several TRACEs that hold ambient_degC, and export it for a device.
 
@@ -65,21 +63,12 @@ def command(
 
     zone_types = dict(_pair(each) for each in zones)
     output.check([*trace_paths, circuit], [model_path])
-    traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
+    traces = [load_trace(path).cut(grid["from_s"], grid["to_s"]) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
     searches = estimator(circuit, sensor_columns(sensors)).searches(effort)
     with interruptible(effort.budget.cancel), fit_progress(circuit, searches, samples) as progress:
-        result = fit(
-            traces,
-            circuit,
-            sensors=sensor_columns(sensors),
-            from_s=from_s,
-            to_s=to_s,
-            period_s=period_s,
-            zones=zone_types,
-            effort=effort,
-            progress=progress,
-        )
+        chosen: dict[str, Any] = {"sensors": sensor_columns(sensors), "zones": zone_types, "effort": effort}
+        result = fit(traces, circuit, **chosen, **grid, progress=progress)
     result.save(model_path)
     output.show(result.summary)
     periods = ", ".join(f"{each.period_s:g}" for each in result.model.main.discrete)

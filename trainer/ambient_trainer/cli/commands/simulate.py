@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import click
 
@@ -20,8 +21,8 @@ from ambient_trainer.report.machine import write_json
 )
 @seed_option("Another one, another noise.")
 @sampling_option("Seconds between samples.", longest_s=60)
-@click.option("--zones", is_flag=True, help="All of the device's zones, not only its main sensors.")
-@click.option("--hide", "texts", multiple=True, metavar="EFFECT", help="Hide this in it; may stand several times.")
+@click.option("--zones", "all_zones", is_flag=True, help="All of the device's zones, not only its main sensors.")
+@click.option("--hide", multiple=True, metavar="EFFECT", help="Hide this in it; may stand several times.")
 @click.option(
     "--decoy", "decoys", multiple=True, metavar="COLUMN", help="Log this signal, which changes no temperature."
 )
@@ -32,11 +33,10 @@ def command(
     device: str,
     seed: int,
     period_s: float,
-    zones: bool,
-    texts: tuple[str, ...],
-    decoys: tuple[str, ...],
+    hide: tuple[str, ...],
     truth_path: str | None,
     output: str,
+    **logged: Any,
 ) -> None:
     """Write what a simulated device logs in SCENARIO.
 
@@ -69,17 +69,8 @@ def command(
     check_outputs([output, truth_path], [])
     try:
         with staged_progress() as progress:
-            simulated = simulate(
-                scenario,
-                device,
-                seed,
-                period_s,
-                texts,
-                decoys=decoys,
-                all_zones=zones,
-                sizes=truth_path is not None,
-                progress=partial(progress, f"scenario {scenario}"),
-            )
+            logged |= {"sizes": truth_path is not None, "progress": partial(progress, f"scenario {scenario}")}
+            simulated = simulate(scenario, device, seed, period_s, hide, **logged)
     except Refused as refused:
         raise click.UsageError(str(refused)) from refused
     save_trace(output, simulated.trace)
