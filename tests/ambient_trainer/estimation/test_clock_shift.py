@@ -76,9 +76,10 @@ def test_columns_that_share_nothing_leave_it_open():
     assert not shift.significant
 
 
-def test_columns_that_never_change_have_no_shift():
-    still = Trace("still.csv", 10.0 * np.arange(50), {"ambient_degC": np.full(50, 20.0)})
-    assert clock_shift(logged("ambient", day_degC, 10.0), still) is None
+@pytest.mark.parametrize(("samples", "curve"), [(500, np.zeros_like), (6, day_degC)])
+def test_columns_that_never_change_or_are_short_have_no_shift(samples, curve):
+    other = Trace("other.csv", 10.0 * np.arange(samples), {"ambient_degC": curve(10.0 * np.arange(samples))})
+    assert clock_shift(logged("ambient", day_degC, 10.0), other) is None
 
 
 def test_gaps_on_both_sides():

@@ -33,6 +33,8 @@ _NO_LAG = 0.05
 """Of the lags between two columns: no body is exactly its lags. On measured sets the shift is off by 0.02 and 0.03."""
 _AS_GOOD = 9.2
 """Twice the log-likelihood by which a rival may fall behind: the 99 % quantile of chi-square with two degrees."""
+_FEWEST = 60
+"""Samples in common."""
 _BLOCKS = 20
 """Of time, taken for independent: the clusters of the sandwich variance."""
 _LAGS = np.array([1.0, 3.0, 10.0, 30.0, 100.0, 300.0])
@@ -124,7 +126,7 @@ def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -
     Returns
     -------
     ClockShift or None
-        None where no two columns change.
+        None where no two columns change and have 60 samples in common.
 
     Notes
     -----
@@ -235,7 +237,7 @@ def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float 
     on_y, on_x = (np.arange(each.time_s[0], each.time_s[-1] + period_s / 2, period_s) for each in (y, x))
     correlation, lags, common = _correlation(y.at(on_y), x.at(on_x, lags_s))
     shifts_s = on_y[0] - on_x[0] + lags * period_s
-    allowed = common >= 0.5 * min(common.max(), len(on_y), len(on_x))
+    allowed = common >= max(0.5 * min(common.max(), len(on_y), len(on_x)), _FEWEST)
     allowed &= (np.abs(shifts_s) <= within_s) if within_s is not None else True
     if not allowed.any():
         return None

@@ -73,7 +73,7 @@ def _sentence(logged: Logged, shift: ClockShift | None, moved_s: float) -> str:
     name = os.path.basename(logged.trace.path)
     start = f"{name} is placed by {logged.epoch}. "
     if shift is None:
-        return start + "Whether its clock is shifted is not determined: no two columns change."
+        return start + "Whether its clock is shifted is not determined: no two columns change together."
     if shift.problem is not None:
         return (
             f"{start}Whether its clock is shifted is not determined by {' and '.join(shift.columns)}: {shift.problem}."
