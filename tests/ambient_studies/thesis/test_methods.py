@@ -35,7 +35,7 @@ def test_a_fit_recovers_the_output_of_the_same_model(runs, model):
     training = runs.training
     own = fitted_method(fit_model(model, training)).estimate(training)
     synthetic = replace(training, columns={**training.columns, "ambient_degC": own})
-    again = estimator(model).fit([synthetic], Effort(starts=6))
+    again = estimator(model).fit([synthetic], Effort(starts=3))
     assert again.rmse_degC < 0.01
     np.testing.assert_allclose(fitted_method(again).estimate(training), own, atol=0.1)
 

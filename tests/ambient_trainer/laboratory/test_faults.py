@@ -215,14 +215,3 @@ def test_sigterm_ends_it_safely_even_with_the_chamber_away(campaign_file, tmp_pa
         assert there.chamber.held_degC == SAFE_DEGC
     assert collector.lines[-2].endswith(" stopped")
     assert collector.lines[-1] == "end stopped True"
-
-
-def test_a_release_leaves_the_watchdog_nothing_to_do(campaign_file, tmp_path):
-    loaded = load_campaign(campaign_file([{"duration_min": 1, "chamber_degC": 40}]), ports=False)
-    with simulated_laboratory(loaded, Clock(SPEED), 2) as there:
-        path = _campaign(there, tmp_path)
-        collector = Collector(path, tmp_path / "t.csv", there.environment)
-        assert collector.wait() == 0, collector.lines
-        there.chamber.put((33.0, 0.0, 0.0, 0.0, 0.0), (False, True, False, True, *(False,) * 12))
-        time.sleep(1.0)
-        assert there.chamber.held_degC == 33.0

@@ -62,7 +62,7 @@ def test_the_documented_commands_set_it_up(driver, simulated) -> None:
     driver({"a": 101, "b": 102, "c": 103}).read()
     assert b"".join(received) == (
         b"SYST:ERR?\n*IDN?\n*RST\n*CLS\nCONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\nFORM:READ:CHAN ON\n"
-        b"SYST:ERR?\nREAD?\n"
+        b"SYST:ERR?\nREAD?\nSYST:ERR?\n"
     )
 
 

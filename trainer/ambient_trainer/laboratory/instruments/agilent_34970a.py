@@ -2,7 +2,8 @@
 
 Replies end in CR LF. An open thermocouple reads +-9.9E+37. The instrument scans in the order of the channels' numbers,
 whatever the order in the list. A bad command gets no reply; ``SYST:ERR?`` gives the reason. In a scan every reading
-stands beside its channel's number, so none is taken for another's.
+stands beside its channel's number, so none is taken for another's; after every scan the error is asked for, so that an
+answer which belongs to an earlier question is noticed.
 """
 
 from __future__ import annotations
@@ -165,9 +166,7 @@ class Driver(SerialDriver):
         self.identify()
         for command in (RESET, configure(self._names, self._thermocouple), CHANNELS_WITH_READINGS):
             self.line.write(command)
-        error = self.line.query(READ_ERROR).reply
-        if error.number:
-            raise self.error("the scan to be set up", f"error {error}", _SCAN_LOST)
+        self._check_error("the scan to be set up")
         self._configured = True
 
     def read(self) -> Reading:
@@ -176,6 +175,7 @@ class Driver(SerialDriver):
             self.configure()
         try:
             asked_s, answered_s, scan = self._scan()
+            self._check_error(self._read_scan.expected)  # a question in between: an answer one behind is noticed
         except InstrumentError:
             self._configured = False  # it may have been switched off in between: that forgets the scan
             raise
@@ -188,6 +188,11 @@ class Driver(SerialDriver):
         """Give the port back."""
         self.line.close()
         self._configured = False
+
+    def _check_error(self, expected: str) -> None:
+        error = self.line.query(READ_ERROR).reply
+        if error.number:
+            raise self.error(expected, f"error {error}", _SCAN_LOST)
 
     def _scan(self) -> Answer:
         try:

@@ -188,6 +188,7 @@ class Driver(SerialDriver):
     def read(self) -> Reading:
         """The temperature; where there is none, the note has the reason."""
         asked_s, answered_s, frame = self._query(self._read_value)
+        self._query(self._read_identity)  # a question in between: an answer one behind is noticed
         value = value_of(frame.body)
         if isinstance(value, Malformed):
             raise self.error(value.expected, value.got)

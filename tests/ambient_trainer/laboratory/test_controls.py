@@ -1,0 +1,205 @@
+"""The chamber over a pseudo-terminal and the load over a real shell are where they are wanted, whatever happens."""
+
+import os
+import queue
+import time
+
+import pytest
+
+from ambient_trainer.laboratory.campaign import Action, load_campaign
+from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
+from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Sample
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+from ambient_trainer.laboratory.shell import connection_to
+from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Target
+from ambient_trainer.simulator.scenario import scenario_path
+
+SHIPPED = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
+
+
+class Controlled:
+    """A simulated chamber, or a device, under control."""
+
+    def __init__(self):
+        self.posted: queue.Queue = queue.Queue()
+
+    def chamber(self, target, gradients=False):
+        self.clock = Clock(100.0)
+        self.simulated = voetsch.Simulated(settings("voetsch-vt4004", port=""), self.clock)
+        port = self.simulated.port
+        limits = SetPointLimits(port, -20.0, 60.0)
+        driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
+        self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, gradients, 120.0)
+        self.control.start()
+        self.until(lambda: self.control.confirmed)
+        return self
+
+    def load(self, phone, actions, setup=""):
+        changes = {"actions": actions, "device": SHIPPED.device.model_copy(update={"setup": setup})}
+        connection = connection_to("adb", phone.environment)
+        self.control = LoadControl(SHIPPED.model_copy(update=changes), connection, Clock(10.0), self.posted.put)
+        self.control.start()
+        self.next(LoadState)
+        return self
+
+    def until(self, condition):
+        deadline = time.monotonic() + 20.0
+        while not condition():
+            assert time.monotonic() < deadline, "it never came to that"
+            time.sleep(0.005)
+
+    def next(self, kind):
+        while not isinstance(message := self.posted.get(timeout=20.0), kind):
+            pass
+        return message
+
+    def close(self):
+        self.control.finish()
+        self.control.join(20.0)
+        assert not self.control.is_alive()
+        if hasattr(self, "simulated"):
+            self.simulated.close()
+
+
+@pytest.fixture
+def kept():
+    made = []
+
+    def make():
+        made.append(Controlled())
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+def test_a_target_is_sent_and_confirmed_by_the_chamber_s_own_word(kept):
+    lab = kept().chamber(Target(45.0))
+    assert lab.simulated.held_degC == 45.0
+    lab.control.go_to(Target(-5.5))
+    assert not lab.control.confirmed
+    lab.until(lambda: lab.control.confirmed)
+    assert lab.simulated.held_degC == -5.5
+    sample = lab.next(Sample)
+    assert set(sample.values) == {"chamber_set_degC", "chamber_degC", "chamber_on"}
+
+
+def test_a_cable_that_was_pulled_meanwhile(kept):
+    lab = kept().chamber(Target(45.0))
+    lab.simulated.unplug()
+    lab.control.go_to(Target(20.0, urgent=True))
+    assert "expected" in lab.next(Failure).text
+    assert not lab.control.confirmed
+    assert lab.simulated.held_degC == 45.0
+    lab.simulated.plug()
+    lab.until(lambda: lab.control.confirmed)
+    assert lab.simulated.held_degC == 20.0
+
+
+def test_an_answer_that_is_lost_is_no_confirmation(kept):
+    lab = kept().chamber(Target(45.0))
+    lab.simulated.muted = True
+    lab.control.go_to(Target(20.0))
+    lab.until(lambda: lab.simulated.held_degC == 20.0)  # it receives
+    lab.next(Failure)
+    assert not lab.control.confirmed
+    lab.simulated.muted = False
+    lab.until(lambda: lab.control.confirmed)
+
+
+def test_a_chamber_that_somebody_else_turned_is_turned_back(kept):
+    lab = kept().chamber(Target(45.0))
+    lab.simulated.put((5.0, 0.0, 0.0, 0.0, 0.0), (False,) * 16)  # as after a power cut
+    assert lab.simulated.held_degC is None
+    lab.until(lambda: lab.simulated.held_degC == 45.0)
+
+
+def test_a_gradient_goes_out_first_but_after_an_urgent_set_point(kept):
+    lab = kept().chamber(Target(45.0, gradient_K_min=0.5), True)
+    began_s, began_degC = lab.clock.now_s(), lab.simulated.air_degC()
+    lab.clock.sleep(300.0)
+    rise_K_min = 60.0 * (lab.simulated.air_degC() - began_degC) / (lab.clock.now_s() - began_s)
+    assert rise_K_min < 1.0  # 0.5, and the swing about it; without, 2.2
+    lab.control.go_to(Target(20.0, urgent=True))
+    lab.until(lambda: lab.control.confirmed)
+    assert lab.simulated.held_degC == 20.0
+
+
+def test_a_stop_is_confirmed_and_an_alarm_reported(kept):
+    lab = kept().chamber(Target(45.0))
+    lab.simulated.raise_alarm(7, "overtemperature")
+    lab.control.go_to(Target(None))
+    lab.until(lambda: lab.control.confirmed)
+    assert lab.simulated.held_degC is None
+    while (note := lab.next(Sample).note) is None:
+        pass
+    assert note == "07 overtemperature"
+
+
+def marks(folder):
+    """Actions that leave a mark for each start and stop."""
+    log = folder / "log"
+    return {
+        name: Action(start=f"echo +{name} >>{log}", stop=f"echo -{name} >>{log}", signals={})
+        for name in ("load", "camera")
+    }
+
+
+def test_it_begins_with_no_action_and_changes_only_what_it_must(kept, phone, tmp_path):
+    running = kept().load(phone, marks(tmp_path))
+    assert running.control.confirmed
+    for target in (("load", "camera"), ("camera",)):
+        running.control.go_to(target)
+        assert running.next(LoadState).actions == target
+    assert (tmp_path / "log").read_text().split() == ["-load", "-camera", "+load", "+camera", "-load"]
+
+
+def test_the_load_of_a_lost_device_is_unknown_until_it_is_set_again(kept, phone, tmp_path):
+    running = kept().load(phone, marks(tmp_path))
+    running.control.go_to(("load",))
+    running.next(LoadState)
+    phone.pull()
+    assert running.next(LoadState).actions is None
+    assert "no devices/emulators found" in running.next(Failure).text
+    phone.plug()
+    assert [running.next(LoadState).actions for _ in range(2)] == [(), ("load",)]
+    assert (tmp_path / "log").read_text().split()[2:] == ["+load", "-load", "-camera", "+load"]
+
+
+def test_a_command_that_fails_is_reported_and_tried_again(kept, one_phone, tmp_path):
+    running = kept().load(one_phone, {"load": Action(start=f"[ -e {tmp_path}/ready ]", stop=":", signals={})})
+    running.control.go_to(("load",))
+    assert running.next(LoadState).actions is None
+    text = running.next(Failure).text
+    assert all(part in text for part in ("device on adb", "action load to start", "exit status 1"))
+    (tmp_path / "ready").touch()
+    while (actions := running.next(LoadState).actions) != ("load",):
+        assert actions in ((), None)
+
+
+def test_the_shipped_load_runs_as_many_loops_as_asked_and_ends_them(kept, phone, tmp_path):
+    ours = tmp_path / "ambient-load"
+    setup = SHIPPED.device.setup.replace("/data/local/tmp/ambient-load", str(ours))
+    assert str(ours) in setup
+    # two loops that sleep instead of as many as there are cores that burn
+    actions = {"cpu_100": SHIPPED.actions["cpu_100"].model_copy(update={"start": "busy 2"})}
+    running = kept().load(phone, actions, setup.replace("while :; do :; done", "sleep 1000"))
+    running.control.go_to(("cpu_100",))
+    assert running.next(LoadState).actions == ("cpu_100",)
+    pids = ours.read_text().split()
+    assert [os.path.exists(f"/proc/{pid}") for pid in pids] == [True, True]
+    running.control.go_to(())
+    assert running.next(LoadState).actions == ()
+    assert not ours.exists()
+    running.control.finish()
+    running.until(lambda: not any(os.path.exists(f"/proc/{pid}") for pid in pids))
+
+
+def test_commands_of_the_shipped_laboratory_are_shell(kept, phone):
+    """Every one is parsed by the shell, none is run."""
+    texts = [SHIPPED.device.setup]
+    texts += [text for action in SHIPPED.actions.values() for text in (action.start, action.stop)]
+    running = kept().load(phone, {})
+    assert {running.control.shell.run(f"unused() {{\n{text}\n}}").status for text in texts} == {0}
