@@ -120,6 +120,7 @@ def test_a_pulled_cable_is_reported_and_recovered_from(zones, device_of):
         errors.append(caught.value)
     assert (errors[0].instrument, errors[0].port) == ("device", "adb SERIAL7")
     assert "no devices/emulators found" in errors[1].got
+    assert all("adb devices" in error.hint for error in errors)
     zones.plug()
     assert values(device) == WHOLE
 

@@ -117,7 +117,7 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
     steps = [
         {"duration_min": 6, "chamber_degC": 30},
         {"duration_min": 6, "chamber_degC": 30, "load": ["cpu_50"]},
-        {"duration_min": 8, "chamber_degC": 10},
+        {"duration_min": 8, "chamber_degC": 10, "gradient_K_min": 5},
     ]
     loaded = load_campaign(
         campaign_file(steps, {"safety.ambient_lost_s": 600.0, "safety.confirm_s": 600.0}), ports=False

@@ -29,6 +29,7 @@ QUIET_S = 0.02
 _PORT_ERRORS = (OSError, ValueError, TypeError, termios.error)
 """What a port raises that is not there, or not any more; TypeError is pyserial's, of a descriptor that it has lost."""
 _MOST_SHOWN = 48
+_NETWORK = "is it on the network, is this its address and port, and is no other program connected?"
 _FOREIGN = re.compile(rb"[^\x20-\x7e]")
 
 
@@ -227,7 +228,8 @@ class SerialLine:
 
     def _failed(self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError) -> InstrumentError:
         self._synchronised = False
-        return kind(self.instrument, self.port, expected, got)
+        hint = _NETWORK if "://" in self.port and kind is not InstrumentError else None
+        return kind(self.instrument, self.port, expected, got, hint)
 
     def _open(self) -> None:
         if self._serial is not None:

@@ -29,6 +29,7 @@ class Connection(NamedTuple):
     argv: tuple[str, ...]
     label: str
     environment: Mapping[str, str]
+    hint: str = "does this command work by hand?"
 
 
 class Result(NamedTuple):
@@ -44,11 +45,14 @@ def connection_to(connect: str, environment: Mapping[str, str] | None = None) ->
     """The connection that a campaign's ``connect`` names."""
     kind, _, whom = connect.partition(" ")
     argv: tuple[str, ...] = ("sh",)
+    hint = "does 'sh' work here?"
     if kind == "adb":
         argv = ("adb", *(("-s", whom) if whom else ()), "shell", "-T", "sh")
+        hint = "is it listed as 'device' by 'adb devices' (cable, USB debugging, authorisation)?"
     elif kind == "ssh":
         argv = ("ssh", "-T", *(part for each in _SSH_OPTIONS for part in ("-o", each)), whom, "sh")
-    return Connection(argv, connect, environment or {})
+        hint = f"does 'ssh {whom} true' work without a question (network, key, known host)?"
+    return Connection(argv, connect, environment or {}, hint)
 
 
 class Shell:
@@ -167,13 +171,16 @@ class Shell:
         poll = select.poll()
         poll.register(pipe, event)
         if not poll.poll(1000.0 * max(end_s - time.monotonic(), 0.0)):
-            raise NoResponse(DEVICE, self.label, "an answer", f"nothing in {self._timeout_s:g} s{self._shown()}")
+            got = f"nothing in {self._timeout_s:g} s{self._shown()}"
+            raise NoResponse(DEVICE, self.label, "an answer", got, self._connection.hint)
 
     def _keep(self, printed: bytes) -> None:
         self._printed = (self._printed + b" " + printed)[-_MOST_KEPT:]
 
     def _ended(self) -> Disconnected:
-        return Disconnected(DEVICE, self.label, "an answer", f"the end of the shell{self._shown()}")
+        return Disconnected(
+            DEVICE, self.label, "an answer", f"the end of the shell{self._shown()}", self._connection.hint
+        )
 
     def _shown(self) -> str:
         printed = self._printed.decode("utf-8", "replace").strip()
