@@ -9,9 +9,9 @@ from ambient_trainer.evaluation.black_box import black_box_residual_degC, black_
 from ambient_trainer.lti.lag import lagged
 
 NOISE_DEGC = 0.1
-SAMPLES, PERIOD_S = 2000, 10.0
+SAMPLES, PERIOD_S = 1200, 10.0
 TIME_S = PERIOD_S * np.arange(SAMPLES)
-BLOCKS = [slice(start, start + 400) for start in range(0, SAMPLES, 400)]
+BLOCKS = [slice(start, start + 240) for start in range(0, SAMPLES, 240)]
 
 
 @pytest.fixture(scope="module")
@@ -47,16 +47,16 @@ def test_what_no_input_explains_is_left_in_its_sensor(inputs):
     outputs = np.array([explained[0], sensors(inputs, 0.0, 5.0)[0]])
     left = np.sqrt(np.nanmean(black_box_residual_degC(TIME_S, inputs, outputs, BLOCKS) ** 2, axis=1))
     own = np.std(outputs[1] - explained[0])
-    assert left[0] < 1.15 * NOISE_DEGC
+    assert left[0] < 1.3 * NOISE_DEGC
     assert left[1] > 0.9 * own
 
 
 def test_gaps_in_time_inputs_and_sensors(inputs):
     outputs = sensors(inputs, 0.0, 0.0)
-    outputs[1, 300:700] = np.nan
+    outputs[1, 200:400] = np.nan
     gapped = {name: np.where(np.arange(SAMPLES) % 97 == 0, np.nan, row) for name, row in inputs.items()}
-    there = np.r_[0:900, 1300:SAMPLES]
-    blocks = [slice(start, start + 320) for start in range(0, 1600, 320)]
+    there = np.r_[0:500, 700:SAMPLES]
+    blocks = [slice(start, start + 200) for start in range(0, 1000, 200)]
     left = black_box_residual_degC(
         TIME_S[there], {name: row[there] for name, row in gapped.items()}, outputs[:, there], blocks
     )
