@@ -83,7 +83,9 @@ class FallbackTracker:
         self._main = _Member(model, model.main, period_s, level, coast_s)
         self._observer = _observer(model, self._main.tracker, level, coast_s)
         self._update_main = self._main.tracker.update if self._observer is None else self._observer.update
-        self._fallbacks = [_Member(model, each, period_s, level, coast_s) for each in model.fallbacks.values()]
+        # validated readings are never missing
+        fallbacks = model.fallbacks if model.readings is None else {}
+        self._fallbacks = [_Member(model, each, period_s, level, coast_s) for each in fallbacks.values()]
         self.period_s = self._main.tracker.discrete.period_s
         self.limit_s = bridge_limit_s(self.period_s)
         settling_steps = max(member.tracker.settling_steps for member in (self._main, *self._fallbacks))
@@ -200,7 +202,7 @@ class FallbackTracker:
 
 def _observer(model: Model, main: Tracker, level: int, coast_s: float | None) -> "Observer | None":
     """The main estimator's observer, where the model has a secondary estimator or an error variance model."""
-    if model.secondary is None and model.error_variance is None:
+    if model.secondary is None and model.error_variance is None and model.readings is None:
         return None
     from ambient_model.observer import Observer
 

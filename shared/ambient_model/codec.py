@@ -2,7 +2,7 @@
 
 The unknown is refused: a key, a version, a shape. So is what cannot run: numbers that are not finite, an unstable A,
 inputs without a range. Version 1 files are read for ever; a file without a version is not a model file. The keys
-``guard`` and ``spread`` may be left out, and every other is needed.
+``guard``, ``spread`` and ``readings`` may be left out, and every other is needed.
 
 A hostile file costs no more than a large honest one: its size, its counts, its numbers, its names and
 what is said of its faults are bounded.
@@ -30,16 +30,18 @@ from ambient_model.model import (
     Matrix,
     Model,
     Quantiles,
+    ReadingModel,
     Secondary,
+    SensorLimits,
     Term,
 )
-from ambient_model.recursion import is_stable
+from ambient_model.recursion import is_positive_definite, is_stable
 
 FORMAT = "ambient-model"
 VERSION = 1
 _ESTIMATOR_KEYS = ("inputs", "states", "discrete", "offset", "initial", "interval")
 _KEYS = ("format", "version", "name", "created", "output", *_ESTIMATOR_KEYS, "fallbacks", "provenance", "conformance")
-_OPTIONAL_KEYS = ("guard", "spread")
+_OPTIONAL_KEYS = ("guard", "spread", "readings")
 _LARGEST_BYTES = 2**20
 _LARGEST_INTEGER_DIGITS = 300
 _LARGEST_NUMBER = 1e12
@@ -49,6 +51,7 @@ _MOST_INPUTS = 32
 _MOST_STATES = 16
 _MOST_PERIODS = 16
 _MOST_TERMS = 8
+_MOST_LAGS = 4
 _DEEPEST = 32
 _MOST_FAULTS = 100
 _LONGEST_KEY = 40
@@ -117,6 +120,8 @@ def encode(model: Model) -> str:
             "terms": [each._asdict() for each in model.error_variance.terms],
             "quantiles": _quantiles_data(model.error_variance.quantiles),
         }
+    if model.readings is not None:
+        data["readings"] = {**model.readings._asdict(), "sensors": [each._asdict() for each in model.readings.sensors]}
     return json.dumps(data, indent=1) + "\n"
 
 
@@ -199,6 +204,7 @@ class _Reading:
             conformance=self.conformance(data.get("conformance")),
             secondary=self.secondary(data["guard"]) if "guard" in data else None,
             error_variance=self.error_variance(data["spread"]) if "spread" in data else None,
+            readings=self.readings(data["readings"]) if "readings" in data else None,
         )
         if not self.faults:
             self.agreement(model)
@@ -421,6 +427,42 @@ class _Reading:
             self.not_negative(f"{place}.weight", data.get("weight")),
         )
 
+    def readings(self, value: Any) -> ReadingModel:
+        data = self.record("readings", value, ReadingModel._fields)
+        sensors = tuple(
+            self.limits(where, each) for where, each in self.each("readings.sensors", data.get("sensors"), _MOST_INPUTS)
+        )
+        lags_s = tuple(
+            self.positive(where, each) for where, each in self.each("readings.lags_s", data.get("lags_s"), _MOST_LAGS)
+        )
+        size = len(sensors) * (1 + len(lags_s))
+        before = len(self.faults)
+        precision = self.matrix("readings.precision", data.get("precision"), size, size)
+        if len(self.faults) == before and not is_positive_definite(precision):
+            self.fault("readings.precision", "is not positive definite", "fit again")
+        return ReadingModel(
+            lags_s=lags_s,
+            mean=self.vector("readings.mean", data.get("mean"), size),
+            precision=precision,
+            sensors=sensors,
+            jump_s=self.positive("readings.jump_s", data.get("jump_s")),
+            settled_s=self.not_negative("readings.settled_s", data.get("settled_s")),
+            output=self.band("readings.output", data.get("output")),
+            rate_K_per_s=self.positive("readings.rate_K_per_s", data.get("rate_K_per_s")),
+        )
+
+    def limits(self, place: str, value: Any) -> SensorLimits:
+        data = self.record(place, value, SensorLimits._fields)
+        return SensorLimits(
+            step=self.not_negative(f"{place}.step", data.get("step")),
+            jump=self.positive(f"{place}.jump", data.get("jump")),
+            gate=self.positive(f"{place}.gate", data.get("gate")),
+            slow_gate=self.positive(f"{place}.slow_gate", data.get("slow_gate")),
+            still_s=self.positive(f"{place}.still_s", data.get("still_s")),
+            memory_s=self.positive(f"{place}.memory_s", data.get("memory_s")),
+            effect_degC=self.not_negative(f"{place}.effect_degC", data.get("effect_degC")),
+        )
+
     def conformance(self, value: Any) -> Conformance:
         data = self.record("conformance", value, Conformance._fields)
         given = data.get("inputs")
@@ -455,6 +497,8 @@ class _Reading:
                     f"{place}.discrete", "the periods are not the model's", "a fallback runs at the model's periods"
                 )
         self.agreement_of_secondary(model)
+        if model.readings is not None and len(model.readings.sensors) != len(main.inputs):
+            self.fault("readings.sensors", f"{len(model.readings.sensors)} for {len(main.inputs)} inputs", "one each")
         if set(model.conformance.outputs) != {each.period_s for each in main.discrete}:
             self.fault(
                 "conformance.outputs", "the periods are not those of 'discrete'", "one sequence per period is wanted"

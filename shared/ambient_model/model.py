@@ -87,6 +87,47 @@ class ErrorVariance(NamedTuple):
     """Per level in percent the error, in standard deviations, it lies between."""
 
 
+class SensorLimits(NamedTuple):
+    """What one sensor's readings have shown in training, with a margin; see :mod:`ambient_model.validation`."""
+
+    step: float
+    """The resolution."""
+    jump: float
+    """The largest change within ``ReadingModel.jump_s``."""
+    gate: float
+    """The largest difference of a reading to its expectation."""
+    slow_gate: float
+    """The same of its low-pass filtered difference."""
+    still_s: float
+    """The longest time for which it reads the same while others move."""
+    memory_s: float
+    """Time constant with which a difference is forgotten while readings are missing."""
+    effect_degC: float
+    """Standard deviation of the estimate's change where this sensor reports whole units."""
+
+
+class ReadingModel(NamedTuple):
+    """Joint distribution of the readings and of their low-pass filters: what each reading is expected to be.
+
+    The vector z holds the m readings, then their low-pass filters with the first lag, and so on.
+    """
+
+    lags_s: tuple[float, ...]
+    mean: tuple[float, ...]
+    """Of z."""
+    precision: Matrix
+    """Inverse covariance of z."""
+    sensors: tuple[SensorLimits, ...]
+    """One per input of the model."""
+    jump_s: float
+    settled_s: float
+    """Time after a start until the estimate's error has come within 20 % of its usual size."""
+    output: Band
+    """Least and largest ambient that is published, in degC."""
+    rate_K_per_s: float
+    """The fastest change of the ambient that is published."""
+
+
 class Conformance(NamedTuple):
     """An input sequence and what the recursion must make of it."""
 
@@ -110,3 +151,4 @@ class Model(NamedTuple):
     """The file's key ``guard``."""
     error_variance: ErrorVariance | None = None
     """The file's key ``spread``."""
+    readings: ReadingModel | None = None

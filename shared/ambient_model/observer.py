@@ -4,14 +4,33 @@ The secondary estimator has a tracker like the main one, of the same inputs and 
 start anew at the same samples. The error variance advances in whole periods like the recursion, and its state belongs
 to the last sample at which every input was there. While inputs are missing it is predicted from there, and the interval
 never shrinks; a new start begins in steady state. Without both, the estimate is the main estimator's.
+
+Where the model file says what its readings are expected to be, they are validated first: what is missing or refused is
+replaced, and both estimators run on. The estimate is ``degraded`` while a sensor is set aside, with an interval that
+holds the variance of what replaces it, and ``coasting`` where too little is left; it stays in the bounds of the file.
 """
 
+import math
 from typing import NamedTuple
 
 from ambient_model.blend import blended
 from ambient_model.error_variance import VarianceState, advanced, gains, initial_state, sigma_degC
-from ambient_model.model import ErrorVariance, Model
-from ambient_model.tracking import COASTING, DEGRADED, Estimate, Readings, Snapshot, Tracker
+from ambient_model.model import ErrorVariance, Model, ReadingModel
+from ambient_model.tracking import (
+    COASTING,
+    DEGRADED,
+    FAULTED,
+    TRACKING,
+    Estimate,
+    Readings,
+    Snapshot,
+    Tracker,
+    bridge_limit_s,
+)
+from ambient_model.validation import Validation, ValidationState
+
+_SCORES = {50: 0.674, 90: 1.645, 98: 2.326}
+"""Standard deviations of a normal distribution within which that percentage lies."""
 
 
 class Background(NamedTuple):
@@ -19,6 +38,7 @@ class Background(NamedTuple):
 
     secondary: Snapshot | None
     variance: VarianceState | None
+    validation: ValidationState | None = None
 
 
 class Observer:
@@ -44,17 +64,36 @@ class Observer:
         """The tracker's step that the variance's state belongs to."""
         self._gains: tuple[int, tuple[float, ...]] = (-1, ())
         """The number of periods passed and the gains after them, which are mostly the same again."""
+        self._readings = model.readings
+        self.validation: Validation | None = None
+        if model.readings is not None:
+            self._limit_s = bridge_limit_s(tracker.discrete.period_s)
+            self._coast_s = self._limit_s if coast_s is None else coast_s
+            self.validation = Validation(model.readings, model.main, self._limit_s)
+            self._ranges = [(each.min, each.max) for each in model.main.inputs]
+            self._score = _SCORES[level]
+            self._coasted_s = 0.0
+            self._last: tuple[float, float] | None = None
+            """When something was last published, and what."""
+            tracker.settling_steps = round(model.readings.settled_s / tracker.discrete.period_s)
 
     def background(self) -> Background:
         """The state beside the tracker's snapshot, for :meth:`restore`; empty where that snapshot is None."""
         if self.tracker.snapshot() is None:
             return Background(None, None)
-        return Background(None if self._secondary is None else self._secondary.snapshot(), self._variance)
+        return Background(
+            None if self._secondary is None else self._secondary.snapshot(),
+            self._variance,
+            None if self.validation is None else self.validation.snapshot(),
+        )
 
     def fits(self, main: Snapshot, background: Background) -> bool:
         """Whether ``background`` is of this model and of the same sample as the main estimator's snapshot."""
-        secondary, variance = background
-        if (self._secondary is None, self._error_variance is None) != (secondary is None, variance is None):
+        secondary, variance, validation = background
+        own = (self._secondary, self._error_variance, self.validation)
+        if [each is None for each in own] != [each is None for each in background]:
+            return False
+        if self.validation is not None and validation is not None and not self.validation.fits(validation):
             return False
         if self._secondary is not None and secondary is not None:
             together = (secondary.start_s, secondary.step) == (main.start_s, main.step)
@@ -72,9 +111,51 @@ class Observer:
         if self._error_variance is not None and background.variance is not None:
             self._variance, self._step = background.variance, main.step
             self.sigma_degC = sigma_degC(self._error_variance, background.variance)
+        if self.validation is not None and background.validation is not None:
+            self.validation.restore(background.validation)
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s``, as :meth:`Tracker.update` takes it."""
+        if self.validation is None or self._readings is None:
+            return self._blended(time_s, readings)
+        known = [
+            value if value is not None and low <= value <= high else None
+            for value, (low, high) in zip(readings, self._ranges)
+        ]
+        used = self.validation.update(time_s, known)
+        estimate = self._blended(time_s, used or [None] * len(known))
+        return self._bounded(time_s, estimate, self.validation, self._readings)
+
+    def _bounded(self, time_s: float, estimate: Estimate, validation: Validation, bounds: ReadingModel) -> Estimate:
+        """The estimate with the status and the variance of what was replaced, within the bounds of the output."""
+        ambient, low, high, status, used = estimate
+        if ambient is None or low is None or high is None:
+            self._last = None
+            return estimate
+        y = min(max(ambient, bounds.output[0]), bounds.output[1])
+        passed_s = self._limit_s
+        if self._last is not None:
+            passed_s = time_s - self._last[0]
+            reach = bounds.rate_K_per_s * max(passed_s, bounds.jump_s)
+            y = min(max(y, self._last[1] - reach), self._last[1] + reach)
+        self._last = (time_s, y)
+        variance = validation.variance_degC2
+        if variance or y != ambient:
+            low = y - math.sqrt((ambient - low) ** 2 + self._score**2 * variance)
+            high = y + math.sqrt((high - ambient) ** 2 + self._score**2 * variance)
+        if status != COASTING and validation.is_coasting:
+            self._coasted_s += passed_s
+            if self._coasted_s > self._coast_s:
+                return Estimate(None, None, None, FAULTED, used)
+            status = COASTING
+        elif not validation.is_coasting:
+            self._coasted_s = 0.0
+        if status == TRACKING and (validation.is_degraded or y != ambient):
+            status = DEGRADED
+        return Estimate(y, low, high, status, used)
+
+    def _blended(self, time_s: float, readings: Readings) -> Estimate:
+        """The estimate from validated readings."""
         estimate = self.tracker.update(time_s, readings)
         secondary_degC = None if self._secondary is None else self._secondary.update(time_s, readings).ambient_degC
         ambient, low, high, status, used = estimate

@@ -4,6 +4,7 @@ Products are added one by one, from left to right, and not by ``sum``, which sin
 interpreter computes the same bits.
 """
 
+import math
 from collections.abc import Sequence
 from operator import mul
 
@@ -68,6 +69,23 @@ def is_stable(A: Matrix) -> bool:
     norm of a circuit that loses nothing (exactly 1) by some 1e-4.
     """
     return min(spectral_norms(A, _DOUBLINGS)) < 0.5
+
+
+def is_positive_definite(matrix: Matrix) -> bool:
+    """Whether a matrix is symmetric and has a Cholesky factor with positive diagonal."""
+    size = len(matrix)
+    factor: list[list[float]] = []
+    for i, row in enumerate(matrix):
+        current: list[float] = []
+        for j in range(i):
+            if abs(row[j] - matrix[j][i]) > 1e-9 * (abs(row[j]) + abs(matrix[j][i])):
+                return False
+            current.append((row[j] - sum(map(mul, current, factor[j]))) / factor[j][j])
+        square = row[i] - sum(map(mul, current, current))
+        if not square > 1e-12 * abs(row[i]):
+            return False
+        factor.append([*current, math.sqrt(square)])
+    return len(factor) == size
 
 
 def settling_steps(A: Matrix, remainder: float) -> int:

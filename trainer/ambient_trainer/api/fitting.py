@@ -10,12 +10,13 @@ from typing import Any
 import pandas as pd
 
 from ambient_model.codec import save_model
-from ambient_model.model import Model
+from ambient_model.model import Model, ReadingModel
 from ambient_trainer.api.data import Data, sensor_columns, traces_of
 from ambient_trainer.api.result import Result
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.report import Report
@@ -33,11 +34,14 @@ class FitResult(Result):
         The provenance of each training trace: file, SHA-256, window.
     zones : mapping of str to str
         Thermal zone types by input name, where they differ.
+    readings : ReadingModel or None
+        What a device expects of its sensors; None where the traces are too short.
     """
 
     fitted: Fit
     training: tuple[Mapping[str, Any], ...] = field(repr=False)
     zones: Mapping[str, str] = field(default_factory=dict)
+    readings: ReadingModel | None = field(default=None, repr=False)
 
     @property
     def circuit(self) -> str:
@@ -57,7 +61,7 @@ class FitResult(Result):
     @cached_property
     def model(self) -> Model:
         """The model that a device runs; raises :class:`Refused` where the circuit does not estimate the ambient."""
-        return model_of(self.fitted, self.training, self.zones)
+        return model_of(self.fitted, self.training, self.zones, self.readings)
 
     @cached_property
     def parameters(self) -> pd.DataFrame:
@@ -165,4 +169,5 @@ def fit(
     method = estimator(circuit, columns)
     traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
     fitted = method.fit(traces, effort or Effort(), progress, period_s, columns or None)
-    return FitResult(fitted, tuple(training_of(trace, from_s, to_s) for trace in traces), zones or {})
+    training = tuple(training_of(trace, from_s, to_s) for trace in traces)
+    return FitResult(fitted, training, zones or {}, reading_model(fitted, traces))

@@ -15,7 +15,7 @@ from ambient_model import __version__
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import refuse
-from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, Secondary
+from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, ReadingModel, Secondary
 from ambient_model.trace import split_column
 from ambient_trainer.data.trace import Trace, sha256_of
 from ambient_trainer.estimation.static_linear import STATIC_LINEAR
@@ -31,11 +31,16 @@ _CONFORMANCE_ROWS = 24
 _OF_THE_FIT = ("rmse_degC", "samples", "converged", "uncertainty_available", "identifiable", "stopped")
 
 
-def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str]) -> Model:
+def model_of(
+    fit: Fit,
+    training: Sequence[Mapping[str, Any]],
+    zones: Mapping[str, str],
+    readings: ReadingModel | None = None,
+) -> Model:
     """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the periods it was trained at.
 
     ``training`` is the provenance of each trace (see :func:`training_of`); ``zones`` maps input names to thermal zone
-    types where they differ. Raises :class:`Refused` where the fit estimates something else than the ambient.
+    types where they differ; ``readings`` is what a device expects of its sensors. Raises :class:`Refused` where the fit estimates something else than the ambient.
     """
     if fit.outputs != ("ambient",):
         what = ", ".join(fit.outputs)
@@ -56,6 +61,7 @@ def model_of(fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str
         conformance=conformance_of(estimator, _conformance_inputs(fit)),
         secondary=fit.secondary and Secondary(_estimator(fit.secondary.fit, inputs), fit.secondary.threshold_degC),
         error_variance=fit.error_variance,
+        readings=readings,
     )
     # whatever a device would refuse is refused here, before anything is scored or written
     return decode(encode(model).encode(), fit.circuit)

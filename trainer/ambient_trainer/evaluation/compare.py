@@ -12,6 +12,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
 from ambient_trainer.report import Finding, Report, Section, Table
@@ -75,7 +76,8 @@ def contend(name: str, contest: Contest, sensors: Sequence[str], effort: Effort,
     """Fit the estimator called ``name`` and score it; ``sensors`` (trace columns) are for those that read any."""
     method = estimator(name)
     fit = method.fit(contest.training, effort, progress, inputs=sensors if method.reads_any else None)
-    model = model_of(fit, [training_of(trace, None, contest.to_s) for trace in contest.training], {})
+    training = [training_of(trace, None, contest.to_s) for trace in contest.training]
+    model = model_of(fit, training, {}, reading_model(fit, contest.training))
     return Contender(fit, model, *contest.score(model))
 
 

@@ -1,0 +1,544 @@
+"""Sensor validation: each reading against its expectation given the others; what is missing or refused is replaced.
+
+z holds the m readings and their low-pass filters L with one or several lags,
+
+    L[k+1] = L[k] + a (u[k] - L[k]),  a = 1 - exp(-T / lag),  L[0] = u[0]
+
+and has the mean mu and the precision matrix P (the inverse covariance) that the model file holds. With K the entries of
+z that belong to reading i and to the sensors that are set aside, and R the others, the expectation of reading i is
+
+    E[u_i | z_R] = mu_i - (P_KK^-1 P_KR (z_R - mu_R))_i,  with the covariance P_KK^-1
+
+so that no reading takes part in its own expectation, neither now nor by its past. A reading is refused where its
+difference d to the expectation exceeds its gate, where d low-pass filtered exceeds the slow gate, or where it jumps
+away from the expectation: the smallest set of sensors without which the others agree. It is replaced by its expectation
+plus the difference that it had before, which is forgotten with time. It is accepted again once it has changed and has
+agreed with its expectation for 10 s, and for twice as long each time that it is refused again. Time comes in as an
+argument.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from operator import mul
+from typing import NamedTuple
+
+from ambient_model.model import Estimator, ReadingModel
+from ambient_model.recursion import equilibrium
+
+SLOW_S = 600.0
+"""Time constant of the low-pass filtered difference: as long as the slowest part of a phone."""
+SHORT_GAP_S = 15.0
+"""A gap up to this long leaves status and interval as they are; a sensor at a tenth of 1 Hz has such gaps."""
+_STARTING_S = 600.0
+_STARTING_SLACK = 3.0
+"""Gates are so much wider until the low-pass filters have left their start, which is an equilibrium."""
+_AGREE_S = 10.0
+_LONGEST_AGREE_S = 3600.0
+_SIGMAS = 3.0
+_COARSE = (1.0, 0.5)
+_ROUNDING = 1 / math.sqrt(12)
+"""Standard deviation of the rounding error of steps of 1."""
+_COASTING_STD_DEGC = 3.0
+_SUSPECTS = 4
+_CLEAR = 20.0
+"""Twice the logarithm of the likelihood ratio from which on others are refused: no noise reaches it."""
+_RECONSIDER_S = 10.0
+_MOST_EXPECTATIONS = 512
+_SENTINELS = (-273.15, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
+"""What drivers and sensors report where they have no value: a stricter gate."""
+
+Sensors = frozenset[int]
+"""Some inputs, by their number."""
+_NONE: Sensors = frozenset()
+
+
+class ValidationState(NamedTuple):
+    """State of a :class:`Validation`, for another of the same model."""
+
+    time_s: float
+    used: tuple[float, ...]
+    lows: tuple[float, ...]
+    slow: tuple[float, ...]
+    steps: tuple[float, ...]
+    refused: tuple[tuple[int, float], ...]
+    """Per refused sensor its number and the reading that was refused."""
+
+
+class _Expectation(NamedTuple):
+    """E[u_i | others] = constant + weights z, and what is asked of the difference to it."""
+
+    constant: float
+    weights: list[float]
+    gate: float
+    slow_gate: float
+    release: float
+    std: float
+
+
+class _Refusal:
+    """A sensor that is refused since its reading was ``value`` and ``used`` replaced it."""
+
+    def __init__(self, value: float, used: float, wait_s: float, jumped: bool, lows: list[float]) -> None:
+        self.value = value
+        self.used = used
+        self.wait_s = wait_s
+        self.jumped = jumped
+        self.lows = lows
+        """Low-pass filters of its readings: it may be another that is wrong."""
+        self.agreed_s = 0.0
+        self.changed = False
+
+    def __str__(self) -> str:
+        return f"reads {self.value:g} where {self.used:.1f} is expected"
+
+    def agrees(self, value: float, used: float) -> bool:
+        """Whether a reading is nearer to what replaces it than to that plus the difference it was refused for."""
+        return abs(value - used) <= abs(value - used - (self.value - self.used))
+
+
+class Validation:
+    """Validates the readings of one model, sample by sample; ``limit_s`` is the longest gap between two samples."""
+
+    def __init__(self, model: ReadingModel, estimator: Estimator, limit_s: float) -> None:
+        self._model = model
+        self._limit_s = limit_s
+        self._count = count = len(estimator.inputs)
+        columns = [[float(row == column) for row in range(count)] for column in range(count)]
+        states = [equilibrium(estimator.initial, column) for column in columns]
+        first = estimator.discrete[0]
+        self._gains = [sum(map(mul, first.C[0], x)) + direct for x, direct in zip(states, first.D[0])]
+        """DC gain of the estimate per input."""
+        self._steps = [max([step for step in _COARSE if step > each.step], default=0.0) for each in model.sensors]
+        """Resolution of each sensor's readings where it is coarser than in training, otherwise 0."""
+        self._slack = 1.0
+        self.refused: dict[int, _Refusal] = {}
+        """The refused sensors by their number."""
+        self.variance_degC2 = 0.0
+        """What replaced and coarse readings add to the estimate's error variance."""
+        self.is_degraded = self.is_coasting = False
+        self._waits_s = [_AGREE_S] * count
+        """How long each sensor must agree when it is refused next."""
+        self._begun = False
+        self._time_s = self._start_s = 0.0
+        self._used = [0.0] * count
+        self._lows: list[float] = []
+        self._slow = [0.0] * count
+        """Low-pass filtered difference of each."""
+        self._last = [0.0] * count
+        """Difference of each at its last accepted reading."""
+        self._away_s = [0.0] * count
+        """How long each has had no reading."""
+        self._still: list[tuple[float, float, list[float]]] = []
+        """Since when each reads the same, the reading, and z at that time."""
+        self._offsets: dict[int, float] = {}
+        """Difference of what replaces a reading to its expectation, where one is replaced."""
+        self._apart = _NONE
+        self._passed_s = -1.0
+        self._reconsider_s = 0.0
+        self._forget()
+        stds = [self._expectation(_NONE, i).std for i in range(count)]
+        self._tails = [max(each.gate / (_SIGMAS * std), 1.0) for each, std in zip(model.sensors, stds)]
+        """How much further than a normal distribution's the differences of each reach."""
+
+    def snapshot(self) -> ValidationState | None:
+        """Its state, for :meth:`restore`; None where it has not begun."""
+        if not self._begun:
+            return None
+        refused = [(i, each.value) for i, each in self.refused.items()]
+        lists = (self._used, self._lows, self._slow, self._steps)
+        return ValidationState(self._time_s, *map(tuple, lists), tuple(refused))
+
+    def fits(self, state: ValidationState) -> bool:
+        """Whether ``state`` has this one's shapes."""
+        lengths = [len(each) for each in (state.used, state.slow, state.steps, state.lows)]
+        numbers = [i for i, _ in state.refused]
+        return lengths == [self._count] * 3 + [len(self._model.mean) - self._count] and all(
+            0 <= i < self._count for i in numbers
+        )
+
+    def restore(self, state: ValidationState) -> None:
+        """Continue from ``state``, which :meth:`fits`."""
+        self._begun, self._slack = True, 1.0
+        self._time_s = state.time_s
+        z = [*state.used, *state.lows]
+        self._still = [(state.time_s, value, z) for value in state.used]
+        self._start_s, self._reconsider_s = state.time_s - _STARTING_S, state.time_s
+        self._used, self._lows, self._slow, self._steps = [list(each) for each in state[1:5]]
+        self.refused = {}
+        for i, value in state.refused:
+            self._refuse(i, value)
+        self._apart = frozenset(self.refused)
+        self._forget()
+
+    def update(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
+        """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
+        passed_s = time_s - self._time_s
+        if not self._begun or not 0 <= passed_s <= self._limit_s:
+            return self._begin(time_s, readings)
+        self._time_s = time_s
+        if passed_s != self._passed_s:
+            self._set_passed(passed_s)
+        if self._slack > 1 and time_s - self._start_s > _STARTING_S:
+            self._slack = 1.0
+            self._forget()
+        if any(self._steps):
+            self._learn_steps(readings)
+        z = self._with_lows(readings, passed_s)
+        differences, alarm = self._differences(readings, z, passed_s)
+        if alarm:
+            self._isolate(readings, z, differences, passed_s)
+        elif self.refused and time_s >= self._reconsider_s:
+            self._reconsider_s = time_s + _RECONSIDER_S
+            self._reconsider(readings, z)
+        self._refuse_stuck(readings, z)
+        self._follow(readings, z)
+        if self.refused:
+            self._release(readings, z, passed_s)
+        return self._finished(z)
+
+    # Expectations
+
+    def _forget(self) -> None:
+        """Compute expectations anew: a resolution or the slack has changed."""
+        self._known: dict[tuple[Sensors, int], _Expectation] = {}
+        self._current: list[_Expectation] = []
+        effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
+        self._coarse_degC2 = sum([effect * effect for effect in effects])
+
+    def _expectations(self) -> list[_Expectation]:
+        """Each sensor's, given those that are not set aside."""
+        if not self._current:
+            self._current = [self._expectation(self._apart, i) for i in range(self._count)]
+        return self._current
+
+    def _expectation(self, apart: Sensors, i: int) -> _Expectation:
+        """Of reading ``i`` given the sensors that are neither ``apart`` nor itself."""
+        apart -= {i}
+        found = self._known.get((apart, i))
+        if found is None:
+            if len(self._known) >= _MOST_EXPECTATIONS:
+                self._known.clear()
+            found = self._known[apart, i] = self._computed(apart, i)
+        return found
+
+    def _computed(self, apart: Sensors, i: int) -> _Expectation:
+        model, own, step = self._model, self._model.sensors[i], self._steps[i]
+        entries, covariances = self._covariances(apart | {i}, i)
+        weights = [0.0] * len(model.mean)
+        for column in set(range(len(weights))).difference(entries):
+            weights[column] = -sum([c * model.precision[row][column] for c, row in zip(covariances, entries)])
+        std = math.sqrt(max(covariances[entries.index(i)], 0.0))
+        usual_std = self._expectation(_NONE, i).std if apart else std
+        wider = self._slack * max(std / usual_std, 1.0) if usual_std > 0 else self._slack
+        rounding = _ROUNDING * math.hypot(step, *map(mul, weights, self._steps))
+        gate = math.hypot(own.gate * wider, 2 * _SIGMAS * rounding)
+        return _Expectation(
+            constant=model.mean[i] - sum(map(mul, weights, model.mean)),
+            weights=weights,
+            gate=gate,
+            slow_gate=math.hypot(own.slow_gate * wider, _SIGMAS * rounding),
+            release=min(gate / 2, _SIGMAS * math.hypot(std, rounding)),
+            std=std,
+        )
+
+    def _covariances(self, apart: Sensors, i: int) -> tuple[list[int], list[float]]:
+        """The entries of z of the sensors ``apart``, and the covariance of reading i with each given the others."""
+        entries = self._entries(apart)
+        return entries, _solved(self._block(entries), [float(entry == i) for entry in entries])
+
+    def _entries(self, sensors: Sensors) -> list[int]:
+        """The entries of z that belong to them."""
+        return [first + i for first in range(0, len(self._model.mean), self._count) for i in sorted(sensors)]
+
+    def _block(self, entries: list[int]) -> list[list[float]]:
+        precision = self._model.precision
+        return [[precision[row][column] for column in entries] for row in entries]
+
+    def _replacement_degC2(self) -> float:
+        """Variance of the estimate's error where the sensors that are set aside have their expectations."""
+        variance = 0.0
+        for i in self._apart:
+            entries, covariances = self._covariances(self._apart, i)
+            shares = [self._gains[j] * self._tails[j] * covariances[entries.index(j)] for j in self._apart]
+            variance += self._gains[i] * self._tails[i] * sum(shares)
+        return max(variance, 0.0)
+
+    def _set_apart(self, apart: Sensors) -> None:
+        if apart != self._apart:
+            self._apart = apart
+            self._current = []
+            # what replaces a reading goes on from where it is
+            self._offsets = {}
+            self._replaced_degC2 = self._replacement_degC2()
+
+    # Samples
+
+    def _begin(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
+        """Start in equilibrium with the sensors that agree."""
+        kept = {i: each for i, each in self.refused.items() if readings[i] in (None, each.value)}
+        if all(value is None or i in kept for i, value in enumerate(readings)):
+            self._begun = False
+            return None
+        self._begun, self._time_s, self._start_s, self._reconsider_s = True, time_s, time_s, time_s
+        self._slack, self.refused, self._slow = _STARTING_SLACK, kept, [0.0] * self._count
+        self._learn_steps(readings)
+        self._forget()
+        self._away_s = [math.inf if value is None else 0.0 for value in readings]
+        self._set_passed(0.0)
+        self._apart = _NONE
+        self._set_apart(frozenset([*kept, *[i for i, value in enumerate(readings) if value is None]]))
+        z = [self._model.mean[i] if value is None else value for i, value in enumerate(readings)]
+        z *= len(self._model.mean) // self._count
+        differences, alarm = self._differences(readings, z, math.inf)
+        if alarm:
+            self._isolate(readings, z, differences, math.inf)
+        for i in self._apart:
+            value = self._expected(self._apart, i, z)
+            z[i :: self._count] = [value] * (len(z) // self._count)
+        self._lows = z[self._count :]
+        self._still = [(time_s, value, z) for value in z[: self._count]]
+        self._last = [0.0] * self._count
+        return self._finished(z)
+
+    def _set_passed(self, passed_s: float) -> None:
+        self._passed_s = passed_s
+        self._a = [-math.expm1(-passed_s / lag_s) for lag_s in self._model.lags_s for _ in range(self._count)]
+        self._slow_a = -math.expm1(-passed_s / SLOW_S)
+        self._kept = [math.exp(-passed_s / each.memory_s) for each in self._model.sensors]
+
+    def _learn_steps(self, readings: Sequence[float | None]) -> None:
+        for i, (value, step) in enumerate(zip(readings, self._steps)):
+            if step and value is not None and abs(value / step - round(value / step)) > 1e-6:
+                finer = [each for each in _COARSE if self._model.sensors[i].step < each < step]
+                self._steps[i] = max(finer, default=0.0)
+                self._forget()
+
+    def _with_lows(self, readings: Sequence[float | None], passed_s: float) -> list[float]:
+        """z with the readings, and for the missing ones what replaces them."""
+        missing = False
+        used = list(self._used)
+        for i, value in enumerate(readings):
+            if value is None:
+                self._away_s[i] += passed_s
+                missing = True
+            else:
+                self._away_s[i] = 0.0
+                if i not in self.refused:
+                    used[i] = value
+        if missing or self._apart:
+            away = [i for i, away_s in enumerate(self._away_s) if away_s > SHORT_GAP_S]
+            self._set_apart(frozenset([*self.refused, *away]))
+        return used + self._lows
+
+    def _differences(
+        self, readings: Sequence[float | None], z: list[float], passed_s: float
+    ) -> tuple[list[float], bool]:
+        """Difference of each reading to its expectation, and whether one exceeds its gate or has jumped."""
+        differences = [0.0] * self._count
+        alarm = False
+        for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
+            if value is not None and i not in self._apart:
+                constant, weights, gate, _, release, _ = expectation
+                differences[i] = d = value - constant - sum(map(mul, weights, z))
+                if not -release <= d <= release and (not -gate <= d <= gate or value in _SENTINELS):
+                    alarm = True
+                elif self._has_jumped(i, value, d, passed_s):
+                    alarm = True
+        return differences, alarm
+
+    def _has_jumped(self, i: int, value: float, difference: float, passed_s: float) -> bool:
+        """Whether it moved further than it can, and away from its expectation."""
+        limits = self._model.sensors[i]
+        moved = abs(value - self._used[i]) - 2 * self._steps[i]
+        if moved <= limits.jump:
+            return False
+        passed_s = max(passed_s + self._away_s[i], self._model.jump_s)
+        return moved > limits.jump * passed_s / self._model.jump_s and abs(difference) > abs(self._last[i])
+
+    def _isolate(
+        self, readings: Sequence[float | None], z: list[float], differences: list[float], passed_s: float
+    ) -> None:
+        """Refuse the smallest set of sensors without which the others agree, or come closest to it."""
+        present = [i for i, value in enumerate(readings) if value is not None]
+        jumped = [
+            i
+            for i, value in enumerate(readings)
+            if value is not None and i not in self._apart and self._has_jumped(i, value, differences[i], passed_s)
+        ]
+        if self._count > 2 and len(jumped) > len(present) / 2:  # no fault of a sensor
+            jumped = []
+        ratios = {i: abs(differences[i]) / self._expectations()[i].gate for i in present}
+        suspects = sorted(set(present) - self._apart - set(jumped), key=lambda i: -ratios[i])[:_SUSPECTS]
+        suspects += [i for i in self.refused if i in present]
+        z_read = self._with_refused(readings, z)
+        best: tuple[float, float, Sensors] = (math.inf, 0.0, frozenset(jumped))
+        for size in range(max(len(present) - 2, 1 - len(jumped), 0) + 1):
+            sets = [frozenset([*jumped, *more]) for more in itertools.combinations(suspects, size)]
+            for refused, evidence in zip(sets, self._evidence(z_read, sets)):
+                worst = max(self._worst(z_read, present, refused), 1.0)
+                best = min(best, (worst, -evidence, refused), key=lambda each: each[:2])
+            if best[0] <= 1:
+                break
+        self._become(best[2], readings, z, jumped)
+
+    def _reconsider(self, readings: Sequence[float | None], z: list[float]) -> None:
+        """Refuse others, as many, where the evidence against them has become clearly stronger."""
+        present = [i for i, value in enumerate(readings) if value is not None]
+        current = frozenset([i for i in self.refused if i in present])
+        z_read = self._with_refused(readings, z)
+        sets = [current, *map(frozenset, itertools.combinations(present, len(current)))]
+        evidence = self._evidence(z_read, sets)
+        for against, refused in sorted(zip(evidence[1:], sets[1:]), key=lambda each: -each[0]):
+            if against <= evidence[0] + _CLEAR:
+                return
+            if self._worst(z_read, present, refused) <= 1:
+                self._become(refused, readings, z, [])
+                return
+
+    def _become(
+        self, refused: Sensors, readings: Sequence[float | None], z: list[float], jumped: Sequence[int]
+    ) -> None:
+        """Refuse exactly these, of those that have a reading; the others were right all the time."""
+        away = frozenset(self._apart - self.refused.keys())
+        for i in refused - self.refused.keys():
+            self._refuse(i, readings[i], i in jumped)
+        for i, refusal in list(self.refused.items()):
+            if readings[i] is not None and i not in refused:
+                self._lows[i :: self._count] = refusal.lows
+                del self.refused[i]
+        self._slow = [0.0] * self._count
+        self._set_apart(away.union(self.refused))
+
+    def _with_refused(self, readings: Sequence[float | None], z: list[float]) -> list[float]:
+        """z as read: with the readings of the refused sensors and their low-pass filters."""
+        z = list(z)
+        for i, refusal in self.refused.items():
+            if (value := readings[i]) is not None:
+                z[i :: self._count] = [value, *refusal.lows]
+        return z
+
+    def _worst(self, z: list[float], present: list[int], refused: Sensors) -> float:
+        """The worst ratio of a difference to its gate among those that stay."""
+        apart = refused | (self._apart - self.refused.keys())
+        worst = 0.0
+        for i in present:
+            if i not in refused:
+                expectation = self._expectation(apart, i)
+                refusal, limit = self.refused.get(i), expectation.gate
+                if refusal is not None:
+                    limit = expectation.release if refusal.changed and not refusal.jumped else 0.0
+                elif z[i] in _SENTINELS:
+                    limit = expectation.release
+                difference = abs(self._difference(expectation, i, z))
+                worst = max(worst, difference / limit if limit else math.inf)
+        return worst
+
+    def _evidence(self, z: list[float], sets: Sequence[Sensors]) -> list[float]:
+        """Per set of sensors, what leaving out its entries K of z takes off the Mahalanobis distance of z.
+
+        With g = P (z - mu) that is g_K' P_KK^-1 g_K: twice the logarithm of a likelihood ratio.
+        """
+        centred = [value - mean for value, mean in zip(z, self._model.mean)]
+        g = [sum(map(mul, row, centred)) for row in self._model.precision]
+        found = []
+        for sensors in sets:
+            entries = self._entries(sensors)
+            solution = _solved(self._block(entries), [g[entry] for entry in entries])
+            found.append(sum([g[entry] * value for entry, value in zip(entries, solution)]))
+        return found
+
+    @staticmethod
+    def _difference(expectation: _Expectation, i: int, z: list[float]) -> float:
+        return z[i] - expectation.constant - sum(map(mul, expectation.weights, z))
+
+    def _expected(self, apart: Sensors, i: int, z: list[float]) -> float:
+        constant, weights, *_ = self._expectation(apart, i)
+        return constant + sum(map(mul, weights, z))
+
+    def _refuse(self, i: int, value: float | None, jumped: bool = False) -> None:
+        if value is not None and i not in self.refused:
+            lows = self._lows[i :: self._count]
+            self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i], jumped, lows)
+            self._waits_s[i] = min(2 * self._waits_s[i], _LONGEST_AGREE_S)
+
+    def _refuse_stuck(self, readings: Sequence[float | None], z: list[float]) -> None:
+        """Refuse what reads the same to the last bit for too long, while its expectation given the others moves."""
+        stuck = []
+        for i, (value, still) in enumerate(zip(readings, self._still)):
+            if value is None or i in self._apart:
+                continue
+            if value != still[1]:
+                self._still[i] = (self._time_s, value, z)
+            elif self._time_s - still[0] > self._model.sensors[i].still_s and not self._steps[i]:
+                stuck.append(i)
+        if not stuck:
+            return
+        apart = self._apart.union(stuck)
+        for i in stuck:
+            expectation = self._expectation(apart, i)
+            moved = sum(map(mul, expectation.weights, z)) - sum(map(mul, expectation.weights, self._still[i][2]))
+            if abs(moved) > max(self._expectation(self._apart, i).gate, 2 * expectation.std):
+                self._refuse(i, readings[i])
+                self.refused[i].used += moved
+        self._set_apart(self._apart.union(self.refused))
+
+    def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
+        """Replace what is missing or refused, and follow the slow differences of the others."""
+        worst, suspect = 1.0, -1
+        for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
+            if value is None or i in self._apart:
+                expected = expectation.constant + sum(map(mul, expectation.weights, z))
+                offset = self._offsets.get(i, self._used[i] - expected) * self._kept[i]
+                self._offsets[i] = offset
+                z[i] = expected + offset
+                continue
+            self._offsets.pop(i, None)
+            d = self._last[i] = value - expectation.constant - sum(map(mul, expectation.weights, z))
+            slow = self._slow[i] = self._slow[i] + self._slow_a * (d - self._slow[i])
+            if abs(slow) > worst * expectation.slow_gate:
+                worst, suspect = abs(slow) / expectation.slow_gate, i
+        if suspect >= 0:
+            self._refuse(suspect, readings[suspect])
+            self._slow = [0.0] * self._count
+            self._set_apart(self._apart | {suspect})
+
+    def _release(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> None:
+        """Accept those again that have agreed with their expectation for long enough."""
+        for i, refusal in list(self.refused.items()):
+            value = readings[i]
+            if value is None:
+                continue
+            refusal.lows = [low + a * (value - low) for low, a in zip(refusal.lows, self._a[:: self._count])]
+            refusal.changed = refusal.changed or value != refusal.value
+            expectation = self._expectation(self._apart, i)
+            agrees = refusal.agrees(value, z[i]) and abs(value - self._expected(self._apart, i, z)) <= expectation.release
+            refusal.agreed_s = refusal.agreed_s + passed_s if agrees and refusal.changed else 0.0
+            if refusal.agreed_s >= refusal.wait_s:
+                del self.refused[i]
+                self._slow = [0.0] * self._count
+
+    def _finished(self, z: list[float]) -> list[float] | None:
+        count = self._count
+        self._used = used = z[:count]
+        self._lows = [low + a * (u - low) for low, a, u in zip(self._lows, self._a, itertools.cycle(used))]
+        self.is_degraded = bool(self._apart)
+        self.variance_degC2 = self._coarse_degC2 + (self._replaced_degC2 if self._apart else 0.0)
+        self.is_coasting = math.sqrt(self.variance_degC2) > _COASTING_STD_DEGC
+        return None if len(self._apart) == count else used
+
+
+def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
+    """The solution of a symmetric positive definite system, by Gaussian elimination."""
+    size = len(right)
+    rows = [[*row, value] for row, value in zip(matrix, right)]
+    for k in range(size):
+        pivot = rows[k]
+        for row in rows[k + 1 :]:
+            factor = row[k] / pivot[k]
+            for column in range(k, size + 1):
+                row[column] -= factor * pivot[column]
+    x = [0.0] * size
+    for k in reversed(range(size)):
+        x[k] = (rows[k][size] - sum([rows[k][j] * x[j] for j in range(k + 1, size)])) / rows[k][k]
+    return x

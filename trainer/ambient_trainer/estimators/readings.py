@@ -1,0 +1,218 @@
+"""What a device may expect of its readings, from the training traces: see :mod:`ambient_model.validation`.
+
+The joint distribution of readings and their low-pass filters is a mean and a regularised covariance. Lags and
+regularisation are those with the least differences on blocks of time that were left out; the gates are the largest
+differences there, with a margin.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from ambient_model.model import ReadingModel, SensorLimits
+from ambient_model.trace import REFERENCE
+from ambient_model.validation import SLOW_S
+from ambient_trainer.data.grid import segments
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.estimators.base import Fit
+from ambient_trainer.estimators.estimate import matrix
+from ambient_trainer.estimators.training import slowest_period_s
+from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.response import response_degC, states
+from ambient_trainer.lti.statespace import equilibrium
+
+_LAGS_S = ((20.0, 200.0), (60.0, 600.0), (30.0, 200.0, 1200.0))
+"""From the body of a sensor to the whole device."""
+_RIDGES = (0.3, 1.0, 3.0, 10.0)
+"""Standard deviations of the regularisation, in those of the readings' noise."""
+_BLOCKS = 10
+_GATE_MARGIN = 1.5
+_JUMP_MARGIN = 3.0
+_RATE_MARGIN = 3.0
+_OUTPUT_MARGIN_K = 20.0
+_MOST_INPUTS = 12
+"""A device computes the expectations of more sensors too slowly."""
+_SAMPLES_PER_ENTRY = 50
+_LEAST_S = 4 * SLOW_S
+_RESOLUTIONS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.25, 0.2, 0.125, 0.1, 0.0625, 0.05, 0.03125, 0.02, 0.01, 0.005, 0.002, 0.001)
+_WIDER = 1.2
+"""Settled is an interval that is at most so much wider than the usual one."""
+_NEVER = 1e9
+"""A limit that no reading reaches."""
+
+
+def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
+    """The distribution of the readings of ``fit`` in its training traces; None where those are too short for one."""
+    period_s = slowest_period_s(traces)
+    runs = [each.inputs for trace in traces for each in segments(trace, fit.inputs, (), period_s)]
+    count, samples = len(fit.inputs), sum(run.shape[1] for run in runs)
+    entries = count * (1 + max(map(len, _LAGS_S)))
+    too_short = samples < _SAMPLES_PER_ENTRY * entries or samples * period_s < _LEAST_S
+    if fit.outputs != ("ambient",) or count > _MOST_INPUTS or too_short:
+        return None
+    noise = _noise(runs)
+    lags_s, ridge = min(itertools.product(_LAGS_S, _RIDGES), key=lambda each: _loss(runs, period_s, *each, noise))
+    held_out = list(_held_out(runs, period_s, lags_s, ridge, noise))
+    joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
+    mean, precision = _distribution(joint, ridge, noise)
+    stride = max(1, round(1.0 / period_s))
+    temperature = np.array([column.endswith("_degC") for column in fit.inputs])
+    gate = _GATE_MARGIN * np.max([np.abs(each).max(axis=0) for each in held_out], axis=0)
+    slow = _GATE_MARGIN * np.max([np.abs(_low_pass(each, SLOW_S, period_s, 0.0)).max(axis=0) for each in held_out], axis=0)
+    jump = _JUMP_MARGIN * np.max([np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1) for run in runs], axis=0)
+    gate, slow, jump = (np.where(temperature, limit, _NEVER) for limit in (gate, slow, jump))
+    memory_s = _memory_s(held_out, period_s)
+    estimates = [response_degC(fit.system, fit.hold, run, period_s) for run in runs]
+    reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
+    rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
+    sensors = [
+        SensorLimits(
+            step=_resolution(runs, i),
+            jump=float(jump[i]),
+            gate=float(gate[i]),
+            slow_gate=float(slow[i]),
+            still_s=_still_s(runs, i, period_s),
+            memory_s=float(memory_s[i]),
+            effect_degC=effect,
+        )
+        for i, effect in enumerate(_effects_degC(fit, runs, estimates, period_s, temperature))
+    ]
+    return ReadingModel(
+        lags_s=lags_s,
+        mean=tuple(mean.tolist()),
+        precision=matrix(precision),
+        sensors=tuple(sensors),
+        jump_s=stride * period_s,
+        settled_s=_settled_s(fit, runs, period_s),
+        output=(float(np.nanmin(reference)) - _OUTPUT_MARGIN_K, float(np.nanmax(reference)) + _OUTPUT_MARGIN_K),
+        rate_K_per_s=float(_RATE_MARGIN * rate),
+    )
+
+
+def _joint(run: Array, lags_s: Sequence[float], period_s: float) -> Array:
+    """z (N, entries): the readings, and their low-pass filters up to the sample before."""
+    u = run.T
+    before = np.concatenate([u[:1], u[:-1]])
+    return np.column_stack([u, *(_low_pass(before, lag_s, period_s, u[0]) for lag_s in lags_s)])
+
+
+def _low_pass(values: Array, lag_s: float, period_s: float, start: Array | float) -> Array:
+    """L (N, m) of L[k] = L[k-1] + a (z[k] - L[k-1]), from L = start."""
+    kept = math.exp(-period_s / lag_s)
+    return np.asarray(lfilter([1 - kept], [1, -kept], values - start, axis=0) + start)
+
+
+def _noise(runs: Sequence[Array]) -> Array:
+    """Standard deviation of each reading's white noise, from second differences; at least a 1000th of its own."""
+    seconds = np.concatenate([np.diff(run, n=2, axis=1) for run in runs], axis=1)
+    spread = np.concatenate(runs, axis=1).std(axis=1)
+    robust = 1.4826 * np.median(np.abs(seconds - np.median(seconds, axis=1, keepdims=True)), axis=1) / math.sqrt(6)
+    return np.maximum(np.maximum(robust, 1e-3 * spread), 1e-3)
+
+
+def _distribution(joint: Array, ridge: float, noise: Array) -> tuple[Array, Array]:
+    """Mean and regularised precision of z."""
+    repeated = np.tile(ridge * noise, joint.shape[1] // len(noise))
+    covariance = np.cov(joint.T) + np.diag(repeated**2)
+    precision = np.linalg.inv(covariance)
+    return joint.mean(axis=0), (precision + precision.T) / 2
+
+
+def _weights(precision: Array, count: int, i: int) -> Array:
+    """Weights on z of the expectation of reading ``i`` given the others."""
+    own = np.arange(i, len(precision), count)
+    first = np.linalg.inv(precision[np.ix_(own, own)])[0]
+    weights = -first @ precision[own]
+    weights[own] = 0.0
+    return np.asarray(weights)
+
+
+def _held_out(
+    runs: Sequence[Array], period_s: float, lags_s: Sequence[float], ridge: float, noise: Array
+) -> Iterator[Array]:
+    """Differences (N, m) of the readings of each block of time to what the other blocks make expect."""
+    joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
+    count = len(noise)
+    block = np.arange(len(joint)) * _BLOCKS // len(joint)
+    for number in range(_BLOCKS):
+        mean, precision = _distribution(joint[block != number], ridge, noise)
+        weights = np.array([_weights(precision, count, i) for i in range(count)])
+        centred = joint[block == number] - mean
+        yield centred[:, :count] - centred @ weights.T
+
+
+def _loss(runs: Sequence[Array], period_s: float, lags_s: Sequence[float], ridge: float, noise: Array) -> float:
+    squares = np.concatenate(list(_held_out(runs, period_s, lags_s, ridge, noise))) ** 2
+    return float(np.log(squares.mean(axis=0) + 1e-12).sum())
+
+
+def _memory_s(differences: Sequence[Array], period_s: float) -> Array:
+    """Time constant of each difference, from its autocorrelation after 30 and 60 s (or periods, where longer)."""
+    near = max(1, round(30.0 / period_s))
+    products = [
+        sum((each[lag:] * each[: len(each) - lag]).sum(axis=0) for each in differences if len(each) > lag)
+        for lag in (near, 2 * near)
+    ]
+    ratio = np.clip(products[1] / np.where(products[0] > 0, products[0], np.inf), 0.05, 0.99)
+    return np.asarray(-near * period_s / np.log(ratio))
+
+
+def _still_s(runs: Sequence[Array], i: int, period_s: float) -> float:
+    """The longest time for which a reading is the same; at least 20 s."""
+    longest = 0
+    for run in runs:
+        changes = np.flatnonzero(np.diff(run[i]))
+        longest = max(longest, int(np.diff(np.concatenate([[0], changes, [run.shape[1]]])).max()))
+    return float(max(20.0, longest * period_s))
+
+
+def _resolution(runs: Sequence[Array], i: int) -> float:
+    """The largest usual step that all readings of a sensor are multiples of; 0 where none is."""
+    values = np.unique(np.concatenate([run[i] for run in runs])[:100_000])
+    for step in _RESOLUTIONS:
+        if np.abs(values / step - np.round(values / step)).max() < 1e-6 / step * max(1.0, np.abs(values).max()):
+            return step
+    return 0.0
+
+
+def _effects_degC(
+    fit: Fit, runs: Sequence[Array], estimates: Sequence[Array], period_s: float, temperature: NDArray[np.bool_]
+) -> Iterator[float]:
+    """Standard deviation of the estimate's change where one sensor alone reports whole degrees."""
+    for i in range(len(temperature)):
+        changes = []
+        for run, estimate in zip(runs, estimates):
+            rounded = run.copy()
+            rounded[i] = np.round(rounded[i])
+            changes.append(response_degC(fit.system, fit.hold, rounded, period_s) - estimate)
+        yield float(np.sqrt(np.mean(np.concatenate(changes) ** 2))) if temperature[i] else 0.0
+
+
+def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float) -> float:
+    """Time after which a cold start no longer widens the interval by more than 20 %.
+
+    With S the covariance of the states' distance to the equilibrium with the sample, as it is in training, the start
+    adds the variance C A^k S A'^k C' after k periods.
+    """
+    discrete = discretised(fit.system, period_s, fit.hold)
+    if not len(discrete.A):
+        return 0.0
+    rest = equilibrium(fit.system)
+    apart = np.concatenate(
+        [rest @ run - states(discrete.A, discrete.B @ run, rest @ run[:, 0]) for run in runs], axis=1
+    )
+    allowed = (_WIDER**2 - 1) * float(np.var(fit.errors_degC[0]))
+    root = np.linalg.cholesky(apart @ apart.T / apart.shape[1] + 1e-12 * np.eye(len(apart)))
+    longest = max(run.shape[1] for run in runs)
+    settled, response = 0, root
+    for k in range(longest):
+        if float(((discrete.C[:1] @ response) ** 2).sum()) > allowed:
+            settled = k + 1
+        response = discrete.A @ response
+    return settled * period_s
