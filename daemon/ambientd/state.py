@@ -25,6 +25,7 @@ from ambientd.publish.swap import swap_in, sweep
 if TYPE_CHECKING:
     from ambient_model.error_variance import VarianceState
     from ambient_model.observer import Background
+    from ambient_model.validation import ValidationState
 
 FORMAT = "ambientd-state"
 VERSION = 1
@@ -86,8 +87,10 @@ def encode(state: State) -> bytes:
         "said_s": last_s,
     }
     if background is not None:
-        secondary, variance = background
+        secondary, variance, validation = background
         data["background"] = {"guard": secondary and secondary._asdict(), "unrest": variance and variance._asdict()}
+        if validation is not None:
+            data["background"]["readings"] = validation._asdict()
     line = json.dumps(data).encode()
     return b"%s\n%s\n" % (line, _sha256(line).encode())
 
@@ -124,12 +127,22 @@ def _state(data: Any) -> State:
 def _background(data: Any) -> "Background":
     from ambient_model.observer import Background
 
-    secondary, variance = data.pop("guard"), data.pop("unrest")
+    secondary, variance, validation = data.pop("guard"), data.pop("unrest"), data.pop("readings", None)
     if data:
         raise ValueError
     return Background(
-        None if secondary is None else _snapshot(**secondary), None if variance is None else _variance(**variance)
+        None if secondary is None else _snapshot(**secondary),
+        None if variance is None else _variance(**variance),
+        None if validation is None else _validation(**validation),
     )
+
+
+def _validation(time_s: Any, used: Any, lows: Any, slow: Any, steps: Any, refused: Any) -> "ValidationState":
+    from ambient_model.validation import ValidationState
+
+    lists = [tuple([_number(each) for each in values]) for values in (used, lows, slow, steps)]
+    pairs = tuple([(_count(i), _number(value)) for i, value in refused])
+    return ValidationState(_number(time_s), lists[0], lists[1], lists[2], lists[3], pairs)
 
 
 def _variance(means_degC: Any, squares_degC2: Any) -> "VarianceState":

@@ -9,17 +9,19 @@ z that belong to reading i and to the sensors that are set aside, and R the othe
 
     E[u_i | z_R] = mu_i - (P_KK^-1 P_KR (z_R - mu_R))_i,  with the covariance P_KK^-1
 
-so that no reading takes part in its own expectation, neither now nor by its past. A reading is refused where its
-difference d to the expectation exceeds its gate, where d low-pass filtered exceeds the slow gate, or where it jumps
-away from the expectation: the smallest set of sensors without which the others agree. It is replaced by its expectation
-plus the difference that it had before, which is forgotten with time. It is accepted again once it has changed and has
-agreed with its expectation for 10 s, and for twice as long each time that it is refused again. Time comes in as an
-argument.
+so that no reading takes part in its own expectation, neither now nor by its past. Its difference d to the expectation
+has a gate, and so has d low-pass filtered. Beyond one of them the readings are doubted: they are used, since heat that
+training lacks does the same, but the estimate is degraded and its variance grows by the square of d times the DC gain.
+Refused is what no heat does: a reading that jumps away from its expectation, that stands still to the last bit while
+its expectation given the moving others goes on, that comes back beyond its gate, or that at the start lies far outside
+it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
+again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
+refused again. Time comes in as an argument.
 """
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from operator import mul
 from typing import NamedTuple
 
@@ -40,10 +42,9 @@ _COARSE = (1.0, 0.5)
 _ROUNDING = 1 / math.sqrt(12)
 """Standard deviation of the rounding error of steps of 1."""
 _COASTING_STD_DEGC = 3.0
-_SUSPECTS = 4
-_CLEAR = 20.0
-"""Twice the logarithm of the likelihood ratio from which on others are refused: no noise reaches it."""
-_RECONSIDER_S = 10.0
+_START_K = 5.0
+"""At the start a reading may lie so far beyond its gate, as no equilibrium is certain."""
+_DOUBT_S = 10.0
 _MOST_EXPECTATIONS = 512
 _SENTINELS = (-273.15, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
 """What drivers and sensors report where they have no value: a stricter gate."""
@@ -79,13 +80,10 @@ class _Expectation(NamedTuple):
 class _Refusal:
     """A sensor that is refused since its reading was ``value`` and ``used`` replaced it."""
 
-    def __init__(self, value: float, used: float, wait_s: float, jumped: bool, lows: list[float]) -> None:
+    def __init__(self, value: float, used: float, wait_s: float) -> None:
         self.value = value
         self.used = used
         self.wait_s = wait_s
-        self.jumped = jumped
-        self.lows = lows
-        """Low-pass filters of its readings: it may be another that is wrong."""
         self.agreed_s = 0.0
         self.changed = False
 
@@ -135,7 +133,10 @@ class Validation:
         """Difference of what replaces a reading to its expectation, where one is replaced."""
         self._apart = _NONE
         self._passed_s = -1.0
-        self._reconsider_s = 0.0
+        self._doubt_degC2 = 0.0
+        self._doubt_s = -math.inf
+        """When the readings were last doubted, and what that adds to the variance."""
+        self._replaced_degC2 = 0.0
         self._forget()
         stds = [self._expectation(_NONE, i).std for i in range(count)]
         self._tails = [max(each.gate / (_SIGMAS * std), 1.0) for each, std in zip(model.sensors, stds)]
@@ -146,8 +147,14 @@ class Validation:
         if not self._begun:
             return None
         refused = [(i, each.value) for i, each in self.refused.items()]
-        lists = (self._used, self._lows, self._slow, self._steps)
-        return ValidationState(self._time_s, *map(tuple, lists), tuple(refused))
+        return ValidationState(
+            self._time_s,
+            tuple(self._used),
+            tuple(self._lows),
+            tuple(self._slow),
+            tuple(self._steps),
+            tuple(refused),
+        )
 
     def fits(self, state: ValidationState) -> bool:
         """Whether ``state`` has this one's shapes."""
@@ -163,13 +170,13 @@ class Validation:
         self._time_s = state.time_s
         z = [*state.used, *state.lows]
         self._still = [(state.time_s, value, z) for value in state.used]
-        self._start_s, self._reconsider_s = state.time_s - _STARTING_S, state.time_s
+        self._start_s = state.time_s - _STARTING_S
         self._used, self._lows, self._slow, self._steps = [list(each) for each in state[1:5]]
         self.refused = {}
-        for i, value in state.refused:
-            self._refuse(i, value)
-        self._apart = frozenset(self.refused)
         self._forget()
+        for i, value in state.refused:
+            self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i])
+        self._set_apart(frozenset(self.refused))
 
     def update(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
         """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
@@ -185,12 +192,11 @@ class Validation:
         if any(self._steps):
             self._learn_steps(readings)
         z = self._with_lows(readings, passed_s)
-        differences, alarm = self._differences(readings, z, passed_s)
-        if alarm:
-            self._isolate(readings, z, differences, passed_s)
-        elif self.refused and time_s >= self._reconsider_s:
-            self._reconsider_s = time_s + _RECONSIDER_S
-            self._reconsider(readings, z)
+        jumped = self._doubted(readings, z, passed_s)
+        if jumped:
+            self._refuse(jumped, readings)
+            for i in jumped:
+                z[i] = self._used[i]
         self._refuse_stuck(readings, z)
         self._follow(readings, z)
         if self.refused:
@@ -280,7 +286,7 @@ class Validation:
         if all(value is None or i in kept for i, value in enumerate(readings)):
             self._begun = False
             return None
-        self._begun, self._time_s, self._start_s, self._reconsider_s = True, time_s, time_s, time_s
+        self._begun, self._time_s, self._start_s = True, time_s, time_s
         self._slack, self.refused, self._slow = _STARTING_SLACK, kept, [0.0] * self._count
         self._learn_steps(readings)
         self._forget()
@@ -290,9 +296,12 @@ class Validation:
         self._set_apart(frozenset([*kept, *[i for i, value in enumerate(readings) if value is None]]))
         z = [self._model.mean[i] if value is None else value for i, value in enumerate(readings)]
         z *= len(self._model.mean) // self._count
-        differences, alarm = self._differences(readings, z, math.inf)
-        if alarm:
-            self._isolate(readings, z, differences, math.inf)
+        for i in self._apart:
+            value = self._expected(self._apart, i, z)
+            z[i :: self._count] = [value] * (len(z) // self._count)
+        self._used = z[: self._count]
+        present = [i for i in range(self._count) if i not in self._apart]
+        self._refuse(self._inconsistent(z, present), readings)
         for i in self._apart:
             value = self._expected(self._apart, i, z)
             z[i :: self._count] = [value] * (len(z) // self._count)
@@ -331,21 +340,33 @@ class Validation:
             self._set_apart(frozenset([*self.refused, *away]))
         return used + self._lows
 
-    def _differences(
-        self, readings: Sequence[float | None], z: list[float], passed_s: float
-    ) -> tuple[list[float], bool]:
-        """Difference of each reading to its expectation, and whether one exceeds its gate or has jumped."""
-        differences = [0.0] * self._count
-        alarm = False
+    def _doubted(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> list[int]:
+        """Note how far the readings lie beyond their gates; return those that can't be right."""
+        jumped, returned = [], []
+        doubt_degC2 = 0.0
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
-            if value is not None and i not in self._apart:
-                constant, weights, gate, _, release, _ = expectation
-                differences[i] = d = value - constant - sum(map(mul, weights, z))
-                if not -release <= d <= release and (not -gate <= d <= gate or value in _SENTINELS):
-                    alarm = True
-                elif self._has_jumped(i, value, d, passed_s):
-                    alarm = True
-        return differences, alarm
+            if value is None or i in self.refused:
+                continue
+            constant, weights, gate, slow_gate, release, _ = expectation
+            d = value - constant - sum(map(mul, weights, z))
+            if not -release <= d <= release:
+                if value in _SENTINELS and self._still[i][1] != value:
+                    jumped.append(i)
+                if not -gate <= d <= gate:
+                    doubt_degC2 = max(doubt_degC2, (self._gains[i] * d) ** 2)
+                    if i in self._apart:
+                        returned.append(i)
+                if self._has_jumped(i, value, d, passed_s):
+                    jumped.append(i)
+            slow = self._slow[i]
+            if not -slow_gate <= slow <= slow_gate:
+                doubt_degC2 = max(doubt_degC2, (self._gains[i] * slow) ** 2)
+        if doubt_degC2:
+            self._doubt_degC2, self._doubt_s = doubt_degC2, self._time_s
+        # more than half at once are no fault of a sensor
+        if self._count > 2 and len({*jumped}) > self._count / 2:
+            jumped = []
+        return [*{*jumped, *returned}]
 
     def _has_jumped(self, i: int, value: float, difference: float, passed_s: float) -> bool:
         """Whether it moved further than it can, and away from its expectation."""
@@ -353,86 +374,23 @@ class Validation:
         moved = abs(value - self._used[i]) - 2 * self._steps[i]
         if moved <= limits.jump:
             return False
-        passed_s = max(passed_s + self._away_s[i], self._model.jump_s)
-        return moved > limits.jump * passed_s / self._model.jump_s and abs(difference) > abs(self._last[i])
+        return moved > limits.jump * math.sqrt(max(passed_s / self._model.jump_s, 1.0)) and (
+            abs(difference) > abs(self._last[i])
+        )
 
-    def _isolate(
-        self, readings: Sequence[float | None], z: list[float], differences: list[float], passed_s: float
-    ) -> None:
-        """Refuse the smallest set of sensors without which the others agree, or come closest to it."""
-        present = [i for i, value in enumerate(readings) if value is not None]
-        jumped = [
-            i
-            for i, value in enumerate(readings)
-            if value is not None and i not in self._apart and self._has_jumped(i, value, differences[i], passed_s)
-        ]
-        if self._count > 2 and len(jumped) > len(present) / 2:  # no fault of a sensor
-            jumped = []
-        ratios = {i: abs(differences[i]) / self._expectations()[i].gate for i in present}
-        suspects = sorted(set(present) - self._apart - set(jumped), key=lambda i: -ratios[i])[:_SUSPECTS]
-        suspects += [i for i in self.refused if i in present]
-        z_read = self._with_refused(readings, z)
-        best: tuple[float, float, Sensors] = (math.inf, 0.0, frozenset(jumped))
-        for size in range(max(len(present) - 2, 1 - len(jumped), 0) + 1):
-            sets = [frozenset([*jumped, *more]) for more in itertools.combinations(suspects, size)]
-            for refused, evidence in zip(sets, self._evidence(z_read, sets)):
-                worst = max(self._worst(z_read, present, refused), 1.0)
-                best = min(best, (worst, -evidence, refused), key=lambda each: each[:2])
-            if best[0] <= 1:
-                break
-        self._become(best[2], readings, z, jumped)
+    def _inconsistent(self, z: list[float], present: Sequence[int]) -> Sensors:
+        """The smallest set of sensors without which the others lie within their gates and ``_START_K``."""
+        for size in range(max(len(present) - 1, 1)):
+            sets = [frozenset(each) for each in itertools.combinations(present, size)]
+            for _, sensors in sorted(zip(self._evidence(z, sets), sets), key=_first, reverse=True):
+                apart = self._apart | sensors
+                kept = [i for i in present if i not in sensors]
+                if all(abs(z[i] - self._expected(apart, i, z)) <= self._beyond(apart, i) for i in kept):
+                    return sensors
+        return _NONE
 
-    def _reconsider(self, readings: Sequence[float | None], z: list[float]) -> None:
-        """Refuse others, as many, where the evidence against them has become clearly stronger."""
-        present = [i for i, value in enumerate(readings) if value is not None]
-        current = frozenset([i for i in self.refused if i in present])
-        z_read = self._with_refused(readings, z)
-        sets = [current, *map(frozenset, itertools.combinations(present, len(current)))]
-        evidence = self._evidence(z_read, sets)
-        for against, refused in sorted(zip(evidence[1:], sets[1:]), key=lambda each: -each[0]):
-            if against <= evidence[0] + _CLEAR:
-                return
-            if self._worst(z_read, present, refused) <= 1:
-                self._become(refused, readings, z, [])
-                return
-
-    def _become(
-        self, refused: Sensors, readings: Sequence[float | None], z: list[float], jumped: Sequence[int]
-    ) -> None:
-        """Refuse exactly these, of those that have a reading; the others were right all the time."""
-        away = frozenset(self._apart - self.refused.keys())
-        for i in refused - self.refused.keys():
-            self._refuse(i, readings[i], i in jumped)
-        for i, refusal in list(self.refused.items()):
-            if readings[i] is not None and i not in refused:
-                self._lows[i :: self._count] = refusal.lows
-                del self.refused[i]
-        self._slow = [0.0] * self._count
-        self._set_apart(away.union(self.refused))
-
-    def _with_refused(self, readings: Sequence[float | None], z: list[float]) -> list[float]:
-        """z as read: with the readings of the refused sensors and their low-pass filters."""
-        z = list(z)
-        for i, refusal in self.refused.items():
-            if (value := readings[i]) is not None:
-                z[i :: self._count] = [value, *refusal.lows]
-        return z
-
-    def _worst(self, z: list[float], present: list[int], refused: Sensors) -> float:
-        """The worst ratio of a difference to its gate among those that stay."""
-        apart = refused | (self._apart - self.refused.keys())
-        worst = 0.0
-        for i in present:
-            if i not in refused:
-                expectation = self._expectation(apart, i)
-                refusal, limit = self.refused.get(i), expectation.gate
-                if refusal is not None:
-                    limit = expectation.release if refusal.changed and not refusal.jumped else 0.0
-                elif z[i] in _SENTINELS:
-                    limit = expectation.release
-                difference = abs(self._difference(expectation, i, z))
-                worst = max(worst, difference / limit if limit else math.inf)
-        return worst
+    def _beyond(self, apart: Sensors, i: int) -> float:
+        return self._expectation(apart, i).gate + _START_K
 
     def _evidence(self, z: list[float], sets: Sequence[Sensors]) -> list[float]:
         """Per set of sensors, what leaving out its entries K of z takes off the Mahalanobis distance of z.
@@ -448,44 +406,46 @@ class Validation:
             found.append(sum([g[entry] * value for entry, value in zip(entries, solution)]))
         return found
 
-    @staticmethod
-    def _difference(expectation: _Expectation, i: int, z: list[float]) -> float:
-        return z[i] - expectation.constant - sum(map(mul, expectation.weights, z))
-
     def _expected(self, apart: Sensors, i: int, z: list[float]) -> float:
-        constant, weights, *_ = self._expectation(apart, i)
-        return constant + sum(map(mul, weights, z))
+        expectation = self._expectation(apart, i)
+        expected: float = expectation.constant + sum(map(mul, expectation.weights, z))
+        return expected
 
-    def _refuse(self, i: int, value: float | None, jumped: bool = False) -> None:
-        if value is not None and i not in self.refused:
-            lows = self._lows[i :: self._count]
-            self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i], jumped, lows)
-            self._waits_s[i] = min(2 * self._waits_s[i], _LONGEST_AGREE_S)
+    def _refuse(self, sensors: Iterable[int], readings: Sequence[float | None]) -> None:
+        for i in sensors:
+            value = readings[i]
+            if value is not None and i not in self.refused:
+                self.refused[i] = _Refusal(value, self._used[i], self._waits_s[i])
+                self._waits_s[i] = min(2 * self._waits_s[i], _LONGEST_AGREE_S)
+        self._slow = [0.0] * self._count
+        self._set_apart(self._apart.union(self.refused))
 
     def _refuse_stuck(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Refuse what reads the same to the last bit for too long, while its expectation given the others moves."""
-        stuck = []
+        stuck, longest = [], 0.0
         for i, (value, still) in enumerate(zip(readings, self._still)):
             if value is None or i in self._apart:
                 continue
             if value != still[1]:
                 self._still[i] = (self._time_s, value, z)
-            elif self._time_s - still[0] > self._model.sensors[i].still_s and not self._steps[i]:
-                stuck.append(i)
-        if not stuck:
+            elif not self._steps[i]:
+                share = (self._time_s - still[0]) / self._model.sensors[i].still_s
+                if share > 0.5:
+                    stuck.append(i)
+                    longest = max(longest, share)
+        # two at once are as unlikely after half the time
+        if longest * len(stuck) <= 1:
             return
         apart = self._apart.union(stuck)
         for i in stuck:
             expectation = self._expectation(apart, i)
             moved = sum(map(mul, expectation.weights, z)) - sum(map(mul, expectation.weights, self._still[i][2]))
             if abs(moved) > max(self._expectation(self._apart, i).gate, 2 * expectation.std):
-                self._refuse(i, readings[i])
+                self._refuse([i], readings)
                 self.refused[i].used += moved
-        self._set_apart(self._apart.union(self.refused))
 
     def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Replace what is missing or refused, and follow the slow differences of the others."""
-        worst, suspect = 1.0, -1
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
             if value is None or i in self._apart:
                 expected = expectation.constant + sum(map(mul, expectation.weights, z))
@@ -495,13 +455,7 @@ class Validation:
                 continue
             self._offsets.pop(i, None)
             d = self._last[i] = value - expectation.constant - sum(map(mul, expectation.weights, z))
-            slow = self._slow[i] = self._slow[i] + self._slow_a * (d - self._slow[i])
-            if abs(slow) > worst * expectation.slow_gate:
-                worst, suspect = abs(slow) / expectation.slow_gate, i
-        if suspect >= 0:
-            self._refuse(suspect, readings[suspect])
-            self._slow = [0.0] * self._count
-            self._set_apart(self._apart | {suspect})
+            self._slow[i] += self._slow_a * (d - self._slow[i])
 
     def _release(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> None:
         """Accept those again that have agreed with their expectation for long enough."""
@@ -509,10 +463,10 @@ class Validation:
             value = readings[i]
             if value is None:
                 continue
-            refusal.lows = [low + a * (value - low) for low, a in zip(refusal.lows, self._a[:: self._count])]
             refusal.changed = refusal.changed or value != refusal.value
             expectation = self._expectation(self._apart, i)
-            agrees = refusal.agrees(value, z[i]) and abs(value - self._expected(self._apart, i, z)) <= expectation.release
+            difference = value - expectation.constant - sum(map(mul, expectation.weights, z))
+            agrees = refusal.agrees(value, z[i]) and abs(difference) <= expectation.release
             refusal.agreed_s = refusal.agreed_s + passed_s if agrees and refusal.changed else 0.0
             if refusal.agreed_s >= refusal.wait_s:
                 del self.refused[i]
@@ -522,9 +476,11 @@ class Validation:
         count = self._count
         self._used = used = z[:count]
         self._lows = [low + a * (u - low) for low, a, u in zip(self._lows, self._a, itertools.cycle(used))]
-        self.is_degraded = bool(self._apart)
-        self.variance_degC2 = self._coarse_degC2 + (self._replaced_degC2 if self._apart else 0.0)
-        self.is_coasting = math.sqrt(self.variance_degC2) > _COASTING_STD_DEGC
+        doubted = self._time_s - self._doubt_s <= _DOUBT_S
+        replaced_degC2 = self._replaced_degC2 if self._apart else 0.0
+        self.is_degraded = doubted or bool(self._apart)
+        self.is_coasting = replaced_degC2 > _COASTING_STD_DEGC**2
+        self.variance_degC2 = self._coarse_degC2 + replaced_degC2 + (self._doubt_degC2 if doubted else 0.0)
         return None if len(self._apart) == count else used
 
 
@@ -542,3 +498,7 @@ def _solved(matrix: list[list[float]], right: list[float]) -> list[float]:
     for k in reversed(range(size)):
         x[k] = (rows[k][size] - sum([rows[k][j] * x[j] for j in range(k + 1, size)])) / rows[k][k]
     return x
+
+
+def _first(pair: tuple[float, Sensors]) -> float:
+    return pair[0]

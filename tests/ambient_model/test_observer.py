@@ -204,7 +204,7 @@ def test_what_has_not_begun_has_no_background() -> None:
 def test_a_background_of_another_model_or_moment_does_not_fit() -> None:
     observer = observer_of(phone())
     fed(observer, moving(10))
-    main, (guard, unrest) = observer.tracker.snapshot(), observer.background()
+    main, (guard, unrest, _) = observer.tracker.snapshot(), observer.background()
     assert main is not None
     assert guard is not None
     assert unrest is not None

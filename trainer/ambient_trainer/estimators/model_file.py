@@ -40,7 +40,8 @@ def model_of(
     """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the periods it was trained at.
 
     ``training`` is the provenance of each trace (see :func:`training_of`); ``zones`` maps input names to thermal zone
-    types where they differ; ``readings`` is what a device expects of its sensors. Raises :class:`Refused` where the fit estimates something else than the ambient.
+    types where they differ; ``readings`` is what a device expects of its sensors. Raises :class:`Refused` where the fit
+    estimates something else than the ambient.
     """
     if fit.outputs != ("ambient",):
         what = ", ".join(fit.outputs)

@@ -10,10 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
+from threadpoolctl import threadpool_limits
 
 from ambient_model.model import ReadingModel, SensorLimits
 from ambient_model.trace import REFERENCE
@@ -32,7 +35,7 @@ _LAGS_S = ((20.0, 200.0), (60.0, 600.0), (30.0, 200.0, 1200.0))
 _RIDGES = (0.3, 1.0, 3.0, 10.0)
 """Standard deviations of the regularisation, in those of the readings' noise."""
 _BLOCKS = 10
-_GATE_MARGIN = 1.5
+_GATE_MARGIN = 1.75
 _JUMP_MARGIN = 3.0
 _RATE_MARGIN = 3.0
 _OUTPUT_MARGIN_K = 20.0
@@ -41,6 +44,7 @@ _MOST_INPUTS = 12
 _SAMPLES_PER_ENTRY = 50
 _LEAST_S = 4 * SLOW_S
 _RESOLUTIONS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.25, 0.2, 0.125, 0.1, 0.0625, 0.05, 0.03125, 0.02, 0.01, 0.005, 0.002, 0.001)
+_STARTS = 4000
 _WIDER = 1.2
 """Settled is an interval that is at most so much wider than the usual one."""
 _NEVER = 1e9
@@ -56,15 +60,20 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     too_short = samples < _SAMPLES_PER_ENTRY * entries or samples * period_s < _LEAST_S
     if fit.outputs != ("ambient",) or count > _MOST_INPUTS or too_short:
         return None
+    with threadpool_limits(1):
+        return _reading_model(fit, traces, runs, period_s)
+
+
+def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], period_s: float) -> ReadingModel:
     noise = _noise(runs)
-    lags_s, ridge = min(itertools.product(_LAGS_S, _RIDGES), key=lambda each: _loss(runs, period_s, *each, noise))
-    held_out = list(_held_out(runs, period_s, lags_s, ridge, noise))
-    joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
-    mean, precision = _distribution(joint, ridge, noise)
+    folds = [_Folds.of(runs, period_s, lags_s, len(noise)) for lags_s in _LAGS_S]
+    chosen, ridge = min(itertools.product(folds, _RIDGES), key=lambda each: each[0].loss(each[1] * noise))
+    lags_s, held_out = chosen.lags_s, list(chosen.differences(ridge * noise))
+    mean, precision = _distribution(chosen.total, ridge * noise)
     stride = max(1, round(1.0 / period_s))
     temperature = np.array([column.endswith("_degC") for column in fit.inputs])
-    gate = _GATE_MARGIN * np.max([np.abs(each).max(axis=0) for each in held_out], axis=0)
-    slow = _GATE_MARGIN * np.max([np.abs(_low_pass(each, SLOW_S, period_s, 0.0)).max(axis=0) for each in held_out], axis=0)
+    slowly = [_low_pass(each, SLOW_S, period_s, 0.0) for each in held_out]
+    gate, slow = (_GATE_MARGIN * np.max([np.abs(d).max(axis=0) for d in each], axis=0) for each in (held_out, slowly))
     jump = _JUMP_MARGIN * np.max([np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1) for run in runs], axis=0)
     gate, slow, jump = (np.where(temperature, limit, _NEVER) for limit in (gate, slow, jump))
     memory_s = _memory_s(held_out, period_s)
@@ -116,12 +125,55 @@ def _noise(runs: Sequence[Array]) -> Array:
     return np.maximum(np.maximum(robust, 1e-3 * spread), 1e-3)
 
 
-def _distribution(joint: Array, ridge: float, noise: Array) -> tuple[Array, Array]:
-    """Mean and regularised precision of z."""
-    repeated = np.tile(ridge * noise, joint.shape[1] // len(noise))
-    covariance = np.cov(joint.T) + np.diag(repeated**2)
+class _Sums(NamedTuple):
+    """Of a number of samples of z."""
+
+    count: int
+    first: Array
+    second: Array
+
+    def without(self, other: _Sums) -> _Sums:
+        return _Sums(self.count - other.count, self.first - other.first, self.second - other.second)
+
+
+@dataclass(frozen=True)
+class _Folds:
+    """z of all runs with these lags, in successive blocks of time."""
+
+    lags_s: tuple[float, ...]
+    readings: int
+    blocks: Sequence[Array]
+    sums: Sequence[_Sums]
+    total: _Sums
+
+    @classmethod
+    def of(cls, runs: Sequence[Array], period_s: float, lags_s: tuple[float, ...], readings: int) -> _Folds:
+        joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
+        blocks = np.array_split(joint, _BLOCKS)
+        sums = [_Sums(len(each), each.sum(axis=0), each.T @ each) for each in blocks]
+        total = _Sums(len(joint), sum(each.first for each in sums), sum(each.second for each in sums))
+        return cls(lags_s, readings, blocks, sums, total)
+
+    def differences(self, deviations: Array) -> Iterator[Array]:
+        """Differences (N, m) of each block's readings to what the other blocks make expect."""
+        for block, own in zip(self.blocks, self.sums):
+            mean, precision = _distribution(self.total.without(own), deviations)
+            weights = np.array([_weights(precision, self.readings, i) for i in range(self.readings)])
+            centred = block - mean
+            yield centred[:, : self.readings] - centred @ weights.T
+
+    def loss(self, deviations: Array) -> float:
+        squares = np.concatenate(list(self.differences(deviations))) ** 2
+        return float(np.log(squares.mean(axis=0) + 1e-12).sum())
+
+
+def _distribution(sums: _Sums, deviations: Array) -> tuple[Array, Array]:
+    """Mean and precision of z, regularised by white noise of these standard deviations on each reading."""
+    mean = sums.first / sums.count
+    repeated = np.tile(deviations, len(mean) // len(deviations))
+    covariance = sums.second / sums.count - np.outer(mean, mean) + np.diag(repeated**2)
     precision = np.linalg.inv(covariance)
-    return joint.mean(axis=0), (precision + precision.T) / 2
+    return mean, (precision + precision.T) / 2
 
 
 def _weights(precision: Array, count: int, i: int) -> Array:
@@ -131,25 +183,6 @@ def _weights(precision: Array, count: int, i: int) -> Array:
     weights = -first @ precision[own]
     weights[own] = 0.0
     return np.asarray(weights)
-
-
-def _held_out(
-    runs: Sequence[Array], period_s: float, lags_s: Sequence[float], ridge: float, noise: Array
-) -> Iterator[Array]:
-    """Differences (N, m) of the readings of each block of time to what the other blocks make expect."""
-    joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
-    count = len(noise)
-    block = np.arange(len(joint)) * _BLOCKS // len(joint)
-    for number in range(_BLOCKS):
-        mean, precision = _distribution(joint[block != number], ridge, noise)
-        weights = np.array([_weights(precision, count, i) for i in range(count)])
-        centred = joint[block == number] - mean
-        yield centred[:, :count] - centred @ weights.T
-
-
-def _loss(runs: Sequence[Array], period_s: float, lags_s: Sequence[float], ridge: float, noise: Array) -> float:
-    squares = np.concatenate(list(_held_out(runs, period_s, lags_s, ridge, noise))) ** 2
-    return float(np.log(squares.mean(axis=0) + 1e-12).sum())
 
 
 def _memory_s(differences: Sequence[Array], period_s: float) -> Array:
@@ -197,8 +230,8 @@ def _effects_degC(
 def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float) -> float:
     """Time after which a cold start no longer widens the interval by more than 20 %.
 
-    With S the covariance of the states' distance to the equilibrium with the sample, as it is in training, the start
-    adds the variance C A^k S A'^k C' after k periods.
+    A start at any training sample errs by d, the states' distance to the equilibrium with that sample, and after k
+    periods the estimate by C A^k d more than its usual error.
     """
     discrete = discretised(fit.system, period_s, fit.hold)
     if not len(discrete.A):
@@ -207,12 +240,14 @@ def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float) -> float:
     apart = np.concatenate(
         [rest @ run - states(discrete.A, discrete.B @ run, rest @ run[:, 0]) for run in runs], axis=1
     )
-    allowed = (_WIDER**2 - 1) * float(np.var(fit.errors_degC[0]))
-    root = np.linalg.cholesky(apart @ apart.T / apart.shape[1] + 1e-12 * np.eye(len(apart)))
-    longest = max(run.shape[1] for run in runs)
-    settled, response = 0, root
-    for k in range(longest):
-        if float(((discrete.C[:1] @ response) ** 2).sum()) > allowed:
+    random = np.random.default_rng(0)
+    starts = apart[:, random.integers(apart.shape[1], size=_STARTS)]
+    errors = random.choice(fit.errors_degC[0], _STARTS)
+    usual = np.percentile(np.abs(errors), 90)
+    settled = 0
+    after = np.unique(np.geomspace(1, max(run.shape[1] for run in runs), 200).astype(int))
+    for k in (int(each) for each in after):
+        effect = (discrete.C[:1] @ np.linalg.matrix_power(discrete.A, k) @ starts)[0]
+        if np.percentile(np.abs(errors + effect), 90) > _WIDER * usual:
             settled = k + 1
-        response = discrete.A @ response
     return settled * period_s
