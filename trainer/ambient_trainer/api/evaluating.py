@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,8 @@ from ambient_trainer.api.result import Result
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
 from ambient_trainer.evaluation.metrics import Metrics
 from ambient_trainer.evaluation.report import report_of, trace_labels
+from ambient_trainer.evaluation.stress import Stressed, data_of, section_of
+from ambient_trainer.evaluation.stress import stress as stress_trace
 from ambient_trainer.report import Report
 
 
@@ -31,10 +33,13 @@ class EvaluationResult(Result):
         What was evaluated.
     evaluations : tuple of Evaluation
         One a trace.
+    stressed : tuple of Stressed
+        Per condition of the readings the errors on the first trace, where that was asked for.
     """
 
     model: Model = field(repr=False)
     evaluations: tuple[Evaluation, ...]
+    stressed: tuple[Stressed, ...] = ()
 
     @cached_property
     def metrics(self) -> pd.DataFrame:
@@ -65,7 +70,11 @@ class EvaluationResult(Result):
     @property
     def summary(self) -> Report:
         """What ``ambient-trainer evaluate`` shows; raises :class:`Refused` where the provenance cannot be read."""
-        return report_of(self.model, self.evaluations)
+        report = report_of(self.model, self.evaluations)
+        if not self.stressed:
+            return report
+        sections = [section_of(self.stressed), *report.sections]
+        return replace(report, sections=sections, data={**report.data, "stress": data_of(self.stressed)})
 
 
 def evaluate(
@@ -75,6 +84,7 @@ def evaluate(
     from_s: float | None = None,
     to_s: float | None = None,
     run_in: bool = False,
+    stress: bool = False,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> EvaluationResult:
     """Run a model over traces as a device does, and score its estimate against ``ambient_degC``.
@@ -90,6 +100,8 @@ def evaluate(
     run_in : bool
         Whether the estimate runs from the trace's first sample on, as on a device that was on before, and not from a
         cold start at ``from_s``.
+    stress : bool
+        Whether to run the first trace also with readings that are missing, coarse or wrong.
     progress : callable, optional
         Called before each trace with its name, how many are done, and how many there are.
 
@@ -127,7 +139,8 @@ def evaluate(
         if progress is not None:
             progress(trace.path, done, len(traces))
         evaluations.append(evaluated(model, trace, from_s, to_s))
-    return EvaluationResult(model, tuple(evaluations))
+    stressed = stress_trace(model, traces[0].cut(from_s, to_s)) if stress else ()
+    return EvaluationResult(model, tuple(evaluations), stressed)
 
 
 def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:

@@ -14,6 +14,7 @@ from ambient_trainer.cli.progress import counted_progress
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
 @window_options
 @click.option("--run-in", is_flag=True, help="Run the estimate from the trace's start on; score it from --from on.")
+@click.option("--stress", is_flag=True, help="Also score the first trace with missing, coarse and wrong readings.")
 @output_options(page=True)
 def command(
     model_path: str,
@@ -21,6 +22,7 @@ def command(
     from_s: float | None,
     to_s: float | None,
     run_in: bool,
+    stress: bool,
     output: Output,
 ) -> None:
     """Run MODEL.json over each TRACE as the device would and compare the estimate with the trace's ambient_degC.
@@ -34,5 +36,7 @@ def command(
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
     output.check([model_path, *trace_paths])
     with counted_progress() as progress:
-        result = evaluate(model_path, trace_paths, from_s=from_s, to_s=to_s, run_in=run_in, progress=progress)
+        result = evaluate(
+            model_path, trace_paths, from_s=from_s, to_s=to_s, run_in=run_in, stress=stress, progress=progress
+        )
     output.show(result.summary)

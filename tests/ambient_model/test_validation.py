@@ -1,0 +1,192 @@
+"""Sensor validation: expectations against Gaussian conditioning by numpy, and the rules by which readings count."""
+
+import numpy as np
+import pytest
+
+from ambient_model.codec import decode, encode
+from ambient_model.conformance import conformance_of
+from ambient_model.faults import Refused
+from ambient_model.model import Discrete, Estimator, Input, Model, ReadingModel, SensorLimits
+from ambient_model.observer import Observer
+from ambient_model.tracking import Tracker
+from ambient_model.validation import Validation
+
+LAGS_S = (60.0,)
+NAMES = ("usb", "battery", "display", "shell")
+LIMITS = SensorLimits(step=0.1, jump=1.0, gate=0.6, slow_gate=0.3, still_s=60.0, memory_s=60.0, effect_degC=0.2)
+
+
+def covariance() -> np.ndarray:
+    """Readings and their low-pass filters follow one common temperature; each sensor adds noise of its own."""
+    random = np.random.default_rng(3)
+    own = random.normal(size=(8, 8)) * 0.05
+    return 100 * np.ones((8, 8)) + own @ own.T + 0.01 * np.eye(8)
+
+
+@pytest.fixture(scope="module")
+def model() -> Model:
+    """It averages the sensors."""
+    inputs = tuple(Input(name, "degC", name, -45.0, 130.0) for name in NAMES)
+    discrete = Discrete(1.0, (), (), ((),), ((0.25,) * 4,))
+    main = Estimator(inputs, (), (discrete,), 0.0, (), {50: (-0.1, 0.1), 90: (-0.3, 0.3), 98: (-0.5, 0.5)})
+    readings = ReadingModel(
+        lags_s=LAGS_S,
+        mean=(25.0,) * 8,
+        precision=tuple(map(tuple, np.linalg.inv(covariance()).tolist())),
+        sensors=(LIMITS,) * 4,
+        jump_s=1.0,
+        settled_s=0.0,
+        output=(-20.0, 70.0),
+        rate_K_per_s=5.0,
+    )
+    rows = tuple((20.0 + i, 21.0, 22.0, 23.0) for i in range(4))
+    precision = np.array(readings.precision)
+    symmetric = tuple(map(tuple, ((precision + precision.T) / 2).tolist()))
+    readings = readings._replace(precision=symmetric)
+    return Model("average", "now", "ambient", main, {}, {}, conformance_of(main, rows), readings=readings)
+
+
+@pytest.fixture
+def observer(model: Model) -> Observer:
+    return Observer(model, Tracker(model.main, model.main.discrete[0]))
+
+
+def readings_at(k: int) -> list[float]:
+    """All near one temperature that rises slowly, each with noise of a tenth."""
+    random = np.random.default_rng(k)
+    return np.round(25 + k / 400 + random.normal(size=4) * 0.05, 1).tolist()
+
+
+def fed(observer: Observer, count: int, change=lambda k, u: u, start: int = 0):
+    return [observer.update(float(k), change(k, readings_at(k))) for k in range(start, start + count)]
+
+
+def test_a_file_keeps_the_key(model: Model) -> None:
+    assert decode(encode(model).encode(), "model") == model
+    assert '"readings"' not in encode(model._replace(readings=None))
+
+
+@pytest.mark.parametrize("wrong", ["precision", "jump_s", "lags_s"])
+def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str) -> None:
+    assert model.readings is not None
+    changes = {
+        "precision": ((1.0, 2.0, *(0.0,) * 6), *model.readings.precision[1:]),
+        "jump_s": 0.0,
+        "lags_s": (-1.0,),
+    }
+    with pytest.raises(Refused) as refused:
+        decode(encode(model._replace(readings=model.readings._replace(**{wrong: changes[wrong]}))).encode(), "model")
+    assert any(fault.place.startswith(f"readings.{wrong}") for fault in refused.value.faults)
+
+
+@pytest.mark.parametrize("away", [(1,), (0, 2), (0, 1, 3)])
+def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, away: tuple[int, ...]) -> None:
+    assert model.readings is not None
+    validation = Validation(model.readings, model.main, 30.0)
+    u = np.array([24.0, 25.5, 25.0, 26.0])
+    given = [None if i in away else float(value) for i, value in enumerate(u)]
+    used = validation.update(0.0, given)
+    assert used is not None
+    # at the start the low-pass filters have the readings' values
+    kept = [i for i in range(8) if i % 4 not in away]
+    gone = [i for i in range(8) if i % 4 in away]
+    S = np.linalg.inv(np.array(model.readings.precision))
+    z = np.concatenate([u, u])
+    wanted = 25 + S[np.ix_(gone, kept)] @ np.linalg.solve(S[np.ix_(kept, kept)], z[kept] - 25)
+    assert [used[i] for i in away] == pytest.approx(wanted[: len(away)], abs=1e-6)
+    conditional = S[np.ix_(gone, gone)] - S[np.ix_(gone, kept)] @ np.linalg.solve(
+        S[np.ix_(kept, kept)], S[np.ix_(kept, gone)]
+    )
+    first = len(away)
+    least = 0.25**2 * conditional[:first, :first].sum()
+    assert validation.variance_degC2 >= 0.9 * least
+    assert validation.is_degraded
+
+
+def test_short_gaps_leave_the_estimate_as_it_is(model: Model, observer: Observer) -> None:
+    random = np.random.default_rng(1)
+    gaps = fed(observer, 600, lambda k, u: [None if random.random() < 0.1 and k else value for value in u])
+    plain = fed(Observer(model, Tracker(model.main, model.main.discrete[0])), 600)
+    assert {each.status for each in gaps} == {"tracking"}
+    assert max(abs(a.ambient_degC - b.ambient_degC) for a, b in zip(gaps, plain)) < 0.1
+    width = gaps[-1].high_degC - gaps[-1].low_degC
+    assert width == pytest.approx(plain[-1].high_degC - plain[-1].low_degC)
+
+
+def test_a_sensor_that_stays_away_degrades_and_widens(observer: Observer) -> None:
+    fed(observer, 100)
+    away = fed(observer, 100, lambda k, u: [None, *u[1:]], start=100)
+    assert [each.status for each in away].index("degraded") == pytest.approx(15, abs=1)
+    assert away[-1].high_degC - away[-1].low_degC > 0.6
+    assert abs(away[-1].ambient_degC - 25.5) < 0.2
+    back = fed(observer, 20, start=200)
+    assert back[-1].status == "tracking"
+
+
+@pytest.mark.parametrize("value", [-40.0, 0.0, 85.0, 125.0, 0.0255, 33.0])
+def test_a_lie_is_refused_until_it_ends(observer: Observer, value: float) -> None:
+    fed(observer, 200)
+    lied = fed(observer, 900, lambda k, u: [value, *u[1:]], start=200)
+    assert {each.status for each in lied} == {"degraded"}
+    assert max(abs(each.ambient_degC - 25.5 - k / 400) for k, each in enumerate(lied)) < 0.3
+    after = fed(observer, 40, start=1100)
+    assert after[-1].status == "tracking"
+    assert [each.status for each in after].index("tracking") <= 25
+
+
+def test_a_stuck_sensor_is_refused_once_the_others_move(observer: Observer) -> None:
+    stuck = readings_at(299)[0]
+    fed(observer, 300)
+    found = fed(observer, 900, lambda k, u: [stuck, *u[1:]], start=300)
+    assert found[0].status == "tracking"
+    assert found[-1].status == "degraded"
+    assert observer.validation is not None
+    assert list(observer.validation.refused) == [0]
+
+
+def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer) -> None:
+    """No faster than it can: the reading may be right."""
+    fed(observer, 200)
+    heated = fed(observer, 300, lambda k, u: [u[0] + 0.02 * (k - 200), *u[1:]], start=200)
+    assert heated[-1].status == "degraded"
+    assert heated[-1].used[0] == pytest.approx(readings_at(499)[0] + 0.02 * 299)
+    assert heated[-1].high_degC - heated[-1].low_degC > 2 * 0.25 * 6.0
+
+
+def test_whole_degrees_widen_the_interval(observer: Observer) -> None:
+    found = fed(observer, 300, lambda k, u: [float(round(value)) for value in u])
+    assert {each.status for each in found} == {"tracking"}
+    assert found[-1].high_degC - found[-1].low_degC > 2 * 1.645 * 0.39
+
+
+def test_too_little_left_coasts_and_then_faults(observer: Observer) -> None:
+    fed(observer, 100)
+    statuses = [each.status for each in fed(observer, 100, lambda k, u: [None] * 4, start=100)]
+    assert statuses[0] in ("tracking", "coasting")
+    assert statuses[30] == "coasting"
+    assert statuses[-1] == "faulted"
+
+
+def test_the_output_stays_within_its_bounds(model: Model) -> None:
+    assert model.readings is not None
+    bounded = model._replace(readings=model.readings._replace(output=(0.0, 25.2), rate_K_per_s=0.001))
+    found = fed(Observer(bounded, Tracker(model.main, model.main.discrete[0])), 600)
+    assert max(each.ambient_degC for each in found) <= 25.2
+    assert found[-1].status == "degraded"
+    steps = np.abs(np.diff([each.ambient_degC for each in found]))
+    assert steps.max() <= 0.001 + 1e-12
+
+
+def test_a_snapshot_continues_alike(model: Model, observer: Observer) -> None:
+    fed(observer, 700)
+    lie = fed(observer, 5, lambda k, u: [85.0, *u[1:]], start=700)[-1]
+    main, background = observer.tracker.snapshot(), observer.background()
+    assert main is not None
+    other = Observer(model, Tracker(model.main, model.main.discrete[0]))
+    assert other.fits(main, background)
+    other.tracker.restore(main)
+    other.restore(main, background)
+    found = [fed(each, 1, lambda k, u: [85.0, *u[1:]], start=705)[0] for each in (observer, other)]
+    assert found[0].used == pytest.approx(found[1].used, abs=0.05)
+    assert lie.status == found[0].status == found[1].status == "degraded"
+    assert not Observer(model._replace(readings=None), other.tracker).fits(main, background)

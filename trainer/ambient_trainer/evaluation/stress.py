@@ -1,0 +1,183 @@
+"""What a model makes of sensors as devices have them: readings that are missing, coarse or wrong.
+
+Every condition changes a trace and runs it through the recursion that the device runs. A wrong sensor is wrong for
+20 minutes from the middle of the trace on, after an hour of right readings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ambient_model.model import Model
+from ambient_model.tracking import TRACKING
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
+from ambient_trainer.report import Figure, Section, Table
+from ambient_trainer.report.plots import panel_figure
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+_BEFORE_S = 3600.0
+_WRONG_S = 1200.0
+_NOTICED_S = 10.0
+"""A wrong reading may pass as right for so long."""
+_OFF_DEGC = 2.0
+_COLUMNS = ("condition", "RMSE", "largest error", "in 90 %", "tracking", f"tracking, > {_OFF_DEGC:g} degC off")
+_CAPTION = (
+    "Errors in degC. In 90 %: the percentage of samples whose reference lies in the published 90 % interval. "
+    f"Tracking: the percentage of samples with that status, and of those the ones more than {_OFF_DEGC:g} degC off. "
+    "A wrong sensor counts from 10 s after it became wrong."
+)
+
+Change = Callable[[Array, np.random.Generator], Array]
+"""From readings (n, m) to what the device gets of them, NaN where missing."""
+
+
+@dataclass(frozen=True)
+class Stressed:
+    """A model under one condition: errors in degC, shares from 0 to 1."""
+
+    condition: str
+    rmse_degC: float
+    largest_degC: float
+    coverage90: float
+    tracking: float
+    tracking_off: float
+
+
+def stress(model: Model, trace: Trace, seed: int = 0) -> tuple[Stressed, ...]:
+    """Run ``model`` over ``trace`` under every condition; raises :class:`Refused` as an evaluation does."""
+    period_s = sampling_period_s(trace.time_s)
+    names = [each.name for each in model.main.inputs]
+    found = [_stressed(name, model, trace, change, seed, None) for name, change in _conditions(model, period_s)]
+    middle_s = float(trace.time_s[0] + trace.time_s[-1]) / 2
+    part = trace.cut(middle_s - _BEFORE_S, middle_s + _WRONG_S)
+    onset = int(np.searchsorted(part.time_s, middle_s))
+    for lie, wrong in LIES.items():
+        for i, each in enumerate(model.main.inputs):
+            if each.unit == "degC":
+                change = partial(_wrong, wrong=wrong, i=i, onset=onset)
+                found.append(_stressed(f"{names[i]}: {lie}", model, part, change, seed, middle_s + _NOTICED_S))
+    return tuple(found)
+
+
+def _stressed(condition: str, model: Model, trace: Trace, change: Change, seed: int, from_s: float | None) -> Stressed:
+    columns = [each.column for each in model.main.inputs]
+    readings = np.column_stack([trace.column(column) for column in columns])
+    changed = change(readings.copy(), np.random.default_rng(seed))
+    found = evaluate_trace(model, replace(trace, columns={**trace.columns, **dict(zip(columns, changed.T))}))
+    return _scored(condition, found, found.time_s >= (found.time_s[0] if from_s is None else from_s))
+
+
+def _scored(condition: str, found: Evaluation, counted: NDArray[np.bool_]) -> Stressed:
+    known = counted & np.isfinite(found.error_degC)
+    error = np.abs(found.error_degC[known])
+    inside = (found.low_degC <= found.reference_degC) & (found.reference_degC <= found.high_degC)
+    tracking = found.status[counted] == TRACKING
+    off = (found.status[known] == TRACKING) & (error > _OFF_DEGC)
+    return Stressed(
+        condition,
+        rmse_degC=float(np.sqrt(np.mean(error**2))) if len(error) else float("nan"),
+        largest_degC=float(error.max(initial=0.0)),
+        coverage90=float(np.mean(inside[known])) if len(error) else float("nan"),
+        tracking=float(np.mean(tracking)),
+        tracking_off=float(np.count_nonzero(off) / max(1, np.count_nonzero(tracking))),
+    )
+
+
+def _conditions(model: Model, period_s: float) -> Iterator[tuple[str, Change]]:
+    yield "as logged", lambda u, random: u
+    for share in (0.01, 0.05, 0.1):
+        yield f"{share:.0%} of the readings missing", partial(_missing, share=share)
+    yield "bursts of a minute missing", partial(_bursts, length=max(1, round(60.0 / period_s)))
+    yield "one reading in ten", _every_tenth
+    temperatures = np.array([each.unit == "degC" for each in model.main.inputs])
+    for step in (0.5, 1.0):
+        for how, whole in (("rounded", np.round), ("truncated", np.trunc)):
+            yield f"{how} to {step:g} degC", partial(_coarse, step=step, whole=whole, temperatures=temperatures)
+
+
+def _missing(u: Array, random: np.random.Generator, share: float) -> Array:
+    u[random.random(u.shape) < share] = np.nan
+    return u
+
+
+def _bursts(u: Array, random: np.random.Generator, length: int) -> Array:
+    """Each sensor is away for a minute about every 20 minutes."""
+    for column in u.T:
+        for start in np.flatnonzero(random.random(len(u)) < 1 / (20 * length)):
+            column[start : start + length] = np.nan
+    return u
+
+
+def _every_tenth(u: Array, random: np.random.Generator) -> Array:
+    """Each sensor at its own phase."""
+    phase = random.integers(10, size=u.shape[1])
+    u[(np.arange(len(u))[:, None] + phase) % 10 != 0] = np.nan
+    return u
+
+
+def _coarse(
+    u: Array, random: np.random.Generator, step: float, whole: Callable[[Array], Array], temperatures: Array
+) -> Array:
+    return np.where(temperatures, step * whole(u / step), u)
+
+
+Wrong = Callable[[Array, int], Array]
+"""From the readings (n, m) since a sensor became wrong, and its number, to what it reports."""
+
+LIES: dict[str, Wrong] = {
+    "-40 degC": lambda u, i: np.full(len(u), -40.0),
+    "0 degC": lambda u, i: np.zeros(len(u)),
+    "85 degC": lambda u, i: np.full(len(u), 85.0),
+    "125 degC": lambda u, i: np.full(len(u), 125.0),
+    "degrees for millidegrees": lambda u, i: u[:, i] / 1000,
+    "stuck": lambda u, i: np.full(len(u), u[0, i]),
+    "swapped with the next": lambda u, i: u[:, (i + 1) % u.shape[1]],
+    "5 K too much": lambda u, i: u[:, i] + 5.0,
+}
+
+
+def _wrong(u: Array, random: np.random.Generator, wrong: Wrong, i: int, onset: int) -> Array:
+    u[onset:, i] = wrong(u[onset:], i)
+    return u
+
+
+def section_of(results: Sequence[Stressed]) -> Section:
+    """One table of all conditions, and one picture."""
+    rows = [
+        (
+            each.condition,
+            f"{each.rmse_degC:.2f}",
+            f"{each.largest_degC:.2f}",
+            f"{100 * each.coverage90:.1f}",
+            f"{100 * each.tracking:.1f}",
+            f"{100 * each.tracking_off:.1f}",
+        )
+        for each in results
+    ]
+    return Section("Stress", [Table(_CAPTION, _COLUMNS, rows), Figure(partial(_figure, results))])
+
+
+def data_of(results: Sequence[Stressed]) -> list[dict[str, object]]:
+    """The same as JSON."""
+    return [asdict(each) for each in results]
+
+
+def _figure(results: Sequence[Stressed]) -> go.Figure:
+    figure = panel_figure("error [°C]", "", 120 + 18 * len(results))
+    names = [each.condition for each in reversed(results)]
+    for name, values in (
+        ("largest", [each.largest_degC for each in reversed(results)]),
+        ("RMSE", [each.rmse_degC for each in reversed(results)]),
+    ):
+        figure.add_bar(x=values, y=names, orientation="h", name=name)
+    return figure
