@@ -128,12 +128,12 @@ def _noise(runs: Sequence[Array]) -> Array:
 class _Sums(NamedTuple):
     """Of a number of samples of z."""
 
-    count: int
+    samples: int
     first: Array
     second: Array
 
     def without(self, other: _Sums) -> _Sums:
-        return _Sums(self.count - other.count, self.first - other.first, self.second - other.second)
+        return _Sums(self.samples - other.samples, self.first - other.first, self.second - other.second)
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class _Folds:
         joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
         blocks = np.array_split(joint, _BLOCKS)
         sums = [_Sums(len(each), each.sum(axis=0), each.T @ each) for each in blocks]
-        total = _Sums(len(joint), sum(each.first for each in sums), sum(each.second for each in sums))
+        total = _Sums(len(joint), joint.sum(axis=0), joint.T @ joint)
         return cls(lags_s, readings, blocks, sums, total)
 
     def differences(self, deviations: Array) -> Iterator[Array]:
@@ -169,9 +169,9 @@ class _Folds:
 
 def _distribution(sums: _Sums, deviations: Array) -> tuple[Array, Array]:
     """Mean and precision of z, regularised by white noise of these standard deviations on each reading."""
-    mean = sums.first / sums.count
+    mean = sums.first / sums.samples
     repeated = np.tile(deviations, len(mean) // len(deviations))
-    covariance = sums.second / sums.count - np.outer(mean, mean) + np.diag(repeated**2)
+    covariance = sums.second / sums.samples - np.outer(mean, mean) + np.diag(repeated**2)
     precision = np.linalg.inv(covariance)
     return mean, (precision + precision.T) / 2
 

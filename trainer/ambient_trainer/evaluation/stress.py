@@ -89,7 +89,7 @@ def _scored(condition: str, found: Evaluation, counted: NDArray[np.bool_]) -> St
         largest_degC=float(error.max(initial=0.0)),
         coverage90=float(np.mean(inside[known])) if len(error) else float("nan"),
         tracking=float(np.mean(tracking)),
-        tracking_off=float(np.count_nonzero(off) / max(1, np.count_nonzero(tracking))),
+        tracking_off=int(off.sum()) / max(1, int(tracking.sum())),
     )
 
 
