@@ -3,10 +3,13 @@
 import json
 import re
 
+import pytest
+
 from ambient_model.codec import load_model
 from ambient_trainer.data.trace import load_trace
 
 
+@pytest.mark.slow
 def test_the_whole_path(process, tmp_path, as_documented):
     printed = process("ambient_trainer", "demo", "-o", tmp_path / "out")
     as_documented("README.md", "It prints this table", printed)
