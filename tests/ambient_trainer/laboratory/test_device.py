@@ -57,13 +57,6 @@ def test_zones_and_gauge_in_the_units_of_their_columns(zones, device_of):
     assert values(other)["battery_current_A"] == 0.4125
 
 
-def test_adb_is_called_once_as_adb_is(zones, device_of):
-    device = device_of(zones)
-    device.read()
-    device.read()
-    assert zones.calls() == ["-s SERIAL7 shell -T sh"]
-
-
 @pytest.mark.parametrize(
     ("connect", "begin", "end"),
     [

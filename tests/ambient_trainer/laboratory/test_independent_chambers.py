@@ -245,7 +245,7 @@ WAYS = {
     "go-on": (Ending.DEVIATED, None),
     "wait": (Ending.LIMIT, None),
     "end": (Ending.LIMIT, None),
-    "stopped": (Ending.STOPPED, 180.0),
+    "stopped": (Ending.STOPPED, 480.0),
 }
 
 
@@ -259,14 +259,14 @@ def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, campai
     made.shown_K = 6.5
     ending, stop_s = WAYS[way]
     wanted = {"unconfirmed": way} if way in ("go-on", "wait", "end") else {}
-    night = Night(campaign_file, tmp_path, made, minutes((4, 25.0)), stop_s, confirm_s=60, **wanted)
+    night = Night(campaign_file, tmp_path, made, minutes((10, 25.0)), stop_s, confirm_s=60, **wanted)
     (said,) = {text for text in night.events if "31.5" in text}
     assert "25.0 degC within 60 s" in said
     assert (night.outcome.ending, night.outcome.safe) == (ending, False)
     assert night.complete.startswith("no: ")
     assert night.took_s < 15.0
     rows = len(load_trace(night.output).time_s)
-    assert (rows < 240) == (way in ("end", "stopped", "wait"))
+    assert (rows < 600) == (way in ("end", "stopped", "wait"))
     assert os.path.exists(night.output + ".part") == (way != "go-on")
 
 
@@ -274,10 +274,10 @@ def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, campai
 def test_a_program_waits_for_its_set_point_and_goes_on(chamber, campaign_file, tmp_path):
     made = chamber()
     made.shown_K = 6.5
-    threading.Timer(300 / SPEED, lambda: setattr(made, "shown_K", 0.0)).start()
-    night = Night(campaign_file, tmp_path, made, minutes((3, 25.0)), confirm_s=30, unconfirmed="wait")
+    threading.Timer(540 / SPEED, lambda: setattr(made, "shown_K", 0.0)).start()
+    night = Night(campaign_file, tmp_path, made, minutes((6, 25.0)), confirm_s=30, unconfirmed="wait")
     assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
-    assert len(load_trace(night.output).time_s) > 240
+    assert len(load_trace(night.output).time_s) > 420
 
 
 def test_after_a_crash_the_gradient_is_lifted_at_an_even_pace_and_each_step_is_logged(chamber, tmp_path):

@@ -62,16 +62,6 @@ def test_it_swings_about_the_set_point_only_while_it_works() -> None:
     assert np.std(working) == pytest.approx(math.hypot(1.0 / math.sqrt(2.0), 0.08), rel=0.1)
 
 
-def test_stopped_it_goes_back_to_the_rooms_temperature() -> None:
-    made = air()
-    made.drive(100.0, 40.0)
-    before = mean(made, 3000.0)
-    made.drive(3000.0, None)
-    assert before == pytest.approx(40.0, abs=0.01)
-    assert 20.0 < mean(made, 4800.0) < 30.0
-    assert mean(made, 20000.0) == pytest.approx(20.0, abs=0.01)
-
-
 def test_a_temperature_that_was_read_once_does_not_change() -> None:
     made = ChamberAir(0.0, 20.0, 3, SWINGING)
     made.drive(0.0, 40.0)
@@ -112,11 +102,3 @@ def test_a_fast_clock_runs_and_waits_as_fast() -> None:
     with pytest.raises(ValueError, match="positive"):
         Clock(-1.0)
     assert [clock.patience_s(1.0), clock.patience_s(1000.0), real.patience_s(0.1)] == [0.5, 5.0, 0.1]
-
-
-def test_a_folder_of_its_own_goes_with_the_instrument() -> None:
-    simulated = Simulated(CHAMBER, Clock(20.0))
-    folder = os.path.dirname(simulated.port)
-    assert os.path.islink(simulated.port)
-    simulated.close()
-    assert not os.path.exists(folder)

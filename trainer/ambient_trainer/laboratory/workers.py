@@ -115,6 +115,8 @@ RESOLUTION_K = 0.06
 """A set point that is reported this near is the one that was sent: controllers have tenths."""
 _BEHIND_MIN, _BEHIND_K = 1.0, 0.5
 """How far a nominal value that moves under a gradient may be from the straight line; chosen."""
+_LEAST_WALL_S = 2.0
+"""However fast the clock, a loaded machine may need this long to confirm."""
 _RETRY_S = 1.0
 _QUICK_RETRIES = 5
 """After so many attempts the next ones come once a period; a gradient is then given up."""
@@ -283,7 +285,7 @@ class ChamberControl(Worker):
             self._overdue = False
         else:
             self._got = reported
-            if now_s - self._agreed_s > self._confirm_s:
+            if now_s - self._agreed_s > max(self._confirm_s, _LEAST_WALL_S * self.clock.speed):
                 self._fail_set_point(self._begun)
 
     def _fail_set_point(self, target: Target) -> None:

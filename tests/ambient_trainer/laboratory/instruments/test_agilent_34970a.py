@@ -120,17 +120,6 @@ def test_another_maker_is_refused(driver, simulated) -> None:
     assert ("34970A" in caught.value.expected, "KEITHLEY 2700" in caught.value.got) == (True, True)
 
 
-def test_the_simulated_one_complains_and_forgets_the_channels_numbers(simulated) -> None:
-    def replies(line: bytes) -> bytes:
-        return b"".join(each.reply for each in simulated._respond(line))
-
-    assert replies(b"BOGUS\nFORM:READ:COLOUR ON\n") == b""
-    undefined = b'-113,"Undefined header"\r\n'
-    assert replies(b"SYST:ERR?\n" * 3) == undefined + undefined + b'+0,"No error"\r\n'
-    assert replies(b"CONF:TEMP TC,K,(@101,102)\nFORM:READ:CHAN ON\nREAD?\n").count(b",") == 3
-    assert replies(b"CONF:TEMP TC,K,(@101,102)\nREAD?\n").count(b",") == 1
-
-
 @pytest.mark.parametrize(
     ("values", "parts"),
     [

@@ -201,8 +201,3 @@ def test_a_frame_after_a_part_of_one(cut) -> None:
     values = [easybus.value_of(each.body) for each in found if isinstance(each, Frame)]
     assert values == [Value(21.76, None)] or cut % 3 == 0  # there the frame's head may be a value's groups
     assert len(values) < len(found)
-
-
-def test_an_empty_line_is_a_malformed_command_of_the_chamber() -> None:
-    ((malformed,), _) = voetsch.decode(b"\r")
-    assert "empty line" in malformed.got

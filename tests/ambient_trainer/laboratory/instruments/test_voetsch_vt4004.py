@@ -150,9 +150,3 @@ def test_a_later_controller_is_asked_once_in_five_seconds(tmp_path, driver_at) -
         hasty.read()  # a state and a fault at once
     hasty.close()
     simulated.close()
-
-
-def test_a_malformed_command_is_answered_by_an_empty_line(bench) -> None:
-    simulated = bench("chamber").simulated
-    for command in ("E 0010.0", "E 0190.0 0000.0 0000.0 0000.0 0000.0 0101000000000000", "Z"):
-        assert simulated.answer(command) == b"\r"
