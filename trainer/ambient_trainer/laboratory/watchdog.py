@@ -14,7 +14,7 @@ import sys
 from types import TracebackType
 
 from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, instrument
-from ambient_trainer.laboratory.messages import Clock, InstrumentError
+from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError
 from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.workers import ChamberControl, Target
 
@@ -23,6 +23,8 @@ _RETRY_S = 1.0
 _LONGEST_S = 3600.0
 _BUSY_TIMES = 4
 """A port that is in use for so long has a collector again, which sees to the chamber; once, it may still be closing."""
+_SILENT_TIMES = 3
+"""After so many questions without an answer the set point is sent all the same."""
 _log = logging.getLogger("ambient_trainer.laboratory")
 
 
@@ -68,17 +70,21 @@ def make_safe(chamber: ChamberDriver, period_s: float, safe_degC: float, gradien
     clock = Clock()
     safe = Target(safe_degC, urgent=True)
     control = ChamberControl(chamber, clock, lambda message: _log.info("%s", message), period_s, safe, gradients, 60.0)
-    busy = 0
+    busy = silent = 0
     while clock.now_s() < _LONGEST_S and busy < _BUSY_TIMES:
+        due_s, error = clock.now_s() + _RETRY_S, None
         try:
-            if not control.begun and Target(None).confirmed_by(chamber.read()):
-                return "the chamber is stopped, and stays so"
+            if silent < _SILENT_TIMES:
+                if Target(None).confirmed_by(chamber.read()):
+                    return "the chamber is stopped, and stays so"
+                silent = _SILENT_TIMES
             due_s, error = control.turn(), control.error
         except InstrumentError as failure:
-            due_s, error = clock.now_s() + _RETRY_S, failure
+            error, silent = failure, silent + (not isinstance(failure, Disconnected))
         if control.settled:
             return f"the chamber confirmed {safe}"
         busy = busy + 1 if getattr(getattr(error, "__cause__", None), "errno", None) == errno.EWOULDBLOCK else 0
+        chamber.close()  # a collector that is started again may have it
         clock.sleep(due_s - clock.now_s())
     return "another program has the chamber" if busy else f"the chamber has not confirmed {safe}"
 

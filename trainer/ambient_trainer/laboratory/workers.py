@@ -21,6 +21,7 @@ from ambient_trainer.laboratory.messages import (
     DEVICE,
     Clock,
     Crash,
+    Disconnected,
     Failure,
     InstrumentError,
     LoadState,
@@ -178,11 +179,6 @@ class ChamberControl(Worker):
         self._reported_degC: float | None = None
 
     @property
-    def begun(self) -> bool:
-        """Whether the newest target has been sent, or tried to be."""
-        return self._begun is self.target
-
-    @property
     def confirmed(self) -> bool:
         """Whether the chamber's own answer agrees with the newest target."""
         return self._confirmed is self.target
@@ -200,7 +196,7 @@ class ChamberControl(Worker):
     def turn(self) -> float:
         """Send what is not confirmed, and read the chamber."""
         target = self.target
-        if not self.begun:
+        if target is not self._begun:
             self._begin(target)
         self.error = None
         try:
@@ -259,6 +255,9 @@ class ChamberControl(Worker):
         try:
             self._chamber.gradient(rate_K_min, rising=target.set_degC >= (self._from_degC or 0.0))
             self._gradient_attempts = 0
+        except Disconnected:
+            self._gradient_attempts += 1
+            raise
         except InstrumentError as error:
             _log.info("%s", error)
             self._gradient_error = error
