@@ -219,20 +219,6 @@ def test_derivatives_of_random_circuits(drawn):
     _assert_slopes(*drawn)
 
 
-@given(circuits("temperature"))
-@settings(max_examples=40)
-def test_heat_is_neither_made_nor_lost(drawn):
-    """Where every temperature is the same no heat flows; what leaves a state enters its neighbour."""
-    circuit, values = drawn
-    found = assemble(circuit, values)
-    boundaries = [index for index, column in enumerate(circuit.inputs) if column.endswith("_degC")]
-    flow = found.capacitance[:, None] * found.value.A
-    scale = np.abs(flow).max()
-    rows = flow.sum(axis=1) + (found.capacitance[:, None] * found.value.B[:, boundaries]).sum(axis=1)
-    np.testing.assert_allclose(rows, 0, atol=1e-12 * scale)
-    np.testing.assert_allclose(flow, flow.T, atol=1e-12 * scale)
-
-
 @given(circuits("rise") | circuits("temperature"))
 @settings(max_examples=40)
 def test_the_balance_of_every_node(drawn):

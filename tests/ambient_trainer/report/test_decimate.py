@@ -27,17 +27,6 @@ def test_the_extremes_stay_and_the_count_is_bounded(values: list[float], limit: 
     assert np.isnan(y[kept]).any() == np.isnan(y).any()
 
 
-def test_a_single_spike_in_a_hundred_thousand_is_drawn() -> None:
-    y = np.zeros(100_000)
-    y[[31_415, 92_653]] = 1.0, -1.0
-
-    assert {31_415, 92_653} <= set(extremes(y, 6_000).tolist())
-
-
-def test_a_short_line_is_drawn_whole() -> None:
-    assert extremes(np.array([3.0, NAN, 1.0]), 3).tolist() == [0, 1, 2]
-
-
 @given(VALUES, st.integers(1, 50))
 def test_an_envelope_holds_the_whole_band(values: list[float], limit: int) -> None:
     low = np.array(values)
