@@ -1,3 +1,4 @@
+import ast
 import subprocess
 import sys
 
@@ -37,6 +38,19 @@ def test_yaml_is_imported_late_and_by_the_configuration_alone(sources) -> None:
 @pytest.mark.parametrize("package", ["ambient_model", "ambientd"])
 def test_no_heavy_import_on_the_device(sources, package: str) -> None:
     assert [str(each) for each in sources.imports(package) if each.top in HEAVY] == [], COST
+
+
+def test_no_package_exports_the_name_of_a_folder_in_it(sources) -> None:
+    """Whoever imports that folder would find it in the place of what was exported."""
+    packages = [path for trees in sources.trees.values() for path in trees if path.name == "__init__.py"]
+    folders = {path.parent: {each.parent.name for each in path.parent.glob("*/__init__.py")} for path in packages}
+    exported = {
+        path.parent: {name.asname or name.name for node in ast.walk(tree) for name in getattr(node, "names", ())}
+        for trees in sources.trees.values()
+        for path, tree in trees.items()
+        if path in packages
+    }
+    assert [str(each) for each in folders if folders[each] & exported[each]] == []
 
 
 IMPORT_ALL = """

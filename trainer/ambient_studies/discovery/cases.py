@@ -12,13 +12,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ambient_trainer.data import Trace
-from ambient_trainer.simulator import SIGNALS, Hidden, Simulated, draw_hidden, effects, load_scenario, simulate_many
+from ambient_trainer.simulator import (
+    SIGNALS,
+    Hidden,
+    Simulated,
+    draw_hidden,
+    effect_kinds,
+    load_scenario,
+    simulate_many,
+)
 
 SCENARIO = "5"
 """Seven hours, with every load and air from cold to hot."""
 BASELINES = ("5", "5", "2.4")
 PERIOD_S = 5.0
-CAUSES = tuple(effects())
+CAUSES = tuple(effect_kinds())
 SCALES = (0.3, 0.7, 1.5, 3.0)
 """Of typical effects, which are about 2 degC in the sensor that feels most: half of them below the noise's fivefold."""
 _PAIR_SCALES = SCALES[-2:]

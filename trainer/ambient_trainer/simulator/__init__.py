@@ -14,7 +14,8 @@ from ambient_trainer.simulator.device_file import (
 )
 from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.heat import Demand, HeatBalance
-from ambient_trainer.simulator.hidden import Effect, Hidden, effects
+from ambient_trainer.simulator.hidden import Effect, Hidden
+from ambient_trainer.simulator.hidden import effects as effect_kinds
 from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
@@ -49,7 +50,7 @@ __all__ = [
     "device_names",
     "device_path",
     "draw_hidden",
-    "effects",
+    "effect_kinds",
     "felt",
     "integrate",
     "load_constants",
