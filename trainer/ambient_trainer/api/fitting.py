@@ -13,6 +13,7 @@ from ambient_model.codec import save_model
 from ambient_model.model import Model, ReadingModel
 from ambient_trainer.api.data import Data, sensor_columns, traces_of
 from ambient_trainer.api.result import Result
+from ambient_trainer.data.resolution import with_resolution
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.model_file import model_of, training_of
@@ -113,6 +114,7 @@ def fit(
     to_s: float | None = None,
     period_s: float | None = None,
     zones: Mapping[str, str] | None = None,
+    resolution: Mapping[str, float] | None = None,
     effort: Effort | None = None,
     progress: Progress | None = None,
 ) -> FitResult:
@@ -133,6 +135,8 @@ def fit(
         The grid; by default the traces' own.
     zones : mapping of str to str, optional
         The thermal zone's type by input name, where it is not the name.
+    resolution : mapping of str to float, optional
+        The device's steps in degC by sensor, where it reads coarser than the log: training rounds the log to them.
     effort : Effort, optional
         Starts, seed, pieces and budget of the search.
     progress : callable, optional
@@ -167,7 +171,8 @@ def fit(
     """
     columns = sensor_columns(sensors)
     method = estimator(circuit, columns)
-    traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
+    steps = dict(zip(sensor_columns(list(resolution or {})), (resolution or {}).values()))
+    traces = [with_resolution(trace.cut(from_s, to_s), steps) for trace in traces_of(data)]
     fitted = method.fit(traces, effort or Effort(), progress, period_s, columns or None)
-    training = tuple(training_of(trace, from_s, to_s) for trace in traces)
-    return FitResult(fitted, training, zones or {}, reading_model(fitted, traces))
+    training = [{**training_of(trace, from_s, to_s), **({"resolution": steps} if steps else {})} for trace in traces]
+    return FitResult(fitted, tuple(training), zones or {}, reading_model(fitted, traces))

@@ -11,7 +11,7 @@ everything to s + q rows, with the same inner products.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -114,28 +114,25 @@ def _factors(structure: Structure, theta: Array, period_s: float, used: NDArray[
 
     S holds the ``used`` signals.
     """
-    tables = [
-        (structure.signals(theta, index), segment.outputs)
-        for index, segment in enumerate(structure.segments)
-        if segment.period_s == period_s
-    ]
-    outputs = tables[0][1].shape[0]
-    if all((np.isnan(targets) == np.isnan(targets[0])).all() for _, targets in tables):
-        R = _triangle(tables, used)
+    segments = [(index, each.outputs) for index, each in enumerate(structure.segments) if each.period_s == period_s]
+    tables = ((structure.signals(theta, index), targets) for index, targets in segments)
+    outputs = len(segments[0][1])
+    if all((np.isnan(targets) == np.isnan(targets[0])).all() for _, targets in segments):
+        # one segment's signals at a time: those of all may not fit into memory
+        R = _triangle(tables, used, outputs)
         return [(R[:, :-outputs], R[:, index - outputs]) for index in range(outputs)]
-    alone = (
-        _triangle([(signals, targets[index, None]) for signals, targets in tables], used) for index in range(outputs)
-    )
+    kept = list(tables)
+    alone = (_triangle([(each, rows[index, None]) for each, rows in kept], used, 1) for index in range(outputs))
     return [(R[:, :-1], R[:, -1]) for R in alone]
 
 
-def _triangle(tables: Sequence[tuple[Array, Array]], used: NDArray[np.bool_]) -> Array:
+def _triangle(tables: Iterable[tuple[Array, Array]], used: NDArray[np.bool_], outputs: int) -> Array:
     """The R of a QR factorisation of used signals (s, N) and targets (q, N), transposed, over the samples that count.
 
     In blocks of samples that stay in the cache: a whole table at once takes twice as long.
     """
     triangles = []
-    size = int(used.sum()) + len(tables[0][1])
+    size = int(used.sum()) + outputs
     upper = np.tri(size, dtype=bool).T
     for signals, targets in tables:
         counts = ~np.isnan(targets[0])

@@ -4,14 +4,14 @@ Three rules cut time, since three kinds of fit are validated:
 
 - :func:`cut_in_blocks`, for whole estimators: blocks of equal length with a gap on either side, which trains nothing
   either, as errors are autocorrelated. Inputs before a block may run into its filters, as on a device.
-- :func:`successive_masks`, for a choice between orders: successive blocks of all segments together, without a gap.
+- :func:`held_out`, for orders and intervals: successive blocks of all segments together, without a gap.
 - :func:`time_blocks`, for normal equations: many short blocks, so that folds of every fifth see all of a record.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.budget import Budget
-from ambient_trainer.estimation.search import Solution, search
+from ambient_trainer.estimation.error_variance import Moment
+from ambient_trainer.estimation.search import Progress, Solution, search
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import residuals
 
@@ -62,12 +64,37 @@ def cut_in_blocks(segments: Sequence[Segment], count: int, gap_s: float | None, 
     return tuple(blocks)
 
 
-def successive_masks(segments: Sequence[Segment], count: int) -> list[list[NDArray[np.bool_]]]:
-    """For each of ``count`` blocks of successive samples of all segments, which samples (1, N) of each are in it."""
+def held_out(
+    structure_of: Callable[[Sequence[Segment]], Structure],
+    segments: Sequence[Segment],
+    count: int,
+    start: Array,
+    progress: Progress | None,
+    budget: Budget,
+) -> list[list[Moment]]:
+    """For each of ``count`` blocks the estimate of a filter that ran through it and was not trained on it.
+
+    A search begins at ``start``. Blocks without a reference are left out; cancelled, so are those not done.
+    """
     lengths = [each.inputs.shape[1] for each in segments]
     number = np.arange(sum(lengths)) * count // sum(lengths)
-    parts = np.split(number, np.cumsum(lengths)[:-1])
-    return [[part[None] == block for part in parts] for block in range(count)]
+    blocks = []
+    for block in range(count):
+        masks = np.split(number == block, np.cumsum(lengths)[:-1])
+        hidden = [np.where(mask, each.outputs[0], np.nan) for each, mask in zip(segments, masks)]
+        if np.isnan(np.concatenate(hidden)).all():
+            continue
+        structure = structure_of(
+            [replace(s, outputs=np.where(mask, np.nan, s.outputs)) for s, mask in zip(segments, masks)]
+        )
+        structure.search = replace(structure.search, initial=start)
+        best = search(structure, 1, 0, progress, budget).best
+        if budget.cancel.cancelled:
+            break
+        expansion = structure.expand(best.theta, segments[0].period_s)
+        weights = (expansion.fixed + expansion.free @ best.beta)[0]
+        blocks.append([Moment(weights @ structure.signals(best.theta, i), rows) for i, rows in enumerate(hidden)])
+    return blocks
 
 
 def time_blocks(samples: int, count: int, shortest: int) -> NDArray[np.intp]:

@@ -15,14 +15,31 @@ from numpy.typing import NDArray
 from ambient_model.trace import split_column
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
-from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.search import Progress, SearchResult
 from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, with_uncertainty
 from ambient_trainer.lti.response import noise_gain, response_degC
+from ambient_trainer.lti.statespace import dc_gain
 
 Array = NDArray[np.float64]
 
 Refit = Callable[[int], Fit]
 """Fits the same without the input of that number."""
+
+
+def filter_fit(
+    name: str, columns: Sequence[str], segments: Sequence[Segment], order: int, result: SearchResult, effort: Effort
+) -> Fit:
+    """The fit of a free filter that was searched over more than the logged ``segments``; its DC gains add up to one."""
+    logged = FreeFilter(order, segments)
+    found = with_uncertainty(logged, result, effort)
+    system = logged.system(result.best.theta, result.best.beta)
+    lacking = 1.0 - float(dc_gain(system)[0].sum())
+    system = replace(system, D=system.D + lacking / system.D.shape[1])
+    parameters = filter_parameters(logged, found)
+    fit = fit_of(found, system, parameters, circuit=name, inputs=columns, states=MODES[:order])
+    return rescored(fit, segments)
 
 
 def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:
@@ -35,16 +52,22 @@ def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:
 
 
 def with_fallbacks_and_variance(
-    fit: Fit, segments: Sequence[Segment], refit: Refit | None, remark: str, details: Mapping[str, Any]
+    fit: Fit,
+    segments: Sequence[Segment],
+    unseen: Sequence[Moment],
+    refit: Refit | None,
+    remark: str,
+    details: Mapping[str, Any],
 ) -> Fit:
     """The fit with a fallback an input, if there is a ``refit``, and an error variance model.
 
-    ``remark`` and ``details`` are of this kind of observer. Cancelled, it leaves out the fallbacks that are not done.
+    Its errors are those of ``unseen`` blocks, if there are any. ``remark`` and ``details`` are of this kind
+    of observer. Cancelled, it leaves out the fallbacks that are not done.
     """
     fallbacks, stopped = _fallbacks(fit, refit)
     moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
-    variance = fit_error_variance(moments, period_s)
+    variance = fit_error_variance(unseen or moments, period_s)
     gain, half = noise_gain(fit.system, period_s), half_widths(variance, moments, period_s)
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
     return replace(

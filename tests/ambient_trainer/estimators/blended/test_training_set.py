@@ -103,7 +103,8 @@ def design(observer_file, brick_log):
     forward = Forward(recipe, circuit)
     fit = fit_forward(forward, log, 5.0, lambda *_: None)
     ambient = fit_ambient([log[0].ambient_degC], 5.0, "log")
-    return TrainingSetDesign(recipe, forward, fit, ambient, fit_workload(log, recipe.work, "log"), 5.0, 1, 0), log
+    workload, steps = fit_workload(log, recipe.work, "log"), (0.0, 0.5, 0.0)
+    return TrainingSetDesign(recipe, forward, fit, ambient, workload, 5.0, 1, 0, steps), log
 
 
 def test_the_training_set_is_that_of_the_recipe(design):
@@ -123,6 +124,7 @@ def test_the_training_set_is_that_of_the_recipe(design):
     for each in runs["idle"]:
         # a device that idles lies near its ambient
         assert 0 < np.median(each.sensors_degC - each.target_degC) < 4
+        assert set(np.unique(each.sensors_degC[1] % 0.5)) == {0.0}, "the log's resolution"
 
 
 def test_the_same_seed_makes_up_the_same(design):

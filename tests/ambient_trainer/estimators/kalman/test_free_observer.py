@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.data.grid import segments
+from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.order import Choice, ConstrainedFilter, selected
+from ambient_trainer.estimators.kalman.order import Choice, constrained, selected
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.library.free_observer import FreeObserver
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.lti.response import noise_gain
+from ambient_trainer.lti.statespace import dc_gain
 
 ONE = Effort(starts=1)
 
@@ -40,17 +41,35 @@ def test_the_more_noise_is_presumed_the_less_goes_through(simulated):
     grid = segments(trace, ["a_degC", "b_degC", "c_degC"], ("ambient_degC",))
     gains = []
     for noise_degC in (0.01, 0.3, 3.0):
-        best = search(structure := ConstrainedFilter(2, grid, noise_degC), 2, 0).best
+        best = search(structure := constrained(2, grid, noise_degC), 2, 0).best
         gains.append(noise_gain(structure.system(best.theta, best.beta), 10.0))
     assert gains[0] > gains[1] > gains[2]
     assert gains[2] < 1.0
 
 
-def test_the_lowest_order_and_then_the_most_noise_within_a_hundredth():
-    tried = [Choice(1, 0.01, 0.9), Choice(2, 0.01, 0.503), Choice(3, 0.01, 0.5), Choice(4, 0.01, 0.499)]
+def choice(order, noise_degC, offset_degC, *errors_degC):
+    return Choice(order, noise_degC, offset_degC, tuple(each**2 for each in errors_degC))
+
+
+def test_the_lowest_order_then_the_most_noise_and_offset_that_are_not_worse():
+    tried = [choice(order, 0.01, 0.0, rmse, rmse) for order, rmse in ((1, 0.9), (2, 0.503), (3, 0.5), (4, 0.499))]
     assert selected(tried) == tried[1]
-    more = [*tried, Choice(2, 0.03, 0.5035), Choice(2, 0.1, 0.6)]
+    more = [*tried, choice(2, 0.03, 0.0, 0.5035, 0.5035), choice(2, 0.1, 0.0, 0.6, 0.6)]
     assert selected(more) == more[4]
+    # worse in one block, better in another: no significant difference
+    offsets = [*more, choice(2, 0.03, 0.3, 0.45, 0.57), choice(2, 0.03, 1.0, 0.59, 0.6)]
+    assert selected(offsets) == offsets[6]
+
+
+def test_few_levels_do_not_make_large_gains():
+    """Three sensors that differ by a constant at either of two levels: any gains fit, the offset keeps them small."""
+    level = np.repeat([-40.0, 90.0, -40.0, 90.0], 200)
+    u = level + np.random.default_rng(1).normal(0, 0.05, (3, 800)) + np.array([[1.0], [0.2], [0.0]]) * (level < 0)
+    gains = []
+    for offset_degC in (0.0, 1.0):
+        best = search(structure := constrained(1, [Segment(10.0, u, level[None])], 0.01, offset_degC), 2, 0).best
+        gains.append(np.linalg.norm(dc_gain(structure.system(best.theta, best.beta))))
+    assert gains[1] < 0.8 < gains[0]
 
 
 def test_the_interval_covers_runs_that_the_fit_never_saw(fit, simulated):

@@ -39,6 +39,13 @@ STOPPED = 1
 @click.option(
     "--zone", "zones", multiple=True, metavar="NAME=TYPE", help="The thermal zone's type, where it is not the name."
 )
+@click.option(
+    "--resolution",
+    "resolutions",
+    multiple=True,
+    metavar="SENSOR=STEP",
+    help="The device reads this sensor in steps of so many degC: train as if the log did.",
+)
 @period_option()
 @effort_options
 def command(
@@ -48,6 +55,7 @@ def command(
     output: Output,
     sensors: str | None,
     zones: tuple[str, ...],
+    resolutions: tuple[str, ...],
     effort: Effort,
     **grid: Any,
 ) -> int:
@@ -61,14 +69,15 @@ def command(
     from ambient_trainer.data.trace import load_trace
     from ambient_trainer.estimators.registry import estimator
 
-    zone_types = dict(_pair(each) for each in zones)
+    zone_types = dict(_pair("--zone", each, "NAME=TYPE, such as usb=usb-therm") for each in zones)
+    steps = dict(_step(each) for each in resolutions)
     output.check([*trace_paths, circuit], [model_path])
     traces = [load_trace(path).cut(grid["from_s"], grid["to_s"]) for path in trace_paths]
     samples = sum(int(np.count_nonzero(~np.isnan(trace.reference))) for trace in traces if REFERENCE in trace.columns)
     searches = estimator(circuit, sensor_columns(sensors)).searches(effort)
     with interruptible(effort.budget.cancel), fit_progress(circuit, searches, samples) as progress:
         chosen: dict[str, Any] = {"sensors": sensor_columns(sensors), "zones": zone_types, "effort": effort}
-        result = fit(traces, circuit, **chosen, **grid, progress=progress)
+        result = fit(traces, circuit, **chosen, **grid, resolution=steps, progress=progress)
     result.save(model_path)
     output.show(result.summary)
     periods = ", ".join(f"{each.period_s:g}" for each in result.model.main.discrete)
@@ -76,8 +85,17 @@ def command(
     return STOPPED if result.fitted.stopped else 0
 
 
-def _pair(text: str) -> tuple[str, str]:
-    name, _, zone = text.partition("=")
-    if not name or not zone:
-        raise click.UsageError(f"--zone {text!r}: write NAME=TYPE, such as usb=usb-therm")
-    return name, zone
+def _pair(option: str, text: str, form: str) -> tuple[str, str]:
+    name, _, value = text.partition("=")
+    if not name or not value:
+        raise click.UsageError(f"{option} {text!r}: write {form}")
+    return name, value
+
+
+def _step(text: str) -> tuple[str, float]:
+    form = "SENSOR=STEP, such as battery=1"
+    name, step = _pair("--resolution", text, form)
+    try:
+        return name, float(step)
+    except ValueError:
+        raise click.UsageError(f"--resolution {text!r}: write {form}") from None

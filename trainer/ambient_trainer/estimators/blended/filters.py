@@ -1,172 +1,160 @@
-"""Fits the main filter, the secondary one and the fallbacks, each by a search of its own, and their error variance.
+"""Fits the main filter, the secondary one and the fallbacks to weighted runs, and their error variance.
 
-All searches but the first start where the main filter's ended.
+Each minimises, over its poles and weights,
+
+    sum_l k_l mean (target_l - estimate_l)^2 + noise N^2 + one_degree (sum of DC gains - 1)^2,
+
+l being the training runs and N the noise gain. Two poles are real and slow, bounded below the age of the log, and a
+damped pair inverts the lags; the recipe has weights and bounds. All searches but the first start where the main
+filter's ended.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ambient_model.model import ErrorVariance, Term
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.budget import Cancelled
 from ambient_trainer.estimation.error_variance import WeightedRun, fit_weighted_error_variance, regressors_degC2
-from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimators.blended.poles import (
-    Objective,
-    Searched,
-    dc_gains,
-    first_unknowns,
-    noise_gram,
-    numerators,
-    search_poles,
-    signals,
-)
-from ambient_trainer.estimators.blended.recipe import LOGGED, Recipe
+from ambient_trainer.estimation.search import Progress, search
+from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimation.weighted_filter import Run, WeightedFilter, impulses, level
+from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe
 from ambient_trainer.estimators.blended.training_set import TrainingRun, TrainingSet
 from ambient_trainer.estimators.estimate import Blended, blended
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.estimators.observer import filter_fit
+from ambient_trainer.lti.response import response_degC
 
 Array = NDArray[np.float64]
 
-STATES = 4
+_STATES = 4
+_MOST_RATIO = 20.0
+_MOST_DAMPING = 20.0
+_NEVER_DEGC = 1e9
 
 
-@dataclass(frozen=True)
-class TrainedFilter:
-    """Poles and weights over the trace columns ``inputs``, at ``period_s``."""
+class RecipeFilter(WeightedFilter):
+    """The filter of four states over the runs that ``counts`` weighs, within the bounds of ``rules``."""
 
-    inputs: tuple[str, ...]
-    period_s: float
-    found: Searched
-
-    def estimate_degC(self, sensors_degC: Array) -> Array:
-        """The estimate (N,) over sensors (m, N), from equilibrium with the first sample."""
-        weights = self.found.weights
-        return np.asarray(weights[:-1] @ signals(self.found.poles, self.period_s, sensors_degC) + weights[-1])
-
-    @property
-    def noise_gain(self) -> float:
-        """The output's standard deviation per that of white noise, independent in every input, at its period."""
-        weights = self.found.weights[:-1]
-        return float(np.sqrt(weights @ noise_gram(self.found.poles, self.period_s, len(self.inputs)) @ weights))
-
-    @property
-    def dc_gains(self) -> dict[str, float]:
-        """Per input the DC gain."""
-        gains = dc_gains(len(self.inputs)) @ self.found.weights[:-1]
-        return dict(zip(self.inputs, gains.tolist()))
-
-    @property
-    def time_constants_s(self) -> list[complex]:
-        """-1/pole, slowest first; a damped pair is complex."""
-        return self._free_filter().time_constants_s(self.found.poles)
-
-    def system(self) -> StateSpace:
-        """The continuous system that is this filter under a first-order hold, of four states.
-
-        A state is what one mode adds to the estimate, in degC, so that a norm shows the decay of a wrong start.
-        """
-        direct, sections = numerators(self.found.poles, self.period_s, self.found.weights[:-1])
-        gains = np.concatenate([direct, self.found.weights[-1:], *(each.ravel() for each in sections)])
-        system = self._free_filter().system(self.found.poles, gains)
-        modes = block_diag(*(_modes(block) for block in (system.A[:2, :2], system.A[2:, 2:])))
-        return StateSpace(
-            np.linalg.solve(modes, system.A @ modes),
-            np.linalg.solve(modes, system.B),
-            system.C @ modes,
-            system.D,
-            system.offset,
+    def __init__(self, runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> None:
+        weighted = [
+            _weighted(each, count / len(runs[name]), period_s)
+            for name, count in counts.items()
+            if count
+            for each in runs[name]
+        ]
+        inputs = len(weighted[0].segment.inputs)
+        physics = [
+            *level(period_s, inputs, math.sqrt(rules.one_degree)),
+            *impulses(period_s, inputs, math.sqrt(rules.noise)),
+        ]
+        super().__init__(_STATES, [*weighted, *physics])
+        slow, fast = sorted(rules.slow.time_constants_s), rules.fast
+        self._slowest = -math.log(rules.slow.slowest_s)
+        # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
+        self.search = Unknowns(
+            self.search.names,
+            np.log([1 / math.sqrt(slow[0] * slow[1]), _damping(slow[1] / slow[0]), 1 / fast.time_s, fast.damping]),
+            np.log([1 / rules.slow.slowest_s, _damping(rules.slow.least_ratio)] * 2),
+            np.log([1 / (2 * period_s), _damping(_MOST_RATIO), 1 / (2 * period_s), _MOST_DAMPING]),
         )
-
-    def _free_filter(self) -> FreeFilter:
-        """The structure whose poles and gains these are; it takes period and inputs from a segment."""
-        shape = np.zeros((len(self.inputs), 3))
-        return FreeFilter(STATES, [Segment(self.period_s, shape, np.zeros((1, 3)))])
+        self.search.low[3] = math.log(fast.least_damping)
 
 
-def _modes(A: Array) -> Array:
-    """The eigenvectors of a companion matrix [[0, 1], [a, b]], or real and imaginary part of one, as columns."""
-    first, second = np.linalg.eigvals(A)
-    if np.iscomplex(first):
-        return np.array([[1.0, 0.0], [first.real, first.imag]])
-    return np.array([[1.0, 1.0], [first.real, second.real]])
+def _damping(ratio: float) -> float:
+    """The damping of two real poles of that ratio."""
+    return math.cosh(math.log(ratio) / 2)
 
 
-Show = Callable[[int, float], None]
-"""Called with the number of evaluations and the objective."""
+def _weighted(run: TrainingRun, count: float, period_s: float) -> Run:
+    target = np.full_like(run.target_degC, np.nan)
+    target[:: run.stride] = run.target_degC[:: run.stride]
+    weight = math.sqrt(count / len(target[:: run.stride]))
+    return Run(Segment(period_s, run.sensors_degC, target[None]), weight, run.absolute)
 
 
 @dataclass(frozen=True)
 class Filters:
     """The filters of a recipe."""
 
-    main: TrainedFilter
-    secondary: TrainedFilter
+    main: Fit
+    secondary: Fit
     threshold_degC: float
-    fallbacks: dict[str, TrainedFilter]
+    fallbacks: dict[str, Fit]
     """By the sensor that each does without."""
-    stopped: bool = False
+    stopped: bool
     """Whether the user stopped it before all fallbacks were fitted."""
 
-    def published(self, sensors_degC: Array) -> Blended:
-        """The blended estimate over sensors (m, N)."""
-        main, secondary = (each.estimate_degC(sensors_degC) for each in (self.main, self.secondary))
-        return blended(main, secondary, self.threshold_degC)
+    def published(self, segment: Segment) -> Blended:
+        """The blended estimate over a segment."""
+        estimates = (response_degC(each.system, each.hold, segment.inputs, segment.period_s) for each in self._both)
+        return blended(*estimates, self.threshold_degC)
+
+    @property
+    def _both(self) -> tuple[Fit, Fit]:
+        return self.main, self.secondary
 
 
-def fit_filters(recipe: Recipe, runs: TrainingSet, period_s: float, stage: Callable[[int], Show]) -> Filters:
-    """The filters fitted to ``runs``; ``stage`` gives the progress callback of the search of that number.
+def fit_filters(
+    recipe: Recipe, runs: TrainingSet, logged: Sequence[Segment], effort: Effort, progress: Progress | None
+) -> Filters:
+    """The filters fitted to ``runs``; ``progress`` gets the number of the search.
 
     Cancelled, it leaves out the fallbacks that are not done; before the first it raises :class:`Cancelled`.
     """
-    columns, weights, rules = recipe.sensor_columns, recipe.weights, recipe.filter
-    start = first_unknowns(rules)
+    columns, weights, period_s = recipe.sensor_columns, recipe.weights, logged[0].period_s
+    start: Array | None = None
 
-    def search(inputs: Sequence[str], runs: TrainingSet, counts: Mapping[str, float], number: int) -> TrainedFilter:
+    def fitted(number: int, runs: TrainingSet, counts: Mapping[str, float], without: int | None = None) -> Fit:
         nonlocal start
-        found, reached = search_poles(Objective(runs, counts, rules, period_s), rules, start, stage(number))
-        if number == 0:
-            start = reached
-        return TrainedFilter(tuple(inputs), period_s, found)
+        structure = RecipeFilter(runs, counts, recipe.filter, period_s)
+        if start is not None:
+            structure.search = Unknowns(structure.search.names, start, structure.search.low, structure.search.high)
+        show = progress and (lambda _, evaluation, square: progress(number, evaluation, square))
+        result = search(structure, 1, effort.seed, show, effort.budget)
+        start = result.best.theta if start is None else start
+        kept = [index for index in range(len(columns)) if index != without]
+        segments = [Segment(period_s, each.inputs[kept], each.outputs) for each in logged]
+        return filter_fit(recipe.name, [columns[index] for index in kept], segments, _STATES, result, effort)
 
-    main = search(columns, runs, weights.main, 0)
-    secondary = search(columns, runs, weights.guard, 1)
-    fallbacks: dict[str, TrainedFilter] = {}
-    stopped = False
-    try:
-        for index, name in enumerate(recipe.sensors):
-            fewer = {key: [each.without(index) for each in several] for key, several in runs.items()}
-            fallbacks[name] = search([*columns[:index], *columns[index + 1 :]], fewer, weights.main, 2 + index)
-    except Cancelled:
-        stopped = True
-    threshold_degC = _threshold(recipe, main, secondary, runs[LOGGED])
-    return Filters(main, secondary, threshold_degC, fallbacks, stopped)
+    main = fitted(0, runs, weights.main)
+    secondary = fitted(1, runs, weights.guard)
+    effort.budget.cancel.check()
+    fallbacks: dict[str, Fit] = {}
+    for index, name in enumerate(recipe.sensors):
+        fewer = {key: [each.without(index) for each in several] for key, several in runs.items()}
+        each = fitted(2 + index, fewer, weights.main, index)
+        if each.stopped:
+            break
+        fallbacks[name] = each
+    stopped = len(fallbacks) < len(recipe.sensors)
+    return Filters(main, secondary, _threshold(recipe, main, secondary, logged), fallbacks, stopped)
 
 
-def _threshold(recipe: Recipe, main: TrainedFilter, secondary: TrainedFilter, logged: Sequence[TrainingRun]) -> float:
-    apart = [main.estimate_degC(each.sensors_degC) - secondary.estimate_degC(each.sensors_degC) for each in logged]
-    rule = recipe.threshold
-    return rule.times * float(np.percentile(np.abs(np.concatenate(apart)), rule.percent))
+def _threshold(recipe: Recipe, main: Fit, secondary: Fit, logged: Sequence[Segment]) -> float:
+    apart = Filters(main, secondary, _NEVER_DEGC, {}, False)
+    differences = np.concatenate([apart.published(each).apart_degC for each in logged])
+    return recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
 
 
 _EVERY_S = 11.0
 
 
-def fit_error_variance(recipe: Recipe, filters: Filters, runs: TrainingSet) -> ErrorVariance:
+def fit_error_variance(recipe: Recipe, filters: Filters, runs: TrainingSet, period_s: float) -> ErrorVariance:
     """The error variance model of ``filters`` over ``runs``, weighed by the recipe."""
-    period_s, lags = filters.main.period_s, recipe.spread
+    lags = recipe.spread
     terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.guard_lag_s, 1.0))
     stride = max(1, round(_EVERY_S / period_s))
     weighted = []
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
-            estimate, _, apart = filters.published(run.sensors_degC)
+            estimate, _, apart = filters.published(Segment(period_s, run.sensors_degC, run.target_degC[None]))
             error = (run.target_degC - estimate)[::stride]
             table = regressors_degC2(terms, estimate, apart, period_s)[:, ::stride]
             weighted.append(WeightedRun(error, table, count / len(runs[name]) / len(error)))

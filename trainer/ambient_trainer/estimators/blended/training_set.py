@@ -5,7 +5,8 @@ heat. The circuit's own residuals are sensor signals that no ambient explains: t
 
 A synthetic ambient goes through random set points at the log's rate of change, with the log's swing and noise. The
 swing is fitted where the log's reference is calmest: the strongest sinusoid of that hour, and what is left of it as
-first-order noise. The synthetic load is episodes of logged work, and unmeasured heat.
+first-order noise. The synthetic load is episodes of logged work, and unmeasured heat. Synthetic readings have the
+resolution of the logged ones.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ambient_model.faults import refuse
+from ambient_trainer.data.resolution import rounded
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record
 from ambient_trainer.estimators.blended.nonlinear_loss import simulate
 from ambient_trainer.estimators.blended.recipe import (
@@ -246,6 +248,8 @@ class TrainingSetDesign:
     period_s: float
     finer: int
     seed: int
+    steps_degC: tuple[float, ...]
+    """The sensors' resolutions."""
     draw: int = 0
     """The runs of another number are drawn anew."""
 
@@ -292,7 +296,8 @@ class TrainingSetDesign:
     def _run(self, ambient: Array, work: Array, unlogged: Array | float = 0.0) -> TrainingRun:
         heat = self.forward.heat_W(self.fit.shares, *work) + unlogged
         sensors = simulate(self.fit.plant, self.recipe.loss, ambient, heat, self.period_s, _PASSES)
-        return TrainingRun(self._finer(sensors), self._finer(ambient[None])[0], self._stride(_SYNTHETIC_EVERY_S), True)
+        readings = np.vstack([rounded(*each) for each in zip(self._finer(sensors), self.steps_degC)])
+        return TrainingRun(readings, self._finer(ambient[None])[0], self._stride(_SYNTHETIC_EVERY_S), True)
 
     def _residuals(self, records: Sequence[Record]) -> Iterator[TrainingRun]:
         for record in records:

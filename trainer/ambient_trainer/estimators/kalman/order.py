@@ -1,16 +1,12 @@
-"""The constrained free filter, and its order and assumed sensor noise, selected by the error over held-out blocks.
+"""The constrained free filter, and its order and assumed noise and offset, selected by the error over held-out blocks.
 
-The blocks are of the training data. The lowest order, and then the most noise, within 1 % of the best is selected. Two
-constraints of physics are synthetic runs that the filter is fitted to like any other:
-
-- All sensors one degree up is the estimate one degree up: from a run in which every sensor shows one value, always.
-- White noise on the sensors, beyond the logged: from an impulse of each sensor alone, whose target is zero. What is
-  left is the impulse response, whose square sum is the square of the noise gain.
+The blocks are of the training data. Selected is the lowest order, then the most noise, then the largest offset whose
+error is not significantly above the best.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -18,72 +14,74 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.search import Progress, SearchResult, search
-from ambient_trainer.estimation.validation import successive_masks
+from ambient_trainer.estimation.validation import held_out
+from ambient_trainer.estimation.weighted_filter import Run, WeightedFilter, impulses, level, offsets
 from ambient_trainer.estimators.base import Effort
 
 Array = NDArray[np.float64]
 
-_STEADY = 8
-"""Samples of the run at a constant level: as many as a filter's delays need."""
-_IMPULSE = 300
-"""Samples of an impulse response; what comes later is small and slow."""
 
+def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset_degC: float = 0.0) -> WeightedFilter:
+    """The free filter of order N over segments, as if each sensor had more white noise and a larger offset than logged.
 
-class ConstrainedFilter(FreeFilter):
-    """The free filter of order N over segments, as if each sensor had ``noise_degC`` more white noise than logged."""
-
-    def __init__(self, order: int, logged: Sequence[Segment], noise_degC: float) -> None:
-        period_s, inputs = logged[0].period_s, logged[0].inputs.shape[0]
-        known = np.concatenate([each.outputs[0] for each in logged])
-        known = known[~np.isnan(known)]
-        size = float(np.linalg.norm(known))
-        level = Segment(
-            period_s, np.full((inputs, _STEADY), size), np.where(np.arange(_STEADY) > 0, np.nan, size)[None]
-        )
-        length = min(_IMPULSE, max(each.inputs.shape[1] for each in logged))
-        impulse = noise_degC * np.sqrt(len(known))
-        impulses = [_impulse(period_s, inputs, index, impulse, length) for index in range(inputs)]
-        super().__init__(order, [*logged, level, *impulses])
-        self.logged = len(logged)
-
-    def signals(self, theta: Array, index: int) -> Array:
-        """As the free filter's; the constraints have no offset."""
-        found = super().signals(theta, index)
-        if index >= self.logged:
-            found[self.inputs] = 0.0
-        return found
-
-
-def _impulse(period_s: float, inputs: int, index: int, impulse: float, length: int) -> Segment:
-    u = np.zeros((inputs, length))
-    # the first sample sets the equilibrium
-    u[index, 1] = impulse
-    return Segment(period_s, u, np.zeros((1, length)))
+    Both are standard deviations. All sensors one degree up is the estimate one degree up.
+    """
+    period_s, inputs = logged[0].period_s, logged[0].inputs.shape[0]
+    known = np.concatenate([each.outputs[0] for each in logged])
+    known = known[~np.isnan(known)]
+    root = float(np.sqrt(len(known)))
+    longest = max(each.inputs.shape[1] for each in logged)
+    runs = [Run(each, 1.0, True) for each in logged]
+    runs += level(period_s, inputs, float(np.linalg.norm(known)))
+    runs += impulses(period_s, inputs, noise_degC * root, longest)
+    return WeightedFilter(order, [*runs, *(offsets(period_s, inputs, offset_degC * root) if offset_degC else ())])
 
 
 ORDERS = (1, 2, 3, 4)
 BLOCKS = 5
 _NOISES_DEGC = (0.003, 0.01, 0.03, 0.1)
+_OFFSETS_DEGC = (0.0, 0.1, 0.3, 1.0)
+"""Up to what uncalibrated thermistors and thermocouples are off by."""
 _FIRST_NOISE_DEGC = 0.01
-_AS_GOOD = 1.01
+_AS_GOOD = 1.02
+"""Of mean squares: 1 % of the error."""
 _FIRST_STARTS = 2
 """Starts of the search on the whole training data, from whose end those without a block start."""
 
 
 class Choice(NamedTuple):
-    """An order and a noise, and the RMSE of blocks that a filter with them did not see."""
+    """An order, a noise and an offset, and the mean square of each block, of a filter that did not see it."""
 
     order: int
     noise_degC: float
-    rmse_degC: float
+    offset_degC: float
+    squares_degC2: tuple[float, ...]
+
+    def as_json(self) -> dict[str, float]:
+        """For the provenance."""
+        return {**dict(zip(self._fields[:3], self[:3])), "rmse_degC": self.rmse_degC}
+
+    @property
+    def rmse_degC(self) -> float:
+        """Root of the mean square over all blocks."""
+        return float(np.sqrt(np.mean(self.squares_degC2)))
 
 
 def selected(tried: Sequence[Choice]) -> Choice:
-    """The lowest order, and of it the most noise, within 1 % of the best."""
-    bar = _AS_GOOD * min(each.rmse_degC for each in tried)
-    return min((each for each in tried if each.rmse_degC <= bar), key=lambda each: (each.order, -each.noise_degC))
+    """The lowest order, and of it the most noise, and of that the largest offset, not significantly above the best.
+
+    By a hundredth of the error, or by the standard error of the difference in mean square over the blocks.
+    """
+    best = np.array(min(tried, key=lambda each: each.rmse_degC).squares_degC2)
+
+    def good(each: Choice) -> bool:
+        above = np.array(each.squares_degC2) - best
+        error = float(above.std(ddof=1)) / np.sqrt(len(above))
+        return bool(above.mean() <= max((_AS_GOOD - 1) * best.mean(), error))
+
+    return min(filter(good, tried), key=lambda each: (each.order, -each.noise_degC, -each.offset_degC))
 
 
 class Selection:
@@ -94,16 +92,20 @@ class Selection:
         self.effort = effort
         self.progress = progress
         self.tried: list[Choice] = []
+        self.unseen: dict[Choice, list[Moment]] = {}
+        """Per choice the estimates over blocks that were left out."""
         self._whole: dict[int, SearchResult] = {}
 
     def run(self) -> Choice | None:
-        """Try every order with one noise, then every noise with the order selected of these; None where cancelled."""
-        for order in ORDERS:
-            if not self._try(order, _FIRST_NOISE_DEGC):
-                return None
-        order = selected(self.tried).order
-        for noise_degC in _NOISES_DEGC:
-            if noise_degC != _FIRST_NOISE_DEGC and not self._try(order, noise_degC):
+        """Try every order, with that selected every noise, and with that every offset; None where cancelled."""
+        grids: tuple[Callable[[Choice], list[tuple[int, float, float]]], ...] = (
+            lambda best: [(best.order, each, 0.0) for each in _NOISES_DEGC if each != best.noise_degC],
+            lambda best: [(best.order, best.noise_degC, each) for each in _OFFSETS_DEGC[1:]],
+        )
+        if not all(self._try(order, _FIRST_NOISE_DEGC, 0.0) for order in ORDERS):
+            return None
+        for grid in grids:
+            if not all(self._try(*each) for each in grid(selected(self.tried))):
                 return None
         return selected(self.tried)
 
@@ -112,32 +114,24 @@ class Selection:
         order = selected(self.tried).order if self.tried else min(self._whole)
         return order, replace(self._whole[order], stopped=True)
 
-    def _try(self, order: int, noise_degC: float) -> bool:
-        """Whether order and noise were scored before the search was cancelled."""
+    def _try(self, order: int, noise_degC: float, offset_degC: float) -> bool:
+        """Whether these were scored before the search was cancelled."""
         if order not in self._whole:
-            structure = ConstrainedFilter(order, self.segments, noise_degC)
+            structure = constrained(order, self.segments, noise_degC)
             starts = min(_FIRST_STARTS, self.effort.starts)
             self._whole[order] = search(structure, starts, self.effort.seed, self.progress, self.effort.budget)
-        errors = []
-        for masks in successive_masks(self.segments, BLOCKS):
-            if self._whole[order].stopped:
-                return False
-            errors.append(self._held_out(order, noise_degC, masks))
-        if self.effort.budget.cancel.cancelled:
+        if self._whole[order].stopped:
             return False
-        self.tried.append(Choice(order, noise_degC, float(np.sqrt(np.nanmean(np.concatenate(errors) ** 2)))))
-        return True
 
-    def _held_out(self, order: int, noise_degC: float, masks: Sequence[NDArray[np.bool_]]) -> Array:
-        """The errors over one block of the reference, of a filter that ran through it and was not trained on it."""
-        hidden, kept = [], []
-        for each, mask in zip(self.segments, masks):
-            hidden.append(np.where(mask, each.outputs, np.nan))
-            kept.append(Segment(each.period_s, each.inputs, np.where(mask, np.nan, each.outputs)))
-        structure = ConstrainedFilter(order, kept, noise_degC)
-        structure.search = replace(structure.search, initial=self._whole[order].best.theta)
-        best = search(structure, 1, 0, self.progress, self.effort.budget).best
-        weights = structure.expand(best.theta, structure.period_s).free[0] @ best.beta
-        return np.concatenate(
-            [rows[0] - weights @ structure.signals(best.theta, index) for index, rows in enumerate(hidden)]
-        )
+        def without(kept: Sequence[Segment]) -> WeightedFilter:
+            return constrained(order, kept, noise_degC, offset_degC)
+
+        start, budget = self._whole[order].best.theta, self.effort.budget
+        blocks = held_out(without, self.segments, BLOCKS, start, self.progress, budget)
+        if budget.cancel.cancelled:
+            return False
+        errors = [np.concatenate([each.reference_degC - each.estimate_degC for each in block]) for block in blocks]
+        squares = tuple(float(np.nanmean(each**2)) for each in errors)
+        self.tried.append(Choice(order, noise_degC, offset_degC, squares))
+        self.unseen[self.tried[-1]] = [each for block in blocks for each in block]
+        return True

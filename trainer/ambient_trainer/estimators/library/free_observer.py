@@ -11,11 +11,9 @@ from dataclasses import replace
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
-from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, ConstrainedFilter, Selection
-from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance
-from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, with_uncertainty
+from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, Selection, constrained
+from ambient_trainer.estimators.observer import filter_fit, late, with_fallbacks_and_variance
 from ambient_trainer.estimators.training import Training, require_enough
-from ambient_trainer.lti.statespace import StateSpace, dc_gain
 
 NAMES = ("free_observer",)
 _FALLBACK_STARTS = 2
@@ -43,36 +41,26 @@ class FreeObserver(FilterEstimator):
         if choice is None:
             order, result = selection.best_so_far()
             remark = f"Stopped before order and noise were selected: this is order {order}."
-            return with_fallbacks_and_variance(_fit_of(training, order, result, effort), segments, None, remark, {})
+            return with_fallbacks_and_variance(_fit_of(training, order, result, effort), segments, (), None, remark, {})
 
         def fallback(dropped: int) -> Fit:
             fewer = replace(effort, starts=min(_FALLBACK_STARTS, effort.starts), pieces=1)
             return _fitted(training.without(dropped), choice, fewer, late(progress, effort))
 
-        details = {"choice": choice._asdict(), "tried": [each._asdict() for each in selection.tried]}
+        details = {"choice": choice.as_json(), "tried": [each.as_json() for each in selection.tried]}
         main = _fitted(training, choice, effort, progress)
-        return with_fallbacks_and_variance(main, segments, fallback, _remark(choice, selection.tried), details)
+        unseen, remark = selection.unseen[choice], _remark(choice, selection.tried)
+        return with_fallbacks_and_variance(main, segments, unseen, fallback, remark, details)
 
 
 def _fitted(training: Training, choice: Choice, effort: Effort, progress: Progress | None) -> Fit:
-    structure = ConstrainedFilter(choice.order, training.segments, choice.noise_degC)
+    structure = constrained(choice.order, training.segments, choice.noise_degC, choice.offset_degC)
     result = search(structure, effort.starts, effort.seed, progress, effort.budget)
     return _fit_of(training, choice.order, result, effort)
 
 
 def _fit_of(training: Training, order: int, result: SearchResult, effort: Effort) -> Fit:
-    logged, best = FreeFilter(order, training.segments), result.best
-    found = with_uncertainty(logged, result, effort)
-    system = _of_unit_dc_gain(logged.system(best.theta, best.beta))
-    parameters = filter_parameters(logged, found)
-    fit = fit_of(found, system, parameters, circuit=NAMES[0], inputs=training.columns, states=MODES[:order])
-    return rescored(fit, training.segments)
-
-
-def _of_unit_dc_gain(system: StateSpace) -> StateSpace:
-    """The system whose DC gains add up to one exactly, which the search does nearly."""
-    lacking = 1.0 - float(dc_gain(system)[0].sum())
-    return replace(system, D=system.D + lacking / system.D.shape[1])
+    return filter_fit(NAMES[0], training.columns, training.segments, order, result, effort)
 
 
 def _remark(choice: Choice, tried: Sequence[Choice]) -> str:
@@ -80,6 +68,7 @@ def _remark(choice: Choice, tried: Sequence[Choice]) -> str:
     orders = ", ".join(f"{order}: {rmse:.3f}" for order, rmse in best.items())
     return (
         f"Selected on the training data alone, by {BLOCKS} blocks held out in turn: order {choice.order}, "
-        f"{choice.noise_degC:g} degC of noise assumed on every sensor, {choice.rmse_degC:.3f} degC RMSE "
+        f"{choice.noise_degC:g} degC of noise and an offset of {choice.offset_degC:g} degC assumed on every sensor, "
+        f"{choice.rmse_degC:.3f} degC RMSE "
         f"(the best of each order: {orders})."
     )

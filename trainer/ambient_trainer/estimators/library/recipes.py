@@ -6,7 +6,7 @@ secondary estimator, fallbacks and an error variance model.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,19 +19,19 @@ from ambient_model.model import ErrorVariance
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
+from ambient_trainer.data.resolution import resolution_of
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimation.static_linear import fit_static_linear
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.estimators.base import USUAL, Effort, Fit, ParameterEstimate, SecondaryFit
-from ambient_trainer.estimators.blended.filters import STATES, Filters, TrainedFilter, fit_error_variance, fit_filters
+from ambient_trainer.estimators.base import USUAL, Effort, Fit, SecondaryFit
+from ambient_trainer.estimators.blended.filters import Filters, fit_error_variance, fit_filters
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.observer import fallback_notes, half_width_note
-from ambient_trainer.estimators.searched import MODES, ranges_of
 from ambient_trainer.estimators.training import require_informative, slowest_period_s, source_of
+from ambient_trainer.lti.response import noise_gain
 
 Array = NDArray[np.float64]
 
@@ -83,25 +83,30 @@ class RecipeEstimator:
         coarse, coarse_period_s = [each.every(stride) for each in records], stride * period
         samples = sum(len(each.ambient_degC) for each in records)
 
-        def stage(number: int) -> Callable[[int, float], None]:
-            def show(evaluation: int, square: float) -> None:
-                if progress is not None:
-                    progress(number, evaluation, square * samples)
-                effort.budget.cancel.check()
+        def show(number: int, evaluation: int, square: float) -> None:
+            if progress is not None:
+                progress(number, evaluation, square * samples)
 
-            return show
+        def show_forward(evaluation: int, square: float) -> None:
+            show(0, evaluation, square)
+            effort.budget.cancel.check()
 
         with threadpool_limits(1):
             # a log that lacks something is refused before anything is searched
             ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
             workload = fit_workload(coarse, recipe.work, source_of(traces))
             forward = Forward(recipe, self.circuit)
-            fitted = fit_forward(forward, coarse, coarse_period_s, stage(0))
-            design = TrainingSetDesign(recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed)
-            filters = fit_filters(recipe, design.runs(records), period, lambda number: stage(1 + number))
+            fitted = fit_forward(forward, coarse, coarse_period_s, show_forward)
+            columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
+            steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
+            design = TrainingSetDesign(
+                recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed, steps
+            )
+            logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
+            filters = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
             # errors are smaller in the very runs that the filters were fitted to
-            variance = fit_error_variance(recipe, filters, replace(design, draw=1).runs(records))
-        return _fit_of(recipe, filters, fitted, variance, records, effort)
+            variance = fit_error_variance(recipe, filters, replace(design, draw=1).runs(records), period)
+        return _assembled(recipe, filters, fitted, variance, logged)
 
 
 def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: int) -> list[Record]:
@@ -133,88 +138,30 @@ def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
     return Record(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
 
 
-def _fit_of(
-    recipe: Recipe,
-    filters: Filters,
-    circuit: ForwardFit,
-    variance: ErrorVariance,
-    records: Sequence[Record],
-    effort: Effort,
+def _assembled(
+    recipe: Recipe, filters: Filters, circuit: ForwardFit, variance: ErrorVariance, logged: Sequence[Segment]
 ) -> Fit:
     """The main filter's fit with all that belongs to it; its errors are those of the blended estimate."""
-    published = [filters.published(each.sensors_degC) for each in records]
-    estimates = [each.ambient_degC for each in published]
-    secondary = _filter_fit(recipe, filters.secondary, records, effort)
-    fallbacks = {name: _filter_fit(recipe, each, records, effort) for name, each in filters.fallbacks.items()}
-    sigmas = [sigma_degC(variance, each.ambient_degC, each.apart_degC, filters.main.period_s) for each in published]
-    rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
-    found = details(recipe, filters, circuit, variance, np.concatenate(sigmas), rmses)
+    published = [filters.published(each) for each in logged]
+    errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, published)])
+    rmse_degC = float(np.sqrt(np.mean(errors**2)))
+    sigmas = [sigma_degC(variance, each.ambient_degC, each.apart_degC, logged[0].period_s) for each in published]
+    found = details(recipe, filters, circuit, variance, np.concatenate(sigmas))
     members = [filters.main, filters.secondary, *filters.fallbacks.values()]
     return replace(
-        _filter_fit(recipe, filters.main, records, effort, estimates),
-        converged=circuit.converged and all(each.found.converged for each in members) and not filters.stopped,
+        filters.main,
+        errors_degC=(errors,),
+        rmse_degC=rmse_degC,
+        start_rmses_degC=(rmse_degC,),
+        residual_memory_samples=residual_memory(errors),
+        converged=circuit.converged and all(each.converged for each in members) and not filters.stopped,
         stopped=filters.stopped,
-        evaluations=circuit.evaluations + sum(each.found.evaluations for each in members),
-        secondary=SecondaryFit(secondary, filters.threshold_degC),
-        fallbacks=fallbacks,
+        evaluations=circuit.evaluations + sum(each.evaluations for each in members),
+        secondary=SecondaryFit(filters.secondary, filters.threshold_degC),
+        fallbacks=filters.fallbacks,
         error_variance=variance,
         details=found,
         notes=notes(found),
-    )
-
-
-def _filter_fit(
-    recipe: Recipe,
-    trained: TrainedFilter,
-    records: Sequence[Record],
-    effort: Effort,
-    estimates: Sequence[Array] | None = None,
-) -> Fit:
-    """The fit of one filter, by its own estimates over ``records`` or by those given."""
-    picks = [recipe.sensor_columns.index(column) for column in trained.inputs]
-    logged = [Segment(trained.period_s, each.sensors_degC[picks], each.ambient_degC[None]) for each in records]
-    estimates = estimates or [trained.estimate_degC(each.inputs) for each in logged]
-    errors = np.concatenate([each.outputs[0] - estimate for each, estimate in zip(logged, estimates)])
-    rmse_degC = float(np.sqrt(np.mean(errors**2)))
-    return Fit(
-        circuit=recipe.name,
-        system=trained.system(),
-        hold="first-order",
-        inputs=trained.inputs,
-        states=MODES[:STATES],
-        outputs=("ambient",),
-        periods_s=(trained.period_s,),
-        parameters=_parameters(trained),
-        converged=trained.found.converged,
-        uncertainty_available=False,
-        identifiable=trained.found.identifiable,
-        stopped=False,
-        confounded=(),
-        residual_memory_samples=residual_memory(errors),
-        rmse_degC=rmse_degC,
-        start_rmses_degC=(rmse_degC,),
-        evaluations=trained.found.evaluations,
-        effort=effort,
-        errors_degC=(errors,),
-        baseline=fit_static_linear(logged),
-        input_ranges=ranges_of(logged),
-    )
-
-
-def _parameters(trained: TrainedFilter) -> tuple[ParameterEstimate, ...]:
-    """The poles: the search's unknowns as time constants, frequency and damping."""
-    (slow_omega, slow_zeta), (omega, zeta) = np.exp(trained.found.poles).reshape(-1, 2).tolist()
-    root = float(np.sqrt(max(slow_zeta**2 - 1, 0.0)))
-    values = {
-        ("tau1", "s"): (slow_zeta + root) / slow_omega,
-        ("tau2", "s"): (slow_zeta - root) / slow_omega,
-        ("omega", "1/s"): omega,
-        ("zeta", "1"): zeta,
-    }
-    identifiable = trained.found.identifiable
-    return tuple(
-        ParameterEstimate(name, unit, value, None, None, True, bound, identifiable)
-        for ((name, unit), value), bound in zip(values.items(), trained.found.at_bound)
     )
 
 
@@ -223,12 +170,7 @@ _SHARES_PERCENT = (10, 50, 90)
 
 
 def details(
-    recipe: Recipe,
-    filters: Filters,
-    circuit: ForwardFit,
-    variance: ErrorVariance,
-    sigmas_degC: NDArray[np.float64],
-    fallback_rmses_degC: Mapping[str, float],
+    recipe: Recipe, filters: Filters, circuit: ForwardFit, variance: ErrorVariance, sigmas_degC: NDArray[np.float64]
 ) -> dict[str, Any]:
     """For the model file and ``fit --json``; ``sigmas_degC`` are the expected errors of the training samples."""
     reach = np.percentile(sigmas_degC, _SHARES_PERCENT) * variance.quantiles[_LEVEL][1]
@@ -237,9 +179,7 @@ def details(
         "guard": _filter(filters.secondary),
         "threshold_degC": filters.threshold_degC,
         "half_width_90_degC": dict(zip(map(str, _SHARES_PERCENT), reach.tolist())),
-        "fallbacks": {
-            name: {**_filter(each), "rmse_degC": fallback_rmses_degC[name]} for name, each in filters.fallbacks.items()
-        },
+        "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in filters.fallbacks.items()},
         "forward_circuit": {
             "name": recipe.circuit,
             "values": circuit.values,
@@ -269,13 +209,14 @@ def notes(found: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _filter(each: TrainedFilter) -> dict[str, Any]:
+def _filter(fit: Fit) -> dict[str, Any]:
+    taus = sorted(-1 / np.linalg.eigvals(fit.system.A), key=abs, reverse=True)
     return {
-        "noise_gain": each.noise_gain,
-        "period_s": each.period_s,
-        "time_constants_s": [[tau.real, tau.imag] for tau in each.time_constants_s],
-        "gains_at_rest": each.dc_gains,
-        "converged": each.found.converged,
+        "noise_gain": noise_gain(fit.system, fit.periods_s[0]),
+        "period_s": fit.periods_s[0],
+        "time_constants_s": [[tau.real, tau.imag] for tau in map(complex, taus)],
+        "gains_at_rest": dict(zip(fit.inputs, fit.dc_gains)),
+        "converged": fit.converged,
     }
 
 
