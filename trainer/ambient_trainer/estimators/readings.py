@@ -22,6 +22,7 @@ from ambient_model.model import ReadingModel, SensorLimits
 from ambient_model.trace import REFERENCE
 from ambient_model.validation import SLOW_S
 from ambient_trainer.data.grid import segments
+from ambient_trainer.data.resolution import resolution_of
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import Fit
 from ambient_trainer.estimators.estimate import matrix
@@ -43,7 +44,6 @@ _MOST_INPUTS = 12
 """A device computes the expectations of more sensors too slowly."""
 _SAMPLES_PER_ENTRY = 50
 _LEAST_S = 4 * SLOW_S
-_RESOLUTIONS = (10.0, 5.0, 2.0, 1.0, 0.5, 0.25, 0.2, 0.125, 0.1, 0.0625, 0.05, 0.03125, 0.02, 0.01, 0.005, 0.002, 0.001)
 _STARTS = 4000
 _WIDER = 1.2
 """Settled is an interval that is at most so much wider than the usual one."""
@@ -82,7 +82,7 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
     sensors = [
         SensorLimits(
-            step=_resolution(runs, i),
+            step=resolution_of(np.concatenate([run[i] for run in runs])),
             jump=float(jump[i]),
             gate=float(gate[i]),
             slow_gate=float(slow[i]),
@@ -203,15 +203,6 @@ def _still_s(runs: Sequence[Array], i: int, period_s: float) -> float:
         changes = np.flatnonzero(np.diff(run[i]))
         longest = max(longest, int(np.diff(np.concatenate([[0], changes, [run.shape[1]]])).max()))
     return float(max(20.0, longest * period_s))
-
-
-def _resolution(runs: Sequence[Array], i: int) -> float:
-    """The largest usual step that all readings of a sensor are multiples of; 0 where none is."""
-    values = np.unique(np.concatenate([run[i] for run in runs])[:100_000])
-    for step in _RESOLUTIONS:
-        if np.abs(values / step - np.round(values / step)).max() < 1e-6 / step * max(1.0, np.abs(values).max()):
-            return step
-    return 0.0
 
 
 def _effects_degC(

@@ -93,12 +93,11 @@ class Filters:
 
     def published(self, segment: Segment) -> Blended:
         """The blended estimate over a segment."""
-        estimates = (response_degC(each.system, each.hold, segment.inputs, segment.period_s) for each in self._both)
-        return blended(*estimates, self.threshold_degC)
-
-    @property
-    def _both(self) -> tuple[Fit, Fit]:
-        return self.main, self.secondary
+        main, secondary = (
+            response_degC(each.system, each.hold, segment.inputs, segment.period_s)
+            for each in (self.main, self.secondary)
+        )
+        return blended(main, secondary, self.threshold_degC)
 
 
 def fit_filters(
