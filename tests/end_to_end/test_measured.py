@@ -93,7 +93,7 @@ def test_circuits_beside_the_yardstick_and_two_of_them_in_the_daemon(process, ch
         assert not np.isnan(estimate).any()
         assert rmse(reference, estimate) <= worst_without_degC
         statuses = [line.rpartition(",")[2] for line in (tmp_path / "replay.csv").read_text().splitlines()[1:]]
-        assert set(statuses[-len(reference) :]) == {"degraded"}
+        assert set(statuses[2 - len(reference) :]) == {"degraded"}  # what is missing for up to 15 s is replaced
 
 
 def in_the_daemon(process, trace, model, split_s, worst_degC):
