@@ -184,11 +184,9 @@ def test_scenario_5_collected_is_scenario_5_simulated(process, call, tmp_path):
     for circuit in ("free-2", "model2_ss", "linear_combined"):
         options = SENSORS if circuit == "free-2" else ()
         _, model = fit(other, circuit, *options)
-        pairs = {
-            "fit": [fit(each, circuit, *options)[0] for each in (collected, simulated)],
-            "evaluate": [evaluate(model, each) for each in (collected, simulated)],
-        }
+        pairs = {"evaluate": [evaluate(model, each) for each in (collected, simulated)]}
         if circuit in IDENTIFIABLE:
+            pairs["fit"] = [fit(each, circuit, *options)[0] for each in (collected, simulated)]
             # in pieces, so that what a free filter does in the steady state is not left to the noise
             models = [fit(each, circuit, "--pieces", 12, *options)[1] for each in (collected, simulated)]
             pairs["held out"] = [evaluate(each, other) for each in models]

@@ -5,6 +5,7 @@ import json
 import os
 import string
 import tempfile
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -119,6 +120,13 @@ def _full(write, file, data):
 )
 def test_where_the_program_was_left(added, left):
     assert Record(HEAD, tuple(added)).left == left
+
+
+def test_a_stepped_calendar_does_not_move_a_runs_time_and_counts_only_over_a_new_start(monkeypatch):
+    head = Head.now("5", "ab", 10.0, True)
+    monkeypatch.setattr(time, "time", lambda: 1060.0)
+    assert 0.0 <= head.now_s() < 100.0
+    assert head._replace(boot="another", began_unix_s=1000.0).now_s() == 600.0
 
 
 @pytest.mark.parametrize(

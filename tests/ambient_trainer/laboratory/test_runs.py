@@ -236,8 +236,8 @@ def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
     lab = night(minutes((10, 22)), {"instruments.thermometer": link})
     recorder = lab.run(
         [
-            (60.0, lambda there, recorder: there.thermometer.switch_off()),
-            (140.0, lambda there, recorder: there.thermometer.switch_on()),
+            (60.0, lambda there, recorder: setattr(there.thermometer, "switched_on", False)),
+            (140.0, lambda there, recorder: setattr(there.thermometer, "switched_on", True)),
         ]
     )
     assert lab.outcome.ending is Ending.FINISHED

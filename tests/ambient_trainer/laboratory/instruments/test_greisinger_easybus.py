@@ -24,19 +24,13 @@ def test_without_a_sensor_it_reports_that_instead_of_a_number(bench) -> None:
     assert bench.reading() == 21.5
 
 
-def test_it_switches_itself_off_and_is_switched_on_again(tmp_path, driver_at) -> None:
-    clock = Clock(500.0)
-    simulated = Simulated(settings("greisinger-easybus", port=""), clock, lambda at_s: 20.0, str(tmp_path), 1200.0)
-    thermometer = driver_at("thermometer", simulated.port, clock)
-    assert thermometer.read().values == {"thermometer_degC": 20.0}
-    clock.sleep(1200.0)
-    with pytest.raises(NoResponse) as caught:
-        thermometer.read()
-    assert caught.value.hint == "switch it on"
-    simulated.switch_on()
-    assert thermometer.read().values == {"thermometer_degC": 20.0}
-    thermometer.close()
-    simulated.close()
+def test_it_switches_itself_off_and_is_switched_on_again(bench) -> None:
+    bench = bench("thermometer")
+    assert bench.reading() == 21.5
+    bench.simulated.switched_on = False
+    assert bench.failure(NoResponse).hint == "switch it on"
+    bench.simulated.switched_on = True
+    assert bench.reading() == 21.5
 
 
 def test_one_of_another_address_is_not_taken_for_it(tmp_path, driver_at) -> None:

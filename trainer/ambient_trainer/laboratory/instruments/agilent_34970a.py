@@ -166,7 +166,7 @@ class Driver(SerialDriver):
         self.identify()
         for command in (RESET, configure(self._names, self._thermocouple), CHANNELS_WITH_READINGS):
             self.line.write(command)
-        self._check_error("the scan to be set up")
+        self._check_error("the scan to be set up", self.line.query(READ_ERROR))
         self._configured = True
 
     def read(self) -> Reading:
@@ -175,7 +175,7 @@ class Driver(SerialDriver):
             self.configure()
         try:
             asked_s, answered_s, scan = self._scan()
-            self._check_error(self._read_scan.expected)  # a question in between: an answer one behind is noticed
+            self._check_error(self._read_scan.expected, self.ask_between(READ_ERROR))
         except InstrumentError:
             self._configured = False  # it may have been switched off in between: that forgets the scan
             raise
@@ -189,10 +189,9 @@ class Driver(SerialDriver):
         self.line.close()
         self._configured = False
 
-    def _check_error(self, expected: str) -> None:
-        error = self.line.query(READ_ERROR).reply
-        if error.number:
-            raise self.error(expected, f"error {error}", _SCAN_LOST)
+    def _check_error(self, expected: str, answer: Answer | None) -> None:
+        if answer is not None and answer.reply.number:
+            raise self.error(expected, f"error {answer.reply}", _SCAN_LOST)
 
     def _scan(self) -> Answer:
         try:

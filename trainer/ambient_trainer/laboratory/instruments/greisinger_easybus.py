@@ -11,7 +11,6 @@ The instrument switches itself off; without a sensor it reports that instead of 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from typing import Annotated, Literal, NamedTuple
 
@@ -188,7 +187,7 @@ class Driver(SerialDriver):
     def read(self) -> Reading:
         """The temperature; where there is none, the note has the reason."""
         asked_s, answered_s, frame = self._query(self._read_value)
-        self._query(self._read_identity)  # a question in between: an answer one behind is noticed
+        self.ask_between(self._read_identity)
         value = value_of(frame.body)
         if isinstance(value, Malformed):
             raise self.error(value.expected, value.got)
@@ -214,35 +213,19 @@ _NO_SENSOR = 16365
 
 
 class Simulated(SimulatedInstrument):
-    """The thermometer in ``air``; it switches itself off after ``auto_off_s``, None for never."""
+    """The thermometer in ``air``, switched on."""
 
     def __init__(
-        self,
-        settings: Settings,
-        clock: Clock,
-        air: Callable[[float], float],
-        folder: str | None = None,
-        auto_off_s: float | None = None,
+        self, settings: Settings, clock: Clock, air: Callable[[float], float], folder: str | None = None
     ) -> None:
-        self.sensor_plugged = True
+        self.switched_on = self.sensor_plugged = True
         self._air = air
         self._address = settings.address
-        self._auto_off_s = math.inf if auto_off_s is None else auto_off_s
-        self._on_since_s = clock.now_s()
         self._received = b""
         super().__init__("thermometer", clock, _BAUD, folder)
 
-    def switch_off(self) -> None:
-        """Press its key for long: it answers nothing any more."""
-        self._on_since_s = -math.inf
-
-    def switch_on(self) -> None:
-        """Press its key; it goes on for another ``auto_off_s``."""
-        self._on_since_s = self._clock.now_s()
-
     def _respond(self, data: bytes) -> Iterator[Response]:
-        now_s = self._clock.now_s()
-        if not now_s - self._on_since_s < self._auto_off_s:
+        if not self.switched_on:
             self._received = b""
             return
         self._received += data
@@ -253,7 +236,7 @@ class Simulated(SimulatedInstrument):
             asked, self._received = self._received[:_GROUP], self._received[_GROUP:]
             code = asked[1] >> 4
             if asked == request(self._address, code) and code in (VALUE, IDENTITY):
-                body = body_of_number(_NUMBER) if code == IDENTITY else self._value(now_s)
+                body = body_of_number(_NUMBER) if code == IDENTITY else self._value(self._clock.now_s())
                 yield Response(_ANSWERS_AFTER_S, reply(self._address, code, body, faulty=not self.sensor_plugged))
 
     def _value(self, at_s: float) -> bytes:
