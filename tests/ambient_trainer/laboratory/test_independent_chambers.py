@@ -21,6 +21,7 @@ from pydantic import ValidationError
 
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import run as run_module
+from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect, resume
 from ambient_trainer.laboratory.instruments import settings
@@ -120,7 +121,8 @@ class Chamber:
 
 
 @pytest.fixture
-def chamber():
+def chamber(monkeypatch):
+    monkeypatch.setattr(workers, "_LEAST_WALL_S", 2.0)
     made = []
 
     def make(**of):

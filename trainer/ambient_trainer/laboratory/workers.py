@@ -116,7 +116,7 @@ RESOLUTION_K = 0.06
 """A set point that is reported this near is the one that was sent: controllers have tenths."""
 _BEHIND_MIN, _BEHIND_K = 1.0, 0.5
 """How far a nominal value that moves under a gradient may be from the straight line; chosen."""
-_LEAST_WALL_S = 2.0
+_LEAST_WALL_S = 10.0
 """However fast the clock, a loaded machine may need this long to confirm."""
 _RETRY_S = 1.0
 _QUICK_RETRIES = 5
