@@ -120,9 +120,9 @@ def _low_pass(values: Array, lag_s: float, period_s: float, start: Array | float
 def _noise(runs: Sequence[Array]) -> Array:
     """Standard deviation of each reading's white noise, from second differences; at least a 1000th of its own."""
     seconds = np.concatenate([np.diff(run, n=2, axis=1) for run in runs], axis=1)
-    spread = np.concatenate(runs, axis=1).std(axis=1)
+    deviation = np.concatenate(runs, axis=1).std(axis=1)
     robust = 1.4826 * np.median(np.abs(seconds - np.median(seconds, axis=1, keepdims=True)), axis=1) / math.sqrt(6)
-    return np.maximum(np.maximum(robust, 1e-3 * spread), 1e-3)
+    return np.maximum(np.maximum(robust, 1e-3 * deviation), 1e-3)
 
 
 class _Sums(NamedTuple):
