@@ -36,7 +36,11 @@ def made(seed: int, samples: int, names: tuple[str, ...] = ("battery", "usb")) -
 
 
 @pytest.mark.parametrize(
-    "name", ["linear_usb", *(pytest.param(each, marks=[pytest.mark.slow] * (each == "free_observer")) for each in ANY)]
+    "name",
+    [
+        "linear_usb",
+        *(pytest.param(each, marks=[pytest.mark.slow] * (each in ("free_observer", "observer"))) for each in ANY),
+    ],
 )
 def test_the_contract_holds(name: str) -> None:
     check_estimator(estimator(name), [made(1, 160)], made(2, 80))
