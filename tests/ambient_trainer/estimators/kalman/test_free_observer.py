@@ -1,5 +1,7 @@
 """``free_observer``: what physics demands of it holds, and what it chooses is chosen by data that it did not see."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,18 @@ def test_ctrl_c_keeps_the_best_so_far(simulated, evaluation):
     assert "Stopped" in found.notes[0]
     assert sum(found.dc_gains) == pytest.approx(1.0, abs=1e-9)
     assert model_of(found, [], {}).provenance["fit"]["stopped"]
+
+
+@pytest.mark.slow
+def test_a_lone_sensor_is_as_good_as_its_kalman_filter(simulated):
+    alone = {"samples": 1500, "tau_s": (90.0,), "exchange": 0.0, "node_walk": 0.05, "noise_degC": 0.2}
+    training, held_out = simulated(1, **alone), simulated(2, **alone)
+    training, held_out = (
+        replace(each, columns={name: each.columns[name] for name in ("a_degC", "ambient_degC")})
+        for each in (training, held_out)
+    )
+    ours, filters = (
+        evaluate_trace(model_of(estimator(name).fit([training], ONE), [], {}), held_out).metrics.rmse_degC
+        for name in ("observer", "circuit_observer")
+    )
+    assert ours < 1.05 * filters

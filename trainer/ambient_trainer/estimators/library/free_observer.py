@@ -15,7 +15,8 @@ from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, Sele
 from ambient_trainer.estimators.observer import filter_fit, late, with_fallbacks_and_variance
 from ambient_trainer.estimators.training import Training, require_enough
 
-NAMES = ("free_observer",)
+NAMES = ("free_observer", "observer")
+"""The second is the default's name, whichever kind it is."""
 _FALLBACK_STARTS = 2
 
 
