@@ -22,7 +22,7 @@ from ambientd.publish.swap import trial
 from ambientd.sources.assign import assigned_sensors, location_of
 from ambientd.sources.reader import Reader
 from ambientd.sources.sensors import values_of
-from ambientd.sources.supervision import outside
+from ambientd.sources.supervision import outside, wrong_unit
 
 
 def check_files(settings: Settings) -> None:
@@ -95,13 +95,19 @@ def check_sensors(settings: Settings) -> None:
     """Print what each input's sensor reads now; raises :class:`Refused` where one has no usable value."""
     faults = []
     reader = Reader()
-    for sensor in assigned_sensors(settings, load_model(settings.model)):
+    sensors = assigned_sensors(settings, load_model(settings.model))
+    for sensor in sensors:
         sensor.open()
-        (value,) = values_of([sensor], reader)
+    values = values_of(sensors, reader)
+    for sensor in sensors:
         sensor.close()
+    temperatures = [value for each, value in zip(sensors, values) if each.given.unit == "degC" and value is not None]
+    for sensor, value in zip(sensors, values):
         place = f"sensor {sensor.name}"
         if value is None:
             faults.append(Fault(place, sensor.trouble, sensor.source.hint()))
+        elif sensor.given.unit == "degC" and (doubt := wrong_unit(value, temperatures)):
+            faults.append(Fault(place, f"{sensor.paths[0]}: {doubt}", "name another sensor, or correct its driver"))
         elif doubt := outside(sensor.given, value):
             faults.append(Fault(place, f"{sensor.paths[0]}: {doubt}", "name the right sensor, or fit the model to it"))
         else:

@@ -98,6 +98,14 @@ class FallbackTracker:
         self._last_s = 0.0
 
     @property
+    def refused(self) -> dict[str, str]:
+        """Why readings are refused, by the input's name."""
+        if self._observer is None or self._observer.validation is None:
+            return {}
+        inputs = self._main.tracker.estimator.inputs
+        return {inputs[i].name: str(each) for i, each in self._observer.validation.refused.items()}
+
+    @property
     def _members(self) -> list[_Member]:
         return [self._main, *self._fallbacks]
 

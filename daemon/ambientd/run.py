@@ -104,8 +104,12 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
     notifier.expect(period_s)
     report: Callable[[str], None] = notifier.ready
     reported = ""
+    refused: dict[str, str] = {}
     for now_s in ticks(period_s, waiter.until):
         estimate = service.tick((now_s, work.sensors.read(now_s)))
+        if work.tracker.refused.keys() != refused.keys():
+            _note_refused(refused, work.tracker.refused)
+            refused = work.tracker.refused
         if estimate.status != reported:
             reported = estimate.status
             report(f"model '{work.model.name}': {reported}")
@@ -114,6 +118,13 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
         if work.state is not None:
             work.state.ticked(work.tracker, now_s)
     return waiter.paused() and not waiter.ended
+
+
+def _note_refused(before: dict[str, str], now: dict[str, str]) -> None:
+    for name in now.keys() - before.keys():
+        log(f"sensor {name}: refused ({now[name]})")
+    for name in before.keys() - now.keys():
+        log(f"sensor {name}: is accepted again")
 
 
 def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: float) -> None:

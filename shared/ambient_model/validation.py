@@ -440,7 +440,10 @@ class Validation:
         for i in stuck:
             expectation = self._expectation(apart, i)
             moved = sum(map(mul, expectation.weights, z)) - sum(map(mul, expectation.weights, self._still[i][2]))
-            if abs(moved) > max(self._expectation(self._apart, i).gate, 2 * expectation.std):
+            gate = self._expectation(self._apart, i).gate
+            if abs(moved) > gate:
+                self._doubt_degC2, self._doubt_s = (self._gains[i] * moved) ** 2, self._time_s
+            if abs(moved) > max(gate, 2 * expectation.std):
                 self._refuse([i], readings)
                 self.refused[i].used += moved
 

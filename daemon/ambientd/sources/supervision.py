@@ -15,6 +15,11 @@ _MOVED_K = 2.0
 _CALM_S = 10.0
 _UNWATCHED_S = 60.0
 """No rate is this slow: longer pauses are not observed, as in a suspend."""
+_UNITS = {1000.0: "degrees", 100.0: "tenths of a degree"}
+_PLAUSIBLE_DEGC = (5.0, 130.0)
+_ALL_BELOW_DEGC = _PLAUSIBLE_DEGC[1] / 1000
+_APART_K, _NEAR_K = 5.0, 40.0
+"""How far apart the temperatures of one device may lie, and must not."""
 
 
 class Rules(NamedTuple):
@@ -54,6 +59,20 @@ def outside(given: Input, value: float) -> str:
     if given.min <= value <= given.max:
         return ""
     return f"{value:g} {given.unit} is outside {given.min:g} to {given.max:g}"
+
+
+def wrong_unit(value_degC: float, all_degC: Sequence[float]) -> str:
+    """Why a temperature is in another unit than the kernel's millidegrees; empty where it is not.
+
+    In that unit it would be plausible and near the largest of all, and as it is it lies far below; or all are so small.
+    """
+    largest_degC = max(all_degC)
+    for factor, unit in _UNITS.items():
+        scaled_degC = value_degC * factor
+        apart = largest_degC - value_degC > _APART_K and abs(scaled_degC - largest_degC) <= _NEAR_K
+        if _PLAUSIBLE_DEGC[0] <= scaled_degC <= _PLAUSIBLE_DEGC[1] and (apart or largest_degC < _ALL_BELOW_DEGC):
+            return f"reports {unit}: {scaled_degC:g} degC taken for {value_degC:g}"
+    return ""
 
 
 class Supervision:

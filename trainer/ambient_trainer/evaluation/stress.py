@@ -61,11 +61,11 @@ def stress(model: Model, trace: Trace, seed: int = 0) -> tuple[Stressed, ...]:
     middle_s = float(trace.time_s[0] + trace.time_s[-1]) / 2
     part = trace.cut(middle_s - _BEFORE_S, middle_s + _WRONG_S)
     onset = int(np.searchsorted(part.time_s, middle_s))
-    for lie, wrong in LIES.items():
+    for fault, wrong in FAULTS.items():
         for i, each in enumerate(model.main.inputs):
             if each.unit == "degC":
                 change = partial(_wrong, wrong=wrong, i=i, onset=onset)
-                found.append(_stressed(f"{names[i]}: {lie}", model, part, change, seed, middle_s + _NOTICED_S))
+                found.append(_stressed(f"{names[i]}: {fault}", model, part, change, seed, middle_s + _NOTICED_S))
     return tuple(found)
 
 
@@ -134,7 +134,7 @@ def _coarse(
 Wrong = Callable[[Array, int], Array]
 """From the readings (n, m) since a sensor became wrong, and its number, to what it reports."""
 
-LIES: dict[str, Wrong] = {
+FAULTS: dict[str, Wrong] = {
     "-40 degC": lambda u, i: np.full(len(u), -40.0),
     "0 degC": lambda u, i: np.zeros(len(u)),
     "85 degC": lambda u, i: np.full(len(u), 85.0),
