@@ -15,6 +15,8 @@ from ambient_trainer.evaluation.stress import FAULTS
 from ambient_trainer.simulator.simulate import simulate
 from ambientd.fallback import FallbackTracker
 
+pytestmark = pytest.mark.slow
+
 OFF_DEGC = 2.0
 NOTICED_S = 10
 REST_S, LOAD_S = 12_000, 23_760
@@ -60,18 +62,11 @@ def off_while_tracking(fault: str, sensors: tuple[int, ...], onset: int, lasts: 
     return max(errors)
 
 
-@pytest.mark.parametrize("sensor", range(5))
-def test_no_wrong_sensor_is_tracked(sensor):
-    for fault in FAULTS:
-        assert off_while_tracking(fault, (sensor,), REST_S, 120) < OFF_DEGC, fault
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("onset", [REST_S, LOAD_S])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_no_two_wrong_sensors_are_tracked(fault, onset):
-    pairs = [(i,) for i in range(5)] + list(itertools.combinations(range(5), 2))
-    off = {each: off_while_tracking(fault, each, onset, 600) for each in pairs}
+def test_wrong_sensors_are_not_tracked(fault, onset):
+    sets = [(i,) for i in range(5)] + list(itertools.combinations(range(5), 2))
+    off = {each: off_while_tracking(fault, each, onset, 600) for each in sets}
     assert max(off.values()) < OFF_DEGC, off
 
 
