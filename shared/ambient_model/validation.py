@@ -45,6 +45,7 @@ _COASTING_STD_DEGC = 3.0
 _START_K = 5.0
 """At the start a reading may lie so far beyond its gate, as no equilibrium is certain."""
 _DOUBT_S = 10.0
+_FAR = 2.0
 _MOST_EXPECTATIONS = 512
 _SENTINELS = (-273.15, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
 """What drivers and sensors report where they have no value: a stricter gate."""
@@ -356,8 +357,8 @@ class Validation:
                     doubt_degC2 = max(doubt_degC2, (self._gains[i] * d) ** 2)
                     if i in self._apart:
                         returned.append(i)
-                if self._has_jumped(i, value, d, passed_s):
-                    jumped.append(i)
+            if self._has_jumped(i, value, d, passed_s):
+                jumped.append(i)
             slow = self._slow[i]
             if not -slow_gate <= slow <= slow_gate:
                 doubt_degC2 = max(doubt_degC2, (self._gains[i] * slow) ** 2)
@@ -374,9 +375,9 @@ class Validation:
         moved = abs(value - self._used[i]) - 2 * self._steps[i]
         if moved <= limits.jump:
             return False
-        return moved > limits.jump * math.sqrt(max(passed_s / self._model.jump_s, 1.0)) and (
-            abs(difference) > abs(self._last[i])
-        )
+        reach = limits.jump * math.sqrt(max(passed_s / self._model.jump_s, 1.0))
+        # two that jump together are expected to be where they are
+        return moved > reach * (1 if abs(difference) > abs(self._last[i]) else _FAR)
 
     def _inconsistent(self, z: list[float], present: Sequence[int]) -> Sensors:
         """The smallest set of sensors without which the others lie within their gates and ``_START_K``."""
