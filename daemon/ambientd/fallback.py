@@ -6,8 +6,8 @@ active once it has settled.
 Every fallback takes all samples that the main estimator takes, so that it has settled when it is needed; while it is
 not active it takes them in batches, which costs a fraction and gives the same state. Where the active estimator
 changes, the difference to the last published estimate is added to the new one's, and decays as a thermal state does. It
-knows no clock: time comes in as an argument. Where the model file holds what its readings are expected to be, no fallback
-runs: see :mod:`ambient_model.validation`.
+knows no clock: time comes in as an argument. Where the model file holds what its readings are expected to be, no
+fallback runs: see :mod:`ambient_model.validation`.
 """
 
 import math
