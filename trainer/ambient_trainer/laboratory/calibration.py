@@ -70,8 +70,11 @@ def save_bath(bath: pd.DataFrame, path: str) -> None:
 
 
 def last_window(bath: pd.DataFrame, settled: Settled) -> pd.DataFrame:
-    """The samples of the last window."""
-    return bath.loc[bath.index[-1] - settled.window_s :] if len(bath) else bath
+    """The samples of the last window, from the last one before it on: samples may be far apart."""
+    if not len(bath):
+        return bath
+    first = int(np.searchsorted(bath.index, bath.index[-1] - settled.window_s, side="right")) - 1
+    return bath.iloc[max(first, 0) :]
 
 
 def unsettled(window: pd.DataFrame, settled: Settled) -> list[str]:
