@@ -1,0 +1,111 @@
+"""Drivers of effects are expressions of logged columns, read by one small grammar: never by ``eval``.
+
+Columns by name, numbers, ``+ - * /``, ``^`` with a number, ``>`` and ``<`` (1 where true, else 0), ``sqrt(x)``,
+``abs(x)``, ``d(x)/dt`` and ``lag(x, seconds)``: ``current_A^2 * charge_frac``, ``ambient_degC > 25``.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ambient_model.faults import refuse
+from ambient_trainer.data.trace import Array
+from ambient_trainer.lti.lag import lagged
+
+_RATE = re.compile(r"\bd\(([A-Za-z0-9_ ^*+\-./()]+?)\)\s*/\s*dt\b")
+_HINT = "use columns of the trace, numbers, + - * / ^, > and <, sqrt, abs, d(x)/dt and lag(x, seconds)"
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What an expression is evaluated on: columns (N,) every ``period_s``."""
+
+    columns: Mapping[str, Array]
+    period_s: float
+
+
+@dataclass(frozen=True)
+class Expression:
+    """An expression of logged columns, by its ``text``."""
+
+    text: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that it reads, in order."""
+        names = [each.id for each in ast.walk(_parsed(self.text)) if isinstance(each, ast.Name)]
+        return tuple(dict.fromkeys(name for name in names if name not in _FUNCTIONS))
+
+    @property
+    def switches(self) -> bool:
+        """Whether it is a comparison: 0 or 1."""
+        return isinstance(_parsed(self.text).body, ast.Compare)
+
+    def value(self, samples: Samples) -> Array:
+        """Its value at each sample, (N,); raises :class:`Refused` where a column is missing."""
+        result = _value(_parsed(self.text).body, samples, self.text)
+        return np.broadcast_to(np.asarray(result, dtype=float), (_count(samples),))
+
+
+def _count(samples: Samples) -> int:
+    return len(next(iter(samples.columns.values())))
+
+
+@lru_cache(maxsize=4096)
+def _parsed(text: str) -> ast.Expression:
+    source = _RATE.sub(r"rate(\1)", text).replace("^", "**")
+    try:
+        return ast.parse(source, mode="eval")
+    except SyntaxError:
+        raise refuse("expression", repr(text), "cannot be read", _HINT) from None
+
+
+def _rate(samples: Samples, row: Array) -> Array:
+    return np.asarray(np.gradient(row, samples.period_s))
+
+
+def _lag(samples: Samples, row: Array, seconds: Array) -> Array:
+    return lagged(row, float(seconds), samples.period_s)
+
+
+_FUNCTIONS: Mapping[str, Callable[..., Array]] = {
+    "sqrt": lambda samples, row: np.sqrt(np.maximum(row, 0.0)),
+    "abs": lambda samples, row: np.abs(row),
+    "rate": _rate,
+    "lag": _lag,
+}
+_OPERATORS: Mapping[type[ast.AST], Callable[[Array, Array], Array]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: lambda one, other: np.divide(one, np.where(other == 0, np.inf, other)),
+    ast.Pow: lambda base, power: np.sign(base) ** (power % 2) * np.abs(base) ** power,
+    ast.Gt: np.greater,
+    ast.Lt: np.less,
+}
+
+
+def _value(node: ast.AST, samples: Samples, text: str) -> Array:
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
+        return np.asarray(float(node.value))
+    if isinstance(node, ast.Name):
+        if node.id not in samples.columns:
+            known = ", ".join(samples.columns)
+            raise refuse("expression", repr(text), f"no column {node.id!r}", f"the trace has {known}")
+        return samples.columns[node.id]
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return -_value(node.operand, samples, text)
+    if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
+        return _OPERATORS[type(node.op)](_value(node.left, samples, text), _value(node.right, samples, text))
+    if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in _OPERATORS:
+        sides = _value(node.left, samples, text), _value(node.comparators[0], samples, text)
+        return np.asarray(_OPERATORS[type(node.ops[0])](*sides), dtype=float)
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
+        return _FUNCTIONS[node.func.id](samples, *(_value(each, samples, text) for each in node.args))
+    raise refuse("expression", repr(text), "cannot be read", _HINT)

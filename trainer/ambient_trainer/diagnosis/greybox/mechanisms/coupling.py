@@ -1,0 +1,82 @@
+"""The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient's own zone it is a law of the loss."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambient_trainer.circuits.circuit import AMBIENT
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.record import Record
+
+_LEAST = 0.03
+"""Of a conductance: none becomes negative."""
+_PROBE = 0.02
+
+
+@dataclass(frozen=True)
+class Coupling(Mechanism):
+    """A relative change of the loss; one number for all places, or one of each."""
+
+    cause = "ambient_coupling"
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        weight = self.weight(record)
+        nodes = np.array([network.index(each) for each in self.places])
+        air = network.boundary(AMBIENT)
+        shares = np.broadcast_to(values, (len(values), len(nodes))) if values.shape[1] == 1 else values
+        factor = np.maximum(1.0 + weight[:, None, None] * shares, _LEAST) - 1.0
+        mean = factor.mean(axis=0)
+        conductance = network.loss[:, nodes, air]
+        network.to_boundary[:, nodes, air] += conductance * mean
+        if np.ptp(weight) == 0:
+            return
+        varying = conductance * (factor - mean)
+        air_degC = network.boundary_degC[air][:, None, None]
+
+        def term(degC: Array, index: int | slice, heat: Array) -> None:
+            heat[..., nodes] += varying[index] * (air_degC[index] - degC[..., nodes])
+
+        network.terms.append(term)
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        return [[_PROBE * each.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        values = [np.clip(_PROBE * amount, -0.5, 2.0) * number.scale for amount, number in zip(amounts, self.numbers)]
+        return self.with_values(values) if any(values) else None
+
+
+@dataclass(frozen=True)
+class ZoneLoss(Coupling):
+    """The loss differs between a hot and a cold ambient."""
+
+    cause = "convection_law"
+
+
+def candidates(scene: Scene) -> Iterator[Mechanism]:
+    """Every node that is joined to the ambient, and all of them, by every driver, and by where the ambient stands."""
+    joined = [each for each in scene.nodes if scene.loss(each) > 0]
+    for places in scene.groups(joined):
+        for driver in scene.drivers:
+            if not driver.text.startswith("d(") and "*" not in driver.text:
+                yield _coupling(Coupling, scene, places, driver)
+                if len(places) > 1:
+                    yield _coupling(Coupling, scene, places, driver, shared=True)
+        for driver in scene.ambient_zones:
+            yield _coupling(ZoneLoss, scene, places, driver)
+
+
+def _coupling(
+    kind: type[Coupling], scene: Scene, places: tuple[str, ...], driver: Expression, shared: bool = False
+) -> Coupling:
+    scale = 1.0 / scene.size(driver)
+    names = ["change"] if shared else [f"change_{each}" for each in places]
+    numbers = tuple(Number(name, f"1 per {driver.text}", 0.0, scale=scale) for name in names)
+    return kind(places, numbers, driver)

@@ -1,0 +1,67 @@
+"""A body that changes its phase beside a node: while it freezes or melts it stays at one temperature.
+
+Its enthalpy, in kelvin of its own heat capacity, is the state z; the body is at z above the melting point T0, stays at
+T0 while z falls by the heat of fusion L, and is at z + L below. Where it begins solid, z is counted from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, unused
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.record import Record
+
+_PROBE = 1e-3
+_FUSION_K = 80.0
+"""Water: 334 kJ/kg over 4.2 kJ/(kg K)."""
+
+
+@dataclass(frozen=True)
+class Latent(Mechanism):
+    """A conductance to the body, the time constant behind it, and its heat of fusion; ``melting_degC`` is given."""
+
+    melting_degC: float = 0.0
+    melts: bool = False
+
+    cause = "latent_heat"
+    shaped = True
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        node = network.index(self.places[0])
+        conductance, lag, fusion = values.T
+        point = self.melting_degC
+        body = network.add_node(unused(network, f"{self.places[0]}_phase"), conductance * lag)
+        network.join(node, body, conductance)
+        sign = -1.0 if self.melts else 1.0
+
+        def term(degC: Array, index: int | slice, heat: Array) -> None:
+            held = sign * conductance * np.clip(sign * (point - degC[..., body]), 0.0, fusion)
+            heat[..., node] += held
+            heat[..., body] -= held
+
+        network.terms.append(term)
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        return [[_PROBE * self.numbers[0].value, *(each.value for each in self.numbers[1:])]]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        share = float(np.clip(_PROBE * amounts[0], 0.3, 3.0))
+        return self.with_values([share * self.numbers[0].value, *(each.value for each in self.numbers[1:])])
+
+
+def candidates(scene: Scene) -> Iterator[Mechanism]:
+    """Every node whose readings dwell at one temperature."""
+    for node in scene.nodes:
+        for plateau in scene.plateaus_degC(node):
+            for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 10, 3):
+                conductance = Number(f"G_{node}_phase", "W/K", scene.conductance(node), log=True)
+                behind = Number(f"lag_{node}_phase", "s", float(lag), log=True, low=2 * scene.period_s)
+                fusion = Number(f"fusion_{node}", "K", _FUSION_K, log=True, low=1.0, high=1e4)
+                melts = scene.first_degC(node) < plateau
+                yield Latent((node,), (conductance, behind, fusion), melting_degC=plateau, melts=melts)

@@ -1,0 +1,86 @@
+"""A thermal mass of its own behind a node, which may see the ambient, too."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambient_trainer.circuits.circuit import AMBIENT
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, unused
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.record import Record
+
+_PROBE = 1e-3
+_LAGS = 6
+
+
+@dataclass(frozen=True)
+class HiddenMass(Mechanism):
+    """Per place a conductance, a time constant behind it, and with ``sees_ambient`` a conductance to the air."""
+
+    sees_ambient: bool = False
+
+    shaped = True
+    cause = "thermal_mass"
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        each = 3 if self.sees_ambient else 2
+        for index, place in enumerate(self.places):
+            conductance, lag = values[:, each * index], values[:, each * index + 1]
+            name = unused(network, f"{place}_mass")
+            mass = network.add_node(name, conductance * lag)
+            network.join(mass, network.index(place), conductance)
+            if self.sees_ambient:
+                network.to_boundary[:, mass, network.boundary(AMBIENT)] += values[:, each * index + 2]
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        each = 3 if self.sees_ambient else 2
+        probes = []
+        for index in range(len(self.places)):
+            values = [number.value for number in self.numbers]
+            # the others are as good as absent
+            for other in range(len(self.places)):
+                values[each * other] *= _PROBE if other == index else 1e-6 * _PROBE
+            if self.sees_ambient:
+                values[each * index + 2] *= _PROBE
+            probes.append(values)
+        return probes
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        each = 3 if self.sees_ambient else 2
+        values = [number.value for number in self.numbers]
+        for index, amount in enumerate(amounts):
+            # to first order a second mass may seem to take heat from the first: it starts small, and the fit decides
+            share = float(np.clip(_PROBE * amount, 0.1, 3.0))
+            values[each * index] *= share
+            if self.sees_ambient:
+                values[each * index + 2] *= share
+        return self.with_values(values)
+
+
+def candidates(scene: Scene) -> Iterator[Mechanism]:
+    """Behind every node, and behind all, with time constants from a few samples to half the record."""
+    lags = np.geomspace(3 * scene.period_s, scene.longest_s / 6, _LAGS)
+    for places in scene.groups(scene.nodes):
+        for lag in lags:
+            yield _mass(scene, places, float(lag), sees_ambient=False)
+            if all(scene.loss(each) > 0 for each in places):
+                yield _mass(scene, places, float(lag), sees_ambient=True)
+    for node in scene.hidden_nodes:
+        for lag in lags:
+            yield _mass(scene, (node,), float(lag), sees_ambient=False)
+
+
+def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
+    numbers: list[Number] = []
+    for each in places:
+        conductance = scene.conductance(each)
+        numbers.append(Number(f"G_{each}_mass", "W/K", conductance, log=True))
+        numbers.append(Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=scene.longest_s / 3))
+        if sees_ambient:
+            numbers.append(Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True))
+    return HiddenMass(places, tuple(numbers), sees_ambient=sees_ambient)

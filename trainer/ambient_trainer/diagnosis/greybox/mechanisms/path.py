@@ -1,0 +1,52 @@
+"""A path between two nodes that the circuit does not join, or from a node to a body whose temperature is logged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.record import Record
+
+_PROBE = 1e-3
+
+
+@dataclass(frozen=True)
+class Path(Mechanism):
+    """A conductance between ``ends``."""
+
+    ends: tuple[str, str] = ("", "")
+
+    cause = "path"
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        one, other = self.ends
+        conductance = values[:, 0]
+        if other in network.nodes:
+            network.join(network.index(one), network.index(other), conductance)
+            return
+        if other not in network.boundaries:
+            network.add_boundary(other, record.signals[f"{other}_degC"])
+        network.to_boundary[:, network.index(one), network.boundary(other)] += conductance
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        return [[_PROBE * self.numbers[0].value]]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        if amounts[0] <= 0:
+            return None
+        return self.with_values([float(np.clip(_PROBE * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
+
+
+def candidates(scene: Scene) -> Iterator[Mechanism]:
+    """Every pair of nodes that is not joined, and every node with every other logged temperature."""
+    for index, one in enumerate(scene.nodes):
+        for other in [*scene.nodes[index + 1 :], *scene.other_temperatures]:
+            if not scene.joined(one, other):
+                conductance = Number(f"G_{one}_{other}", "W/K", scene.conductance(one), log=True)
+                yield Path((f"{one}-{other}",), (conductance,), ends=(one, other))

@@ -1,0 +1,230 @@
+"""A grey-box model: a circuit read forward, and mechanisms that were added to it; their numbers are fitted together.
+
+Every number has a coordinate z: its logarithm where it is positive by nature, else its multiple of ``scale``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.record import Record
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number that is fitted: in ``unit``, logarithmic or a multiple of ``scale``, within physical bounds."""
+
+    name: str
+    unit: str
+    value: float
+    log: bool = False
+    scale: float = 1.0
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def z(self) -> float:
+        """Its coordinate."""
+        return float(np.log(self.value)) if self.log else self.value / self.scale
+
+    def natural(self, z: Array) -> Array:
+        """The number itself at coordinate z."""
+        return np.exp(np.clip(z, -60, 60)) if self.log else z * self.scale
+
+    @property
+    def range_z(self) -> tuple[float, float]:
+        """The bounds of its coordinate."""
+        if self.log:
+            low = np.log(self.low) if self.low > 0 else -60.0
+            return float(low), float(np.log(self.high)) if np.isfinite(self.high) else 60.0
+        return self.low / self.scale, self.high / self.scale
+
+    def at(self, z: float) -> Number:
+        """The number at coordinate z."""
+        return replace(self, value=float(self.natural(np.float64(z))))
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """What a circuit may lack: a cause at one or several places, driven by an expression or by nothing logged."""
+
+    places: tuple[str, ...]
+    numbers: tuple[Number, ...]
+    driver: Expression | None = None
+    onset_s: float | None = None
+    end_s: float | None = None
+
+    cause = ""
+    """What the diagnosis calls it."""
+    instrument = False
+    """It is the instrument's, not heat's."""
+    shaped = False
+    """What it does to first order says little of what it does: it is fitted from several starts."""
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        """Add it to ``network``; ``values`` (P, k) are its numbers in each lane."""
+        raise NotImplementedError
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        """Small values of its numbers that span what it adds to first order."""
+        raise NotImplementedError
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        """It with as much of each probe as a linear fit has found; None where physics forbids that."""
+        raise NotImplementedError
+
+    def with_values(self, values: Sequence[float]) -> Mechanism:
+        """It with other numbers."""
+        numbers = tuple(replace(each, value=float(value)) for each, value in zip(self.numbers, values))
+        return replace(self, numbers=numbers)
+
+    def weight(self, record: Record) -> Array:
+        """Its driver within its window, (N,)."""
+        shape = np.ones(record.samples) if self.driver is None else self.driver.value(samples_of(record))
+        return shape * window(record, self.onset_s, self.end_s)
+
+    @property
+    def key(self) -> tuple[str, tuple[str, ...], str]:
+        """Cause, places and driver."""
+        return self.cause, self.places, "" if self.driver is None else self.driver.text
+
+    def __str__(self) -> str:
+        place = f" at {', '.join(self.places)}" if self.places else ""
+        return f"{self.cause}{place}" + ("" if self.driver is None else f" by {self.driver.text}")
+
+
+def samples_of(record: Record) -> Samples:
+    """What expressions of a record are evaluated on."""
+    return Samples(record.signals, record.period_s)
+
+
+def unused(network: Network, name: str) -> str:
+    """``name``, or with a number behind it where the network has such a node."""
+    numbered = (name if index == 1 else f"{name}_{index}" for index in range(1, len(network.nodes) + 2))
+    return next(each for each in numbered if each not in network.nodes)
+
+
+def window(record: Record, onset_s: float | None, end_s: float | None) -> Array:
+    """1 from ``onset_s`` to ``end_s``, else 0; the share of a sample that lies inside."""
+
+    def after(at_s: float | None, default: float) -> Array:
+        if at_s is None:
+            return np.full(record.samples, default)
+        return np.clip((record.time_s - at_s) / record.period_s + 0.5, 0.0, 1.0)
+
+    return after(onset_s, 1.0) - after(end_s, 0.0)
+
+
+@dataclass(frozen=True)
+class GreyBox:
+    """A circuit in forward form with mechanisms."""
+
+    circuit: Circuit
+    own: tuple[Number, ...]
+    mechanisms: tuple[Mechanism, ...] = ()
+
+    @staticmethod
+    def of(circuit: Circuit) -> GreyBox:
+        """The model of a forward circuit without any mechanism; its parameters start at their initial values."""
+        positive = {node.capacitance for node in circuit.states} | {edge.resistance for edge in circuit.edges}
+        own = tuple(
+            Number(
+                each.name,
+                each.unit,
+                each.initial,
+                log=each.name in positive,
+                scale=abs(each.initial) or 1.0,
+            )
+            for each in circuit.parameters
+            if each.free
+        )
+        return GreyBox(circuit, own)
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        """All numbers that are fitted."""
+        return (*self.own, *(number for each in self.mechanisms for number in each.numbers))
+
+    def z(self) -> Array:
+        """Their coordinates (p,)."""
+        return np.array([each.z for each in self.numbers])
+
+    def at(self, z: Array) -> GreyBox:
+        """The model at coordinates z (p,)."""
+        numbers = [number.at(value) for number, value in zip(self.numbers, z)]
+        own, rest = numbers[: len(self.own)], numbers[len(self.own) :]
+        mechanisms = []
+        for each in self.mechanisms:
+            count = len(each.numbers)
+            mechanisms.append(replace(each, numbers=tuple(rest[:count])))
+            rest = rest[count:]
+        return replace(self, own=tuple(own), mechanisms=tuple(mechanisms))
+
+    def with_mechanism(self, mechanism: Mechanism) -> GreyBox:
+        """The model with one more mechanism."""
+        return replace(self, mechanisms=(*self.mechanisms, mechanism))
+
+    def without(self, index: int) -> GreyBox:
+        """The model without one of its mechanisms."""
+        return replace(self, mechanisms=self.mechanisms[:index] + self.mechanisms[index + 1 :])
+
+    def values(self, z: Array) -> Array:
+        """Numbers (P, p) at coordinates z (P, p)."""
+        columns = [number.natural(z[:, index]) for index, number in enumerate(self.numbers)]
+        return np.stack(columns, axis=1) if columns else z
+
+    def network(self, record: Record, z: Array, extra: Sequence[tuple[Mechanism, Array]] = ()) -> Network:
+        """The network of P lanes at coordinates z (P, p); ``extra`` are further mechanisms with values (P, k)."""
+        values = self.values(z)
+        network = bare_network(self.circuit, record, dict(zip((n.name for n in self.own), values.T)), len(z))
+        first = len(self.own)
+        for each in self.mechanisms:
+            each.apply(network, values[:, first : first + len(each.numbers)], record)
+            first += len(each.numbers)
+        for mechanism, given in extra:
+            mechanism.apply(network, given, record)
+        return network
+
+
+def bare_network(circuit: Circuit, record: Record, free: dict[str, Array], lanes: int) -> Network:
+    """The network of a forward circuit; ``free`` holds values (P,) of free parameters, others are as in the circuit."""
+    fixed = {each.name: np.full(lanes, each.initial) for each in circuit.parameters}
+    value = {**fixed, **free}
+    states = [node.name for node in circuit.states]
+    prescribed = [node for node in circuit.nodes if node.capacitance is None]
+    rows = {name: index for index, name in enumerate(circuit.inputs)}
+    count = len(states)
+    network = Network(
+        record.time_s,
+        record.period_s,
+        states,
+        np.stack([value[str(node.capacitance)] for node in circuit.states], axis=1),
+        np.zeros((lanes, count, count)),
+        [node.name for node in prescribed],
+        np.array([record.inputs[rows[f"{node.sensor}_degC"]] for node in prescribed]),
+        np.zeros((lanes, count, len(prescribed))),
+        np.zeros((lanes, count, record.samples)),
+        np.array([states.index(next(iter(output.states or ()))) for output in circuit.outputs]),
+        tuple(output.name for output in circuit.outputs),
+    )
+    for edge in circuit.edges:
+        one, other = edge.between
+        conductance = 1.0 / value[edge.resistance]
+        if one in states and other in states:
+            network.join(states.index(one), states.index(other), conductance)
+        elif one in states or other in states:
+            inner, outer = (one, other) if one in states else (other, one)
+            if outer in network.boundaries:
+                network.to_boundary[:, states.index(inner), network.boundary(outer)] += conductance
+    network.loss = network.to_boundary.copy()
+    for source in circuit.sources:
+        into = states.index(source.into)
+        network.heat[:, into] += value[source.share][:, None] * record.inputs[rows[source.signal]]
+    return network

@@ -1,0 +1,323 @@
+"""Fitting a grey-box model: nonlinear least squares of simulated runs (output error), and what a held-out block says.
+
+The start of every run is eliminated (Schur complement) with its prior, the first readings. Steps are Levenberg and
+Marquardt's; several dampings are tried at once, as lanes of one simulation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.network import ABSURD_DEGC
+from ambient_trainer.diagnosis.record import Record
+
+BLOCKS, FOLDS = 15, 5
+LEFT_OUT = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4))
+"""Blocks show the scatter; folds of several are left out together, so that their ends are foretold, not bridged."""
+_REFIT = 6
+_MOST_MOVE = 1.5
+"""Of a coordinate, when a fold is left out: further away the straight line is none."""
+_STEP = 1e-4
+_START_SD_DEGC, _HIDDEN_SD_DEGC = 0.3, 4.0
+_PRIOR_SD = 3.0
+"""Of a number's coordinate: a factor of twenty. Its weight is that of one sample."""
+_DAMPINGS = 10.0 ** np.array([-6.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0])
+_MOST_STEP = 2.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """One record with the model's simulation of it: residual (M,), its slopes (M, p), and the block of each sample."""
+
+    residual: Array
+    slopes: Array
+    start: Array
+    start_slopes: Array
+    start_prior: Array
+    start_expected: Array
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model at its least squares on ``records``, M valid readings in all."""
+
+    model: GreyBox
+    records: Sequence[Record]
+    runs: tuple[Run, ...]
+    blocks: tuple[Array, ...]
+    prior_z: Array
+    cost: float
+    validated: Array | None = None
+    """What :attr:`held_out` is where folds were left out in earnest, (F,)."""
+
+    @property
+    def residual(self) -> Array:
+        """Measured minus simulated of every valid reading, (M,)."""
+        return np.concatenate([run.residual for run in self.runs])
+
+    @property
+    def slopes(self) -> Array:
+        """Of the simulation in every coordinate, starts moving along, (M, p)."""
+        return np.concatenate([_profiled(run, run.slopes) for run in self.runs])
+
+    @property
+    def block(self) -> Array:
+        """The block of time of every reading, (M,)."""
+        return np.concatenate(self.blocks)
+
+    @property
+    def fold(self) -> Array:
+        """The fold of every reading, (M,)."""
+        return np.asarray(self.block * FOLDS // BLOCKS)
+
+    @property
+    def at_bounds(self) -> bool:
+        """Whether a number of a mechanism ends at a physical bound."""
+        for number in self.model.numbers[len(self.model.own) :]:
+            low, high = number.range_z
+            if abs(number.z - low) < 1e-6 * max(1.0, abs(low)) or abs(number.z - high) < 1e-6 * max(1.0, abs(high)):
+                return True
+        return False
+
+    @property
+    def rmse_degC(self) -> float:
+        """In-sample."""
+        return float(np.sqrt(np.mean(self.residual**2)))
+
+    @cached_property
+    def held_out(self) -> Array:
+        """Sum of squares of each fold when its readings are left out of the fit, to first order, (F,)."""
+        if self.validated is not None:
+            return self.validated
+        return held_out(self.slopes, self.residual, self.fold, self._ridge())
+
+    def refitted(self) -> Fitted:
+        """The same with :attr:`held_out` by a fit without each fold, not to first order."""
+        squares = []
+        for first, last in LEFT_OUT:
+            without = [
+                replace(record, sensors=_masked(record, (blocks * FOLDS // BLOCKS, first, last)))
+                for record, blocks in zip(self.records, self.blocks)
+            ]
+            starts = [run.start for run in self.runs]
+            other = fit(self.model, without, starts, most=_REFIT, tolerance=1e-2, prior_z=self.prior_z)
+            if other is None:
+                return replace(self, validated=np.full(len(LEFT_OUT), np.inf))
+            squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
+        return replace(self, validated=np.array(squares))
+
+    def _ridge(self) -> Array:
+        return np.full(len(self.prior_z), self.rmse_degC**2 / _PRIOR_SD**2 + 1e-12)
+
+    @property
+    def held_out_rmse_degC(self) -> float:
+        """Root mean square over all folds."""
+        return float(np.sqrt(self.held_out.sum() / left_out_count(self.fold)))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the coordinates, by the scatter of whole blocks (a sandwich): residuals within one are correlated."""
+        J, r, block = self.slopes, self.residual, self.block
+        inverse = np.linalg.pinv(J.T @ J + np.diag(self._ridge()))
+        scores = np.array([J[block == b].T @ r[block == b] for b in np.unique(block)])
+        count = len(scores)
+        return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1))
+
+
+def held_out(J: Array, r: Array, fold: Array, ridge: Array) -> Array:
+    """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
+
+    Left out are the folds between, and the last two together: what comes later is foretold. The first fold stays:
+    how a run begins is seen nowhere else.
+    """
+    H = J.T @ J + np.diag(ridge)
+    result = []
+    for first, last in LEFT_OUT:
+        here = (fold >= first) & (fold <= last)
+        rows, left = J[here], r[here]
+        if len(H):
+            move = np.linalg.lstsq(H - rows.T @ rows, rows.T @ left, rcond=1e-12)[0]
+            left = left + rows @ np.clip(move, -_MOST_MOVE, _MOST_MOVE)
+        result.append(float(left @ left))
+    return np.array(result)
+
+
+def _masked(record: Record, fold: tuple[Array, int, int]) -> Array:
+    """The readings of a record without those of some folds."""
+    folds, first, last = fold
+    sensors = record.sensors.copy()
+    kept = sensors[np.isfinite(sensors)]
+    sensors[np.isfinite(sensors)] = np.where((folds >= first) & (folds <= last), np.nan, kept)
+    # where a run begins is given: a simulation starts from the first readings
+    for row, whole in zip(sensors, record.sensors):
+        begin = np.flatnonzero(np.isfinite(whole))[:1]
+        row[begin] = whole[begin]
+    return sensors
+
+
+def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> float:
+    """The squares of readings that the fit has not seen."""
+    unseen = np.isfinite(record.sensors) & ~np.isfinite(without.sensors)
+    read = simulate(fitted.model, record, fitted.model.z()[None], run.start[None])[0]
+    left = (record.sensors - read)[unseen]
+    return float(left @ left)
+
+
+def left_out_count(fold: Array) -> int:
+    """How many readings are left out once, all together."""
+    return int(sum(((fold >= first) & (fold <= last)).sum() for first, last in LEFT_OUT))
+
+
+def _profiled(run: Run, columns: Array) -> Array:
+    """``columns`` (M, c) less what moving starts takes of them."""
+    S = run.start_slopes
+    system = S.T @ S + np.diag(run.start_prior)
+    return np.asarray(columns - S @ np.linalg.solve(system, S.T @ columns))
+
+
+def expected_start(record: Record, network_nodes: Sequence[str], reads: Array) -> tuple[Array, Array]:
+    """The start (n,) by the first readings, and the weight of each (n,)."""
+    first = np.array([row[np.isfinite(row)][0] if np.isfinite(row).any() else np.nan for row in record.sensors])
+    overall = float(np.nanmean(first)) if np.isfinite(first).any() else 20.0
+    start = np.full(len(network_nodes), overall)
+    weight = np.full(len(network_nodes), _HIDDEN_SD_DEGC**-2)
+    start[reads] = np.where(np.isnan(first), overall, first)
+    weight[reads] = _START_SD_DEGC**-2
+    return start, weight
+
+
+def simulate(model: GreyBox, record: Record, z: Array, start: Array) -> Array:
+    """What the sensors read, (P, s, N)."""
+    return model.network(record, z).simulate(start)
+
+
+def _residual(read: Array, record: Record, valid: Array) -> Array:
+    left = record.sensors[None] - read
+    left = np.where(np.abs(left) < ABSURD_DEGC, left, np.nan)
+    return np.asarray(left[:, valid])
+
+
+def block_of(records: Sequence[Record]) -> tuple[Array, ...]:
+    """The block of every valid reading: all records together are cut into equal stretches of time."""
+    total = sum(record.samples for record in records)
+    result, before = [], 0
+    for record in records:
+        index = np.minimum((before + np.arange(record.samples)) * BLOCKS // total, BLOCKS - 1)
+        result.append(np.broadcast_to(index, record.sensors.shape)[np.isfinite(record.sensors)])
+        before += record.samples
+    return tuple(result)
+
+
+def linearised(model: GreyBox, record: Record, start: Array | None) -> Run:
+    """The run of ``model`` on ``record``, with slopes by forward differences, all in one simulation."""
+    z = model.z()
+    probe = model.network(record, z[None])
+    expected, weight = expected_start(record, probe.nodes, probe.reads)
+    start = expected if start is None else _grown(start, expected)
+    p, n = len(z), len(start)
+    lanes = np.repeat(z[None], 1 + p + n, axis=0)
+    starts = np.repeat(start[None], 1 + p + n, axis=0)
+    lanes[1 + np.arange(p), np.arange(p)] += _STEP
+    starts[1 + p + np.arange(n), np.arange(n)] += 1.0
+    valid = np.isfinite(record.sensors)
+    left = _residual(simulate(model, record, lanes, starts), record, valid)
+    slopes = (left[0] - left[1 : 1 + p]).T / _STEP
+    return Run(left[0], slopes, start, (left[0] - left[1 + p :]).T, weight, expected)
+
+
+def _grown(start: Array, expected: Array) -> Array:
+    """``start`` with nodes that were added since at what is expected of them."""
+    return np.concatenate([start, expected[len(start) :]])[: len(expected)]
+
+
+def fit(
+    model: GreyBox,
+    records: Sequence[Record],
+    starts: Sequence[Array | None] | None = None,
+    most: int = 30,
+    tolerance: float = 1e-4,
+    prior_z: Array | None = None,
+) -> Fitted | None:
+    """The least squares of ``model`` near where it stands; None where it cannot be simulated there."""
+    z = model.z()
+    prior_z = z if prior_z is None else np.concatenate([prior_z, z[len(prior_z) :]])
+    low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
+    runs = [linearised(model, record, start) for record, start in zip(records, starts or [None] * len(records))]
+    cost = _cost(runs, z, prior_z)
+    if not np.isfinite(cost):
+        return None
+    for _ in range(most):
+        best = _step(model, records, runs, z, prior_z, (low, high), cost)
+        if best is None:
+            break
+        gained, z, starts = best
+        model = model.at(z)
+        runs = [linearised(model, record, start) for record, start in zip(records, starts)]
+        before, cost = cost, _cost(runs, z, prior_z)
+        if before - cost < tolerance * before:
+            break
+    return Fitted(model, records, tuple(runs), block_of(records), prior_z, cost)
+
+
+def _prior_weight(runs: Sequence[Run]) -> float:
+    count = sum(len(run.residual) for run in runs)
+    return sum(float(run.residual @ run.residual) for run in runs) / count / _PRIOR_SD**2 + 1e-12
+
+
+def _cost(runs: Sequence[Run], z: Array, prior_z: Array) -> float:
+    total = sum(float(run.residual @ run.residual) for run in runs)
+    total += sum(float(run.start_prior @ (run.start - run.start_expected) ** 2) for run in runs)
+    return total
+
+
+def _step(
+    model: GreyBox,
+    records: Sequence[Record],
+    runs: Sequence[Run],
+    z: Array,
+    prior_z: Array,
+    bounds: tuple[Array, Array],
+    cost: float,
+) -> tuple[float, Array, list[Array]] | None:
+    p = len(z)
+    H, g = np.zeros((p, p)), np.zeros(p)
+    back = []
+    for run in runs:
+        J, S, r = run.slopes, run.start_slopes, run.residual
+        K = S.T @ S + np.diag(run.start_prior)
+        pull = S.T @ r + run.start_prior * (run.start_expected - run.start)
+        cross = S.T @ J
+        solved = np.linalg.solve(K, np.column_stack([cross, pull]))
+        H += J.T @ J - cross.T @ solved[:, :p]
+        g += J.T @ r - cross.T @ solved[:, p]
+        back.append((solved[:, :p], solved[:, p]))
+    weight = _prior_weight(runs)
+    H = H + weight * np.eye(p)
+    g = g + weight * (prior_z - z)
+    scale = np.diag(H) + 1e-12
+    lanes = []
+    for damping in _DAMPINGS:
+        move = np.linalg.lstsq(H + damping * np.diag(scale), g, rcond=1e-14)[0] if p else np.zeros(0)
+        largest = np.abs(move).max(initial=0.0)
+        move = move * min(1.0, _MOST_STEP / largest) if largest > 0 else move
+        lanes.append(np.clip(z + move, *bounds))
+    zs = np.array(lanes)
+    total = np.zeros(len(zs))
+    starts = []
+    for record, run, (along, alone) in zip(records, runs, back):
+        start = run.start + alone - (zs - z) @ along.T
+        starts.append(start)
+        valid = np.isfinite(record.sensors)
+        left = _residual(simulate(model, record, zs, start), record, valid)
+        total += np.einsum("lm,lm->l", left, left) + (start - run.start_expected) ** 2 @ run.start_prior
+    total = np.where(np.isfinite(total), total, np.inf)
+    best = int(np.argmin(total))
+    if not total[best] < cost:
+        return None
+    return cost - float(total[best]), zs[best], [each[best] for each in starts]

@@ -1,0 +1,209 @@
+"""What candidates are made of: the fitted model, its places, and the drivers that the log offers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.circuit import AMBIENT
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.model import samples_of
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.regression import Fitted
+from ambient_trainer.diagnosis.record import Record
+
+_VARIES = 0.1
+_DWELLS, _WATER = 0.3, 0.1
+_MOST_COLUMNS = 24
+_WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
+_RATES = ("_hPa", "_Pa", "_bar", "_frac")
+_SQUARED = ("_A", "_m_s", "_rpm")
+_ANGLES = ("_deg",)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The model as it is fitted, and ``nodes_degC`` (n, N) of every record."""
+
+    fitted: Fitted
+
+    @property
+    def records(self) -> Sequence[Record]:
+        """What is diagnosed."""
+        return self.fitted.records
+
+    @property
+    def period_s(self) -> float:
+        """Of the grid."""
+        return self.records[0].period_s
+
+    @property
+    def duration_s(self) -> float:
+        """All records together."""
+        return sum(record.samples for record in self.records) * self.period_s
+
+    @property
+    def longest_s(self) -> float:
+        """The longest record."""
+        return max(record.samples for record in self.records) * self.period_s
+
+    @property
+    def begin_s(self) -> float:
+        """The first time."""
+        return float(self.records[0].time_s[0])
+
+    @cached_property
+    def network(self) -> Network:
+        """Of the first record, one lane."""
+        return self.fitted.model.network(self.records[0], self.fitted.model.z()[None])
+
+    @property
+    def nodes(self) -> list[str]:
+        """The circuit's own nodes."""
+        return [node.name for node in self.fitted.model.circuit.states]
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """By name."""
+        return self.network.sensors
+
+    def groups(self, places: Sequence[str]) -> list[tuple[str, ...]]:
+        """Each place for itself, and all of them together."""
+        alone: list[tuple[str, ...]] = [(each,) for each in places]
+        return [*alone, tuple(places)] if len(places) > 1 else alone
+
+    def conductance(self, node: str) -> float:
+        """Of all that is joined to a node, in W/K."""
+        index = self.network.index(node)
+        return float(self.network.between[0, index].sum() + self.network.to_boundary[0, index].sum())
+
+    def loss(self, node: str) -> float:
+        """The circuit's own conductance from a node to the ambient, in W/K."""
+        if AMBIENT not in self.network.boundaries:
+            return 0.0
+        return float(self.network.loss[0, self.network.index(node), self.network.boundary(AMBIENT)])
+
+    def joined(self, one: str, other: str) -> bool:
+        """Whether two places have a path already."""
+        net = self.network
+        if other in net.nodes:
+            return bool(net.between[0, net.index(one), net.index(other)] > 0)
+        return other in net.boundaries and bool(net.to_boundary[0, net.index(one), net.boundary(other)] > 0)
+
+    @property
+    def other_temperatures(self) -> list[str]:
+        """Logged temperatures that are neither a sensor of the circuit nor the reference."""
+        known = {f"{each}_degC" for each in self.sensors} | {REFERENCE} | set(self.fitted.model.circuit.inputs)
+        return [name.removesuffix("_degC") for name in self.columns if name.endswith("_degC") and name not in known]
+
+    @cached_property
+    def columns(self) -> list[str]:
+        """Logged columns that all records have and that vary."""
+        names = [each for each in self.records[0].signals if all(each in record.signals for record in self.records)]
+        return [each for each in names if self._varies(each)]
+
+    def _varies(self, name: str) -> bool:
+        row = np.concatenate([record.signals[name] for record in self.records])
+        low, high = np.quantile(row, [0.02, 0.98])
+        return bool(high - low > _VARIES * np.abs(row).max() or (np.ptp(row) > 0 and len(np.unique(row)) == 2))
+
+    @cached_property
+    def drivers(self) -> list[Expression]:
+        """Simplest first: columns, squares of currents and speeds, rates, then products with known drivers of heat."""
+        plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
+        found = [*plain, *(f"{each}^2" for each in plain if each.endswith(_SQUARED))]
+        found += [f"d({each})/dt" for each in plain if each.endswith(_RATES)]
+        for driver in self.known_heat:
+            found += [f"{driver}*{other}" for other in plain if other not in driver]
+            found += [f"{driver}*{other}^2" for other in plain if other not in driver and not self._switches(other)]
+        return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
+
+    @cached_property
+    def known_heat(self) -> list[str]:
+        """Simple drivers of heat that the model has."""
+        heating = [each for each in self.fitted.model.mechanisms if each.cause == "heat_source" and each.driver]
+        texts = dict.fromkeys(each.driver.text for each in heating if each.driver is not None)
+        return [each for each in texts if "*" not in each]
+
+    @cached_property
+    def hidden_nodes(self) -> list[str]:
+        """Nodes that mechanisms have added."""
+        return self.network.nodes[len(self.nodes) :]
+
+    @cached_property
+    def ambient_varies(self) -> bool:
+        """Whether the reference moves by more than a degree."""
+        return any(np.ptp(record.signals[REFERENCE]) > 1.0 for record in self.records if REFERENCE in record.signals)
+
+    def _switches(self, name: str) -> bool:
+        return all(len(np.unique(record.signals[name])) <= 2 for record in self.records)
+
+    def _usable(self, driver: Expression) -> bool:
+        row = self._row(driver)
+        return bool(np.isfinite(row).all() and np.std(row) > 1e-9 * max(np.abs(row).max(), 1e-300))
+
+    def _row(self, driver: Expression) -> Array:
+        return np.concatenate([driver.value(samples_of(record)) for record in self.records])
+
+    def size(self, driver: Expression) -> float:
+        """The root mean square of a driver."""
+        return float(np.sqrt(np.mean(self._row(driver) ** 2)))
+
+    def warms(self, driver: Expression) -> bool:
+        """Whether physics forbids that it cools: powers, irradiances and squared currents."""
+        text = driver.text
+        if "*" in text or text.startswith("d("):
+            return False
+        return text.endswith(_WARMING) or text.endswith("_A^2")
+
+    @cached_property
+    def ambient_zones(self) -> list[Expression]:
+        """Thresholds of the ambient that part the records: at quartiles, and halfway between the extremes."""
+        air = np.concatenate([record.signals.get(REFERENCE, np.zeros(record.samples)) for record in self.records])
+        if np.ptp(air) < 5.0:
+            return []
+        low, high = np.quantile(air, [0.05, 0.95])
+        levels = np.unique(np.round([low + share * (high - low) for share in (0.25, 0.5, 0.75)]))
+        return [Expression(f"{REFERENCE} > {level:g}") for level in levels if level < air.max()]
+
+    def difference_degC(self, node: str) -> float:
+        """The root mean square between a node and the ambient."""
+        index = self.nodes.index(node)
+        apart = []
+        for record, run in zip(self.records, self.fitted.runs):
+            network = self.fitted.model.network(record, self.fitted.model.z()[None])
+            nodes = network.nodes_degC(run.start[None])[0]
+            apart.append(nodes[index] - network.boundary_degC[network.boundary(AMBIENT)])
+        return float(max(np.sqrt(np.mean(np.concatenate(apart) ** 2)), 0.1))
+
+    def mean_degC(self, sensor: str) -> float:
+        """Of a sensor's readings."""
+        index = self.sensors.index(sensor)
+        return float(np.nanmean(np.concatenate([record.sensors[index] for record in self.records])))
+
+    def first_degC(self, node: str) -> float:
+        """The first reading of a node's sensor."""
+        row = self.records[0].sensors[list(self.network.reads).index(self.network.index(node))]
+        return float(row[np.isfinite(row)][0])
+
+    def plateaus_degC(self, node: str) -> list[float]:
+        """Temperatures at which a sensor dwells for a tenth of the time, in a twentieth of its range; and 0 degC."""
+        net = self.network
+        if net.index(node) not in net.reads:
+            return []
+        row = np.concatenate([record.sensors[list(net.reads).index(net.index(node))] for record in self.records])
+        row = row[np.isfinite(row)]
+        counts, edges = np.histogram(row, bins=20)
+        best = int(np.argmax(counts))
+        dwell = float((edges[best] + edges[best + 1]) / 2)
+        points = [0.0] if row.min() < 0.0 < row.max() else []
+        if counts[best] > _DWELLS * len(row) and all(abs(dwell - each) > _WATER * np.ptp(row) for each in points):
+            points.append(dwell)
+        return points
+
+

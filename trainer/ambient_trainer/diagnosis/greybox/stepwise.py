@@ -1,0 +1,275 @@
+"""Mechanisms are added one at a time: screened by a score test, fitted jointly, compared on held-out blocks of time.
+
+The score test takes each candidate's first-order effect on the *simulated* sensors, projects out what the model's own
+numbers could do as well, and solves for its amount (Rao 1948). Measured temperatures are never regressors.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambient_trainer.data.plugins import plugin, plugin_names
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, held_out, left_out_count
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.record import Record
+
+_MECHANISMS = f"{__package__}.mechanisms"
+
+LEAST_GAIN, PENALTY = 0.05, 0.04
+"""Of the held-out error's logarithm, altogether and by complexity: a step that gains less is curve fitting."""
+_INSTRUMENT, _HALF = 1.3, 0.5
+_SHORTLIST, _DRIVERS = 6, 10
+_FEW, _MANY, _FINALISTS = 5, 25, 4
+MOST_STEPS = 6
+_LOOPED = 2500
+_SURE = 1.645
+_ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
+"""What carries charge or heat moves no air."""
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A candidate by the score test: as it would start, and the sum of squares that is held out."""
+
+    mechanism: Mechanism
+    held_out: float
+    point: Fitted
+    """The model beside which it was screened."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was fitted jointly with all numbers."""
+
+    mechanism: Mechanism
+    fitted: Fitted
+
+    @property
+    def rmse_degC(self) -> float:
+        """Held-out."""
+        return self.fitted.held_out_rmse_degC
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: the model before and after, and all trials, best first."""
+
+    before: Fitted
+    chosen: Trial | None
+    trials: tuple[Trial, ...]
+
+
+def candidates(scene: Scene) -> Iterator[Mechanism]:
+    """Those of every kind of mechanism."""
+    for name in plugin_names(_MECHANISMS):
+        yield from plugin(_MECHANISMS, name).candidates(scene)
+
+
+def screen(scene: Scene, offered: Sequence[Mechanism]) -> list[Screened]:
+    """Candidates by what they would leave on held-out blocks, to first order; best first."""
+    fitted = scene.fitted
+    bases = [_base(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
+    result = []
+    for each in offered:
+        columns = np.concatenate(
+            [_effect(fitted.model, record, run.start, base, each) for record, run, base in zip(fitted.records, fitted.runs, bases)]
+        )
+        if not np.isfinite(columns).all() or not columns.any():
+            continue
+        amounts, squares = _scored(fitted, columns)
+        started = each.started(amounts)
+        if started is not None and np.isfinite(squares):
+            result.append(Screened(started, squares, fitted))
+    return sorted(result, key=lambda each: each.held_out)
+
+
+def _base(model: GreyBox, record: Record, start: Array) -> tuple[Array, Array]:
+    """All nodes (n, N) of a model, and what its sensors read (s, N)."""
+    network = model.network(record, model.z()[None])
+    nodes = network.nodes_degC(start[None])
+    read = nodes[:, network.reads].copy()
+    for change in network.readings:
+        change(read)
+    return nodes[0], read[0]
+
+
+def _effect(model: GreyBox, record: Record, start: Array, base: tuple[Array, Array], mechanism: Mechanism) -> Array:
+    """What each probe of a mechanism adds to the sensors, (M, k)."""
+    nodes, read = base
+    probes = np.array(mechanism.probes(), dtype=float)
+    network = model.network(record, np.repeat(model.z()[None], len(probes), axis=0), [(mechanism, probes)])
+    network.frozen(nodes)
+    first = np.full((len(probes), len(network.nodes)), start[network.reads].mean())
+    first[:, : len(start)] = start
+    valid = np.isfinite(record.sensors)
+    return np.asarray((network.simulate(first) - read)[:, valid].T)
+
+
+def _scored(fitted: Fitted, S: Array) -> tuple[Array, float]:
+    """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them."""
+    J, r = fitted.slopes, fitted.residual
+    size = np.sqrt((S**2).sum(axis=0)) + 1e-300
+    full = np.column_stack([J, S / size])
+    ridge = np.concatenate([np.full(J.shape[1], fitted.rmse_degC**2 / 9.0 + 1e-12), np.full(S.shape[1], 1e-9)])
+    solution = np.linalg.lstsq(full.T @ full + np.diag(ridge), full.T @ r, rcond=1e-12)[0]
+    amounts = solution[J.shape[1] :] / size
+    # the candidate's own coordinate is its amount: a fold that is left out may change it as much as it likes
+    scaled = np.column_stack([J, S * np.abs(amounts)])
+    return amounts, float(held_out(scaled, r - full @ solution, fitted.fold, ridge).sum())
+
+
+def shortlist(screened: Sequence[Screened]) -> list[Screened]:
+    """The best overall, the best of every cause, and the best of every driver: they are fitted jointly."""
+    distinct: dict[tuple[object, ...], Screened] = {}
+    for each in screened:
+        mechanism = each.mechanism
+        point = id(each.point) if mechanism.shaped else 0
+        distinct.setdefault((type(mechanism), mechanism.key, len(mechanism.numbers), point), each)
+    ordered = list(distinct.values())
+    chosen = ordered[:_SHORTLIST]
+    seen: dict[tuple[str, object], int] = {}
+    for each in ordered:
+        cause, _, driver = each.mechanism.key
+        kinds = [("cause", (type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))]
+        if each.mechanism.shaped and len(each.mechanism.places) == 1:
+            kinds.append(("shape", (type(each.mechanism), each.mechanism.places, len(each.mechanism.numbers), id(each.point))))
+        if driver and "*" not in driver and len([key for key in seen if key[0] == "driver"]) < _DRIVERS:
+            kinds.append(("driver", (cause, driver)))
+        for kind in kinds:
+            seen[kind] = seen.get(kind, 0) + 1
+            if seen[kind] == 1:
+                chosen.append(each)
+    return list({id(each): each for each in chosen}.values())
+
+
+def compared(screened: Sequence[Screened]) -> list[Trial]:
+    """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best."""
+
+    def refit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:
+        starts = [run.start for run in near.runs]
+        return fit(model, near.records, starts, most=most, tolerance=3e-3, prior_z=near.prior_z)
+
+    trials: list[Trial] = []
+    for each in screened:
+        result = refit(each.point.model.with_mechanism(each.mechanism), each.point, _FEW)
+        if result is not None:
+            trials.append(Trial(result.model.mechanisms[-1], result))
+    trials.sort(key=promise)
+    for index, trial in enumerate(trials[:_FINALISTS]):
+        done = refit(trial.fitted.model, trial.fitted, _MANY)
+        if done is not None:
+            trials[index] = Trial(done.model.mechanisms[-1], done.refitted() if _cheap(done) else done)
+    return sorted(trials[:_FINALISTS], key=penalised) + sorted(trials[_FINALISTS:], key=penalised)
+
+
+def _cheap(fitted: Fitted) -> bool:
+    """Whether folds can be left out in earnest: without a loop over samples, or with few of them."""
+    network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
+    return not network.terms or sum(record.samples for record in fitted.records) < _LOOPED
+
+
+def promise(trial: Trial) -> float:
+    """Which trials are worth a full fit: by the error in sample, since few steps make the held-out one unsure."""
+    return float(np.log(trial.fitted.rmse_degC)) + PENALTY * complexity(trial.mechanism)
+
+
+def complexity(mechanism: Mechanism) -> float:
+    """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
+    text = "" if mechanism.driver is None else mechanism.driver.text
+    joule = text.endswith("_A^2")
+    driver = 0.5 * bool(text) + 1.0 * (not text and mechanism.cause == "heat_source") + 0.5 * (text.endswith("_A") and mechanism.cause == "heat_source") + 1.5 * text.count("*") + 0.5 * text.count("/dt") + 0.5 * (text.count("^") - joule)
+    electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
+    return 0.5 + 0.5 * len(mechanism.numbers) + driver + electric
+
+
+def penalised(trial: Trial) -> float:
+    """The logarithm of the held-out error, and what a mechanism assumes."""
+    return float(np.log(trial.rmse_degC)) + PENALTY * complexity(trial.mechanism)
+
+
+def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
+    """The trial with the least penalised error; None where none gains enough. Physics goes before instruments."""
+    ordered = sorted((each for each in trials if not each.fitted.at_bounds), key=penalised)
+    passing = [each for each in ordered if gains(before, each)]
+    physical = [each for each in passing if not each.mechanism.instrument]
+    instruments = [each for each in passing if each.mechanism.instrument]
+    if instruments and (not physical or instruments[0].rmse_degC * _INSTRUMENT < physical[0].rmse_degC):
+        if instruments[0].rmse_degC < _HALF * before.held_out_rmse_degC:
+            return instruments[0]
+    return physical[0] if physical else None
+
+
+def gains(before: Fitted, after: Trial) -> bool:
+    """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
+    if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
+        return False
+    apart = before.held_out - after.fitted.held_out
+    spread = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
+    return bool(apart.mean() > _SURE * spread or (apart > 0).mean() >= 0.75)
+
+
+def stepwise(
+    model: GreyBox, records: Sequence[Record], progress: Callable[[str], None] = lambda text: None
+) -> tuple[Fitted, list[Step]]:
+    """The model with the mechanisms that it lacks, and the steps."""
+    fitted = bare_fit(model, records)
+    steps: list[Step] = []
+    while len(steps) < MOST_STEPS:
+        points = [fitted] if steps else [fitted, *anchors(model, records)]
+        screened = sorted(
+            (each for point in points for each in screen(Scene(point), list(candidates(Scene(point))))),
+            key=lambda each: each.held_out,
+        )
+        count = left_out_count(fitted.fold)
+        progress("screened " + "; ".join(f"{each.mechanism} {np.sqrt(each.held_out / count):.3f}" for each in screened[:6]))
+        trials = compared(shortlist(screened))
+        for trial in trials:
+            progress(f"  {trial.mechanism} ({type(trial.mechanism).__name__}, {len(trial.mechanism.numbers)}) held-out {trial.rmse_degC:.3f} fit {trial.fitted.rmse_degC:.3f}{' at bound' * trial.fitted.at_bounds}")
+        chosen = choose(fitted, trials)
+        steps.append(Step(fitted, chosen, tuple(sorted(trials, key=lambda each: each.rmse_degC))))
+        if chosen is None:
+            break
+        fitted = chosen.fitted
+        progress(f"chosen {chosen.mechanism}: {steps[-1].before.held_out_rmse_degC:.3f} -> {fitted.held_out_rmse_degC:.3f}")
+        fitted = pruned(fitted, progress)
+    return fitted, steps
+
+
+def pruned(fitted: Fitted, progress: Callable[[str], None]) -> Fitted:
+    """The model without mechanisms that the later ones have made needless."""
+    hidden = {place for each in fitted.model.mechanisms for place in each.places} - {n.name for n in fitted.model.circuit.states}
+    for index, mechanism in enumerate(fitted.model.mechanisms[:-1]):
+        if any(each.startswith(place) for place in mechanism.places for each in hidden):
+            continue
+        starts = [None for _ in fitted.runs]
+        without = fit(fitted.model.without(index), fitted.records, starts, tolerance=1e-3)
+        if without is not None and without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
+            progress(f"dropped {fitted.model.mechanisms[index]}")
+            return pruned(without, progress)
+    return fitted
+
+
+def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:
+    """The circuit as it is given and with time constants a factor of ten off, not fitted: where a cause that is missing
+    drives the fit to absurd ones, candidates show themselves here."""
+    points = (fit(_slower(model, factor), records, most=0, prior_z=model.z()) for factor in (1.0, 10.0, 0.1))
+    return [each for each in points if each is not None]
+
+
+def _slower(model: GreyBox, factor: float) -> GreyBox:
+    """The model with every free time constant times ``factor``."""
+    unit = "J/K" if any(each.unit == "J/K" for each in model.own) else "K/W"
+    move = np.array([np.log(factor) if each.unit == unit else 0.0 for each in model.own])
+    return model.at(model.z() + move) if len(move) else model
+
+
+def bare_fit(model: GreyBox, records: Sequence[Record]) -> Fitted:
+    """The circuit itself at its least squares, from several starts."""
+    fits = (fit(_slower(model, factor), records, prior_z=model.z()) for factor in (1.0, 10.0, 0.1, 100.0))
+    return min((each for each in fits if each is not None), key=lambda each: each.cost).refitted()
