@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ambient_model.faults import refuse
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Output
 from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import StateSpace
@@ -28,6 +29,10 @@ def assemble(circuit: Circuit, values: Mapping[str, float]) -> Assembled:
     from the inputs and the loss is -x_i/R_i,ambient (thesis equation 4.5, the sign of row 2 as in erratum 1); in
     ``temperature`` form an edge to an ambient that no sensor prescribes carries no heat (erratum 10).
     """
+    if circuit.mechanisms:
+        kinds = ", ".join(each.kind for each in circuit.mechanisms)
+        hint = "simulate it with `diagnose`, or take the circuit without its mechanisms"
+        raise refuse(circuit.name, "mechanisms", f"no linear state space holds {kinds}", hint)
     return _Assembly(circuit, values).result()
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from ambient_trainer.lti.statespace import Hold
 
@@ -91,6 +91,22 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Addition:
+    """A mechanism beyond resistances, capacitances and sources, as ``diagnose`` finds them; it interprets the ``kind``.
+
+    ``numbers`` holds for each number its unit, value, whether it is positive (``log``) and its ``scale``.
+    """
+
+    kind: str
+    at: tuple[str, ...]
+    by: str | None
+    from_s: float | None
+    to_s: float | None
+    numbers: Mapping[str, Mapping[str, Any]]
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Circuit:
     """A validated thermal circuit; see ``circuits/schema.py`` for the file it comes from."""
 
@@ -103,6 +119,7 @@ class Circuit:
     sources: tuple[Source, ...]
     outputs: tuple[Output, ...]
     parameters: tuple[Parameter, ...]
+    mechanisms: tuple[Addition, ...] = ()
 
     @property
     def states(self) -> tuple[Node, ...]:

@@ -23,7 +23,8 @@ parameters:
 
 A number may stand wherever a parameter's name does; it is then fixed. ``outputs: sensors`` predicts every sensor on a
 state. ``states: parallel`` weighs the states by their conductances to the ambient; ``inputs: parallel`` balances what
-the measured nodes and a ``heat`` in W give off to the ambient (thesis equation 4.4). Resistances and capacitances are
+the measured nodes and a ``heat`` in W give off to the ambient (thesis equation 4.4). ``mechanisms`` holds what
+``diagnose --extended`` writes beyond that; only a simulation knows them. Resistances and capacitances are
 positive by construction.
 """
 
@@ -40,7 +41,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from ambient_model.faults import Fault, Refused, refuse
-from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Form, Node, Output, Parameter, Source
+from ambient_trainer.circuits.circuit import AMBIENT, Addition, Circuit, Edge, Form, Node, Output, Parameter, Source
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
 from ambient_trainer.lti.statespace import Hold
 
@@ -107,6 +108,28 @@ class _Parameter(Strict):
     free: bool = True
 
 
+class _Quantity(Strict):
+    unit: str
+    value: float
+    log: bool = False
+    scale: float = 1.0
+
+
+class _Mechanism(Strict):
+    kind: _Name
+    at: tuple[str, ...] = ()
+    by: str | None = None
+    from_s: float | None = None
+    to_s: float | None = None
+    numbers: dict[str, _Quantity]
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+    def addition(self) -> Addition:
+        """It as the circuit holds it."""
+        numbers = {name: each.model_dump() for name, each in self.numbers.items()}
+        return Addition(self.kind, self.at, self.by, self.from_s, self.to_s, numbers, self.settings)
+
+
 class _File(Strict):
     format: Literal["ambient-circuit"]
     version: Literal[1]
@@ -119,6 +142,7 @@ class _File(Strict):
     sources: list[_Source] = Field(default_factory=list)
     outputs: dict[_Name, _Output]
     parameters: dict[_Name, _Parameter] = Field(default_factory=dict)
+    mechanisms: list[_Mechanism] = Field(default_factory=list)
 
     @model_validator(mode="before")
     @classmethod
@@ -189,6 +213,7 @@ class _Reading:
             sources=tuple(self._source(index, each) for index, each in enumerate(file.sources)),
             outputs=tuple(self._outputs()),
             parameters=tuple(self.parameters.values()),
+            mechanisms=tuple(each.addition() for each in file.mechanisms),
         )
         self._check(circuit)
         if self.faults:

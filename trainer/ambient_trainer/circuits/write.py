@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from ambient_model.atomic import replacing
-from ambient_trainer.circuits.circuit import Circuit, Node, Output, Parameter
+from ambient_trainer.circuits.circuit import Addition, Circuit, Node, Output, Parameter
 
 _WIDTH = 120
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -39,6 +39,7 @@ def write_circuit(circuit: Circuit) -> str:
         ],
         "outputs": {output.name: _output(output, values) for output in circuit.outputs},
         "parameters": {each.name: _parameter(each) for each in circuit.parameters if _NAME.fullmatch(each.name)},
+        "mechanisms": [_mechanism(each) for each in circuit.mechanisms],
     }
     filled = {key: value for key, value in data.items() if value not in ({}, [])}
     return yaml.dump(filled, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
@@ -69,6 +70,19 @@ def _parameter(parameter: Parameter) -> _Line:
     low, high = (bound if math.isfinite(bound) else None for bound in (parameter.low, parameter.high))
     free = None if parameter.free else False
     return _Line(_given(unit=parameter.unit, initial=parameter.initial, min=low, max=high, free=free))
+
+
+def _mechanism(each: Addition) -> dict[str, Any]:
+    numbers = {name: _Line(number) for name, number in each.numbers.items()}
+    return _given(
+        kind=each.kind,
+        at=_Row(each.at),
+        by=each.by,
+        from_s=each.from_s,
+        to_s=each.to_s,
+        numbers=numbers,
+        settings=_Line(each.settings) or None,
+    )
 
 
 def _given(**entries: Any) -> dict[str, Any]:

@@ -19,12 +19,13 @@ from ambient_trainer.diagnosis.experiment import next_experiment
 from ambient_trainer.diagnosis.extended_circuit import Extension, extended_circuit
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.gain import Blocks, differ
+from ambient_trainer.diagnosis.lacking import diagnose_lacking
 from ambient_trainer.diagnosis.misfit import misfit_of
 from ambient_trainer.diagnosis.model import Effect
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ranked, Step
 from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial, known_good_model, select_effects
-from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines, train_on_diagnosed
+from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
 from ambient_trainer.diagnosis.view import View, conductances_to_ambient
 from ambient_trainer.diagnosis.words import digits, window
 
@@ -91,10 +92,9 @@ def diagnose(
     period_s = period_s or diagnosis_period_s([*traces, *baselines])
     fitting = None if progress is None else lambda done, total, rmse: progress("fit", done, total)
     with threadpool_limits(1):
-        if baselines:
-            trained = train_on_baselines(plain, baselines, period_s, known_good_model, fitting)
-        else:
-            trained = train_on_diagnosed(plain, traces, period_s, fitting)
+        if not baselines:
+            return diagnose_lacking(circuit, traces, period_s, progress)
+        trained = train_on_baselines(plain, baselines, period_s, known_good_model, fitting)
         return diagnose_trained(trained, circuit, traces, [trace.path for trace in baselines], period_s, progress)
 
 

@@ -149,7 +149,7 @@ def gains(diagnosis: Diagnosis) -> go.Figure:
 
 def _sensor_of(step: Step, sensors: tuple[str, ...]) -> str | None:
     """The sensor at the node where the step is, if it is at one."""
-    places = (step.cause.location or "").split("-")
+    places = (step.cause.place or "").split("-")
     return next((sensor for sensor in sensors if sensor in places), None)
 
 

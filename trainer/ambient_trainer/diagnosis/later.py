@@ -7,7 +7,7 @@ scored: their start is fitted to what lies before it. The extended circuit is th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,9 @@ from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.plant import Plant
+from ambient_trainer.diagnosis.greybox.file import greybox_of
+from ambient_trainer.diagnosis.greybox.regression import fitted_start, simulate
 from ambient_trainer.diagnosis.record import Record, records
-from ambient_trainer.diagnosis.view import expected_start, fitted_start
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,7 @@ def _residuals(circuit: Circuit, trace: Trace, from_s: float) -> Iterator[Array]
 
 def _simulated_degC(circuit: Circuit, record: Record, training: NDArray[np.bool_]) -> Array:
     """What the sensors would read, (s, N); the start is fitted to the samples of ``training`` alone."""
-    plant = Plant.of(circuit, {each.name: each.initial for each in circuit.parameters}, record.period_s)
-    plain = plant.forced(record.inputs)[plant.reads]
-    starts = plant.decays(record.samples)[:, plant.reads]
-    start = expected_start(plant, record)
-    if training.any():
-        start = fitted_start(starts[..., training], (record.sensors - plain)[:, training], start)
-    return np.asarray(plain + np.einsum("i,isk->sk", start, starts), dtype=np.float64)
+    model = greybox_of(circuit)
+    known = replace(record, sensors=np.where(training, record.sensors, np.nan)) if training.any() else record
+    start = fitted_start(model, known)
+    return simulate(model, record, model.z()[None], start[None])[0]

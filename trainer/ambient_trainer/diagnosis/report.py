@@ -59,7 +59,7 @@ def report_of(diagnosis: Diagnosis) -> Report:
 
 
 def _title(diagnosis: Diagnosis) -> str:
-    step, subject = diagnosis.verdict, f"{os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
+    step, subject = diagnosis.verdict, f"{mostly(diagnosis)}{os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
     if step is None:
         return f"{subject}: nothing is missing"
     if step.cause.name == UNKNOWN:
@@ -68,8 +68,19 @@ def _title(diagnosis: Diagnosis) -> str:
     return f"{subject}: {step.cause}, {step.gain.rmse_before_degC:.2f} to {last:.2f} degC on held-out data"
 
 
+def mostly(diagnosis: Diagnosis) -> str:
+    """What a headline begins with where less than half of what can be explained is."""
+    share = diagnosis.explained_share
+    low = diagnosis.explained and share is not None and share < 0.5
+    return "Mostly unexplained: " if low else ""
+
+
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
+    return mostly(diagnosis) + _headline(diagnosis)
+
+
+def _headline(diagnosis: Diagnosis) -> str:
     step = diagnosis.verdict
     tried = f"{diagnosis.candidates_tried:,} candidates tried, each a cause at a place and an onset,"
     if step is None:
@@ -284,6 +295,8 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "next_experiment": diagnosis.next_experiment,
         "candidates_tried": diagnosis.candidates_tried,
+        "floor_degC": diagnosis.floor_degC,
+        "explained_share": diagnosis.explained_share,
         "notes": diagnosis.notes,
     }
     found: dict[str, Any] = _finite(data)

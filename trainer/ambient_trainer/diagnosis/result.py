@@ -24,18 +24,23 @@ class Cause:
     ----------
     name : str
         A kind of cause, such as ``heat_source``, or ``unknown``, or ``none``.
-    location : str or None
-        A node, ``a-b`` for two, a sensor, or None for everywhere.
+    location : str, tuple of str, or None
+        A node, ``a-b`` for two, a sensor, several that share one mechanism, or None for everywhere.
     signal : str or None
         The trace column that drives it; None where nothing logged does.
     """
 
     name: str
-    location: str | None = None
+    location: str | tuple[str, ...] | None = None
     signal: str | None = None
 
+    @property
+    def place(self) -> str | None:
+        """The location in one piece of text."""
+        return self.location if self.location is None or isinstance(self.location, str) else ", ".join(self.location)
+
     def __str__(self) -> str:
-        where = "" if self.location is None else f" at {self.location}"
+        where = "" if self.location is None else f" at {self.place}"
         return f"{self.name}{where}" + ("" if self.signal is None else f" by {self.signal}")
 
 
@@ -212,6 +217,10 @@ class Diagnosis:
         What the extended circuit leaves out, and why.
     fitted : Circuit or None
         The bare circuit with its parameters as fitted.
+    floor_degC : float or None
+        What a black box with the same inputs leaves on held-out data; None with known-good records.
+    explained_share : float or None
+        Of what can be explained, the part that the steps explain; None where nothing can.
     """
 
     trace: str
@@ -228,6 +237,8 @@ class Diagnosis:
     candidates_tried: int
     notes: Sequence[str] = field(default_factory=tuple)
     fitted: Circuit | None = None
+    floor_degC: float | None = None
+    explained_share: float | None = None
 
     @property
     def explained(self) -> tuple[Step, ...]:

@@ -74,7 +74,7 @@ class Trial:
         """The nodes that it is at, a sensor being where its node is; none where it is everywhere."""
         plant = self.fitted.model.plant
         read = {sensor: plant.nodes[node] for sensor, node in zip(plant.sensors, plant.reads)}
-        return frozenset(read.get(name, name) for name in (self.cause.location or "").split("-") if name)
+        return frozenset(read.get(name, name) for name in (self.cause.place or "").split("-") if name)
 
     @property
     def unknowns(self) -> float:

@@ -12,6 +12,8 @@ from ambient_trainer.diagnosis.result import NONE, UNKNOWN, Cause
 _NO_CAUSE = {
     UNKNOWN: ("a misfit that no known cause explains", "something that was not tried is missing"),
     NONE: ("nothing", "nothing is missing"),
+    "latent_heat": ("a body that freezes or melts", "a body at {place} changes its phase"),
+    "transport_delay": ("a delay on the way", "what reaches {place} comes later"),
 }
 
 
@@ -37,12 +39,13 @@ def noun(cause: Cause) -> str:
     """``cause`` as a noun: ``heat that the circuit lacks, at flash, driven by camera_on``."""
     words = _NO_CAUSE[cause.name][0] if cause.name in _NO_CAUSE else kind_of(cause).noun
     if cause.location is not None:
-        words += f", {'between' if '-' in cause.location else 'at'} {cause.location.replace('-', ' and ')}"
+        place = str(cause.place)
+        words += f", {'between' if '-' in place else 'at'} {place.replace('-', ' and ')}"
     return words + ("" if cause.signal is None else f", driven by {cause.signal}")
 
 
 def claim(cause: Cause) -> str:
     """What ``cause`` says of the device, as a clause."""
     clause = _NO_CAUSE[cause.name][1] if cause.name in _NO_CAUSE else kind_of(cause).claim
-    place = "all nodes" if cause.location is None else " and ".join(f"`{each}`" for each in cause.location.split("-"))
+    place = "all nodes" if cause.location is None else " and ".join(f"`{each}`" for each in str(cause.place).split("-"))
     return clause.format(place=place) + ("" if cause.signal is None else f" with `{cause.signal}`")

@@ -1,0 +1,1 @@
+"""Grey-box models: a circuit with mechanisms, simulated, fitted to runs, and extended by what it lacks."""

@@ -39,8 +39,9 @@ class Expression:
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns that it reads, in order."""
-        names = [each.id for each in ast.walk(_parsed(self.text)) if isinstance(each, ast.Name)]
-        return tuple(dict.fromkeys(name for name in names if name not in _FUNCTIONS))
+        names = [each for each in ast.walk(_parsed(self.text)) if isinstance(each, ast.Name)]
+        ordered = sorted(names, key=lambda each: each.col_offset)
+        return tuple(dict.fromkeys(each.id for each in ordered if each.id not in _FUNCTIONS))
 
     @property
     def switches(self) -> bool:

@@ -80,6 +80,22 @@ class Mechanism:
         """It with as much of each probe as a linear fit has found; None where physics forbids that."""
         raise NotImplementedError
 
+    def native(self, circuit: Circuit) -> Circuit | None:
+        """``circuit`` with it in nodes, edges and sources; None where those cannot say it."""
+        return None
+
+    def meaning(self, number: Number) -> str:
+        """What one of its numbers is, in words."""
+        return number.name.replace("_", " ")
+
+    def sentence_tail(self) -> str:
+        """A clause on how it varies; empty where it does not."""
+        return ""
+
+    def further(self) -> dict[str, tuple[float, str]]:
+        """Numbers that follow from its own, with their units."""
+        return {}
+
     def with_values(self, values: Sequence[float]) -> Mechanism:
         """It with other numbers."""
         numbers = tuple(replace(each, value=float(value)) for each, value in zip(self.numbers, values))

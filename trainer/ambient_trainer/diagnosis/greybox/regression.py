@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox
@@ -20,7 +21,7 @@ from ambient_trainer.diagnosis.record import Record
 BLOCKS, FOLDS = 15, 5
 LEFT_OUT = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4))
 """Blocks show the scatter; folds of several are left out together, so that their ends are foretold, not bridged."""
-_REFIT = 6
+_REFIT, _TEETH = 6, 60
 _MOST_MOVE = 1.5
 """Of a coordinate, when a fold is left out: further away the straight line is none."""
 _STEP = 1e-4
@@ -97,6 +98,15 @@ class Fitted:
             return self.validated
         return held_out(self.slopes, self.residual, self.fold, self._ridge())
 
+    @cached_property
+    def combed(self) -> Array:
+        """As :attr:`held_out`, but of many short stretches: what acts for a while is then seen on both sides, (F,)."""
+        comb = np.concatenate([_comb(record) for record in self.records])
+        ridge = self._ridge()
+        return np.concatenate(
+            [held_out(self.slopes, self.residual, comb == each, ridge, ((1, 1),)) for each in range(FOLDS)]
+        )
+
     def refitted(self) -> Fitted:
         """The same with :attr:`held_out` by a fit without each fold, not to first order."""
         squares = []
@@ -130,7 +140,7 @@ class Fitted:
         return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1))
 
 
-def held_out(J: Array, r: Array, fold: Array, ridge: Array) -> Array:
+def held_out(J: Array, r: Array, fold: Array, ridge: Array, left_out: Sequence[tuple[int, int]] = LEFT_OUT) -> Array:
     """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
 
     Left out are the folds between, and the last two together: what comes later is foretold. The first fold stays:
@@ -138,7 +148,7 @@ def held_out(J: Array, r: Array, fold: Array, ridge: Array) -> Array:
     """
     H = J.T @ J + np.diag(ridge)
     result = []
-    for first, last in LEFT_OUT:
+    for first, last in left_out:
         here = (fold >= first) & (fold <= last)
         rows, left = J[here], r[here]
         if len(H):
@@ -169,6 +179,12 @@ def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> floa
     return float(left @ left)
 
 
+def _comb(record: Record) -> Array:
+    """A fold of each valid reading, by turns along the record."""
+    index = np.arange(record.samples) * _TEETH // record.samples % FOLDS
+    return np.asarray(np.broadcast_to(index, record.sensors.shape)[np.isfinite(record.sensors)])
+
+
 def left_out_count(fold: Array) -> int:
     """How many readings are left out once, all together."""
     return int(sum(((fold >= first) & (fold <= last)).sum() for first, last in LEFT_OUT))
@@ -181,7 +197,7 @@ def _profiled(run: Run, columns: Array) -> Array:
     return np.asarray(columns - S @ np.linalg.solve(system, S.T @ columns))
 
 
-def expected_start(record: Record, network_nodes: Sequence[str], reads: Array) -> tuple[Array, Array]:
+def expected_start(record: Record, network_nodes: Sequence[str], reads: NDArray[np.intp]) -> tuple[Array, Array]:
     """The start (n,) by the first readings, and the weight of each (n,)."""
     first = np.array([row[np.isfinite(row)][0] if np.isfinite(row).any() else np.nan for row in record.sensors])
     overall = float(np.nanmean(first)) if np.isfinite(first).any() else 20.0
@@ -231,6 +247,32 @@ def linearised(model: GreyBox, record: Record, start: Array | None) -> Run:
     return Run(left[0], slopes, start, (left[0] - left[1 + p :]).T, weight, expected)
 
 
+def fitted_start(model: GreyBox, record: Record) -> Array:
+    """Where a run of ``model`` begins, (n,), by its readings and its first ones; nothing else is fitted."""
+    start: Array | None = None
+    for _ in range(3):
+        run = _start_run(model, record, start)
+        system = run.start_slopes.T @ run.start_slopes + np.diag(run.start_prior)
+        pull = run.start_slopes.T @ run.residual + run.start_prior * (run.start_expected - run.start)
+        start = run.start + np.linalg.solve(system, pull)
+        if not model.network(record, model.z()[None]).terms:
+            break
+    assert start is not None
+    return start
+
+
+def _start_run(model: GreyBox, record: Record, start: Array | None) -> Run:
+    z = model.z()[None]
+    probe = model.network(record, z)
+    expected, weight = expected_start(record, probe.nodes, probe.reads)
+    start = expected if start is None else start
+    n = len(start)
+    starts = np.repeat(start[None], 1 + n, axis=0)
+    starts[1 + np.arange(n), np.arange(n)] += 1.0
+    left = _residual(simulate(model, record, np.repeat(z, 1 + n, axis=0), starts), record, np.isfinite(record.sensors))
+    return Run(left[0], np.zeros((len(left[0]), 0)), start, (left[0] - left[1:]).T, weight, expected)
+
+
 def _grown(start: Array, expected: Array) -> Array:
     """``start`` with nodes that were added since at what is expected of them."""
     return np.concatenate([start, expected[len(start) :]])[: len(expected)]
@@ -250,19 +292,25 @@ def fit(
     low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     runs = [linearised(model, record, start) for record, start in zip(records, starts or [None] * len(records))]
     cost = _cost(runs, z, prior_z)
-    if not np.isfinite(cost):
+    if not (np.isfinite(cost) and _finite(runs)):
         return None
     for _ in range(most):
         best = _step(model, records, runs, z, prior_z, (low, high), cost)
         if best is None:
             break
-        gained, z, starts = best
-        model = model.at(z)
-        runs = [linearised(model, record, start) for record, start in zip(records, starts)]
+        moved = model.at(best[0])
+        there = [linearised(moved, record, start) for record, start in zip(records, best[1])]
+        if not _finite(there):
+            break
+        z, model, runs = best[0], moved, there
         before, cost = cost, _cost(runs, z, prior_z)
         if before - cost < tolerance * before:
             break
     return Fitted(model, records, tuple(runs), block_of(records), prior_z, cost)
+
+
+def _finite(runs: Sequence[Run]) -> bool:
+    return all(np.isfinite(run.slopes).all() and np.isfinite(run.start_slopes).all() for run in runs)
 
 
 def _prior_weight(runs: Sequence[Run]) -> float:
@@ -284,7 +332,7 @@ def _step(
     prior_z: Array,
     bounds: tuple[Array, Array],
     cost: float,
-) -> tuple[float, Array, list[Array]] | None:
+) -> tuple[Array, list[Array]] | None:
     p = len(z)
     H, g = np.zeros((p, p)), np.zeros(p)
     back = []
@@ -320,4 +368,4 @@ def _step(
     best = int(np.argmin(total))
     if not total[best] < cost:
         return None
-    return cost - float(total[best]), zs[best], [each[best] for each in starts]
+    return zs[best], [each[best] for each in starts]

@@ -18,6 +18,7 @@ from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.record import Record
 
 _VARIES = 0.1
+_STILL_DEGC, _MOVED_DEGC, _STILL_SAMPLES = 0.15, 1.0, 30
 _DWELLS, _WATER = 0.3, 0.1
 _MOST_COLUMNS = 24
 _WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
@@ -186,6 +187,25 @@ class Scene:
         index = self.sensors.index(sensor)
         return float(np.nanmean(np.concatenate([record.sensors[index] for record in self.records])))
 
+    def still(self, sensor: str) -> tuple[float, float | None, float | None] | None:
+        """What a sensor reads where it stands still while the simulation moves, and from when to when; None: never."""
+        record = max(self.records, key=lambda each: each.samples)
+        run = self.fitted.runs[list(self.records).index(record)]
+        row = record.sensors[self.sensors.index(sensor)]
+        known = np.flatnonzero(np.isfinite(row))
+        if len(known) < _STILL_SAMPLES:
+            return None
+        simulated = np.full(record.sensors.shape, np.nan)
+        simulated[np.isfinite(record.sensors)] = record.sensors[np.isfinite(record.sensors)] - run.residual
+        moved = simulated[self.sensors.index(sensor)]
+        first, last = _longest_still(row[known])
+        if last - first < _STILL_SAMPLES or np.ptp(moved[known[first:last]]) < _MOVED_DEGC:
+            return None
+        half = record.period_s / 2
+        onset = None if first == 0 else float(record.time_s[known[first]] - half)
+        end = None if last == len(known) else float(record.time_s[known[last - 1]] + half)
+        return float(np.median(row[known[first:last]])), onset, end
+
     def first_degC(self, node: str) -> float:
         """The first reading of a node's sensor."""
         row = self.records[0].sensors[list(self.network.reads).index(self.network.index(node))]
@@ -207,3 +227,11 @@ class Scene:
         return points
 
 
+def _longest_still(row: Array) -> tuple[int, int]:
+    """The longest stretch of ``row`` within ``_STILL_DEGC``, as first and behind the last."""
+    best, first = (0, 0), 0
+    for last in range(1, len(row) + 1):
+        while np.ptp(row[first:last]) > _STILL_DEGC:
+            first += 1
+        best = max(best, (first, last), key=lambda each: each[1] - each[0])
+    return best

@@ -6,19 +6,24 @@ numbers could do as well, and solves for its amount (Rao 1948). Measured tempera
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.mechanisms.contact import beside
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, held_out, left_out_count
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, held_out
 from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.windows import Columns, best_window
 from ambient_trainer.diagnosis.record import Record
 
+_log = logging.getLogger(__name__)
 _MECHANISMS = f"{__package__}.mechanisms"
 
 LEAST_GAIN, PENALTY = 0.05, 0.04
@@ -29,6 +34,7 @@ _FEW, _MANY, _FINALISTS = 5, 25, 4
 MOST_STEPS = 6
 _LOOPED = 2500
 _SURE = 1.645
+_BELOW_FLOOR = 0.7
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -49,11 +55,16 @@ class Trial:
 
     mechanism: Mechanism
     fitted: Fitted
+    rmse_degC: float
+    """Held-out."""
 
-    @property
-    def rmse_degC(self) -> float:
-        """Held-out."""
-        return self.fitted.held_out_rmse_degC
+    @staticmethod
+    def of(before: Fitted, after: Fitted) -> Trial:
+        """The last mechanism of ``after``; one that acts for a while is scored on short stretches."""
+        mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
+        if (mechanism.onset_s, mechanism.end_s) != (None, None):
+            error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
+        return Trial(mechanism, after, error)
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,20 @@ class Step:
     before: Fitted
     chosen: Trial | None
     trials: tuple[Trial, ...]
+    tried: int
+    """Candidates that were screened."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The circuit by itself, the model with what it lacked, and the steps between; the last may have chosen nothing."""
+
+    bare: Fitted
+    final: Fitted
+    steps: tuple[Step, ...]
+
+
+Progress = Callable[[str, int, int], None]
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
@@ -71,19 +96,38 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         yield from plugin(_MECHANISMS, name).candidates(scene)
 
 
-def screen(scene: Scene, offered: Sequence[Mechanism]) -> list[Screened]:
+def windowed(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those of every kind that may act for a while, each in its best window."""
+    for name in plugin_names(_MECHANISMS):
+        module = plugin(_MECHANISMS, name)
+        for each in module.windowed(scene) if hasattr(module, "windowed") else ():
+            placed = best_window(scene.fitted, each, columns_of)
+            if placed is not None:
+                yield placed
+                contact = beside(scene, placed)
+                if contact is not None:
+                    yield contact
+
+
+def screen(scene: Scene, windows: bool) -> list[Screened]:
     """Candidates by what they would leave on held-out blocks, to first order; best first."""
     fitted = scene.fitted
     bases = [_base(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
-    result = []
-    for each in offered:
-        columns = np.concatenate(
-            [_effect(fitted.model, record, run.start, base, each) for record, run, base in zip(fitted.records, fitted.runs, bases)]
+
+    def columns_of(mechanism: Mechanism) -> Array:
+        every = zip(fitted.records, fitted.runs, bases)
+        return np.concatenate(
+            [_effect(fitted.model, record, run.start, base, mechanism) for record, run, base in every]
         )
+
+    result = []
+    offered = list(candidates(scene))
+    for each in [*offered, *(windowed(scene, columns_of) if windows else ())]:
+        columns = columns_of(each)
         if not np.isfinite(columns).all() or not columns.any():
             continue
         amounts, squares = _scored(fitted, columns)
-        started = each.started(amounts)
+        started = each.started([float(amount) for amount in amounts])
         if started is not None and np.isfinite(squares):
             result.append(Screened(started, squares, fitted))
     return sorted(result, key=lambda each: each.held_out)
@@ -130,15 +174,21 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     for each in screened:
         mechanism = each.mechanism
         point = id(each.point) if mechanism.shaped else 0
-        distinct.setdefault((type(mechanism), mechanism.key, len(mechanism.numbers), point), each)
+        bounded = (mechanism.onset_s is not None, mechanism.end_s is not None)
+        distinct.setdefault((type(mechanism), mechanism.key, len(mechanism.numbers), point, bounded), each)
     ordered = list(distinct.values())
     chosen = ordered[:_SHORTLIST]
     seen: dict[tuple[str, object], int] = {}
     for each in ordered:
         cause, _, driver = each.mechanism.key
-        kinds = [("cause", (type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))]
+        windowed = (each.mechanism.onset_s, each.mechanism.end_s) != (None, None)
+        kinds: list[tuple[str, object]] = [
+            ("cause", (windowed, type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))
+        ]
         if each.mechanism.shaped and len(each.mechanism.places) == 1:
-            kinds.append(("shape", (type(each.mechanism), each.mechanism.places, len(each.mechanism.numbers), id(each.point))))
+            kinds.append(
+                ("shape", (type(each.mechanism), each.mechanism.places, len(each.mechanism.numbers), id(each.point)))
+            )
         if driver and "*" not in driver and len([key for key in seen if key[0] == "driver"]) < _DRIVERS:
             kinds.append(("driver", (cause, driver)))
         for kind in kinds:
@@ -148,7 +198,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     return list({id(each): each for each in chosen}.values())
 
 
-def compared(screened: Sequence[Screened]) -> list[Trial]:
+def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
     """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best."""
 
     def refit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:
@@ -156,15 +206,17 @@ def compared(screened: Sequence[Screened]) -> list[Trial]:
         return fit(model, near.records, starts, most=most, tolerance=3e-3, prior_z=near.prior_z)
 
     trials: list[Trial] = []
-    for each in screened:
+    for index, each in enumerate(screened):
+        progress(index, len(screened) + _FINALISTS)
         result = refit(each.point.model.with_mechanism(each.mechanism), each.point, _FEW)
         if result is not None:
-            trials.append(Trial(result.model.mechanisms[-1], result))
+            trials.append(Trial.of(before, result))
     trials.sort(key=promise)
     for index, trial in enumerate(trials[:_FINALISTS]):
+        progress(len(screened) + index, len(screened) + _FINALISTS)
         done = refit(trial.fitted.model, trial.fitted, _MANY)
         if done is not None:
-            trials[index] = Trial(done.model.mechanisms[-1], done.refitted() if _cheap(done) else done)
+            trials[index] = Trial.of(before, done.refitted() if _cheap(done) else done)
     return sorted(trials[:_FINALISTS], key=penalised) + sorted(trials[_FINALISTS:], key=penalised)
 
 
@@ -183,9 +235,17 @@ def complexity(mechanism: Mechanism) -> float:
     """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
     text = "" if mechanism.driver is None else mechanism.driver.text
     joule = text.endswith("_A^2")
-    driver = 0.5 * bool(text) + 1.0 * (not text and mechanism.cause == "heat_source") + 0.5 * (text.endswith("_A") and mechanism.cause == "heat_source") + 1.5 * text.count("*") + 0.5 * text.count("/dt") + 0.5 * (text.count("^") - joule)
+    driver = (
+        0.5 * bool(text)
+        + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)
+        + 0.5 * (text.endswith("_A") and mechanism.cause == "heat_source")
+        + 1.5 * text.count("*")
+        + 0.5 * text.count("/dt")
+        + 0.5 * (text.count("^") - joule)
+    )
     electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
-    return 0.5 + 0.5 * len(mechanism.numbers) + driver + electric
+    bounds = 0.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))
+    return 0.5 + 0.5 * len(mechanism.numbers) + driver + electric + bounds
 
 
 def penalised(trial: Trial) -> float:
@@ -199,59 +259,82 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     passing = [each for each in ordered if gains(before, each)]
     physical = [each for each in passing if not each.mechanism.instrument]
     instruments = [each for each in passing if each.mechanism.instrument]
-    if instruments and (not physical or instruments[0].rmse_degC * _INSTRUMENT < physical[0].rmse_degC):
-        if instruments[0].rmse_degC < _HALF * before.held_out_rmse_degC:
-            return instruments[0]
+    for blamed in instruments[:1]:
+        better = not physical or blamed.rmse_degC * _INSTRUMENT < physical[0].rmse_degC
+        if better and sensor_rmse_degC(blamed.fitted, blamed) < _HALF * sensor_rmse_degC(before, blamed):
+            return blamed
     return physical[0] if physical else None
+
+
+def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
+    """What is left in sample at the sensor that a trial blames; at all of them for a clock."""
+    sensors = [output.name for output in fitted.model.circuit.outputs]
+    blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))
+    squares = []
+    for record, run in zip(fitted.records, fitted.runs):
+        left = np.full(record.sensors.shape, np.nan)
+        left[np.isfinite(record.sensors)] = run.residual
+        squares.append(left[blamed].ravel() ** 2)
+    return float(np.sqrt(np.nanmean(np.concatenate(squares))))
 
 
 def gains(before: Fitted, after: Trial) -> bool:
     """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
     if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
         return False
-    apart = before.held_out - after.fitted.held_out
+    windowed = (after.mechanism.onset_s, after.mechanism.end_s) != (None, None)
+    apart = before.combed - after.fitted.combed if windowed else before.held_out - after.fitted.held_out
     spread = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
     return bool(apart.mean() > _SURE * spread or (apart > 0).mean() >= 0.75)
 
 
 def stepwise(
-    model: GreyBox, records: Sequence[Record], progress: Callable[[str], None] = lambda text: None
-) -> tuple[Fitted, list[Step]]:
-    """The model with the mechanisms that it lacks, and the steps."""
-    fitted = bare_fit(model, records)
+    model: GreyBox, records: Sequence[Record], floor_degC: float = 0.0, progress: Progress | None = None
+) -> Selection:
+    """The model with what it lacks; below ``floor_degC``, which a black box leaves, only large gains count."""
+    said = progress or (lambda stage, done, total: None)
+    fitted = bare = bare_fit(model, records)
     steps: list[Step] = []
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *anchors(model, records)]
-        screened = sorted(
-            (each for point in points for each in screen(Scene(point), list(candidates(Scene(point))))),
-            key=lambda each: each.held_out,
-        )
-        count = left_out_count(fitted.fold)
-        progress("screened " + "; ".join(f"{each.mechanism} {np.sqrt(each.held_out / count):.3f}" for each in screened[:6]))
-        trials = compared(shortlist(screened))
-        for trial in trials:
-            progress(f"  {trial.mechanism} ({type(trial.mechanism).__name__}, {len(trial.mechanism.numbers)}) held-out {trial.rmse_degC:.3f} fit {trial.fitted.rmse_degC:.3f}{' at bound' * trial.fitted.at_bounds}")
-        chosen = choose(fitted, trials)
-        steps.append(Step(fitted, chosen, tuple(sorted(trials, key=lambda each: each.rmse_degC))))
-        if chosen is None:
+        step = _next(fitted, points, floor_degC, partial(said, f"effect {len(steps) + 1}"))
+        steps.append(step)
+        if step.chosen is None:
             break
-        fitted = chosen.fitted
-        progress(f"chosen {chosen.mechanism}: {steps[-1].before.held_out_rmse_degC:.3f} -> {fitted.held_out_rmse_degC:.3f}")
-        fitted = pruned(fitted, progress)
-    return fitted, steps
+        _log.info("%s: %.3f -> %.3f", step.chosen.mechanism, fitted.held_out_rmse_degC, step.chosen.rmse_degC)
+        fitted = pruned(step.chosen.fitted)
+    return Selection(bare, fitted, tuple(steps))
 
 
-def pruned(fitted: Fitted, progress: Callable[[str], None]) -> Fitted:
+def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Callable[[int, int], None]) -> Step:
+    """One step from ``fitted``; candidates are screened beside each of ``points``."""
+    screened: list[Screened] = []
+    for index, point in enumerate(points):
+        said(index, 100)
+        screened += screen(Scene(point), windows=index == 0)
+    screened.sort(key=lambda each: each.held_out)
+    trials = compared(fitted, shortlist(screened), said)
+    _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
+    chosen = choose(fitted, trials)
+    described = fitted.held_out_rmse_degC < floor_degC
+    if chosen is not None and described and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC:
+        chosen = None
+    return Step(fitted, chosen, tuple(trials), len(screened))
+
+
+def pruned(fitted: Fitted) -> Fitted:
     """The model without mechanisms that the later ones have made needless."""
-    hidden = {place for each in fitted.model.mechanisms for place in each.places} - {n.name for n in fitted.model.circuit.states}
+    hidden = {place for each in fitted.model.mechanisms for place in each.places} - {
+        n.name for n in fitted.model.circuit.states
+    }
     for index, mechanism in enumerate(fitted.model.mechanisms[:-1]):
         if any(each.startswith(place) for place in mechanism.places for each in hidden):
             continue
         starts = [None for _ in fitted.runs]
         without = fit(fitted.model.without(index), fitted.records, starts, tolerance=1e-3)
         if without is not None and without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
-            progress(f"dropped {fitted.model.mechanisms[index]}")
-            return pruned(without, progress)
+            _log.info("dropped %s", mechanism)
+            return pruned(without)
     return fitted
 
 

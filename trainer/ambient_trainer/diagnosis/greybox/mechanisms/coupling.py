@@ -1,4 +1,4 @@
-"""The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient's own zone it is a law of the loss."""
+"""The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient itself it is a law of the loss."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from ambient_trainer.diagnosis.record import Record
 _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _PROBE = 0.02
+_MOST_LESS = 0.97
 
 
 @dataclass(frozen=True)
@@ -52,12 +53,23 @@ class Coupling(Mechanism):
         values = [np.clip(_PROBE * amount, -0.5, 2.0) * number.scale for amount, number in zip(amounts, self.numbers)]
         return self.with_values(values) if any(values) else None
 
+    def meaning(self, number: Number) -> str:
+        place = number.name.removeprefix("change_") if number.name != "change" else " and ".join(self.places)
+        return f"relative change of the loss of {place}"
+
 
 @dataclass(frozen=True)
 class ZoneLoss(Coupling):
     """The loss differs between a hot and a cold ambient."""
 
     cause = "convection_law"
+
+
+def windowed(scene: Scene) -> Iterator[Mechanism]:
+    """A change of the loss of each node, and of all, that nothing logged tells of."""
+    joined = [each for each in scene.nodes if scene.loss(each) > 0]
+    for places in scene.groups(joined):
+        yield Coupling(places, (Number("change", "1", 0.0, low=-_MOST_LESS),))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:

@@ -45,7 +45,9 @@ class Exponent(Mechanism):
         return [[_PROBE if each is number else 0.0 for each in self.numbers] for number in self.numbers]
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        values = [float(np.clip(_PROBE * amount, number.low, number.high)) for amount, number in zip(amounts, self.numbers)]
+        values = [
+            float(np.clip(_PROBE * amount, number.low, number.high)) for amount, number in zip(amounts, self.numbers)
+        ]
         return self.with_values(values) if any(values) else None
 
 

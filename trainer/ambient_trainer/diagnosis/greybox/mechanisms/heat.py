@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ambient_trainer.circuits.addition import with_source
+from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
+from ambient_trainer.diagnosis.words import share
+
+_REFERENCE_DEGC = 25.0
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,46 @@ class Heat(Mechanism):
         least = [number.low if number.low < 0 else 0.1 * number.scale for number in self.numbers]
         return self.with_values([max(value, low) for value, low in zip(values, least)])
 
+    def native(self, circuit: Circuit) -> Circuit | None:
+        driver = self.driver
+        if driver is None or driver.columns != (driver.text,) or (self.onset_s, self.end_s) != (None, None):
+            return None
+        for place, number in zip(self.places, self.numbers):
+            circuit = with_source(circuit, place, driver.text, number.value, number.unit)
+        return circuit
+
+    def meaning(self, number: Number) -> str:
+        return f"heat into {number.name.removeprefix('heat_')}"
+
+
+@dataclass(frozen=True)
+class HeatInTheCold(Heat):
+    """q_i = w(t) (k + g (T0 - T_i)): a resistance that grows as its node gets colder."""
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        super().apply(network, values[:, :1], record)
+        node, weight, growth = network.index(self.places[0]), self.weight(record)[:, None], values[:, 1]
+
+        def term(degC: Array, index: int | slice, heat: Array) -> None:
+            heat[..., node] += growth * weight[index] * (_REFERENCE_DEGC - degC[..., node])
+
+        network.terms.append(term)
+
+    def native(self, circuit: Circuit) -> Circuit | None:
+        return None
+
+    def sentence_tail(self) -> str:
+        """How it grows."""
+        return f"growing in the cold by {share(self.numbers[1].value / self.numbers[0].value)} per K"
+
+    def further(self) -> dict[str, tuple[float, str]]:
+        return {"growth_per_K": (self.numbers[1].value / self.numbers[0].value, "1/K")}
+
+
+def windowed(scene: Scene) -> Iterator[Mechanism]:
+    """Heat into each node that nothing logged tells of."""
+    return (_heat(scene, (each,), None) for each in scene.nodes)
+
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node, and all that have sensors together, by every driver and by none."""
@@ -42,6 +87,12 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         yield _heat(scene, places, None)
         for driver in scene.drivers:
             yield _heat(scene, places, driver)
+            if driver.text.endswith("_A^2") and len(places) == 1:
+                plain = _heat(scene, places, driver)
+                growth = replace(
+                    plain.numbers[0], name=f"growth_{places[0]}", scale=plain.numbers[0].scale / 20.0, low=-np.inf
+                )
+                yield HeatInTheCold(places, (*plain.numbers, growth), driver)
 
 
 def _heat(scene: Scene, places: tuple[str, ...], driver: Expression | None) -> Heat:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambient_trainer.circuits.circuit import AMBIENT
+from ambient_trainer.circuits.addition import with_body, with_edge
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, unused
 from ambient_trainer.diagnosis.greybox.network import Network
@@ -61,6 +62,24 @@ class HiddenMass(Mechanism):
                 values[each * index + 2] *= share
         return self.with_values(values)
 
+    def native(self, circuit: Circuit) -> Circuit | None:
+        each = 3 if self.sees_ambient else 2
+        for index, place in enumerate(self.places):
+            conductance, lag = (number.value for number in self.numbers[each * index : each * index + 2])
+            nodes = len(circuit.nodes)
+            circuit = with_body(circuit, place, conductance * lag, 1.0 / conductance)
+            if self.sees_ambient:
+                body = circuit.nodes[nodes].name
+                circuit = with_edge(circuit, body, AMBIENT, 1.0 / self.numbers[each * index + 2].value)
+        return circuit
+
+    def meaning(self, number: Number) -> str:
+        place = number.name.split("_", 1)[1].removesuffix("_ambient").removesuffix("_mass")
+        if number.name.startswith("lag_"):
+            return f"time constant of the mass behind {place}"
+        other = "the ambient" if number.name.endswith("_ambient") else place
+        return f"conductance between {other} and the mass behind {place}"
+
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Behind every node, and behind all, with time constants from a few samples to half the record."""
@@ -80,7 +99,9 @@ def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: boo
     for each in places:
         conductance = scene.conductance(each)
         numbers.append(Number(f"G_{each}_mass", "W/K", conductance, log=True))
-        numbers.append(Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=scene.longest_s / 3))
+        numbers.append(
+            Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=scene.longest_s / 3)
+        )
         if sees_ambient:
             numbers.append(Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True))
     return HiddenMass(places, tuple(numbers), sees_ambient=sees_ambient)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ambient_trainer.circuits.addition import with_edge
+from ambient_trainer.circuits.circuit import Circuit, Node
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.network import Network
@@ -41,6 +43,15 @@ class Path(Mechanism):
         if amounts[0] <= 0:
             return None
         return self.with_values([float(np.clip(_PROBE * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
+
+    def native(self, circuit: Circuit) -> Circuit | None:
+        one, other = self.ends
+        if other not in {node.name for node in circuit.nodes}:
+            circuit = replace(circuit, nodes=(*circuit.nodes, Node(other, None, other)))
+        return with_edge(circuit, one, other, 1.0 / self.numbers[0].value)
+
+    def meaning(self, number: Number) -> str:
+        return f"conductance between {self.ends[0]} and {self.ends[1]}"
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:

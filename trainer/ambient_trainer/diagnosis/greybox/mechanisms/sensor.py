@@ -117,9 +117,41 @@ class Clock(_Linear):
         network.readings.append(reading)
 
 
+@dataclass(frozen=True)
+class Stuck(_Linear):
+    """It reads the same whatever happens."""
+
+    cause = "sensor_stuck"
+    instrument = False
+    shaped = True
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
+
+        def reading(read: Array) -> None:
+            read[:, sensor] += weight * (values[:, :1] - read[:, sensor])
+
+        network.readings.append(reading)
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        return [[self.numbers[0].value]]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        return self
+
+
+def windowed(scene: Scene) -> Iterator[Mechanism]:
+    """A reading that is off for a while."""
+    return (Bias((each,), (Number(f"bias_{each}", "K", 0.0),)) for each in scene.sensors)
+
+
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Each fault at each sensor, and the clock."""
     for sensor in scene.sensors:
+        still = scene.still(sensor)
+        if still is not None:
+            value, onset_s, end_s = still
+            yield Stuck((sensor,), (Number(f"stuck_{sensor}", "degC", value),), None, onset_s, end_s)
         yield Bias((sensor,), (Number(f"bias_{sensor}", "K", 0.0),))
         middle = scene.mean_degC(sensor)
         yield Gain((sensor,), (Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5),), middle_degC=middle)

@@ -1,0 +1,101 @@
+"""Networks against scipy's integrator, and mechanisms through a file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.write import write_circuit
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of, kinds
+from ambient_trainer.diagnosis.greybox.mechanisms.contact import Contact
+from ambient_trainer.diagnosis.greybox.mechanisms.coupling import Coupling, ZoneLoss
+from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat, HeatInTheCold
+from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
+from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
+from ambient_trainer.diagnosis.greybox.mechanisms.path import Path
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock, Drift, Gain, Lag, Stuck
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
+
+
+def number(value, log=False):
+    return Number("n", "1", value, log=log)
+
+
+WIND, SQUARED = Expression("wind_m_s"), Expression("current_A^2")
+PLACE = ("board",)
+MECHANISMS = {
+    "Heat": Heat(PLACE, (number(0.5),), SQUARED),
+    "HeatInTheCold": HeatInTheCold(PLACE, (number(0.5), Number("g", "1", 0.01)), SQUARED),
+    "Coupling": Coupling(PLACE, (number(0.3),), WIND),
+    "ZoneLoss": ZoneLoss(PLACE, (number(0.5),), Expression("ambient_degC > 22")),
+    "Exponent": Exponent(PLACE, (number(0.25),), typical_degC=(5.0,)),
+    "HiddenMass": HiddenMass(PLACE, (number(0.3, True), Number("lag", "s", 900.0, log=True))),
+    "Path": Path(("board-wall",), (number(0.2, True),), ends=("board", "wall")),
+    "Latent": Latent(
+        PLACE, (number(0.5, True), Number("lag", "s", 600.0, True), Number("f", "K", 3.0, True)), melting_degC=22.0
+    ),
+    "Contact": Contact(PLACE, (number(0.5, True), Number("body", "degC", 33.0)), None, 6000.0, 12000.0),
+    "Bias": Bias(PLACE, (number(0.5),), None, 6000.0, None),
+    "Gain": Gain(PLACE, (number(0.05),), middle_degC=25.0),
+    "Drift": Drift(PLACE, (number(1e-5),), begin_s=0.0),
+    "Lag": Lag(PLACE, (number(40.0),)),
+    "Stuck": Stuck(PLACE, (number(25.0),), None, 6000.0, 9000.0),
+    "Clock": Clock((), (number(75.0),)),
+}
+
+
+def test_every_kind_of_mechanism_is_held_here():
+    assert set(MECHANISMS) == set(kinds())
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_a_circuit_written_and_read_again_simulates_the_same(circuit, simulated, recorded, name):
+    trace = simulated(1)
+    trace.columns["wall_degC"] = trace.columns["ambient_degC"] + 3
+    model = GreyBox.of(circuit).with_mechanism(MECHANISMS[name])
+    again = parse_circuit(write_circuit(extended_circuit(circuit, model)), name)
+    (given,) = recorded(trace)
+    rows = {"ambient_degC": given.signals["ambient_degC"], **given.signals}
+    taken = replace(given, inputs=np.array([rows[each] for each in again.inputs]))
+    one, other = (each.network(record, each.z()[None]) for each, record in ((model, given), (greybox_of(again), taken)))
+    start = np.full((1, len(one.nodes)), 21.0)
+    assert np.abs(one.simulate(start) - other.simulate(start)).max() < 1e-9
+    bare = GreyBox.of(circuit)
+    assert np.abs(one.simulate(start) - bare.network(given, bare.z()[None]).simulate(start[:, :1])).max() > 0.01
+
+
+def test_loss_that_varies_and_bends_agrees_with_an_integrator(circuit, simulated, recorded):
+    (record,) = recorded(simulated(2))
+    wind = Coupling(PLACE, (number(0.4),), WIND)
+    bent = Exponent(PLACE, (number(0.25),), typical_degC=(5.0,))
+    heat = Heat(PLACE, (number(2.0),), SQUARED)
+    model = GreyBox.of(circuit).with_mechanism(heat).with_mechanism(wind).with_mechanism(bent)
+    read = model.network(record, model.z()[None]).simulate(np.array([[21.0]]))[0, 0]
+
+    rows = {name: record.signals[name] for name in ("ambient_degC", "wind_m_s", "current_A")}
+    squared = record.signals["current_A"] ** 2
+
+    def slope(now_s, degC):
+        air, speed, _ = (np.interp(now_s, record.time_s, row) for row in rows.values())
+        away = air - degC
+        loss = 0.2 * (0.4 * speed + np.maximum(np.abs(away) / 5.0, 0.02) ** 0.25)
+        return (loss * away + 2.0 * np.interp(now_s, record.time_s, squared)) / 50.0
+
+    span = record.time_s[0], record.time_s[-1]
+    solved = solve_ivp(slope, span, [21.0], t_eval=record.time_s, max_step=5.0, rtol=1e-8, atol=1e-8)
+    # straight lines between samples of the whole heat, not of its factors: second order in the period
+    assert np.sqrt(np.mean((read - solved.y[0]) ** 2)) < 0.01
+
+
+def test_lanes_are_simulated_each_for_itself(circuit, simulated, recorded):
+    (record,) = recorded(simulated(3))
+    model = GreyBox.of(circuit).with_mechanism(Coupling(PLACE, (number(0.4),), WIND))
+    z = model.z() + np.array([[0.0, 0.0, 0.0], [0.3, -0.2, 0.1], [-0.5, 0.4, 0.3]])
+    start = np.array([[21.0], [19.0], [25.0]])
+    together = model.network(record, z).simulate(start)
+    alone = [model.network(record, z[lane : lane + 1]).simulate(start[lane : lane + 1])[0] for lane in range(3)]
+    assert np.abs(together - np.array(alone)).max() < 1e-12

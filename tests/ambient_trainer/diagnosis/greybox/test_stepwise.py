@@ -1,0 +1,37 @@
+"""What is hidden in simulated runs is found, with its place and driver; nothing is found where nothing is hidden."""
+
+import numpy as np
+import pytest
+
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.stepwise import stepwise
+
+HIDDEN = {
+    "sun": {"heat_W": lambda now, degC: 0.004 * now["sun_W_m2"]},
+    "current squared": {"heat_W": lambda now, degC: 0.8 * now["current_A"] ** 2},
+    "wind": {
+        "heat_W": lambda now, degC: 0.006 * now["sun_W_m2"],
+        "conductance_W_K": lambda now, degC: 0.3 + 0.12 * now["wind_m_s"],
+    },
+    "mass": {"mass": (0.4, 500.0)},
+    "nothing": {},
+}
+NAMED = {
+    "sun": {("heat_source", ("board",), "sun_W_m2")},
+    "current squared": {("heat_source", ("board",), "current_A^2")},
+    "wind": {("heat_source", ("board",), "sun_W_m2"), ("ambient_coupling", ("board",), "wind_m_s")},
+    "mass": {("thermal_mass", ("board",), "")},
+    "nothing": set(),
+}
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    ["current squared", "nothing", *(pytest.param(each, marks=pytest.mark.slow) for each in ("sun", "wind", "mass"))],
+)
+def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    records = recorded(simulated(seed, **HIDDEN[hidden]))
+    selection = stepwise(GreyBox.of(circuit), records)
+    assert {each.key for each in selection.final.model.mechanisms} == NAMED[hidden], seed
+    assert selection.final.rmse_degC < 0.06, seed

@@ -1,0 +1,87 @@
+"""Mechanisms in a circuit's file: as nodes, edges and sources where a circuit has them, else under ``mechanisms``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any
+
+from ambient_model.faults import refuse
+from ambient_trainer.circuits.addition import with_values
+from ambient_trainer.circuits.circuit import Addition, Circuit
+from ambient_trainer.data.plugins import plugin, plugin_names
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox import mechanisms
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
+
+_OWN = {"places", "numbers", "driver", "onset_s", "end_s"}
+_SUFFIX = "_extended"
+
+
+@cache
+def kinds() -> dict[str, type[Mechanism]]:
+    """Every kind of mechanism by the name of its class."""
+    modules = [plugin(mechanisms.__name__, name) for name in plugin_names(mechanisms.__name__)]
+    classes = (each for module in modules for each in vars(module).values() if isinstance(each, type))
+    return {each.__name__: each for each in classes if issubclass(each, Mechanism) and each.cause}
+
+
+def extended_circuit(circuit: Circuit, model: GreyBox) -> Circuit:
+    """``circuit`` in forward form, with the values and the mechanisms of ``model``: it simulates the same."""
+    result = with_values(forward(circuit), {each.name: each.value for each in model.own})
+    result = replace(result, mechanisms=())
+    kept: list[Addition] = []
+    for each in model.mechanisms:
+        native = each.native(result)
+        if native is None:
+            kept.append(addition_of(each))
+        else:
+            result = native
+    causes = ", ".join(map(str, model.mechanisms))
+    name = result.name if result.name.endswith(_SUFFIX) else result.name + _SUFFIX
+    return replace(result, name=name, about=f"{circuit.about}; with {causes}", mechanisms=tuple(kept))
+
+
+def addition_of(mechanism: Mechanism) -> Addition:
+    """A mechanism as a circuit holds it."""
+    settings = {each.name: getattr(mechanism, each.name) for each in fields(mechanism) if each.name not in _OWN}
+    numbers = {
+        each.name: {"unit": each.unit, "value": each.value, "log": each.log, "scale": each.scale}
+        for each in mechanism.numbers
+    }
+    return Addition(
+        type(mechanism).__name__,
+        mechanism.places,
+        None if mechanism.driver is None else mechanism.driver.text,
+        mechanism.onset_s,
+        mechanism.end_s,
+        numbers,
+        {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()},
+    )
+
+
+def mechanism_of(addition: Addition, source: str) -> Mechanism:
+    """A mechanism from a circuit; raises :class:`Refused` where its kind or its settings are unknown."""
+    kind = kinds().get(addition.kind)
+    if kind is None:
+        raise refuse(source, "mechanisms", f"no kind is called {addition.kind!r}", f"take one of {', '.join(kinds())}")
+    known = {each.name for each in fields(kind)} - _OWN
+    if unknown := set(addition.settings) - known:
+        raise refuse(source, f"mechanisms.{addition.kind}", f"unknown setting {sorted(unknown)[0]!r}", "remove it")
+    settings: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+        for name, value in addition.settings.items()
+    }
+    numbers = tuple(Number(name, **given) for name, given in addition.numbers.items())
+    driver = None if addition.by is None else Expression(addition.by)
+    return kind(addition.at, numbers, driver, addition.from_s, addition.to_s, **settings)
+
+
+def greybox_of(circuit: Circuit) -> GreyBox:
+    """The model of a circuit in forward form, with the mechanisms in it."""
+    model = GreyBox.of(circuit)
+    for each in circuit.mechanisms:
+        model = model.with_mechanism(mechanism_of(each, circuit.name))
+    return model

@@ -1,0 +1,55 @@
+"""A body of its own temperature holds on to a node for a while: a hand, a table, a pocket."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.record import Record
+
+_BODY_DEGC = 33.0
+"""Of a hand."""
+
+
+@dataclass(frozen=True)
+class Contact(Mechanism):
+    """A conductance to a body, and the body's temperature, within a window."""
+
+    cause = "contact"
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        node, weight = network.index(self.places[0]), self.weight(record)[:, None]
+        conductance, body_degC = values.T
+
+        def term(degC: Array, index: int | slice, heat: Array) -> None:
+            heat[..., node] += weight[index] * conductance * (body_degC - degC[..., node])
+
+        network.terms.append(term)
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        return [[1e-3 * self.numbers[0].value, self.numbers[1].value]]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        share = float(np.clip(1e-3 * amounts[0], 0.05, 3.0))
+        return self.with_values([share * self.numbers[0].value, self.numbers[1].value])
+
+
+def candidates(scene: Scene) -> Iterator[Mechanism]:
+    """None that lasts."""
+    return iter(())
+
+
+def beside(scene: Scene, heat: Mechanism) -> Mechanism | None:
+    """A contact in the window in which heat into one node explains something."""
+    if len(heat.places) != 1 or heat.cause != "heat_source":
+        return None
+    place = heat.places[0]
+    conductance = Number(f"G_{place}_body", "W/K", scene.conductance(place), log=True)
+    body = Number(f"body_{place}", "degC", _BODY_DEGC, low=-60.0, high=150.0)
+    return Contact((place,), (conductance, body), None, heat.onset_s, heat.end_s)

@@ -1,0 +1,82 @@
+"""When something acted that nothing logged tells of: the window of time that explains most, by the score test.
+
+What begins at t_a and ends at t_b adds, to first order, the column of what begins at t_a less that of what begins at
+t_b. All pairs of a coarse grid are scored at once; the best is refined on finer ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted
+
+_COARSE, _FINE, _ROUNDS = 28, 4, 2
+_SHORTEST = 5
+"""Samples that a window lasts at least."""
+
+Columns = Callable[[Mechanism], Array]
+
+
+def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mechanism | None:
+    """``mechanism`` with the window in which one amount of it explains most; None where there is none."""
+    record = max(fitted.records, key=lambda each: each.samples)
+    if record.samples < 4 * _COARSE or len(mechanism.numbers) != 1:
+        return None
+    begin, end = float(record.time_s[0]), float(record.time_s[-1])
+    step = (end - begin) / _COARSE
+    project = _projector(fitted)
+    grid: Array = begin + step * np.arange(_COARSE, dtype=np.float64)
+    on, off = np.asarray(grid), np.asarray(grid)
+    best: tuple[float, float, float | None] | None = None
+    shortest = _SHORTEST * record.period_s
+    for _ in range(_ROUNDS + 1):
+        times = np.unique(np.concatenate([on, off]))
+        acting = {at: project(columns(replace(mechanism, onset_s=None if at <= begin else float(at)))) for at in times}
+        found = _best(acting, on, off, project(fitted.residual), shortest, begin)
+        if found is None:
+            break
+        best = found
+        step /= _FINE
+        nearby = step * np.arange(-_FINE, _FINE + 1)
+        on = np.asarray(np.clip(best[1] + nearby, begin, end - shortest))
+        off = np.asarray(np.clip((best[2] if best[2] is not None else end) + nearby, begin + shortest, end))
+    if best is None:
+        return None
+    _, first, last = best
+    return replace(mechanism, onset_s=None if first <= begin else first, end_s=last)
+
+
+def _projector(fitted: Fitted) -> Callable[[Array], Array]:
+    """Takes out of columns (M, ...) what the model's own numbers can do."""
+    Q = np.linalg.qr(fitted.slopes)[0] if fitted.slopes.size else np.zeros((len(fitted.residual), 0))
+    return lambda columns: np.asarray(columns - Q @ (Q.T @ columns))
+
+
+def _best(
+    acting: dict[float, Array], on: Array, off: Array, left: Array, shortest: float, begin: float
+) -> tuple[float, float, float | None] | None:
+    """The gain of the best window, its onset, and its end (None: it lasts)."""
+    times = np.array(sorted(acting))
+    C = np.column_stack([acting[each][:, 0] for each in times])
+    G, b = C.T @ C, C.T @ left
+    index = {float(at): place for place, at in enumerate(times)}
+    best = None
+    for first in map(float, on):
+        i = index[first]
+        for last in [None, *map(float, off)]:
+            if (last is not None and last - first < shortest) or (first <= begin and last is None):
+                continue
+            j = None if last is None else index[last]
+            size = G[i, i] if j is None else G[i, i] + G[j, j] - 2 * G[i, j]
+            amount = b[i] if j is None else b[i] - b[j]
+            gain = amount**2 / size if size > 1e-12 * G.max() else 0.0
+            # a window that ends needs one number more
+            gain *= 1.0 if j is None else 0.97
+            if best is None or gain > best[0]:
+                best = (float(gain), first, last)
+    return best

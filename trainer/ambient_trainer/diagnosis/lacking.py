@@ -1,0 +1,254 @@
+"""The diagnosis without known-good records: what a circuit lacks, by the grey-box models that describe the data better.
+
+Known-good records ask another question, what has changed on a device: ``diagnose.py`` answers it with the circuit held.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.stats import norm, t
+
+from ambient_model.trace import REFERENCE
+from ambient_trainer.circuits.addition import with_values
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
+from ambient_trainer.diagnosis.greybox.model import Mechanism
+from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
+from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, Trial, penalised, stepwise
+from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
+from ambient_trainer.diagnosis.misfit import misfit_of
+from ambient_trainer.diagnosis.model import Model, view
+from ambient_trainer.diagnosis.plant import Plant
+from ambient_trainer.diagnosis.record import Record
+from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Magnitude, Ranked, Step
+from ambient_trainer.diagnosis.training import records_of
+from ambient_trainer.diagnosis.words import digits, window
+from ambient_trainer.evaluation.black_box import black_box_rmse_degC
+
+_ALIKE = 0.04
+"""Of the penalised logarithm of held-out errors: rivals that are closer are not told apart."""
+_MUCH, _EXPLAINABLE = 0.1, 0.35
+"""A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
+much of it."""
+_SMALL_DEGC = 0.3
+_EVERYWHERE = ("ambient_coupling", "convection_law")
+"""Without a location they are those of all nodes."""
+_CENTRE, _SLOPE = 0.1, 8.0
+"""Of the margin over the closest other cause, in the logarithm of the held-out error."""
+
+
+def diagnose_lacking(
+    circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None
+) -> Diagnosis:
+    """What ``circuit`` lacks to describe ``traces``; see :func:`ambient_trainer.diagnosis.diagnose`."""
+    plain = forward(circuit)
+    own = [each for trace in traces for each in records_of(plain, trace, period_s)]
+    floor = _floor_degC(own)
+    selection = stepwise(greybox_of(plain), own, floor, progress)
+    longest = max(range(len(own)), key=lambda index: own[index].samples)
+    steps = tuple(_steps(selection, longest))
+    if not steps and _misfits(selection, floor):
+        steps = (_unknown(selection.bare, longest),)
+    values = {each.name: each.initial for each in plain.parameters}
+    values.update({each.name: each.value for each in selection.bare.model.own})
+    seen = view(Model(Plant.of(plain, values, period_s)), own[longest])
+    extension = extended_circuit(circuit, selection.final.model) if selection.final.model.mechanisms else None
+    before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
+    return Diagnosis(
+        trace=", ".join(trace.path for trace in traces),
+        circuit=circuit.name,
+        baselines=(),
+        time_s=own[longest].time_s,
+        signals={**seen.signals, REFERENCE: seen.ambient_degC},
+        misfit=misfit_of(seen),
+        steps=steps,
+        verdict=steps[0] if steps else None,
+        ranking=tuple(_ranked(selection.steps[0], trial) for trial in selection.steps[0].trials),
+        next_experiment=_next_experiment(steps),
+        extended=extension,
+        candidates_tried=selection.steps[0].tried,
+        fitted=_fitted_circuit(plain, values),
+        floor_degC=floor,
+        explained_share=_share(before, after, floor),
+    )
+
+
+def _fitted_circuit(plain: Circuit, values: dict[str, float]) -> Circuit:
+    return with_values(plain, values)
+
+
+def _share(before: float, after: float, floor: float) -> float | None:
+    """How much of what can be explained is explained; None where nothing can."""
+    return min((before - after) / (before - floor), 1.0) if before - floor > 0.05 * before else None
+
+
+def _floor_degC(own: Sequence[Record]) -> float:
+    """What a black box with the same inputs leaves on folds of the longest record."""
+    record = max(own, key=lambda each: each.samples)
+    edges = np.linspace(0, record.samples, FOLDS + 1).astype(int)
+    blocks = [slice(first, last) for first, last in pairwise(edges)]
+    inputs = {name: row for name, row in record.signals.items() if np.ptp(row) > 0}
+    if not inputs:
+        return float(np.sqrt(np.nanmean((record.sensors - np.nanmean(record.sensors, axis=1)[:, None]) ** 2)))
+    return black_box_rmse_degC(record.time_s, inputs, record.sensors, blocks)
+
+
+def _misfits(selection: Selection, floor_degC: float) -> bool:
+    """Whether what the circuit leaves is large, beside what its sensors do and what could be explained."""
+    left = selection.bare
+    deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in left.records]))
+    large = left.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
+    return bool(large and floor_degC < (1.0 - _EXPLAINABLE) * left.held_out_rmse_degC)
+
+
+def _steps(selection: Selection, longest: int) -> list[Step]:
+    """The final model's mechanisms with the steps that added them; numbers are those of the final model."""
+    final = selection.final
+    result = []
+    for index, mechanism in enumerate(final.model.mechanisms):
+        step = next(
+            each for each in reversed(selection.steps) if each.chosen and each.chosen.mechanism.key == mechanism.key
+        )
+        chosen = step.chosen
+        assert chosen is not None
+        gain = _gain(step, chosen)
+        magnitude, parameters = _numbers(final, index)
+        rivals = [each for each in step.trials if _rival(each, chosen)]
+        name = cause_of(mechanism, final.model.circuit)
+        sentence = (
+            f"{name}: {magnitude.meaning} {digits(magnitude.value)} {magnitude.unit} ({digits(magnitude.ci95[0])} to"
+            f" {digits(magnitude.ci95[1])}), {''.join(f'{each}, ' for each in [magnitude.qualifier] if each)}"
+            f"{window(mechanism.onset_s, mechanism.end_s)}; on held-out data"
+            f" {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
+        )
+        result.append(
+            Step(
+                cause=cause_of(mechanism, final.model.circuit),
+                onset_s=mechanism.onset_s,
+                end_s=mechanism.end_s,
+                magnitude=magnitude,
+                confidence=_confidence(step, chosen, gain),
+                gain=gain,
+                indistinguishable_from=tuple(
+                    dict.fromkeys(cause_of(each.mechanism, final.model.circuit) for each in rivals)
+                ),
+                sentence=sentence,
+                parameters=parameters,
+                residual_degC=_residual_degC(chosen.fitted, longest),
+            )
+        )
+    return result
+
+
+def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:
+    """Its name, place and driver, as a diagnosis gives them."""
+    places = mechanism.places
+    location: str | tuple[str, ...] | None = places[0] if len(places) == 1 else places or None
+    joined = {each for each, _ in circuit.to_ambient(circuit.states)}
+    if len(places) > 1 and mechanism.cause in _EVERYWHERE and joined == set(places):
+        location = None
+    return Cause(mechanism.cause, location, None if mechanism.driver is None else mechanism.driver.text)
+
+
+def _residual_degC(fitted: Fitted, longest: int) -> Array:
+    record, run = fitted.records[longest], fitted.runs[longest]
+    result = np.full(record.sensors.shape, np.nan)
+    result[np.isfinite(record.sensors)] = run.residual
+    return result
+
+
+def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[float, str]]]:
+    mechanism = final.model.mechanisms[index]
+    first = len(final.model.own) + sum(len(each.numbers) for each in final.model.mechanisms[:index])
+    parameters = {}
+    intervals = []
+    for offset, number in enumerate(mechanism.numbers):
+        error = 1.96 * math.sqrt(max(final.covariance[first + offset, first + offset], 0.0))
+        low, high = (float(number.natural(np.float64(number.z + sign * error))) for sign in (-1.0, 1.0))
+        parameters[number.name] = (number.value, number.unit)
+        intervals.append((low, high))
+    largest = max(
+        range(len(intervals)), key=lambda each: abs(mechanism.numbers[each].z) * (not mechanism.numbers[each].log)
+    )
+    main = mechanism.numbers[largest]
+    magnitude = Magnitude(main.value, main.unit, mechanism.meaning(main), intervals[largest], mechanism.sentence_tail())
+    return magnitude, {**parameters, **mechanism.further()}
+
+
+def _gain(step: Chosen, trial: Trial) -> Gain:
+    """The held-out errors, with the interval of their difference by resampling blocks of time."""
+    before, after = step.before, trial.fitted
+    shares = _blocks(after) - _blocks(before)
+    scatter = float(np.std(shares, ddof=1) / math.sqrt(len(shares)))
+    ratio = float(shares.mean()) / max(scatter, 1e-12)
+    p_value = min(1.0, float(t.cdf(ratio, len(shares) - 1)) * max(step.tried, 1))
+    gain = before.held_out_rmse_degC - after.held_out_rmse_degC
+    half = 1.96 * abs(gain) / max(abs(ratio), 1e-12)
+    return Gain(before.held_out_rmse_degC, after.held_out_rmse_degC, (gain - half, gain + half), p_value)
+
+
+def _blocks(fitted: Fitted) -> Array:
+    """The mean square of each block of time."""
+    residual, block = fitted.residual, fitted.block
+    return np.array([np.mean(residual[block == each] ** 2) for each in np.unique(block)])
+
+
+def _rival(trial: Trial, chosen: Trial) -> bool:
+    other = trial.mechanism.key != chosen.mechanism.key and trial.mechanism.cause != chosen.mechanism.cause
+    same = trial.mechanism.instrument == chosen.mechanism.instrument
+    return other and same and not trial.fitted.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
+
+
+def _confidence(step: Chosen, chosen: Trial, gain: Gain) -> float:
+    """The probability that the cause, its place and its driver are right, by the margin over the closest other."""
+    others = [each for each in step.trials if each.mechanism.key != chosen.mechanism.key and not each.fitted.at_bounds]
+    margin = min((penalised(each) - penalised(chosen) for each in others), default=1.0)
+    total = math.log(gain.rmse_before_degC / gain.rmse_after_degC)
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
+    return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def _ranked(step: Chosen, trial: Trial) -> Ranked:
+    mechanism = trial.mechanism
+    magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
+    gain = _gain(step, trial)
+    if step.chosen is trial:
+        remark = "taken"
+    elif trial.fitted.at_bounds:
+        remark = "a number ends at a physical bound"
+    elif step.chosen is not None and _rival(trial, step.chosen):
+        remark = "not distinguishable from the one taken"
+    elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
+        remark = "no sure gain on held-out data"
+    elif mechanism.instrument:
+        remark = "an instrument, where physics does about as well"
+    else:
+        remark = "gains less on held-out data" if step.chosen else "gains too little to matter"
+    return Ranked(
+        cause_of(mechanism, trial.fitted.model.circuit), mechanism.onset_s, mechanism.end_s, magnitude, gain, remark
+    )
+
+
+def _unknown(bare: Fitted, longest: int) -> Step:
+    error = bare.held_out_rmse_degC
+    gain = Gain(error, error, (0.0, 0.0), 1.0)
+    sentence = f"The simulation is {error:.2f} degC off."
+    return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, _residual_degC(bare, longest))
+
+
+def _next_experiment(steps: Sequence[Step]) -> str:
+    for step in steps:
+        for rival in step.indistinguishable_from:
+            mine, other = step.cause.signal or AMBIENT, rival.signal or AMBIENT
+            if mine != other:
+                return f"To tell {step.cause} from {rival}, log a run in which {mine} changes while {other} does not."
+            return f"To tell {step.cause} from {rival}, log a run of twice the length with larger changes of {mine}."
+    if steps and steps[0].cause.name == UNKNOWN:
+        return "Log more of what goes on at the device, above all what changes together with the heat shown below."
+    return ""
