@@ -11,7 +11,7 @@ as a further input that is predicted and corrected from sample to sample (expone
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +46,8 @@ class Network:
     sensors: tuple[str, ...]
     loss: Array = field(default_factory=lambda: np.zeros(0))
     """To each boundary as the circuit has it (P, n, b): what varies is a share of that."""
+    varying: list[tuple[NDArray[np.intp], Array, Array]] = field(default_factory=list)
+    """Conductances that vary: nodes (k,), W/K (N, P, k), and the temperature on the other side (broadcast to that)."""
     terms: list[Term] = field(default_factory=list)
     readings: list[Reading] = field(default_factory=list)
 
@@ -53,6 +55,11 @@ class Network:
     def lanes(self) -> int:
         """P."""
         return len(self.capacitance)
+
+    @property
+    def nonlinear(self) -> bool:
+        """Whether it is simulated step by step."""
+        return bool(self.terms or self.varying)
 
     def index(self, node: str) -> int:
         """The number of a node."""
@@ -92,16 +99,30 @@ class Network:
             change(read)
         return read
 
+    def vary(self, nodes: Sequence[int], conductance: Array, degC: Array) -> None:
+        """Conductances (N, P, k) that vary from ``nodes`` to a prescribed temperature, which is broadcast to them."""
+        self.varying.append((np.array(nodes, dtype=np.intp), conductance, degC))
+
+    def _variation(self) -> tuple[Array, Array]:
+        """All of them together: heat in W (N, P, n) into nodes at 0 degC, and its fall per K."""
+        shape = (len(self.time_s), self.lanes, len(self.nodes))
+        heat, fall = np.zeros(shape), np.zeros(shape)
+        for nodes, conductance, degC in self.varying:
+            heat[..., nodes] += conductance * degC
+            fall[..., nodes] += conductance
+        return heat, fall
+
     def frozen(self, nodes_degC: Array) -> None:
         """Take all terms as they are along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""
         along = np.zeros((len(self.time_s), self.lanes, len(self.nodes)))
         along[:, :, : len(nodes_degC)] = nodes_degC.T[:, None, :]
         along[:, :, len(nodes_degC) :] = nodes_degC.mean(axis=0)[:, None, None]
-        heat = np.zeros(along.shape)
+        heat, fall = self._variation()
+        heat -= fall * along
         for term in self.terms:
             term(along, slice(None), heat)
         self.heat = self.heat + heat.transpose(1, 2, 0)
-        self.terms = []
+        self.terms, self.varying = [], []
 
     def nodes_degC(self, start_degC: Array) -> Array:
         """All nodes, (P, n, N)."""
@@ -118,7 +139,7 @@ class Network:
         before, now = -before / rates, -now / rates
         first = (Q.transpose(0, 2, 1) @ (root * start_degC)[:, :, None])[:, :, 0]
         modes = _filtered(drive, kept, before, now, first)
-        if not self.terms:
+        if not self.nonlinear:
             return np.asarray(out @ modes)
         return self._with_terms(np.asarray(out @ modes), into, out, (kept, before, now))
 
@@ -127,23 +148,36 @@ class Network:
         both = before + now
         # (N, P, n): each step reads one slice
         along = np.ascontiguousarray(linear.transpose(2, 0, 1))
+        known, fall = self._variation()
+        times = _elementwise if len(self.nodes) == 1 else _matrices
+        terms = self.terms
+
+        def added(nodes: Array, index: int) -> Array:
+            heat = known[index] - fall[index] * nodes
+            for term in terms:
+                term(nodes, index, heat)
+            return times(into, heat)
+
         modes = np.zeros(kept.shape)
-        added = self._added(along[0], 0, into)
-        for index in range(1, len(along)):
-            rest = kept * modes
-            there = along[index] + (out @ (rest + both * added)[:, :, None])[:, :, 0]
-            predicted = self._added(there, index, into)
-            modes = rest + before * added + now * predicted
-            along[index] += (out @ modes[:, :, None])[:, :, 0]
-            added = self._added(along[index], index, into)
+        with np.errstate(all="ignore"):
+            last = added(along[0], 0)
+            for index in range(1, len(along)):
+                rest = kept * modes
+                predicted = added(along[index] + times(out, rest + both * last), index)
+                modes = rest + before * last + now * predicted
+                along[index] += times(out, modes)
+                last = added(along[index], index)
         return along.transpose(1, 2, 0)
 
-    def _added(self, nodes: Array, index: int, into: Array) -> Array:
-        heat = np.zeros(nodes.shape)
-        for term in self.terms:
-            term(nodes, index, heat)
-        np.clip(heat, -1e12, 1e12, out=heat)
-        return np.asarray((into @ heat[:, :, None])[:, :, 0])
+
+def _matrices(matrices: Array, vectors: Array) -> Array:
+    """Of each lane, (P, n, n) times (P, n)."""
+    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
+
+
+def _elementwise(matrices: Array, vectors: Array) -> Array:
+    """The same of a single node."""
+    return np.asarray(matrices[:, :, 0] * vectors)
 
 
 def _filtered(drive: Array, kept: Array, before: Array, now: Array, first: Array) -> Array:

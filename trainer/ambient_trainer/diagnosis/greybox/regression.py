@@ -255,7 +255,7 @@ def fitted_start(model: GreyBox, record: Record) -> Array:
         system = run.start_slopes.T @ run.start_slopes + np.diag(run.start_prior)
         pull = run.start_slopes.T @ run.residual + run.start_prior * (run.start_expected - run.start)
         start = run.start + np.linalg.solve(system, pull)
-        if not model.network(record, model.z()[None]).terms:
+        if not model.network(record, model.z()[None]).nonlinear:
             break
     assert start is not None
     return start

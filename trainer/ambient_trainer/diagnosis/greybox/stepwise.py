@@ -223,7 +223,7 @@ def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[i
 def _cheap(fitted: Fitted) -> bool:
     """Whether folds can be left out in earnest: without a loop over samples, or with few of them."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
-    return not network.terms or sum(record.samples for record in fitted.records) < _LOOPED
+    return not network.nonlinear or sum(record.samples for record in fitted.records) < _LOOPED
 
 
 def promise(trial: Trial) -> float:

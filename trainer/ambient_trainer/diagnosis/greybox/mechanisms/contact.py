@@ -24,13 +24,8 @@ class Contact(Mechanism):
     cause = "contact"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        node, weight = network.index(self.places[0]), self.weight(record)[:, None]
-        conductance, body_degC = values.T
-
-        def term(degC: Array, index: int | slice, heat: Array) -> None:
-            heat[..., node] += weight[index] * conductance * (body_degC - degC[..., node])
-
-        network.terms.append(term)
+        conductance = self.weight(record)[:, None, None] * values[:, :1]
+        network.vary([network.index(self.places[0])], conductance, values[:, 1:2])
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[1e-3 * self.numbers[0].value, self.numbers[1].value]]

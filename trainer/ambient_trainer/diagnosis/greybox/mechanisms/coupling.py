@@ -38,13 +38,7 @@ class Coupling(Mechanism):
         network.to_boundary[:, nodes, air] += conductance * mean
         if np.ptp(weight) == 0:
             return
-        varying = conductance * (factor - mean)
-        air_degC = network.boundary_degC[air][:, None, None]
-
-        def term(degC: Array, index: int | slice, heat: Array) -> None:
-            heat[..., nodes] += varying[index] * (air_degC[index] - degC[..., nodes])
-
-        network.terms.append(term)
+        network.vary(nodes.tolist(), conductance * (factor - mean), network.boundary_degC[air][:, None, None])
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[_PROBE * each.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]

@@ -58,22 +58,19 @@ class HeatInTheCold(Heat):
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         super().apply(network, values[:, :1], record)
-        node, weight, growth = network.index(self.places[0]), self.weight(record)[:, None], values[:, 1]
-
-        def term(degC: Array, index: int | slice, heat: Array) -> None:
-            heat[..., node] += growth * weight[index] * (_REFERENCE_DEGC - degC[..., node])
-
-        network.terms.append(term)
+        growth = self.weight(record)[:, None, None] * values[:, 1:2]
+        network.vary([network.index(self.places[0])], growth, np.full(record.samples, _REFERENCE_DEGC)[:, None, None])
 
     def native(self, circuit: Circuit) -> Circuit | None:
         return None
 
     def sentence_tail(self) -> str:
         """How it grows."""
-        return f"growing in the cold by {share(self.numbers[1].value / self.numbers[0].value)} per K"
+        return f"growing in the cold by {share(self.further()['growth_per_K'][0])} per K"
 
     def further(self) -> dict[str, tuple[float, str]]:
-        return {"growth_per_K": (self.numbers[1].value / self.numbers[0].value, "1/K")}
+        heat, growth = (each.value for each in self.numbers)
+        return {"growth_per_K": (growth / heat if heat else np.inf, "1/K")}
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:

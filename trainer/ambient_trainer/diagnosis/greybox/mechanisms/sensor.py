@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, window
 from ambient_trainer.diagnosis.greybox.network import Network
@@ -102,19 +103,15 @@ class Lag(_Linear):
 
 @dataclass(frozen=True)
 class Clock(_Linear):
-    """The device's clock is late by so much beside that of the reference."""
+    """The reference's clock is ahead of the device's by so much: its true value comes later in the log."""
 
     cause = "clock_offset"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        place = np.arange(record.samples, dtype=float)
-
-        def reading(read: Array) -> None:
-            for lane, shift in enumerate(values[:, 0] / record.period_s):
-                for row in read[lane]:
-                    row[:] = np.interp(place - shift, place, row)
-
-        network.readings.append(reading)
+        air = network.boundary(AMBIENT)
+        logged, place = network.boundary_degC[air], np.arange(record.samples, dtype=float)
+        shifted = np.array([np.interp(place + shift, place, logged) for shift in values[:, 0] / record.period_s])
+        network.heat += network.loss[:, :, air, None] * (shifted - logged)[:, None]
 
 
 @dataclass(frozen=True)
