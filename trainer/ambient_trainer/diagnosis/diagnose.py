@@ -89,11 +89,11 @@ def diagnose(
     """
     plain = forward(circuit)
     _check(plain, [*traces, *baselines])
-    period_s = period_s or diagnosis_period_s([*traces, *baselines])
     fitting = None if progress is None else lambda done, total, rmse: progress("fit", done, total)
     with threadpool_limits(1):
         if not baselines:
             return diagnose_lacking(circuit, traces, period_s, progress)
+        period_s = period_s or diagnosis_period_s([*traces, *baselines])
         trained = train_on_baselines(plain, baselines, period_s, known_good_model, fitting)
         return diagnose_trained(trained, circuit, traces, [trace.path for trace in baselines], period_s, progress)
 

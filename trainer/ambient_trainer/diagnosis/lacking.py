@@ -15,17 +15,18 @@ from scipy.stats import norm, t
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import AMBIENT, Circuit
+from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
-from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, Trial, penalised, stepwise
+from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, Trial, bare_fit, penalised, stepwise
 from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
 from ambient_trainer.diagnosis.misfit import misfit_of
 from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.record import Record
+from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Magnitude, Ranked, Step
 from ambient_trainer.diagnosis.training import records_of
 from ambient_trainer.diagnosis.words import digits, window
@@ -37,6 +38,10 @@ _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
 _SMALL_DEGC = 0.3
+_SHORTEST = 5
+"""Samples; a shorter stretch between gaps says where it began, and little else."""
+_PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
+"""Samples are a third of the fastest time constant apart, as far as so many of them allow."""
 _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _CENTRE, _SLOPE = 0.1, 8.0
@@ -44,11 +49,13 @@ _CENTRE, _SLOPE = 0.1, 8.0
 
 
 def diagnose_lacking(
-    circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None
+    circuit: Circuit, traces: Sequence[Trace], period_s: float | None, progress: Progress | None
 ) -> Diagnosis:
     """What ``circuit`` lacks to describe ``traces``; see :func:`ambient_trainer.diagnosis.diagnose`."""
     plain = forward(circuit)
-    own = [each for trace in traces for each in records_of(plain, trace, period_s)]
+    period_s = period_s or fitting_period_s(plain, traces)
+    every = [each for trace in traces for each in records_of(plain, trace, period_s)]
+    own = [each for each in every if each.samples >= _SHORTEST] or every
     floor = _floor_degC(own)
     selection = stepwise(greybox_of(plain), own, floor, progress)
     longest = max(range(len(own)), key=lambda index: own[index].samples)
@@ -77,6 +84,22 @@ def diagnose_lacking(
         floor_degC=floor,
         explained_share=_share(before, after, floor),
     )
+
+
+def fitting_period_s(plain: Circuit, traces: Sequence[Trace]) -> float:
+    """A grid of at most 2000 samples, or a finer one where the circuit's fastest time constant asks for it."""
+    coarse = diagnosis_period_s(traces)
+    own = max(sampling_period_s(trace.time_s) for trace in traces)
+    if coarse <= own:
+        return coarse
+    model = greybox_of(plain)
+    fitted = bare_fit(model, [each for trace in traces for each in records_of(plain, trace, coarse)])
+    # a fit without its cause may end at absurd time constants: the slower of the given and the fitted ones counts
+    network = fitted.model.network(fitted.records[0], np.array([model.z(), fitted.model.z()]))
+    rate = (network.between.sum(axis=2) + network.to_boundary.sum(axis=2)) / network.capacitance
+    logged_s = max(sum(each.samples for each in fitted.records) * coarse, 1.0)
+    wanted = max(_PER_TIME_CONSTANT / float(rate[:, network.reads].max(axis=1).min()), logged_s / MOST_FINE)
+    return float(own * max(1.0, np.floor(min(coarse, wanted) / own + 1e-9)))
 
 
 def _fitted_circuit(plain: Circuit, values: dict[str, float]) -> Circuit:

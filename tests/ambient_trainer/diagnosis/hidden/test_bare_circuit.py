@@ -7,8 +7,8 @@ from ambient_trainer.diagnosis.result import NONE, Cause
 
 LACKING = {
     "heat_source": Cause("heat_source", "shell", "radio_on"),
-    "current_squared": Cause("heat_source", "board", "battery_current_A"),
-    "convection_law": Cause("convection_law"),
+    "current_squared": Cause("heat_source", "board", "battery_current_A^2"),
+    "convection_law": Cause("convection_law", "shell"),
     "thermal_mass": Cause("thermal_mass", "shell"),
     "path": Cause("path", "chip-shell"),
     "sensor_lag": Cause("sensor_lag", "chip"),

@@ -16,6 +16,7 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.words import unit_of
 from ambient_trainer.lti.lag import lagged
 
 _RATE = re.compile(r"\bd\(([A-Za-z0-9_ ^*+\-./()]+?)\)\s*/\s*dt\b")
@@ -42,6 +43,14 @@ class Expression:
         names = [each for each in ast.walk(_parsed(self.text)) if isinstance(each, ast.Name)]
         ordered = sorted(names, key=lambda each: each.col_offset)
         return tuple(dict.fromkeys(each.id for each in ordered if each.id not in _FUNCTIONS))
+
+    def per(self, unit: str) -> str:
+        """``unit`` per unit of this: ``W/A^2``, ``W per m/s``; what is on or off, and a fraction, has none."""
+        name, _, power = self.text.partition("^")
+        if self.columns == (name,):
+            own = unit_of(name)
+            return f"{unit}/{own}^{power}" if power else f"{unit} per {own}" if own else unit
+        return unit if self.switches else f"{unit} per {self.text}"
 
     @property
     def switches(self) -> bool:

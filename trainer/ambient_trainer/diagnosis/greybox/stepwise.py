@@ -29,7 +29,7 @@ _MECHANISMS = f"{__package__}.mechanisms"
 LEAST_GAIN, PENALTY = 0.05, 0.04
 """Of the held-out error's logarithm, altogether and by complexity: a step that gains less is curve fitting."""
 _INSTRUMENT, _HALF = 1.3, 0.5
-_SHORTLIST, _DRIVERS = 6, 10
+_SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
 _FEW, _MANY, _FINALISTS = 5, 25, 4
 MOST_STEPS = 6
 _LOOPED = 2500
@@ -179,16 +179,17 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     ordered = list(distinct.values())
     chosen = ordered[:_SHORTLIST]
     seen: dict[tuple[str, object], int] = {}
+    started: dict[tuple[object, ...], int] = {}
     for each in ordered:
         cause, _, driver = each.mechanism.key
         windowed = (each.mechanism.onset_s, each.mechanism.end_s) != (None, None)
         kinds: list[tuple[str, object]] = [
             ("cause", (windowed, type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))
         ]
-        if each.mechanism.shaped and len(each.mechanism.places) == 1:
-            kinds.append(
-                ("shape", (type(each.mechanism), each.mechanism.places, len(each.mechanism.numbers), id(each.point)))
-            )
+        shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
+        if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
+            started[shape] = started.get(shape, 0) + 1
+            chosen.append(each)
         if driver and "*" not in driver and len([key for key in seen if key[0] == "driver"]) < _DRIVERS:
             kinds.append(("driver", (cause, driver)))
         for kind in kinds:

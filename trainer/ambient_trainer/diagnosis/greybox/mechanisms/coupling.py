@@ -84,5 +84,5 @@ def _coupling(
 ) -> Coupling:
     scale = 1.0 / scene.size(driver)
     names = ["change"] if shared else [f"change_{each}" for each in places]
-    numbers = tuple(Number(name, f"1 per {driver.text}", 0.0, scale=scale) for name in names)
+    numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale) for name in names)
     return kind(places, numbers, driver)

@@ -95,6 +95,6 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
 def _heat(scene: Scene, places: tuple[str, ...], driver: Expression | None) -> Heat:
     size = 1.0 if driver is None else scene.size(driver)
     low = 0.0 if driver is not None and scene.warms(driver) else -np.inf
-    unit = "W" if driver is None else f"W per {driver.text}"
+    unit = "W" if driver is None else driver.per("W")
     numbers = tuple(Number(f"heat_{each}", unit, 0.0, scale=scene.conductance(each) / size, low=low) for each in places)
     return Heat(places, numbers, driver)
