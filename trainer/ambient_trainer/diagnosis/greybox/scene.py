@@ -221,8 +221,9 @@ class Scene:
         counts, edges = np.histogram(row, bins=20)
         best = int(np.argmax(counts))
         dwell = float((edges[best] + edges[best + 1]) / 2)
-        points = [0.0] if row.min() < 0.0 < row.max() else []
-        if counts[best] > _DWELLS * len(row) and all(abs(dwell - each) > _WATER * np.ptp(row) for each in points):
+        near = _WATER * np.ptp(row)
+        points = [0.0] if np.mean(np.abs(row) < near / 2) > _DWELLS else []
+        if counts[best] > _DWELLS * len(row) and all(abs(dwell - each) > near for each in points):
             points.append(dwell)
         return points
 

@@ -11,8 +11,11 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
@@ -31,10 +34,11 @@ LEAST_GAIN, PENALTY = 0.05, 0.04
 _INSTRUMENT, _HALF = 1.3, 0.5
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
 _FEW, _MANY, _FINALISTS = 5, 25, 4
+_HOPELESS = 0.25
 MOST_STEPS = 6
 _LOOPED = 2500
 _SURE = 1.645
-_BELOW_FLOOR = 0.7
+_BELOW_FLOOR = 0.55
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -200,25 +204,54 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
 
 
 def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
-    """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best."""
+    """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best.
 
-    def refit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:
-        starts = [run.start for run in near.runs]
-        return fit(model, near.records, starts, most=most, tolerance=3e-3, prior_z=near.prior_z)
-
+    They run side by side in as many processes as joblib is told to.
+    """
+    total = len(screened) + _FINALISTS
+    begun = [(each.point.model.with_mechanism(each.mechanism), each.point) for each in screened]
     trials: list[Trial] = []
-    for index, each in enumerate(screened):
-        progress(index, len(screened) + _FINALISTS)
-        result = refit(each.point.model.with_mechanism(each.mechanism), each.point, _FEW)
+    for done, result in enumerate(_side_by_side(_refit, begun, _FEW)):
+        progress(done, total)
         if result is not None:
             trials.append(Trial.of(before, result))
     trials.sort(key=promise)
-    for index, trial in enumerate(trials[:_FINALISTS]):
-        progress(len(screened) + index, len(screened) + _FINALISTS)
-        done = refit(trial.fitted.model, trial.fitted, _MANY)
-        if done is not None:
-            trials[index] = Trial.of(before, done.refitted() if _cheap(done) else done)
-    return sorted(trials[:_FINALISTS], key=penalised) + sorted(trials[_FINALISTS:], key=penalised)
+    worth = [each for each in trials[:_FINALISTS] if promise(each) < promise(trials[0]) + _HOPELESS]
+    finalists = [(each.fitted.model, each.fitted) for each in worth]
+    for index, result in enumerate(_side_by_side(_refit_and_validate, finalists, _MANY)):
+        progress(len(screened) + index, total)
+        if result is not None:
+            trials[index] = Trial.of(before, result)
+    return sorted(trials[: len(worth)], key=penalised) + sorted(trials[len(worth) :], key=penalised)
+
+
+def _side_by_side(
+    function: Callable[..., Fitted | None], tasks: Sequence[tuple[GreyBox, Fitted]], most: int
+) -> Iterator[Fitted | None]:
+    calls = (
+        delayed(function)(model, near.records, [run.start for run in near.runs], near.prior_z, most)
+        for model, near in tasks
+    )
+    results: Iterator[Fitted | None] = Parallel(return_as="generator", max_nbytes=None)(calls)
+    return results
+
+
+def _refit(
+    model: GreyBox, records: Sequence[Record], starts: Sequence[Array], prior_z: Array, most: int
+) -> Fitted | None:
+    linear = not model.network(records[0], model.z()[None]).nonlinear
+    with threadpool_limits(1):
+        # without a loop over samples steps cost little, and valleys are followed to their ends
+        most, tolerance = (4 * most, 5e-4) if linear else (most, 3e-3)
+        return fit(model, records, starts, most=most, tolerance=tolerance, prior_z=prior_z)
+
+
+def _refit_and_validate(*given: Any) -> Fitted | None:
+    done = _refit(*given)
+    if done is None or not _cheap(done):
+        return done
+    with threadpool_limits(1):
+        return done.refitted()
 
 
 def _cheap(fitted: Fitted) -> bool:

@@ -40,8 +40,6 @@ class Path(Mechanism):
         return [[_PROBE * self.numbers[0].value]]
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        if amounts[0] <= 0:
-            return None
         return self.with_values([float(np.clip(_PROBE * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
 
     def native(self, circuit: Circuit) -> Circuit | None:
