@@ -76,7 +76,7 @@ def _mechanism(each: Addition) -> dict[str, Any]:
     numbers = {name: _Line(number) for name, number in each.numbers.items()}
     return _given(
         kind=each.kind,
-        at=_Row(each.at),
+        at=list(each.at),
         by=each.by,
         from_s=each.from_s,
         to_s=each.to_s,

@@ -37,7 +37,7 @@ _ALIKE = 0.04
 _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
-_SMALL_DEGC = 0.3
+_SMALL_DEGC, _UNDESCRIBED = 0.3, 0.5
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 _PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
@@ -60,12 +60,14 @@ def diagnose_lacking(
     selection = stepwise(greybox_of(plain), own, floor, progress)
     longest = max(range(len(own)), key=lambda index: own[index].samples)
     steps = tuple(_steps(selection, longest))
-    if not steps and _misfits(selection, floor):
+    nothing = not steps and _misfits(selection, floor)
+    if nothing or _undescribed(selection.final) or _confounded(selection):
         steps = (_unknown(selection.bare, longest),)
     values = {each.name: each.initial for each in plain.parameters}
     values.update({each.name: each.value for each in selection.bare.model.own})
     seen = view(Model(Plant.of(plain, values, period_s)), own[longest])
-    extension = extended_circuit(circuit, selection.final.model) if selection.final.model.mechanisms else None
+    named = bool(steps) and steps[0].cause.name != UNKNOWN
+    extension = extended_circuit(circuit, selection.final.model) if named else None
     before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
     return Diagnosis(
         trace=", ".join(trace.path for trace in traces),
@@ -124,10 +126,28 @@ def _floor_degC(own: Sequence[Record]) -> float:
 
 def _misfits(selection: Selection, floor_degC: float) -> bool:
     """Whether what the circuit leaves is large, beside what its sensors do and what could be explained."""
-    left = selection.bare
-    deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in left.records]))
-    large = left.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
-    return bool(large and floor_degC < (1.0 - _EXPLAINABLE) * left.held_out_rmse_degC)
+    bare = selection.bare
+    if _undescribed(bare):
+        return True
+    deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in bare.records]))
+    large = bare.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
+    return bool(large and floor_degC < (1.0 - _EXPLAINABLE) * bare.held_out_rmse_degC)
+
+
+def _undescribed(fitted: Fitted) -> bool:
+    """Whether a sensor is left with more than half of its own deviation: the model does not describe the data."""
+    read = np.concatenate([record.sensors for record in fitted.records], axis=1)
+    left = np.concatenate([_residual_degC(fitted, index) for index in range(len(fitted.records))], axis=1)
+    share = np.nanmean(left**2, axis=1) / np.maximum(np.nanvar(read, axis=1), 1e-12)
+    return bool(share.max() > _UNDESCRIBED**2)
+
+
+def _confounded(selection: Selection) -> bool:
+    """Whether heat that nothing logged drives comes first, beside a reference that never moves: a warmer ambient and
+    such heat are the same term."""
+    first = selection.final.model.mechanisms[:1]
+    constant = all(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) == 0 for record in selection.final.records)
+    return constant and any(each.cause == "heat_source" and each.driver is None for each in first)
 
 
 def _steps(selection: Selection, longest: int) -> list[Step]:

@@ -1,7 +1,6 @@
 """The circuit before any step of a diagnosis: its parameters with their prior, and the noise that it leaves.
 
-With known-good records of the same device the circuit is fitted to them and then held: the question is what changed.
-Without, it is fitted to the diagnosed records themselves and stays free: the question is what it lacks.
+Known-good records of the same device fit the circuit, which is then held: the question is what changed.
 """
 
 from __future__ import annotations
@@ -57,15 +56,6 @@ def train_on_baselines(
     names = searched(circuit)
     known = information(model, TrainingSet(normal, noise, names, Prior.by_design(model, names)))
     return TrainedCircuit(model, noise, normal, names, Prior.trained(model, names, known))
-
-
-def train_on_diagnosed(
-    circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None
-) -> TrainedCircuit:
-    """``circuit`` (forward) as well as it can be made to fit the diagnosed traces."""
-    plant = _fitted(circuit, traces, period_s, progress)
-    own = [each for trace in traces for each in records_of(plant.circuit, trace, period_s)]
-    return _by_design(Model(plant), own, searched(circuit))
 
 
 def _by_design(model: Model, own: Sequence[Record], names: tuple[str, ...]) -> TrainedCircuit:

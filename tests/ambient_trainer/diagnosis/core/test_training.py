@@ -17,7 +17,6 @@ from ambient_trainer.diagnosis.training import (
     residual_noise,
     searched,
     train_on_baselines,
-    train_on_diagnosed,
 )
 
 N = 540
@@ -123,13 +122,9 @@ def test_the_next_effect_is_looked_for_from_where_the_circuit_was_taught(chain, 
     assert _at_trained(current, alone, training) is current
 
 
-def test_taught_by_itself_and_by_baselines(chain) -> None:
+def test_trained_by_baselines(chain) -> None:
     """From traces: the circuit is found, and what is known of it stands beside, by the file or by the records."""
     trace = _trace(_record(chain, 7))
-    alone = train_on_diagnosed(chain.circuit, [trace], 10.0, None)
-    assert alone.normal == ()
-    assert np.isinf(alone.prior.limit)
-    assert alone.prior.about.plant.values == chain.plant().values
     asked = []
 
     def finds_nothing(trained: TrainedCircuit, normal) -> Model:
@@ -145,9 +140,9 @@ def test_taught_by_itself_and_by_baselines(chain) -> None:
     assert np.isfinite(good.prior.limit)
     assert good.prior.about is good.model
     names = searched(chain.circuit)
-    assert good.searched == alone.searched == good.prior.searched == names
+    assert good.searched == good.prior.searched == names
     assert good.prior.information.shape == (len(names), len(names))
-    for trained in (alone, good):
+    for trained in (before, good):
         training = trained.training([], trained.noise)
         assert training.prior is trained.prior
         for name in names:

@@ -37,7 +37,7 @@ def all_candidates(setting: Setting) -> Iterator[Candidate]:
 
 def noun(cause: Cause) -> str:
     """``cause`` as a noun: ``heat that the circuit lacks, at flash, driven by camera_on``."""
-    words = _NO_CAUSE[cause.name][0] if cause.name in _NO_CAUSE else kind_of(cause).noun
+    words = _words(cause)[0]
     if cause.location is not None:
         place = str(cause.place)
         words += f", {'between' if '-' in place else 'at'} {place.replace('-', ' and ')}"
@@ -46,6 +46,14 @@ def noun(cause: Cause) -> str:
 
 def claim(cause: Cause) -> str:
     """What ``cause`` says of the device, as a clause."""
-    clause = _NO_CAUSE[cause.name][1] if cause.name in _NO_CAUSE else kind_of(cause).claim
+    clause = _words(cause)[1]
     place = "all nodes" if cause.location is None else " and ".join(f"`{each}`" for each in str(cause.place).split("-"))
     return clause.format(place=place) + ("" if cause.signal is None else f" with `{cause.signal}`")
+
+
+def _words(cause: Cause) -> tuple[str, str]:
+    """A cause as a noun and as a claim; one that a plug-in brings stands for itself."""
+    if cause.name in cause_kinds():
+        return kind_of(cause).noun, kind_of(cause).claim
+    name = cause.name.replace("_", " ")
+    return _NO_CAUSE.get(cause.name, (name, f"{name} at {{place}}"))

@@ -189,8 +189,7 @@ class Scene:
 
     def still(self, sensor: str) -> tuple[float, float | None, float | None] | None:
         """What a sensor reads where it stands still while the simulation moves, and from when to when; None: never."""
-        record = max(self.records, key=lambda each: each.samples)
-        run = self.fitted.runs[list(self.records).index(record)]
+        record, run = max(zip(self.records, self.fitted.runs), key=lambda each: each[0].samples)
         row = record.sensors[self.sensors.index(sensor)]
         known = np.flatnonzero(np.isfinite(row))
         if len(known) < _STILL_SAMPLES:
