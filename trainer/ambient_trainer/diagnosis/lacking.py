@@ -138,7 +138,7 @@ def _undescribed(fitted: Fitted) -> bool:
     """Whether a sensor is left with more than half of its own deviation: the model does not describe the data."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
     left = np.concatenate([_residual_degC(fitted, index) for index in range(len(fitted.records))], axis=1)
-    share = np.nanmean(left**2, axis=1) / np.maximum(np.nanvar(read, axis=1), 1e-12)
+    share = np.nanmean(left**2, axis=1) / np.maximum(np.nanvar(read, axis=1), _SMALL_DEGC**2)
     return bool(share.max() > _UNDESCRIBED**2)
 
 

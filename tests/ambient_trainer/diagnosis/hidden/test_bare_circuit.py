@@ -17,7 +17,7 @@ LACKING = {
     NONE: Cause(NONE),
 }
 COARSE_S = 60.0
-QUICK = ("heat_source", "convection_law", NONE)
+QUICK = ("heat_source", NONE)
 """Diagnosed on a coarse grid in the quick run; the slow run takes every sample of another box."""
 SLOW = [pytest.param(lacks, 2, None, marks=pytest.mark.slow) for lacks in LACKING]
 

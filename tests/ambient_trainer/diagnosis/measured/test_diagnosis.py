@@ -20,8 +20,6 @@ CASES = {
     "naked": ("rpi3-case-fan", ("naked",), ("--baseline", "naked")),
     "cells": ("lg-m50-cell", ("cell_0", "cell_10", "cell_25"), ()),
     "cell_2C": ("lg-m50-cell", ("cell_2C",), ()),
-    "chamber": ("thermal-shock-chamber", ("chamber",), ("--period", "10", "--to", "14400")),
-    "chamber_whole": ("thermal-shock-chamber", ("chamber",), ("--period", "10")),
     "s25": ("s25plus-zones", ("s25",), ()),
 }
 """By name: the circuit, the traces, and what else is said to the command."""
@@ -138,39 +136,30 @@ def test_of_the_naked_board_itself_nothing_has_changed(diagnosed):
     assert diagnosed("naked")["verdict"]["cause"] == "none"
 
 
-def test_the_current_squared_heats_a_cell_and_more_so_in_the_cold(diagnosed):
-    step = first(diagnosed("cells"), "heat_source", "cell", "current_A")
+@pytest.mark.slow
+def test_the_current_squared_heats_a_cell(diagnosed):
+    """At 0, 10 and 25 degC: that it heats more in the cold does not foretell a temperature that was left out."""
+    step = first(diagnosed("cells"), "heat_source", "cell", "current_A^2")
     assert step["magnitude"]["unit"] == "W/A^2"
-    assert step["magnitude"]["value"] == pytest.approx(0.0256, rel=0.25)
-    growth = step["parameters"]["growth_per_K"]
-    assert growth["unit"] == "1/K"
-    assert growth["value"] == pytest.approx(0.030, rel=0.25)
-    assert f"{100 * growth['value']:.1f} % per K" in step["sentence"]
+    assert step["magnitude"]["value"] == pytest.approx(0.0192, rel=0.25)
     assert step["gain"]["rmse_after_degC"] < 0.4 * step["gain"]["rmse_before_degC"]
     assert rivals(step) == []
 
 
-def test_at_one_temperature_it_is_the_current_squared_and_no_more(diagnosed):
-    step = first(diagnosed("cell_2C"), "heat_source", "cell", "current_A")
+@pytest.mark.slow
+def test_at_one_temperature_it_is_the_current_squared(diagnosed):
+    step = first(diagnosed("cell_2C"), "heat_source", "cell", "current_A^2")
     assert step["magnitude"]["unit"] == "W/A^2"
     assert step["magnitude"]["value"] == pytest.approx(0.032, rel=0.15)
-    assert "growth_per_K" not in step["parameters"]
     assert step["gain"]["rmse_after_degC"] < 0.1 * step["gain"]["rmse_before_degC"]
     # the current never changes while it flows: heat that is there as long does as well, and nothing else
     assert set(rivals(step)) <= {("heat_source", "cell")}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", ["chamber", "chamber_whole"])
-def test_modules_follow_the_chambers_air_some_seconds_later(diagnosed, case):
-    step = first(diagnosed(case), "clock_offset", None)
-    assert step["magnitude"]["unit"] == "s"
-    assert step["magnitude"]["value"] == pytest.approx(9.2, abs=2)
-    assert gain_degC(step) == pytest.approx(0.6, abs=0.15)
-
-
 def test_the_zone_named_ambient_is_stuck(diagnosed):
-    step = first(diagnosed("s25"), "sensor_stuck", "skin")
+    step = diagnosed("s25")["steps"][0]
+    assert (step["cause"], step["location"], step["signal"]) == ("sensor_stuck", "skin", None)
     assert step["magnitude"]["value"] == pytest.approx(25.46, abs=0.05)
     assert (step["onset_s"], step["end_s"]) == (None, None)
     assert gain_degC(step) > 0.6

@@ -65,6 +65,8 @@ class Mechanism:
     """What the diagnosis calls it."""
     instrument = False
     """It is the instrument's, not heat's."""
+    evident = False
+    """It shows itself in the readings alone."""
     shaped = False
     """What it does to first order says little of what it does: it is fitted from several starts."""
 

@@ -278,7 +278,7 @@ def complexity(mechanism: Mechanism) -> float:
         + 0.5 * (text.count("^") - joule)
     )
     electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
-    bounds = 0.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))
+    bounds = 2.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))
     return 0.5 + 0.5 * len(mechanism.numbers) + driver + electric + bounds
 
 
@@ -288,16 +288,27 @@ def penalised(trial: Trial) -> float:
 
 
 def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
-    """The trial with the least penalised error; None where none gains enough. Physics goes before instruments."""
+    """The trial with the least penalised error; None where none gains enough. Physics goes before instruments.
+
+    But what shows itself in the readings alone, a sensor that stands still while all else moves, comes first.
+    """
     ordered = sorted((each for each in trials if not each.fitted.at_bounds), key=penalised)
+    for each in ordered:
+        if each.mechanism.evident and _halves(before, each):
+            return each
     passing = [each for each in ordered if gains(before, each)]
     physical = [each for each in passing if not each.mechanism.instrument]
     instruments = [each for each in passing if each.mechanism.instrument]
     for blamed in instruments[:1]:
         better = not physical or blamed.rmse_degC * _INSTRUMENT < physical[0].rmse_degC
-        if better and sensor_rmse_degC(blamed.fitted, blamed) < _HALF * sensor_rmse_degC(before, blamed):
+        if better and _halves(before, blamed):
             return blamed
     return physical[0] if physical else None
+
+
+def _halves(before: Fitted, trial: Trial) -> bool:
+    """Whether more than half of the error goes at the sensor that a trial blames."""
+    return sensor_rmse_degC(trial.fitted, trial) < _HALF * sensor_rmse_degC(before, trial)
 
 
 def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
@@ -331,7 +342,7 @@ def stepwise(
     steps: list[Step] = []
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *anchors(model, records)]
-        step = _next(fitted, points, floor_degC, partial(said, f"effect {len(steps) + 1}"))
+        step = _next(fitted, points, floor_degC, partial(said, f"fit effect {len(steps) + 1}"))
         steps.append(step)
         if step.chosen is None:
             break

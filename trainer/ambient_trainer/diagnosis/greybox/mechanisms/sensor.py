@@ -119,7 +119,7 @@ class Stuck(_Linear):
     """It reads the same whatever happens."""
 
     cause = "sensor_stuck"
-    instrument = False
+    evident = True
     shaped = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
