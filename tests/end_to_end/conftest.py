@@ -75,9 +75,10 @@ def as_documented():
         ours, theirs = documented(lines), comparison(printed)
         assert ours, f"{page} shows no table there"
         for circuit, figures in ours.items():
-            share = 0.03 if theirs[circuit]["converged"] else 0.1
             for column in figures.keys() & {"training", "held out", "static", "cold start"}:
                 figure = figures[column]
+                # the first minutes decide on a cold start
+                share = 0.03 if theirs[circuit]["converged"] and column != "cold start" else 0.1
                 # to the last digit shown, or that share: processors round differently, and a search that did not
                 # converge ends elsewhere on another one (1.07 and 1.13 were seen)
                 assert abs(figure - theirs[circuit][column]) <= max(0.011, share * figure), (circuit, column)
