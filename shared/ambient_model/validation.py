@@ -451,6 +451,8 @@ class Validation:
     def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Replace what is missing or refused, and follow the slow differences of the others."""
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
+            if value is None and i not in self._apart:
+                continue  # held: expectations of one another would feed back
             if value is None or i in self._apart:
                 expected = expectation.constant + sum(map(mul, expectation.weights, z))
                 offset = self._offsets.get(i, self._used[i] - expected) * self._kept[i]
