@@ -38,6 +38,7 @@ _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
 _SMALL_DEGC, _UNDESCRIBED = 0.3, 0.5
+_EVIDENT = 0.95
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 _PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
@@ -243,6 +244,8 @@ def _blocks(fitted: Fitted) -> Array:
 
 
 def _rival(trial: Trial, chosen: Trial) -> bool:
+    if chosen.mechanism.evident:
+        return False
     other = trial.mechanism.key != chosen.mechanism.key and trial.mechanism.cause != chosen.mechanism.cause
     same = trial.mechanism.instrument == chosen.mechanism.instrument
     return other and same and not trial.fitted.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
@@ -250,6 +253,8 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
 
 def _confidence(step: Chosen, chosen: Trial, gain: Gain) -> float:
     """The probability that the cause, its place and its driver are right, by the margin over the closest other."""
+    if chosen.mechanism.evident:
+        return _EVIDENT
     others = [each for each in step.trials if each.mechanism.key != chosen.mechanism.key and not each.fitted.at_bounds]
     margin = min((penalised(each) - penalised(chosen) for each in others), default=1.0)
     total = math.log(gain.rmse_before_degC / gain.rmse_after_degC)
