@@ -123,6 +123,10 @@ class Observer:
             for value, (low, high) in zip(readings, self._ranges)
         ]
         used = self.validation.update(time_s, known)
+        if self.validation.starts_anew:
+            for each in (self.tracker, self._secondary):
+                if each is not None:
+                    each.restart()
         estimate = self._blended(time_s, used or [None] * len(known))
         return self._bounded(time_s, estimate, self.validation, self._readings)
 
@@ -133,9 +137,8 @@ class Observer:
             self._last = None
             return estimate
         y = min(max(ambient, bounds.output[0]), bounds.output[1])
-        passed_s = self._limit_s
-        if self._last is not None:
-            passed_s = time_s - self._last[0]
+        passed_s = self.tracker.discrete.period_s if self._last is None else time_s - self._last[0]
+        if self._last is not None and not validation.starts_anew:
             reach = bounds.rate_K_per_s * max(passed_s, bounds.jump_s)
             y = min(max(y, self._last[1] - reach), self._last[1] + reach)
         self._last = (time_s, y)

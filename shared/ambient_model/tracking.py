@@ -97,9 +97,10 @@ class Tracker:
         self._coast_steps = self.limit_steps if coast_s is None else round(coast_s / discrete.period_s)
         self.settling_steps = settling_steps(discrete.A, _SETTLED)
         self._ranges = [(each.min, each.max) for each in estimator.inputs]
-        self._restart()
+        self.restart()
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
+        """Forget its state: the next complete sample is a start."""
         self._begun = False
         self.last: list[float] = []
         """Each input at the last moment at which all were there."""
@@ -127,7 +128,7 @@ class Tracker:
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from ``snapshot``, which :meth:`fits`, under the same rule for gaps as from a moment of its own."""
-        self._restart()
+        self.restart()
         self._begun = True
         self._start_s, self._step = snapshot.start_s, snapshot.step
         self._x, self.last = list(snapshot.x), list(snapshot.u)
@@ -172,7 +173,7 @@ class Tracker:
         """
         step = self._reached(time_s)
         if step is None:
-            self._restart()
+            self.restart()
             self._begun = True
             self._start_s = time_s
             step = 0
@@ -193,7 +194,7 @@ class Tracker:
         ]
         step = self._reached(time_s)
         if step is None:
-            self._restart()
+            self.restart()
             return _nothing(inputs)
         before = self._away or _Away(self._step, self._x, self.last, [])
         u = [value if value is not None else last for value, last in zip(inputs, before.u)]

@@ -16,7 +16,7 @@ Refused is what no heat does: a reading that jumps away from its expectation, th
 its expectation given the moving others goes on, that comes back beyond its gate, or that at the start lies far outside
 it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
 again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
-refused again. Time comes in as an argument.
+refused again. A start waits for every sensor for as long as a reading is held. Time comes in as an argument.
 """
 
 import itertools
@@ -96,6 +96,17 @@ class _Refusal:
         return abs(value - used) <= abs(value - used - (self.value - self.used))
 
 
+class _Start:
+    """What is known while the sensors have not all been there: the last reading of each, and when it was."""
+
+    def __init__(self, time_s: float, refused: dict[int, _Refusal], waits_s: list[float]) -> None:
+        self.time_s = time_s
+        self.refused = refused
+        self.waits_s = waits_s
+        self.readings: list[float | None] = [None] * len(waits_s)
+        self.read_s = [-math.inf] * len(waits_s)
+
+
 class Validation:
     """Validates the readings of one model, sample by sample; ``limit_s`` is the longest gap between two samples."""
 
@@ -119,6 +130,10 @@ class Validation:
         self._waits_s = [_AGREE_S] * count
         """How long each sensor must agree when it is refused next."""
         self._begun = False
+        self._start: _Start | None = None
+        """Where some sensors are still waited for."""
+        self.starts_anew = False
+        """Whether the last start was replaced by one at this sample, with more sensors."""
         self._time_s = self._start_s = 0.0
         self._used = [0.0] * count
         self._lows: list[float] = []
@@ -145,7 +160,7 @@ class Validation:
 
     def snapshot(self) -> ValidationState | None:
         """Its state, for :meth:`restore`; None where it has not begun."""
-        if not self._begun:
+        if not self._begun or self._start is not None:
             return None
         refused = [(i, each.value) for i, each in self.refused.items()]
         return ValidationState(
@@ -167,7 +182,7 @@ class Validation:
 
     def restore(self, state: ValidationState) -> None:
         """Continue from ``state``, which :meth:`fits`."""
-        self._begun, self._slack = True, 1.0
+        self._begun, self._start, self._slack = True, None, 1.0
         self._time_s = state.time_s
         z = [*state.used, *state.lows]
         self._still = [(state.time_s, value, z) for value in state.used]
@@ -182,8 +197,12 @@ class Validation:
     def update(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
         """One value per input, read or replaced; None where no sensor is left. A missing reading is None."""
         passed_s = time_s - self._time_s
+        self.starts_anew = self._start is not None
         if not self._begun or not 0 <= passed_s <= self._limit_s:
-            return self._begin(time_s, readings)
+            self.starts_anew = False
+            self._start = _Start(time_s, self.refused, self._waits_s)
+        if self._start is not None:
+            return self._wait(self._start, time_s, readings)
         self._time_s = time_s
         if passed_s != self._passed_s:
             self._set_passed(passed_s)
@@ -281,20 +300,34 @@ class Validation:
 
     # Samples
 
-    def _begin(self, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
-        """Start in equilibrium with the sensors that agree."""
-        kept = {i: each for i, each in self.refused.items() if readings[i] in (None, each.value)}
-        if all(value is None or i in kept for i, value in enumerate(readings)):
+    def _wait(self, start: _Start, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
+        """Begin again with each sensor's last reading, until all have been there or the rest is missing."""
+        for i, value in enumerate(readings):
+            if value is not None:
+                start.readings[i], start.read_s[i] = value, time_s
+        refused = {i: each for i, each in start.refused.items() if start.readings[i] in (None, each.value)}
+        missing = [i for i, value in enumerate(start.readings) if value is None and i not in refused]
+        if len(missing) == self._count - len(refused):
             self._begun = False
             return None
+        self._waits_s = list(start.waits_s)
+        used = self._begin(time_s, start.readings, refused)
+        self._away_s = [time_s - read_s for read_s in start.read_s]
+        if not missing or time_s - start.time_s >= SHORT_GAP_S:
+            self._start = None
+        return used
+
+    def _begin(
+        self, time_s: float, readings: Sequence[float | None], refused: dict[int, _Refusal]
+    ) -> list[float] | None:
+        """Start in equilibrium with the sensors that agree, without those that were ``refused`` and read the same."""
         self._begun, self._time_s, self._start_s = True, time_s, time_s
-        self._slack, self.refused, self._slow = _STARTING_SLACK, kept, [0.0] * self._count
+        self._slack, self.refused, self._slow = _STARTING_SLACK, refused, [0.0] * self._count
         self._learn_steps(readings)
         self._forget()
-        self._away_s = [math.inf if value is None else 0.0 for value in readings]
         self._set_passed(0.0)
         self._apart = _NONE
-        self._set_apart(frozenset([*kept, *[i for i, value in enumerate(readings) if value is None]]))
+        self._set_apart(frozenset([*refused, *[i for i, value in enumerate(readings) if value is None]]))
         z = [self._model.mean[i] if value is None else value for i, value in enumerate(readings)]
         z *= len(self._model.mean) // self._count
         for i in self._apart:

@@ -113,6 +113,44 @@ def test_short_gaps_leave_the_estimate_as_it_is(model: Model, observer: Observer
     assert width == pytest.approx(plain[-1].high_degC - plain[-1].low_degC)
 
 
+@pytest.fixture
+def loose(model: Model) -> Model:
+    """Sensors 3 degC apart from one another are as usual."""
+    assert model.readings is not None
+    own = np.kron(np.ones((2, 2)), 9 * np.eye(4)) + 100 * np.ones((8, 8)) + 0.01 * np.eye(8)
+    precision = np.linalg.inv(own)
+    limits = LIMITS._replace(gate=9.0, slow_gate=6.0)
+    wide = model.readings._replace(
+        precision=tuple(map(tuple, ((precision + precision.T) / 2).tolist())), sensors=(limits,) * 4
+    )
+    return model._replace(readings=wide)
+
+
+@pytest.mark.parametrize("phases", [(0, 3, 6, 9), (9, 7, 1, 4)])
+def test_every_sensor_at_a_tenth_of_the_rate_from_the_start(loose: Model, phases: tuple[int, ...]) -> None:
+    apart = (-3.0, 0.0, 3.0, 1.0)
+
+    def sparse(k: int, u: list[float]) -> list[float | None]:
+        return [u[i] + apart[i] if k % 10 == phases[i] else None for i in range(4)]
+
+    observer = Observer(loose, Tracker(loose.main, loose.main.discrete[0]))
+    found = fed(observer, 300, sparse)
+    first = min(phases)
+    assert [each.status for each in found[:9]] == ["faulted"] * first + ["degraded"] * (9 - first)
+    assert {each.status for each in found[9:]} == {"tracking"}
+    assert max(abs(each.ambient_degC - 25.25 - k / 400) for k, each in enumerate(found[9:], start=9)) < 0.2
+
+
+def test_a_start_waits_for_a_sensor_no_longer_than_readings_are_held(loose: Model) -> None:
+    observer = Observer(loose, Tracker(loose.main, loose.main.discrete[0]))
+    assert observer.validation is not None
+    found = []
+    for k in range(40):
+        found += fed(observer, 1, lambda k, u: [None, *u[1:]], start=k)
+        assert (observer.validation.snapshot() is None) == (k < 15)
+    assert {each.status for each in found} == {"degraded"}
+
+
 def test_a_sensor_that_stays_away_degrades_and_widens(observer: Observer) -> None:
     fed(observer, 100)
     away = fed(observer, 100, lambda k, u: [None, *u[1:]], start=100)
