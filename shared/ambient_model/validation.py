@@ -16,7 +16,7 @@ Refused is what no heat does: a reading that jumps away from its expectation, th
 its expectation given the moving others goes on, that comes back beyond its gate, or that at the start lies far outside
 it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
 again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
-refused again. A start waits for every sensor for as long as a reading is held. Time comes in as an argument.
+refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a reading is held. Time comes in as an argument.
 """
 
 import itertools
@@ -37,6 +37,8 @@ _STARTING_SLACK = 3.0
 """Gates are so much wider until the low-pass filters have left their start, which is an equilibrium."""
 _AGREE_S = 10.0
 _LONGEST_AGREE_S = 3600.0
+_SETTLED_S = SLOW_S
+"""A refused reading that has been within its gate for so long is used again, and may still be doubted."""
 _SIGMAS = 3.0
 _COARSE = (1.0, 0.5)
 _ROUNDING = 1 / math.sqrt(12)
@@ -87,6 +89,8 @@ class _Refusal:
         self.wait_s = wait_s
         self.agreed_s = 0.0
         self.changed = False
+        self.near_s = self.near_Ks = 0.0
+        """How long its difference has been within its gate, and the integral of that difference."""
 
     def __str__(self) -> str:
         return f"reads {self.value:g} where {self.used:.1f} is expected"
@@ -505,11 +509,24 @@ class Validation:
             refusal.changed = refusal.changed or value != refusal.value
             expectation = self._expectation(self._apart, i)
             difference = value - expectation.constant - sum(map(mul, expectation.weights, z))
-            agrees = refusal.agrees(value, z[i]) and abs(difference) <= expectation.release
-            refusal.agreed_s = refusal.agreed_s + passed_s if agrees and refusal.changed else 0.0
-            if refusal.agreed_s >= refusal.wait_s:
+            agrees = refusal.changed and refusal.agrees(value, z[i])
+            if not agrees or abs(difference) > expectation.release:
+                refusal.agreed_s = 0.0
+            else:
+                refusal.agreed_s += passed_s
+            if not agrees or abs(difference) > expectation.gate:
+                refusal.near_s = refusal.near_Ks = 0.0
+            else:
+                refusal.near_s += passed_s
+                refusal.near_Ks += difference * passed_s
+            has_settled = refusal.near_s >= _SETTLED_S
+            if refusal.agreed_s >= refusal.wait_s or has_settled:
                 del self.refused[i]
                 self._slow = [0.0] * self._count
+                if has_settled:
+                    self._slow[i] = refusal.near_Ks / refusal.near_s
+                # what it read and was replaced by before is no jump, and no standing still
+                z[i], self._last[i], self._still[i] = value, difference, (self._time_s, value, z)
 
     def _finished(self, z: list[float]) -> list[float] | None:
         count = self._count

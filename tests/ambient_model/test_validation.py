@@ -182,6 +182,54 @@ def test_a_stuck_sensor_is_refused_once_the_others_move(observer: Observer) -> N
     assert list(observer.validation.refused) == [0]
 
 
+def drifted(k: int, u: list[float], after: float) -> list[float]:
+    """A step of the first by 5 K, and the others follow to within ``after``."""
+    rise = (5 - after) * (1 - np.exp(-(k - 200) / 100))
+    return [u[0] + 5] + [round(value + rise, 1) for value in u[1:]]
+
+
+@pytest.mark.parametrize(
+    ("change", "until"),
+    [
+        pytest.param(lambda k, u: drifted(k, u, 0.2), 1000, id="a jump that the others follow"),
+        pytest.param(lambda k, u: [25.5 if k < 800 else round(u[0] + 0.2, 1), *u[1:]], 1200, id="stuck, and then not"),
+    ],
+)
+def test_a_refused_reading_that_stays_within_its_gate_is_used_again(observer: Observer, change, until: int) -> None:
+    fed(observer, 200)
+    assert observer.validation is not None
+    refused = []
+    for k in range(200, 2400):
+        [found] = fed(observer, 1, change, start=k)
+        refused.append(0 in observer.validation.refused)
+    assert any(refused)
+    assert not any(refused[until + 300 :])
+    assert found.used[0] == change(2399, readings_at(2399))[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        pytest.param(lambda k, u: [u[0] + 3, *u[1:]], id="3 K too much"),
+        pytest.param(lambda k, u: drifted(k, u, 0.9), id="beyond its gate"),
+        pytest.param(lambda k, u: [25.5, *u[1:]], id="stuck"),
+        pytest.param(
+            lambda k, u: (
+                [25.0] + [round(each - k / 400 + 2 * np.sin(min(k - 200, 900) / 900 * np.pi), 1) for each in u[1:]]
+            ),
+            id="stuck, where the others come back to it",
+        ),
+    ],
+)
+def test_a_lie_that_stays_is_never_used_again(observer: Observer, change) -> None:
+    fed(observer, 200)
+    fed(observer, 800, change, start=200)
+    assert observer.validation is not None
+    for k in range(1000, 2600):
+        fed(observer, 1, change, start=k)
+        assert list(observer.validation.refused) == [0]
+
+
 def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer) -> None:
     """No faster than it can: the reading may be right."""
     fed(observer, 200)
