@@ -16,7 +16,8 @@ Refused is what no heat does: a reading that jumps away from its expectation, th
 its expectation given the moving others goes on, that comes back beyond its gate, or that at the start lies far outside
 it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
 again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
-refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a reading is held. Time comes in as an argument.
+refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a
+reading is held. Time comes in as an argument.
 """
 
 import itertools
