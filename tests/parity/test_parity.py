@@ -26,6 +26,7 @@ from ambient_trainer.estimators.circuit import fit_circuit
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.simulator.simulate import simulate
 
 SAMPLES = 12_000
@@ -158,6 +159,65 @@ def test_secondary_estimator_and_error_variance(period_s, fits, second, guarded)
     assert np.abs(scale - sigma).max() < TOLERANCE_DEGC
     assert np.abs(low - (y - 1.5 * sigma)).max() < TOLERANCE_DEGC
     assert np.abs(high - (y + 1.8 * sigma)).max() < TOLERANCE_DEGC
+
+
+AWAY = 1200
+HELD = 15
+
+
+@pytest.fixture(scope="module")
+def validated(trace, fits, tmp_path_factory):
+    """The free filter with its expected readings, written to a file and read back."""
+    fit = fits["free-3"]
+    path = str(tmp_path_factory.mktemp("validated") / "model.json")
+    save_model(path, model_of(fit, [], {}, reading_model(fit, [trace])))
+    return load_model(path)
+
+
+def _replaced(model, u, i):
+    """u (m, N) without reading ``i`` from ``AWAY`` on, and the variance of what replaces it.
+
+    It is held, and then has its conditional mean and what is left of the difference to it.
+    """
+    mean, P = np.array(model.mean), np.array(model.precision)
+    count = len(u)
+    own = np.arange(i, len(mean), count)
+    others = np.setdiff1d(np.arange(len(mean)), own)
+    covariance = np.linalg.inv(P[np.ix_(own, own)])
+    weights = -covariance[0] @ P[np.ix_(own, others)]
+    before = np.column_stack([u[:, 0], u[:, :-1]])
+    lows = np.array([_low_pass(row, lag_s, 1.0) for lag_s in model.lags_s for row in before])
+    expected = mean[i] + weights @ (np.vstack([u, lows])[others] - mean[others, None])
+    used = u.copy()
+    used[i, AWAY:] = u[i, AWAY - 1]
+    first = AWAY + HELD
+    left = np.exp(-np.arange(1, u.shape[1] - first + 1) / model.sensors[i].memory_s)
+    used[i, first:] = expected[first:] + (used[i, first - 1] - expected[first]) * left
+    return used, covariance[0, 0]
+
+
+@pytest.mark.parametrize("i", [None, 1, 3])
+def test_expected_readings(i, trace, fits, validated):
+    fit, readings = fits["free-3"], validated.readings
+    u = np.array([trace.column(each) for each in fit.inputs])[:, :6000]
+    used, variance = (u, 0.0) if i is None else _replaced(readings, u, i)
+    y = _by_scipy(fit, used, 1.0)
+    rows = [
+        [None if j == i and k >= AWAY else value for j, value in enumerate(row)] for k, row in enumerate(u.T.tolist())
+    ]
+    [discrete] = [each for each in validated.main.discrete if each.period_s == 1.0]
+    observer = Observer(validated, Tracker(validated.main, discrete))
+    found = [observer.update(float(k), row) for k, row in enumerate(rows)]
+    assert np.abs(np.array([each.used for each in found]) - used.T).max() < TOLERANCE_DEGC
+    assert np.abs(np.array([each.ambient_degC for each in found]) - y).max() < TOLERANCE_DEGC
+    if i is not None:
+        gain = (fit.system.D - fit.system.C @ np.linalg.solve(fit.system.A, fit.system.B))[0, i]
+        tail = max(readings.sensors[i].gate / (3 * np.sqrt(variance)), 1.0)
+        low, high = validated.main.interval[90]
+        added = 1.645**2 * (gain * tail) ** 2 * variance
+        assert found[-1].status == "degraded"
+        assert found[-1].low_degC == pytest.approx(y[-1] - np.sqrt(low**2 + added), abs=TOLERANCE_DEGC)
+        assert found[-1].high_degC == pytest.approx(y[-1] + np.sqrt(high**2 + added), abs=TOLERANCE_DEGC)
 
 
 def test_the_daemon_itself(fits, second, guarded, tmp_path):

@@ -1,0 +1,115 @@
+"""The joint distribution of readings that a fit keeps, against least squares and sample moments by numpy."""
+
+import numpy as np
+import pytest
+
+from ambient_model.model import ReadingModel
+from ambient_model.validation import Validation
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.readings import reading_model
+
+SAMPLES = 4000
+SENSORS = 3
+BLOCKS = 10
+GATE_MARGIN = 1.75
+
+
+@pytest.fixture(scope="module")
+def trace() -> Trace:
+    """Sensors between the ambient and a body that a load heats, each with a lag and noise of its own."""
+    random = np.random.default_rng(2)
+    ambient = np.repeat(random.uniform(10, 30, 8), SAMPLES // 8)
+    load = np.repeat(random.choice([0.0, 4.0, 9.0], 40), SAMPLES // 40)
+    true = np.zeros((SENSORS, SAMPLES))
+    true[:, 0] = ambient[0]
+    for k in range(1, SAMPLES):
+        rise = np.array([1.0, 0.5, 0.2]) * load[k]
+        true[:, k] = true[:, k - 1] + (ambient[k] + rise - true[:, k - 1]) / np.array([40.0, 120.0, 300.0])
+    read = true + random.normal(size=true.shape) * np.array([[0.05], [0.1], [0.02]])
+    names = ("soc_degC", "usb_degC", "battery_degC")
+    return Trace("drawn.csv", np.arange(SAMPLES) * 1.0, {**dict(zip(names, read)), "ambient_degC": ambient})
+
+
+@pytest.fixture(scope="module")
+def fitted(trace: Trace):
+    fit = FreeFilterEstimator(1).fit([trace], Effort(starts=1))
+    readings = reading_model(fit, [trace])
+    assert readings is not None
+    return fit, readings
+
+
+@pytest.fixture(scope="module")
+def z(trace: Trace, fitted) -> np.ndarray:
+    """Readings and low-pass filters (N, entries), by the device's recursion."""
+    fit, readings = fitted
+    u = np.column_stack([trace.column(each) for each in fit.inputs])
+    rows, lows = [], np.tile(u[0], (len(readings.lags_s), 1))
+    a = 1 - np.exp(-1.0 / np.array(readings.lags_s))[:, None]
+    for k in range(len(u)):
+        if k:
+            lows = lows + a * (u[k - 1] - lows)
+        rows.append([*u[k], *lows.ravel()])
+    return np.array(rows)
+
+
+def added_noise(readings: ReadingModel, z: np.ndarray) -> np.ndarray:
+    """Standard deviations that the file's covariance has beyond the sample covariance: on its diagonal alone."""
+    excess = np.linalg.inv(np.array(readings.precision)) - np.cov(z.T, bias=True)
+    assert np.abs(excess - np.diag(np.diag(excess))).max() < 1e-7
+    return np.sqrt(np.diag(excess))
+
+
+def regressed(z: np.ndarray, deviations: np.ndarray, i: int):
+    """Mean and coefficients of reading i on the other sensors' entries, by least squares on z with noise added."""
+    others = [column for column in range(z.shape[1]) if column % SENSORS != i]
+    mean = z.mean(axis=0)
+    rows = np.vstack([z[:, others] - mean[others], np.sqrt(len(z)) * np.diag(deviations[others])])
+    wanted = np.concatenate([z[:, i] - mean[i], np.zeros(len(others))])
+    found, *_ = np.linalg.lstsq(rows, wanted, rcond=None)
+    variance = np.sum((wanted - rows @ found) ** 2) / len(z) + deviations[i] ** 2
+    return mean, others, found, variance
+
+
+def test_mean_and_covariance_are_the_samples_with_the_readings_noise(fitted, z: np.ndarray) -> None:
+    readings = fitted[1]
+    assert readings.mean == pytest.approx(z.mean(axis=0))
+    deviations = added_noise(readings, z).reshape(-1, SENSORS)
+    order = [("soc", 0.05), ("usb", 0.1), ("battery", 0.02)]
+    noise = np.array([dict(order)[each.removesuffix("_degC")] for each in fitted[0].inputs])
+    ratio = deviations / noise
+    assert min(abs(np.log(ratio.mean() / each)) for each in (0.3, 1.0, 3.0, 10.0)) < np.log(1.1)
+    assert np.ptp(ratio) < 0.2 * ratio.mean()
+
+
+@pytest.mark.parametrize("i", range(SENSORS))
+def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z: np.ndarray, i: int) -> None:
+    fit, readings = fitted
+    mean, others, found, variance = regressed(z, added_noise(readings, z), i)
+    main = model_of(fit, [], {}, readings).main
+    u = z[-1, :SENSORS]
+    validation = Validation(readings, main, 30.0)
+    given = [None if j == i else float(value) for j, value in enumerate(u)]
+    for k in range(16):
+        used = validation.update(float(k), given)
+    assert used is not None
+    start = np.tile(u, len(mean) // SENSORS)
+    assert used[i] == pytest.approx(mean[i] + (start - mean)[others] @ found, abs=1e-6)
+    own = [column for column in range(z.shape[1]) if column % SENSORS == i]
+    conditional = np.linalg.inv(np.array(readings.precision)[np.ix_(own, own)])[0, 0]
+    assert conditional == pytest.approx(variance, rel=1e-6)
+
+
+@pytest.mark.parametrize("i", range(SENSORS))
+def test_a_gate_holds_what_is_left_out(fitted, z: np.ndarray, i: int) -> None:
+    """Its largest difference on a block of time, expected from the other blocks."""
+    readings = fitted[1]
+    deviations = added_noise(readings, z)
+    largest = 0.0
+    for block in np.array_split(np.arange(len(z)), BLOCKS):
+        mean, others, found, _ = regressed(np.delete(z, block, axis=0), deviations, i)
+        d = z[block, i] - mean[i] - (z[block][:, others] - mean[others]) @ found
+        largest = max(largest, float(np.abs(d).max()))
+    assert readings.sensors[i].gate == pytest.approx(GATE_MARGIN * largest, rel=1e-6)
