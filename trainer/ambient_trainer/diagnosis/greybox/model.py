@@ -65,6 +65,8 @@ class Mechanism:
     """What the diagnosis calls it."""
     instrument = False
     """It is the instrument's, not heat's."""
+    adds_nodes = False
+    """It comes before what acts on nodes."""
     evident = False
     """It shows itself in the readings alone."""
     shaped = False
@@ -203,10 +205,12 @@ class GreyBox:
         values = self.values(z)
         network = bare_network(self.circuit, record, dict(zip((n.name for n in self.own), values.T)), len(z))
         first = len(self.own)
+        acting = list(extra)
         for each in self.mechanisms:
-            each.apply(network, values[:, first : first + len(each.numbers)], record)
+            acting.append((each, values[:, first : first + len(each.numbers)]))
             first += len(each.numbers)
-        for mechanism, given in extra:
+        # what acts on a node's loss acts on that of the bodies behind it, too
+        for mechanism, given in sorted(acting, key=lambda each: not each[0].adds_nodes):
             mechanism.apply(network, given, record)
         return network
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
@@ -29,9 +30,9 @@ class Coupling(Mechanism):
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
-        nodes = np.array([network.index(each) for each in self.places])
         air = network.boundary(AMBIENT)
-        shares = np.broadcast_to(values, (len(values), len(nodes))) if values.shape[1] == 1 else values
+        nodes, own = _with_bodies(network, self.places, air)
+        shares = values[:, own if values.shape[1] > 1 else np.zeros_like(own)]
         factor = np.maximum(1.0 + weight[:, None, None] * shares, _LEAST) - 1.0
         mean = factor.mean(axis=0)
         conductance = network.loss[:, nodes, air]
@@ -50,6 +51,18 @@ class Coupling(Mechanism):
     def meaning(self, number: Number) -> str:
         place = number.name.removeprefix("change_") if number.name != "change" else " and ".join(self.places)
         return f"relative change of the loss of {place}"
+
+
+def _with_bodies(network: Network, places: Sequence[str], air: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The nodes of places and of the bodies behind them that see the air, and for each the number of its place."""
+    pairs = [
+        (index, number)
+        for number, place in enumerate(places)
+        for index, name in enumerate(network.nodes)
+        if name == place or (name.startswith(f"{place}_mass") and bool((network.loss[:, index, air] > 0).any()))
+    ]
+    nodes, own = zip(*pairs)
+    return np.array(nodes, dtype=np.intp), np.array(own, dtype=np.intp)
 
 
 @dataclass(frozen=True)

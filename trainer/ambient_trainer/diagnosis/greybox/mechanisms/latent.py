@@ -30,6 +30,7 @@ class Latent(Mechanism):
     melts: bool = False
 
     cause = "latent_heat"
+    adds_nodes = True
     shaped = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:

@@ -25,6 +25,7 @@ class HiddenMass(Mechanism):
 
     sees_ambient: bool = False
 
+    adds_nodes = True
     shaped = True
     cause = "thermal_mass"
 
@@ -36,7 +37,9 @@ class HiddenMass(Mechanism):
             mass = network.add_node(name, conductance * lag)
             network.join(mass, network.index(place), conductance)
             if self.sees_ambient:
-                network.to_boundary[:, mass, network.boundary(AMBIENT)] += values[:, each * index + 2]
+                air = network.boundary(AMBIENT)
+                network.to_boundary[:, mass, air] += values[:, each * index + 2]
+                network.loss[:, mass, air] += values[:, each * index + 2]
 
     def probes(self) -> Sequence[Sequence[float]]:
         each = 3 if self.sees_ambient else 2
