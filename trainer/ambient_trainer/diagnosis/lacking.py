@@ -33,7 +33,7 @@ from ambient_trainer.diagnosis.words import digits, window
 from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
 _ALIKE = 0.04
-"""Of the penalised logarithm of held-out errors: rivals that are closer are not told apart."""
+"""Of the penalised logarithm of held-out errors: rivals that are closer are not distinguishable."""
 _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
@@ -295,8 +295,8 @@ def _next_experiment(steps: Sequence[Step]) -> str:
         for rival in step.indistinguishable_from:
             mine, other = step.cause.signal or AMBIENT, rival.signal or AMBIENT
             if mine != other:
-                return f"To tell {step.cause} from {rival}, log a run in which {mine} changes while {other} does not."
-            return f"To tell {step.cause} from {rival}, log a run of twice the length with larger changes of {mine}."
+                return f"To distinguish {step.cause} from {rival}, log a run in which {mine} changes while {other} does not."
+            return f"To distinguish {step.cause} from {rival}, log a run of twice the length with larger changes of {mine}."
     if steps and steps[0].cause.name == UNKNOWN:
         return "Log more of what goes on at the device, above all what changes together with the heat shown below."
     return ""

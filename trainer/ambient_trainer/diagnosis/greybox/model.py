@@ -10,11 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.circuit import Circuit, Parameter
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.record import Record
+
+PRIOR_SD = 3.0
+"""A factor of twenty: hardly any."""
+_WITHIN_SD = 4.0
+"""Bounds that a circuit's file gives are so many standard deviations apart: they advise, and bind nothing."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,8 @@ class Number:
     scale: float = 1.0
     low: float = -np.inf
     high: float = np.inf
+    prior_sd: float = PRIOR_SD
+    """Of its coordinate, about where it begins."""
 
     @property
     def z(self) -> float:
@@ -161,6 +168,7 @@ class GreyBox:
                 each.initial,
                 log=each.name in positive,
                 scale=abs(each.initial) or 1.0,
+                prior_sd=_advised_sd(each, each.name in positive),
             )
             for each in circuit.parameters
             if each.free
@@ -205,14 +213,21 @@ class GreyBox:
         values = self.values(z)
         network = bare_network(self.circuit, record, dict(zip((n.name for n in self.own), values.T)), len(z))
         first = len(self.own)
-        acting = list(extra)
+        acting: list[tuple[Mechanism, Array]] = []
         for each in self.mechanisms:
             acting.append((each, values[:, first : first + len(each.numbers)]))
             first += len(each.numbers)
         # what acts on a node's loss acts on that of the bodies behind it, too
-        for mechanism, given in sorted(acting, key=lambda each: not each[0].adds_nodes):
+        for mechanism, given in sorted([*acting, *extra], key=lambda each: not each[0].adds_nodes):
             mechanism.apply(network, given, record)
         return network
+
+
+def _advised_sd(parameter: Parameter, positive: bool) -> float:
+    """The standard deviation that a parameter's bounds advise."""
+    if not positive or parameter.low <= 0 or not np.isfinite(parameter.high):
+        return PRIOR_SD
+    return min(PRIOR_SD, float(np.log(parameter.high / parameter.low)) / _WITHIN_SD)
 
 
 def bare_network(circuit: Circuit, record: Record, free: dict[str, Array], lanes: int) -> Network:

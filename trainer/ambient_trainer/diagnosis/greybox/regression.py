@@ -26,8 +26,8 @@ _MOST_MOVE = 1.5
 """Of a coordinate, when a fold is left out: further away the straight line is none."""
 _STEP = 1e-4
 _START_SD_DEGC, _HIDDEN_SD_DEGC = 0.3, 4.0
-_PRIOR_SD = 3.0
-"""Of a number's coordinate: a factor of twenty. Its weight is that of one sample."""
+_INDEPENDENT = 50.0
+"""Readings that are worth as much as a whole log of correlated residuals, beside a prior."""
 _DAMPINGS = 10.0 ** np.array([-6.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0])
 _MOST_STEP = 2.0
 
@@ -64,7 +64,7 @@ class Fitted:
 
     @property
     def slopes(self) -> Array:
-        """Of the simulation in every coordinate, starts moving along, (M, p)."""
+        """Of the simulation in every coordinate, starts re-optimised, (M, p)."""
         return np.concatenate([_profiled(run, run.slopes) for run in self.runs])
 
     @property
@@ -96,13 +96,13 @@ class Fitted:
         """Sum of squares of each fold when its readings are left out of the fit, to first order, (F,)."""
         if self.validated is not None:
             return self.validated
-        return held_out(self.slopes, self.residual, self.fold, self._ridge())
+        return held_out(self.slopes, self.residual, self.fold, self.ridge())
 
     @cached_property
     def combed(self) -> Array:
         """As :attr:`held_out`, but of many short stretches: what acts for a while is then seen on both sides, (F,)."""
         comb = np.concatenate([_comb(record) for record in self.records])
-        ridge = self._ridge()
+        ridge = self.ridge()
         return np.concatenate(
             [held_out(self.slopes, self.residual, comb == each, ridge, ((1, 1),)) for each in range(FOLDS)]
         )
@@ -122,8 +122,9 @@ class Fitted:
             squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
         return replace(self, validated=np.array(squares))
 
-    def _ridge(self) -> Array:
-        return np.full(len(self.prior_z), self.rmse_degC**2 / _PRIOR_SD**2 + 1e-12)
+    def ridge(self) -> Array:
+        """The weight of each number's prior, (p,)."""
+        return _prior_weight(self.model, self.runs)
 
     @property
     def held_out_rmse_degC(self) -> float:
@@ -134,7 +135,7 @@ class Fitted:
     def covariance(self) -> Array:
         """Of the coordinates, by the scatter of whole blocks (a sandwich): residuals within one are correlated."""
         J, r, block = self.slopes, self.residual, self.block
-        inverse = np.linalg.pinv(J.T @ J + np.diag(self._ridge()))
+        inverse = np.linalg.pinv(J.T @ J + np.diag(self.ridge()))
         scores = np.array([J[block == b].T @ r[block == b] for b in np.unique(block)])
         count = len(scores)
         return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1))
@@ -291,21 +292,20 @@ def fit(
     prior_z = z if prior_z is None else np.concatenate([prior_z, z[len(prior_z) :]])
     low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     runs = [linearised(model, record, start) for record, start in zip(records, starts or [None] * len(records))]
-    cost = _cost(runs, z, prior_z)
-    if not (np.isfinite(cost) and _finite(runs)):
+    if not all(np.isfinite(run.residual).all() for run in runs) or not _finite(runs):
         return None
     for _ in range(most):
-        best = _step(model, records, runs, z, prior_z, (low, high), cost)
+        best = _step(model, records, runs, z, prior_z, (low, high))
         if best is None:
             break
-        moved = model.at(best[0])
-        there = [linearised(moved, record, start) for record, start in zip(records, best[1])]
+        moved = model.at(best.z)
+        there = [linearised(moved, record, start) for record, start in zip(records, best.starts)]
         if not _finite(there):
             break
-        z, model, runs = best[0], moved, there
-        before, cost = cost, _cost(runs, z, prior_z)
-        if before - cost < tolerance * before:
+        z, model, runs = best.z, moved, there
+        if best.gained < tolerance:
             break
+    cost = sum(float(run.residual @ run.residual) for run in runs)
     return Fitted(model, records, tuple(runs), block_of(records), prior_z, cost)
 
 
@@ -313,15 +313,20 @@ def _finite(runs: Sequence[Run]) -> bool:
     return all(np.isfinite(run.slopes).all() and np.isfinite(run.start_slopes).all() for run in runs)
 
 
-def _prior_weight(runs: Sequence[Run]) -> float:
-    count = sum(len(run.residual) for run in runs)
-    return sum(float(run.residual @ run.residual) for run in runs) / count / _PRIOR_SD**2 + 1e-12
-
-
-def _cost(runs: Sequence[Run], z: Array, prior_z: Array) -> float:
+def _prior_weight(model: GreyBox, runs: Sequence[Run]) -> Array:
+    """The weight of each number's prior, (p,), beside readings that are worth ``_INDEPENDENT`` independent ones."""
     total = sum(float(run.residual @ run.residual) for run in runs)
-    total += sum(float(run.start_prior @ (run.start - run.start_expected) ** 2) for run in runs)
-    return total
+    sd = np.array([number.prior_sd for number in model.numbers])
+    return total / _INDEPENDENT / sd**2 + 1e-12
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Where a step ends, and the share of the cost that it gains."""
+
+    z: Array
+    starts: list[Array]
+    gained: float
 
 
 def _step(
@@ -331,8 +336,7 @@ def _step(
     z: Array,
     prior_z: Array,
     bounds: tuple[Array, Array],
-    cost: float,
-) -> tuple[Array, list[Array]] | None:
+) -> _Step | None:
     p = len(z)
     H, g = np.zeros((p, p)), np.zeros(p)
     back = []
@@ -345,8 +349,8 @@ def _step(
         H += J.T @ J - cross.T @ solved[:, :p]
         g += J.T @ r - cross.T @ solved[:, p]
         back.append((solved[:, :p], solved[:, p]))
-    weight = _prior_weight(runs)
-    H = H + weight * np.eye(p)
+    weight = _prior_weight(model, runs)
+    H = H + np.diag(weight)
     g = g + weight * (prior_z - z)
     scale = np.diag(H) + 1e-12
     lanes = []
@@ -355,17 +359,18 @@ def _step(
         largest = np.abs(move).max(initial=0.0)
         move = move * min(1.0, _MOST_STEP / largest) if largest > 0 else move
         lanes.append(np.clip(z + move, *bounds))
-    zs = np.array(lanes)
-    total = np.zeros(len(zs))
+    zs = np.array([z, *lanes])
+    total = ((zs - prior_z) ** 2) @ weight
     starts = []
     for record, run, (along, alone) in zip(records, runs, back):
         start = run.start + alone - (zs - z) @ along.T
+        start[0] = run.start
         starts.append(start)
         valid = np.isfinite(record.sensors)
         left = _residual(simulate(model, record, zs, start), record, valid)
         total += np.einsum("lm,lm->l", left, left) + (start - run.start_expected) ** 2 @ run.start_prior
     total = np.where(np.isfinite(total), total, np.inf)
     best = int(np.argmin(total))
-    if not total[best] < cost:
+    if not best or not np.isfinite(total[0]):
         return None
-    return zs[best], [each[best] for each in starts]
+    return _Step(zs[best], [each[best] for each in starts], float(1.0 - total[best] / total[0]))

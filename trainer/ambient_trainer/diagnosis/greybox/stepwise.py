@@ -164,7 +164,7 @@ def _scored(fitted: Fitted, S: Array) -> tuple[Array, float]:
     J, r = fitted.slopes, fitted.residual
     size = np.sqrt((S**2).sum(axis=0)) + 1e-300
     full = np.column_stack([J, S / size])
-    ridge = np.concatenate([np.full(J.shape[1], fitted.rmse_degC**2 / 9.0 + 1e-12), np.full(S.shape[1], 1e-9)])
+    ridge = np.concatenate([fitted.ridge(), np.full(S.shape[1], 1e-9)])
     solution = np.linalg.lstsq(full.T @ full + np.diag(ridge), full.T @ r, rcond=1e-12)[0]
     amounts = solution[J.shape[1] :] / size
     # the candidate's own coordinate is its amount: a fold that is left out may change it as much as it likes
@@ -190,6 +190,8 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         kinds: list[tuple[str, object]] = [
             ("cause", (windowed, type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))
         ]
+        if windowed and cause == "heat_source":
+            kinds.append(("where", each.mechanism.places))
         shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
         if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
             started[shape] = started.get(shape, 0) + 1
@@ -206,7 +208,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
 def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
     """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best.
 
-    They run side by side in as many processes as joblib is told to.
+    They run side by side in as many processes as joblib is configured for.
     """
     total = len(screened) + _FINALISTS
     begun = [(each.point.model.with_mechanism(each.mechanism), each.point) for each in screened]
@@ -329,8 +331,8 @@ def gains(before: Fitted, after: Trial) -> bool:
         return False
     windowed = (after.mechanism.onset_s, after.mechanism.end_s) != (None, None)
     apart = before.combed - after.fitted.combed if windowed else before.held_out - after.fitted.held_out
-    spread = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
-    return bool(apart.mean() > _SURE * spread or (apart > 0).mean() >= 0.75)
+    scatter = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
+    return bool(apart.mean() > _SURE * scatter or (apart > 0).mean() >= 0.75)
 
 
 def stepwise(

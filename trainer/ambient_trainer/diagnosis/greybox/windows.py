@@ -1,4 +1,4 @@
-"""When something acted that nothing logged tells of: the window of time that explains most, by the score test.
+"""When something acted that nothing logged shows: the window of time that explains most, by the score test.
 
 What begins at t_a and ends at t_b adds, to first order, the column of what begins at t_a less that of what begins at
 t_b. All pairs of a coarse grid are scored at once; the best is refined on finer ones.

@@ -73,7 +73,7 @@ class ZoneLoss(Coupling):
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
-    """A change of the loss of each node, and of all, that nothing logged tells of."""
+    """A change of the loss of each node, and of all, that nothing logged shows."""
     joined = [each for each in scene.nodes if scene.loss(each) > 0]
     for places in scene.groups(joined):
         yield Coupling(places, (Number("change", "1", 0.0, low=-_MOST_LESS),))

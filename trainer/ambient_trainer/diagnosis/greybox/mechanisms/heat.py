@@ -74,7 +74,7 @@ class HeatInTheCold(Heat):
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
-    """Heat into each node that nothing logged tells of."""
+    """Heat into each node that nothing logged shows."""
     return (_heat(scene, (each,), None) for each in scene.nodes)
 
 
