@@ -155,10 +155,10 @@ def _steps(selection: Selection, longest: int) -> list[Step]:
     """The final model's mechanisms with the steps that added them; numbers are those of the final model."""
     final = selection.final
     result = []
+    adding = [each for each in selection.steps if each.chosen is not None]
     for index, mechanism in enumerate(final.model.mechanisms):
-        step = next(
-            each for each in reversed(selection.steps) if each.chosen and each.chosen.mechanism.key == mechanism.key
-        )
+        step = next(each for each in adding if each.chosen is not None and each.chosen.mechanism.key == mechanism.key)
+        adding = [each for each in adding if each is not step]
         chosen = step.chosen
         assert chosen is not None
         gain = _gain(step, chosen)
@@ -295,8 +295,8 @@ def _next_experiment(steps: Sequence[Step]) -> str:
         for rival in step.indistinguishable_from:
             mine, other = step.cause.signal or AMBIENT, rival.signal or AMBIENT
             if mine != other:
-                return f"To distinguish {step.cause} from {rival}, log a run in which {mine} changes while {other} does not."
-            return f"To distinguish {step.cause} from {rival}, log a run of twice the length with larger changes of {mine}."
+                return f"To distinguish {step.cause} from {rival}, log {mine} while it changes and {other} does not."
+            return f"To distinguish {step.cause} from {rival}, log twice as long, with larger changes of {mine}."
     if steps and steps[0].cause.name == UNKNOWN:
         return "Log more of what goes on at the device, above all what changes together with the heat shown below."
     return ""

@@ -16,8 +16,8 @@ from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.record import Record
 
-PRIOR_SD = 3.0
-"""A factor of twenty: hardly any."""
+PRIOR_SD, FREE_SD = 3.0, 20.0
+"""Of a circuit's number a factor of twenty; of a mechanism's as good as none."""
 _WITHIN_SD = 4.0
 """Bounds that a circuit's file gives are so many standard deviations apart: they advise, and bind nothing."""
 
@@ -33,7 +33,7 @@ class Number:
     scale: float = 1.0
     low: float = -np.inf
     high: float = np.inf
-    prior_sd: float = PRIOR_SD
+    prior_sd: float = FREE_SD
     """Of its coordinate, about where it begins."""
 
     @property

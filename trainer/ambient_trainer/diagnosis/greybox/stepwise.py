@@ -39,6 +39,7 @@ MOST_STEPS = 6
 _LOOPED = 2500
 _SURE = 1.645
 _BELOW_FLOOR = 0.55
+_LASTING = 1.3
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -61,6 +62,11 @@ class Trial:
     fitted: Fitted
     rmse_degC: float
     """Held-out."""
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it acts all the time."""
+        return (self.mechanism.onset_s, self.mechanism.end_s) == (None, None)
 
     @staticmethod
     def of(before: Fitted, after: Fitted) -> Trial:
@@ -305,7 +311,17 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
         better = not physical or blamed.rmse_degC * _INSTRUMENT < physical[0].rmse_degC
         if better and _halves(before, blamed):
             return blamed
-    return physical[0] if physical else None
+    return _lasting(physical) if physical else None
+
+
+def _lasting(ordered: Sequence[Trial]) -> Trial:
+    """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure."""
+    first = ordered[0]
+    if first.lasting:
+        return first
+    error = float(np.sqrt(first.fitted.combed.sum()))
+    alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < _LASTING * error)
+    return next(alike, first)
 
 
 def _halves(before: Fitted, trial: Trial) -> bool:
@@ -329,8 +345,7 @@ def gains(before: Fitted, after: Trial) -> bool:
     """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
     if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
         return False
-    windowed = (after.mechanism.onset_s, after.mechanism.end_s) != (None, None)
-    apart = before.combed - after.fitted.combed if windowed else before.held_out - after.fitted.held_out
+    apart = before.held_out - after.fitted.held_out if after.lasting else before.combed - after.fitted.combed
     scatter = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
     return bool(apart.mean() > _SURE * scatter or (apart > 0).mean() >= 0.75)
 
