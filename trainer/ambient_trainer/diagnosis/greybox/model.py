@@ -72,6 +72,12 @@ class Mechanism:
     """What the diagnosis calls it."""
     instrument = False
     """It is the instrument's, not heat's."""
+
+    @property
+    def responds(self) -> bool:
+        """Whether what drives it is a temperature that the same causes may drive."""
+        return False
+
     adds_nodes = False
     """It comes before what acts on nodes."""
     evident = False

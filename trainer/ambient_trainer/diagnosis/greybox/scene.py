@@ -25,6 +25,9 @@ _WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 _RATES = ("_hPa", "_Pa", "_bar", "_frac")
 _SQUARED = ("_A", "_m_s", "_rpm")
 _ANGLES = ("_deg",)
+_CHARGES, _SHARES = ("_As", "_Ah", "_frac"), ("_frac", "_on")
+_OF_A_CURRENT = (*_CHARGES, "_V")
+"""What a resistance may depend on, and what shades or switches any other heat: no other products make physics."""
 
 
 @dataclass(frozen=True)
@@ -120,8 +123,10 @@ class Scene:
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith(_SQUARED))]
         found += [f"d({each})/dt" for each in plain if each.endswith(_RATES)]
         for driver in self.known_heat:
-            found += [f"{driver}*{other}" for other in plain if other not in driver]
-            found += [f"{driver}*{other}^2" for other in plain if other not in driver and not self._switches(other)]
+            states = _OF_A_CURRENT if "_A" in driver else _SHARES
+            found += [f"{driver}*{other}" for other in plain if other.endswith(states) and other not in driver]
+            if "_A" in driver:
+                found += [f"{driver}*{other}^2" for other in plain if other.endswith(_CHARGES)]
         return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
 
     @cached_property

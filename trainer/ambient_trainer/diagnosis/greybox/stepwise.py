@@ -39,7 +39,7 @@ MOST_STEPS = 6
 _LOOPED = 2500
 _SURE = 1.645
 _BELOW_FLOOR = 0.55
-_LASTING = 1.3
+_LASTING, _ANSWERS = 1.3, 1.5
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -311,6 +311,10 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
         better = not physical or blamed.rmse_degC * _INSTRUMENT < physical[0].rmse_degC
         if better and _halves(before, blamed):
             return blamed
+    # another temperature that is logged may answer to the same cause: it has to explain much more
+    given = [each for each in physical if not each.mechanism.responds]
+    if given and given[0].rmse_degC < _ANSWERS * physical[0].rmse_degC:
+        physical = given
     return _lasting(physical) if physical else None
 
 

@@ -23,6 +23,7 @@ class Path(Mechanism):
     """A conductance between ``ends``."""
 
     ends: tuple[str, str] = ("", "")
+    logged: tuple[str, ...] = ()
 
     cause = "path"
 
@@ -42,6 +43,10 @@ class Path(Mechanism):
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
         return self.with_values([float(np.clip(_PROBE * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
 
+    @property
+    def responds(self) -> bool:
+        return f"{self.ends[1]}_degC" in self.logged
+
     def native(self, circuit: Circuit) -> Circuit | None:
         one, other = self.ends
         if other not in {node.name for node in circuit.nodes}:
@@ -58,4 +63,5 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         for other in [*scene.nodes[index + 1 :], *scene.other_temperatures]:
             if not scene.joined(one, other):
                 conductance = Number(f"G_{one}_{other}", "W/K", scene.conductance(one), log=True)
-                yield Path((f"{one}-{other}",), (conductance,), ends=(one, other))
+                logged = (f"{other}_degC",) if other in scene.other_temperatures else ()
+                yield Path((f"{one}-{other}",), (conductance,), ends=(one, other), logged=logged)
