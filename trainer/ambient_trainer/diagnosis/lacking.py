@@ -247,7 +247,8 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
     if chosen.mechanism.evident:
         return False
     other = trial.mechanism.key != chosen.mechanism.key and trial.mechanism.cause != chosen.mechanism.cause
-    same = trial.mechanism.instrument == chosen.mechanism.instrument
+    kind = (trial.mechanism.instrument, trial.mechanism.responds)
+    same = kind == (chosen.mechanism.instrument, chosen.mechanism.responds)
     return other and same and not trial.fitted.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
@@ -274,6 +275,8 @@ def _ranked(step: Chosen, trial: Trial) -> Ranked:
         remark = "not distinguishable from the one taken"
     elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
         remark = "no sure gain on held-out data"
+    elif mechanism.responds:
+        remark = "a temperature that may answer to the same cause"
     elif mechanism.instrument:
         remark = "an instrument, where physics does about as well"
     else:
