@@ -383,7 +383,8 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Cal
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
     chosen = choose(fitted, trials)
     described = fitted.held_out_rmse_degC < floor_degC
-    if chosen is not None and described and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC:
+    small = chosen is not None and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
+    if chosen is not None and described and (small or chosen.mechanism.instrument):
         chosen = None
     return Step(fitted, chosen, tuple(trials), len(screened))
 
