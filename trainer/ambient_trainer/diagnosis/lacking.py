@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.stats import norm, wilcoxon
 
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
@@ -38,7 +38,7 @@ _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
 _SMALL_DEGC, _UNDESCRIBED = 0.3, 0.5
-_EVIDENT = 0.95
+_EVIDENT, _RESAMPLED = 0.95, 400
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 _PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
@@ -227,14 +227,17 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
 
 def _gain(step: Chosen, trial: Trial) -> Gain:
     """The held-out errors, with the interval of their difference by resampling blocks of time."""
-    before, after = step.before, trial.fitted
-    shares = _blocks(after) - _blocks(before)
-    scatter = float(np.std(shares, ddof=1) / math.sqrt(len(shares)))
-    ratio = float(shares.mean()) / max(scatter, 1e-12)
-    p_value = min(1.0, float(t.cdf(ratio, len(shares) - 1)) * max(step.tried, 1))
-    gain = before.held_out_rmse_degC - after.held_out_rmse_degC
-    half = 1.96 * abs(gain) / max(abs(ratio), 1e-12)
-    return Gain(before.held_out_rmse_degC, after.held_out_rmse_degC, (gain - half, gain + half), p_value)
+    before, after = _blocks(step.before), _blocks(trial.fitted)
+    error = step.before.held_out_rmse_degC, trial.fitted.held_out_rmse_degC
+    gain = error[0] - error[1]
+    p_value = 1.0
+    if np.any(before != after):
+        p_value = min(1.0, float(wilcoxon(before, after, alternative="greater").pvalue) * max(step.tried, 1))
+    drawn = np.random.default_rng(0).integers(len(before), size=(_RESAMPLED, len(before)))
+    gains = np.sqrt(before[drawn].mean(axis=1)) - np.sqrt(after[drawn].mean(axis=1))
+    middle = float(np.sqrt(before.mean()) - np.sqrt(after.mean()))
+    low, high = (gain + float(each) - middle for each in np.quantile(gains, [0.025, 0.975]))
+    return Gain(*error, (low, high), p_value)
 
 
 def _blocks(fitted: Fitted) -> Array:

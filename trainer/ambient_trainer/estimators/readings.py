@@ -58,7 +58,9 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     count, samples = len(fit.inputs), sum(run.shape[1] for run in runs)
     entries = count * (1 + max(map(len, _LAGS_S)))
     too_short = samples < _SAMPLES_PER_ENTRY * entries or samples * period_s < _LEAST_S
-    if fit.outputs != ("ambient",) or count > _MOST_INPUTS or too_short:
+    # a power or a switch jumps by nature: only temperatures can be held against one another
+    others = any(not each.endswith("_degC") for each in fit.inputs)
+    if fit.outputs != ("ambient",) or count > _MOST_INPUTS or too_short or others:
         return None
     with threadpool_limits(1):
         return _reading_model(fit, traces, runs, period_s)

@@ -144,7 +144,8 @@ def test_the_current_squared_heats_a_cell(diagnosed):
 
 @pytest.mark.slow
 def test_at_one_temperature_it_is_the_current_squared(diagnosed):
-    step = first(diagnosed("cell_2C"), "heat_source", "cell", "current_A^2")
+    step = diagnosed("cell_2C")["steps"][0]
+    assert (step["cause"], step["location"], step["signal"]) == ("heat_source", "cell", "current_A^2")
     assert step["magnitude"]["unit"] == "W/A^2"
     assert step["magnitude"]["value"] == pytest.approx(0.032, rel=0.15)
     assert step["gain"]["rmse_after_degC"] < 0.1 * step["gain"]["rmse_before_degC"]

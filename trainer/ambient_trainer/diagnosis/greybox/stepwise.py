@@ -386,7 +386,7 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Cal
     small = chosen is not None and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
     if chosen is not None and described and (small or chosen.mechanism.instrument):
         chosen = None
-    return Step(fitted, chosen, tuple(trials), len(screened))
+    return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
 
 
 def pruned(fitted: Fitted) -> Fitted:
