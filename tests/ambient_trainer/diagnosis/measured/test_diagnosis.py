@@ -148,7 +148,8 @@ def test_at_one_temperature_it_is_the_current_squared(diagnosed):
     assert (step["cause"], step["location"], step["signal"]) == ("heat_source", "cell", "current_A^2")
     assert step["magnitude"]["unit"] == "W/A^2"
     assert step["magnitude"]["value"] == pytest.approx(0.032, rel=0.15)
-    assert step["gain"]["rmse_after_degC"] < 0.1 * step["gain"]["rmse_before_degC"]
+    # on folds that are foretold, not bridged
+    assert step["gain"]["rmse_after_degC"] < 0.6 * step["gain"]["rmse_before_degC"]
     # the current never changes while it flows: heat that is there as long does as well, and nothing else
     assert set(rivals(step)) <= {("heat_source", "cell")}
 

@@ -280,7 +280,7 @@ def complexity(mechanism: Mechanism) -> float:
     driver = (
         0.5 * bool(text)
         + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)
-        + 0.5 * (text.endswith("_A") and mechanism.cause == "heat_source")
+        + 3.0 * (text.endswith("_A") and mechanism.cause == "heat_source")
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
         + 0.5 * (text.count("^") - joule)
