@@ -123,7 +123,7 @@ def diagnose(
     later_from_s : float, optional
         Samples from then on are kept from the diagnosis, and score the circuit without and with what was found.
     period_s : float, optional
-        The grid; by default one of at most 2000 samples.
+        The grid; by default one of at most 2000 samples, without ``baselines`` up to 5000 where time constants are short.
     jobs : int, optional
         Processes for the candidates; by default joblib's setting.
     progress : callable, optional
@@ -141,8 +141,8 @@ def diagnose(
 
     Notes
     -----
-    Each step adds the candidate with the largest gain in likelihood of the residuals, whitened by an autoregressive
-    model, and is kept if it lowers the error on held-out blocks of time.
+    Each step adds the candidate that leaves the least error on blocks of time that were held out, with a penalty for what
+    it assumes; with ``baselines`` in units of each sensor's noise, beside a circuit that these hold.
 
     Examples
     --------

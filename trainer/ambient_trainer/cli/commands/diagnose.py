@@ -36,7 +36,7 @@ from ambient_trainer.cli.progress import staged_progress
     metavar="FROM_S",
     help="Keep the samples from this time_s on for a test of the circuit without and with what was found.",
 )
-@period_option("at most 2000 samples")
+@period_option("at most 2000 samples, or as short as time constants ask for")
 @output_options("the diagnosis", page=True)
 @click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was missing.")
 @jobs_option("Candidates at a time.")
