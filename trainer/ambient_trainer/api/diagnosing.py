@@ -141,8 +141,8 @@ def diagnose(
 
     Notes
     -----
-    Each step adds the candidate that leaves the least error on blocks of time that were held out, with a penalty for what
-    it assumes; with ``baselines`` in units of each sensor's noise, beside a circuit that these hold.
+    Each step adds the candidate that leaves the least error on blocks of time that were held out, with a penalty for
+    what it assumes; with ``baselines`` in units of each sensor's noise, beside a circuit that these hold.
 
     Examples
     --------

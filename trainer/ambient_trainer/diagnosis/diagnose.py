@@ -62,8 +62,8 @@ def diagnose(
     progress : callable, optional
         Called with a stage and how many of its parts are done.
     period_s : float, optional
-        Of the grid; by default the finest that leaves at most 2000 samples of the longest trace; without ``baselines`` up to
-        5000 where the circuit's time constants are short.
+        Of the grid; by default the finest that leaves at most 2000 samples of the longest trace, without
+        ``baselines`` up to 5000 where the circuit's time constants are short.
 
     Returns
     -------
@@ -77,10 +77,11 @@ def diagnose(
 
     Notes
     -----
-    Without ``baselines`` see :mod:`ambient_trainer.diagnosis.lacking`. With them, effects are selected forward. All candidates are screened by a regression of the whitened residual on what each
-    would add to the sensors; the best are simulated, fitted together with the circuit's free parameters, and scored on
-    blocks of time that their coefficients have not seen (5-fold). The score's penalty is Schwarz's (1978), p-values are
-    corrected for the number of candidates and windows (Bonferroni).
+    Without ``baselines`` see :mod:`ambient_trainer.diagnosis.lacking`. With them, effects are selected forward. All
+    candidates are screened by a regression of the whitened residual on what each would add to the sensors; the best are
+    simulated, fitted together with the circuit's free parameters, and scored on blocks of time that their coefficients
+    have not seen (5-fold). The score's penalty is Schwarz's (1978), p-values are corrected for the number of candidates
+    and windows (Bonferroni).
 
     Examples
     --------
