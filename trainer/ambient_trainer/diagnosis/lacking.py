@@ -83,7 +83,7 @@ def diagnose_lacking(
         next_experiment=_next_experiment(steps),
         extended=extension,
         candidates_tried=selection.steps[0].tried,
-        fitted=_fitted_circuit(plain, values),
+        fitted=with_values(plain, values),
         floor_degC=floor,
         explained_share=_share(before, after, floor),
     )
@@ -105,10 +105,6 @@ def fitting_period_s(plain: Circuit, traces: Sequence[Trace]) -> float:
     return float(own * max(1.0, np.floor(min(coarse, wanted) / own + 1e-9)))
 
 
-def _fitted_circuit(plain: Circuit, values: dict[str, float]) -> Circuit:
-    return with_values(plain, values)
-
-
 def _share(before: float, after: float, floor: float) -> float | None:
     """How much of what can be explained is explained; None where nothing can."""
     return min((before - after) / (before - floor), 1.0) if before - floor > 0.05 * before else None
@@ -118,7 +114,8 @@ def _floor_degC(own: Sequence[Record]) -> float:
     """What a black box with the same inputs leaves on folds of the longest record."""
     record = max(own, key=lambda each: each.samples)
     edges = np.linspace(0, record.samples, FOLDS + 1).astype(int)
-    blocks = [slice(first, last) for first, last in pairwise(edges)]
+    # the first fold is held out of no fit: how a run begins is seen nowhere else
+    blocks = [slice(first, last) for first, last in pairwise(edges)][1:]
     inputs = {name: row for name, row in record.signals.items() if np.ptp(row) > 0}
     if not inputs:
         return float(np.sqrt(np.nanmean((record.sensors - np.nanmean(record.sensors, axis=1)[:, None]) ** 2)))
@@ -138,7 +135,7 @@ def _misfits(selection: Selection, floor_degC: float) -> bool:
 def _undescribed(fitted: Fitted) -> bool:
     """Whether a sensor is left with more than half of its own deviation: the model does not describe the data."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
-    left = np.concatenate([_residual_degC(fitted, index) for index in range(len(fitted.records))], axis=1)
+    left = np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
     share = np.nanmean(left**2, axis=1) / np.maximum(np.nanvar(read, axis=1), _SMALL_DEGC**2)
     return bool(share.max() > _UNDESCRIBED**2)
 
@@ -184,7 +181,7 @@ def _steps(selection: Selection, longest: int) -> list[Step]:
                 ),
                 sentence=sentence,
                 parameters=parameters,
-                residual_degC=_residual_degC(chosen.fitted, longest),
+                residual_degC=chosen.fitted.residual_degC(longest),
             )
         )
     return result
@@ -198,13 +195,6 @@ def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:
     if len(places) > 1 and mechanism.cause in _EVERYWHERE and joined == set(places):
         location = None
     return Cause(mechanism.cause, location, None if mechanism.driver is None else mechanism.driver.text)
-
-
-def _residual_degC(fitted: Fitted, longest: int) -> Array:
-    record, run = fitted.records[longest], fitted.runs[longest]
-    result = np.full(record.sensors.shape, np.nan)
-    result[np.isfinite(record.sensors)] = run.residual
-    return result
 
 
 def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[float, str]]]:
@@ -293,7 +283,7 @@ def _unknown(bare: Fitted, longest: int) -> Step:
     error = bare.held_out_rmse_degC
     gain = Gain(error, error, (0.0, 0.0), 1.0)
     sentence = f"The simulation is {error:.2f} degC off."
-    return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, _residual_degC(bare, longest))
+    return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, bare.residual_degC(longest))
 
 
 def _next_experiment(steps: Sequence[Step]) -> str:

@@ -93,8 +93,11 @@ class Network:
 
     def simulate(self, start_degC: Array) -> Array:
         """What the sensors read, (P, s, N), from ``start_degC`` (P, n); lanes that run away are not finite."""
-        nodes = self.nodes_degC(start_degC)
-        read = nodes[:, self.reads]
+        return self.read(self.nodes_degC(start_degC))
+
+    def read(self, nodes_degC: Array) -> Array:
+        """What the sensors make of all nodes (P, n, N), (P, s, N)."""
+        read = nodes_degC[:, self.reads]
         for change in self.readings:
             change(read)
         return read

@@ -53,26 +53,32 @@ class Fitted:
     runs: tuple[Run, ...]
     blocks: tuple[Array, ...]
     prior_z: Array
-    cost: float
     validated: Array | None = None
     """What :attr:`held_out` is where folds were left out in earnest, (F,)."""
 
-    @property
+    @cached_property
     def residual(self) -> Array:
         """Measured minus simulated of every valid reading, (M,)."""
         return np.concatenate([run.residual for run in self.runs])
 
-    @property
+    def residual_degC(self, index: int) -> Array:
+        """Measured minus simulated of one record, (s, N); NaN where nothing was measured."""
+        sensors = self.records[index].sensors
+        result = np.full(sensors.shape, np.nan)
+        result[np.isfinite(sensors)] = self.runs[index].residual
+        return result
+
+    @cached_property
     def slopes(self) -> Array:
         """Of the simulation in every coordinate, starts re-optimised, (M, p)."""
         return np.concatenate([_profiled(run, run.slopes) for run in self.runs])
 
-    @property
+    @cached_property
     def block(self) -> Array:
         """The block of time of every reading, (M,)."""
         return np.concatenate(self.blocks)
 
-    @property
+    @cached_property
     def fold(self) -> Array:
         """The fold of every reading, (M,)."""
         return np.asarray(self.block * FOLDS // BLOCKS)
@@ -231,19 +237,21 @@ def block_of(records: Sequence[Record]) -> tuple[Array, ...]:
     return tuple(result)
 
 
-def linearised(model: GreyBox, record: Record, start: Array | None) -> Run:
-    """The run of ``model`` on ``record``, with slopes by forward differences, all in one simulation."""
+def linearised(model: GreyBox, record: Record, start: Array | None, moved: int | None = None) -> Run:
+    """The run of ``model`` on ``record``, with slopes by forward differences, all in one simulation.
+
+    Slopes are those of the first ``moved`` coordinates, by default of all.
+    """
     z = model.z()
     probe = model.network(record, z[None])
     expected, weight = expected_start(record, probe.nodes, probe.reads)
     start = expected if start is None else _grown(start, expected)
-    p, n = len(z), len(start)
+    p, n = len(z) if moved is None else moved, len(start)
     lanes = np.repeat(z[None], 1 + p + n, axis=0)
     starts = np.repeat(start[None], 1 + p + n, axis=0)
     lanes[1 + np.arange(p), np.arange(p)] += _STEP
     starts[1 + p + np.arange(n), np.arange(n)] += 1.0
-    valid = np.isfinite(record.sensors)
-    left = _residual(simulate(model, record, lanes, starts), record, valid)
+    left = _residual(simulate(model, record, lanes, starts), record, np.isfinite(record.sensors))
     slopes = (left[0] - left[1 : 1 + p]).T / _STEP
     return Run(left[0], slopes, start, (left[0] - left[1 + p :]).T, weight, expected)
 
@@ -252,7 +260,7 @@ def fitted_start(model: GreyBox, record: Record) -> Array:
     """Where a run of ``model`` begins, (n,), by its readings and its first ones; nothing else is fitted."""
     start: Array | None = None
     for _ in range(3):
-        run = _start_run(model, record, start)
+        run = linearised(model, record, start, moved=0)
         system = run.start_slopes.T @ run.start_slopes + np.diag(run.start_prior)
         pull = run.start_slopes.T @ run.residual + run.start_prior * (run.start_expected - run.start)
         start = run.start + np.linalg.solve(system, pull)
@@ -260,18 +268,6 @@ def fitted_start(model: GreyBox, record: Record) -> Array:
             break
     assert start is not None
     return start
-
-
-def _start_run(model: GreyBox, record: Record, start: Array | None) -> Run:
-    z = model.z()[None]
-    probe = model.network(record, z)
-    expected, weight = expected_start(record, probe.nodes, probe.reads)
-    start = expected if start is None else start
-    n = len(start)
-    starts = np.repeat(start[None], 1 + n, axis=0)
-    starts[1 + np.arange(n), np.arange(n)] += 1.0
-    left = _residual(simulate(model, record, np.repeat(z, 1 + n, axis=0), starts), record, np.isfinite(record.sensors))
-    return Run(left[0], np.zeros((len(left[0]), 0)), start, (left[0] - left[1:]).T, weight, expected)
 
 
 def _grown(start: Array, expected: Array) -> Array:
@@ -305,8 +301,7 @@ def fit(
         z, model, runs = best.z, moved, there
         if best.gained < tolerance:
             break
-    cost = sum(float(run.residual @ run.residual) for run in runs)
-    return Fitted(model, records, tuple(runs), block_of(records), prior_z, cost)
+    return Fitted(model, records, tuple(runs), block_of(records), prior_z)
 
 
 def _finite(runs: Sequence[Run]) -> bool:

@@ -194,14 +194,13 @@ class Scene:
 
     def still(self, sensor: str) -> tuple[float, float | None, float | None] | None:
         """What a sensor reads where it stands still while the simulation moves, and from when to when; None: never."""
-        record, run = max(zip(self.records, self.fitted.runs), key=lambda each: each[0].samples)
-        row = record.sensors[self.sensors.index(sensor)]
+        longest = max(range(len(self.records)), key=lambda each: self.records[each].samples)
+        record, number = self.records[longest], self.sensors.index(sensor)
+        row = record.sensors[number]
         known = np.flatnonzero(np.isfinite(row))
         if len(known) < _STILL_SAMPLES:
             return None
-        simulated = np.full(record.sensors.shape, np.nan)
-        simulated[np.isfinite(record.sensors)] = record.sensors[np.isfinite(record.sensors)] - run.residual
-        moved = simulated[self.sensors.index(sensor)]
+        moved = row - self.fitted.residual_degC(longest)[number]
         first, last = _longest_still(row[known])
         if last - first < _STILL_SAMPLES or np.ptp(moved[known[first:last]]) < _MOVED_DEGC:
             return None
@@ -216,7 +215,7 @@ class Scene:
         return float(row[np.isfinite(row)][0])
 
     def plateaus_degC(self, node: str) -> list[float]:
-        """Temperatures at which a sensor dwells for a tenth of the time, in a twentieth of its range; and 0 degC."""
+        """Where a sensor dwells for a third of the time: at 0 degC, and in one twentieth of its range."""
         net = self.network
         if net.index(node) not in net.reads:
             return []

@@ -19,7 +19,6 @@ from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.mechanisms.contact import beside
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, held_out
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -101,22 +100,23 @@ Progress = Callable[[str, int, int], None]
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
-    """Those of every kind of mechanism."""
+    """Those of every kind of mechanism that may act all the time."""
     for name in plugin_names(_MECHANISMS):
-        yield from plugin(_MECHANISMS, name).candidates(scene)
+        module = plugin(_MECHANISMS, name)
+        yield from module.candidates(scene) if hasattr(module, "candidates") else ()
 
 
 def windowed(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those of every kind that may act for a while, each in its best window."""
-    for name in plugin_names(_MECHANISMS):
-        module = plugin(_MECHANISMS, name)
+    """Those of every kind that may act for a while, each in its best window, and what else may act in that."""
+    modules = [plugin(_MECHANISMS, name) for name in plugin_names(_MECHANISMS)]
+    for module in modules:
         for each in module.windowed(scene) if hasattr(module, "windowed") else ():
             placed = best_window(scene.fitted, each, columns_of)
-            if placed is not None:
-                yield placed
-                contact = beside(scene, placed)
-                if contact is not None:
-                    yield contact
+            if placed is None:
+                continue
+            yield placed
+            for other in modules:
+                yield from other.beside(scene, placed) if hasattr(other, "beside") else ()
 
 
 def screen(scene: Scene, windows: bool) -> list[Screened]:
@@ -147,10 +147,7 @@ def _base(model: GreyBox, record: Record, start: Array) -> tuple[Array, Array]:
     """All nodes (n, N) of a model, and what its sensors read (s, N)."""
     network = model.network(record, model.z()[None])
     nodes = network.nodes_degC(start[None])
-    read = nodes[:, network.reads].copy()
-    for change in network.readings:
-        change(read)
-    return nodes[0], read[0]
+    return nodes[0], network.read(nodes)[0]
 
 
 def _effect(model: GreyBox, record: Record, start: Array, base: tuple[Array, Array], mechanism: Mechanism) -> Array:
@@ -337,12 +334,8 @@ def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
     """What is left in sample at the sensor that a trial blames; at all of them for a clock."""
     sensors = [output.name for output in fitted.model.circuit.outputs]
     blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))
-    squares = []
-    for record, run in zip(fitted.records, fitted.runs):
-        left = np.full(record.sensors.shape, np.nan)
-        left[np.isfinite(record.sensors)] = run.residual
-        squares.append(left[blamed].ravel() ** 2)
-    return float(np.sqrt(np.nanmean(np.concatenate(squares))))
+    left = np.concatenate([fitted.residual_degC(index)[blamed] for index in range(len(fitted.records))], axis=1)
+    return float(np.sqrt(np.nanmean(left**2)))
 
 
 def gains(before: Fitted, after: Trial) -> bool:
@@ -363,7 +356,7 @@ def stepwise(
     steps: list[Step] = []
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *anchors(model, records)]
-        step = _next(fitted, points, floor_degC, partial(said, f"fit effect {len(steps) + 1}"))
+        step = _next(fitted, points, floor_degC, partial(_numbered, said, len(steps) + 1))
         steps.append(step)
         if step.chosen is None:
             break
@@ -372,14 +365,18 @@ def stepwise(
     return Selection(bare, fitted, tuple(steps))
 
 
-def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Callable[[int, int], None]) -> Step:
+def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:
+    said(f"fit effect {number}: {stage}", done, total)
+
+
+def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Progress) -> Step:
     """One step from ``fitted``; candidates are screened beside each of ``points``."""
     screened: list[Screened] = []
     for index, point in enumerate(points):
-        said(index, 100)
+        said("screen", index, len(points))
         screened += screen(Scene(point), windows=index == 0)
     screened.sort(key=lambda each: each.held_out)
-    trials = compared(fitted, shortlist(screened), said)
+    trials = compared(fitted, shortlist(screened), partial(said, "try"))
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
     chosen = choose(fitted, trials)
     described = fitted.held_out_rmse_degC < floor_degC
@@ -422,4 +419,4 @@ def _slower(model: GreyBox, factor: float) -> GreyBox:
 def bare_fit(model: GreyBox, records: Sequence[Record]) -> Fitted:
     """The circuit itself at its least squares, from several starts."""
     fits = (fit(_slower(model, factor), records, prior_z=model.z()) for factor in (1.0, 10.0, 0.1, 100.0))
-    return min((each for each in fits if each is not None), key=lambda each: each.cost).refitted()
+    return min((each for each in fits if each is not None), key=lambda each: each.rmse_degC).refitted()

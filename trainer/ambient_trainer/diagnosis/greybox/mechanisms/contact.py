@@ -35,16 +35,11 @@ class Contact(Mechanism):
         return self.with_values([share * self.numbers[0].value, self.numbers[1].value])
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
-    """None that lasts."""
-    return iter(())
-
-
-def beside(scene: Scene, heat: Mechanism) -> Mechanism | None:
+def beside(scene: Scene, placed: Mechanism) -> Iterator[Mechanism]:
     """A contact in the window in which heat into one node explains something."""
-    if len(heat.places) != 1 or heat.cause != "heat_source":
-        return None
-    place = heat.places[0]
+    if len(placed.places) != 1 or placed.cause != "heat_source":
+        return
+    place = placed.places[0]
     conductance = Number(f"G_{place}_body", "W/K", scene.conductance(place), log=True)
     body = Number(f"body_{place}", "degC", _BODY_DEGC, low=-60.0, high=150.0)
-    return Contact((place,), (conductance, body), None, heat.onset_s, heat.end_s)
+    yield Contact((place,), (conductance, body), None, placed.onset_s, placed.end_s)
