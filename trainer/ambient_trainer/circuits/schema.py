@@ -112,7 +112,13 @@ class _Quantity(Strict):
     unit: str
     value: float
     log: bool = False
-    scale: float = 1.0
+    scale: float = Field(default=1.0, gt=0)
+
+    @model_validator(mode="after")
+    def _positive(self) -> _Quantity:
+        if self.log and self.value <= 0:
+            raise wrong(f"{self.value:g} has no logarithm", "give a number above 0, or leave out 'log'")
+        return self
 
 
 class _Mechanism(Strict):

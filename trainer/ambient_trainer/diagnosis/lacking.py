@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -20,15 +21,15 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
-from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
+from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted, simulate
 from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, Trial, bare_fit, penalised, stepwise
 from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
 from ambient_trainer.diagnosis.misfit import misfit_of
-from ambient_trainer.diagnosis.model import Model, view
 from ambient_trainer.diagnosis.plant import Plant
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Magnitude, Ranked, Step
 from ambient_trainer.diagnosis.training import records_of
+from ambient_trainer.diagnosis.view import View
 from ambient_trainer.diagnosis.words import digits, window
 from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
@@ -64,9 +65,8 @@ def diagnose_lacking(
     nothing = not steps and _misfits(selection, floor)
     if nothing or _undescribed(selection.final) or _confounded(selection):
         steps = (_unknown(selection.bare, longest),)
-    values = {each.name: each.initial for each in plain.parameters}
-    values.update({each.name: each.value for each in selection.bare.model.own})
-    seen = view(Model(Plant.of(plain, values, period_s)), own[longest])
+    fitted = with_values(plain, {each.name: each.value for each in selection.bare.model.own})
+    seen = _seen(selection.bare, fitted, longest)
     named = bool(steps) and steps[0].cause.name != UNKNOWN
     extension = extended_circuit(circuit, selection.final.model) if named else None
     before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
@@ -83,10 +83,19 @@ def diagnose_lacking(
         next_experiment=_next_experiment(steps),
         extended=extension,
         candidates_tried=selection.steps[0].tried,
-        fitted=with_values(plain, values),
+        fitted=fitted,
         floor_degC=floor,
         explained_share=_share(before, after, floor),
     )
+
+
+def _seen(bare: Fitted, fitted: Circuit, longest: int) -> View:
+    """The longest record beside the simulation of the fitted circuit."""
+    record, run = bare.records[longest], bare.runs[longest]
+    linear = replace(fitted, mechanisms=())
+    plant = Plant.of(linear, {each.name: each.initial for each in linear.parameters}, record.period_s)
+    read = simulate(bare.model, record, bare.model.z()[None], run.start[None])[0]
+    return replace(View.bare(plant, record), truth_degC=read, error_degC=np.zeros_like(read))
 
 
 def fitting_period_s(plain: Circuit, traces: Sequence[Trace]) -> float:
@@ -143,7 +152,8 @@ def _undescribed(fitted: Fitted) -> bool:
 def _confounded(selection: Selection) -> bool:
     """Whether heat that nothing logged drives comes first, beside a reference that never moves: a warmer ambient and
     such heat are the same term."""
-    first = selection.final.model.mechanisms[:1]
+    given = len(selection.bare.model.mechanisms)
+    first = selection.final.model.mechanisms[given : given + 1]
     constant = all(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) == 0 for record in selection.final.records)
     return constant and any(each.cause == "heat_source" and each.driver is None for each in first)
 
@@ -153,7 +163,8 @@ def _steps(selection: Selection, longest: int) -> list[Step]:
     final = selection.final
     result = []
     adding = [each for each in selection.steps if each.chosen is not None]
-    for index, mechanism in enumerate(final.model.mechanisms):
+    given = len(selection.bare.model.mechanisms)
+    for index, mechanism in list(enumerate(final.model.mechanisms))[given:]:
         step = next(each for each in adding if each.chosen is not None and each.chosen.mechanism.key == mechanism.key)
         adding = [each for each in adding if each is not step]
         chosen = step.chosen

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from ambient_model.faults import Refused
+from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.diagnosis.greybox.expression import Expression
@@ -99,3 +101,24 @@ def test_lanes_are_simulated_each_for_itself(circuit, simulated, recorded):
     together = model.network(record, z).simulate(start)
     alone = [model.network(record, z[lane : lane + 1]).simulate(start[lane : lane + 1])[0] for lane in range(3)]
     assert np.abs(together - np.array(alone)).max() < 1e-12
+
+
+ONE = {"n": {"unit": "1", "value": 0.1}}
+
+
+@pytest.mark.parametrize(
+    ("addition", "named"),
+    [
+        (Addition("Magic", PLACE, None, None, None, ONE, {}), "Magic"),
+        (Addition("Coupling", ("cellar",), "wind_m_s", None, None, ONE, {}), "mechanisms[0]"),
+        (Addition("Bias", ("cellar",), None, None, None, ONE, {}), "mechanisms[0]"),
+        (Addition("Contact", PLACE, None, None, None, ONE, {}), "mechanisms[0]"),
+        (Addition("Exponent", PLACE, None, None, None, ONE, {"typical_degC": "warm"}), "mechanisms[0]"),
+        (Addition("Heat", PLACE, None, None, None, ONE, {"colour": 1}), "colour"),
+        (Addition("Heat", PLACE, "wind_m_s +", None, None, ONE, {}), "wind_m_s +"),
+    ],
+)
+def test_a_mechanism_that_cannot_act_is_refused(circuit, addition, named):
+    with pytest.raises(Refused) as refused:
+        greybox_of(replace(circuit, mechanisms=(addition,)))
+    assert named in str(refused.value)

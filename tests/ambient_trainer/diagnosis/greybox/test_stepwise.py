@@ -1,8 +1,12 @@
 """What is hidden in simulated runs is found, with its place and driver; nothing is found where nothing is hidden."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from ambient_trainer.circuits.circuit import Addition
+from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.stepwise import stepwise
 
@@ -35,3 +39,15 @@ def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden):
     selection = stepwise(GreyBox.of(circuit), records)
     assert {each.key for each in selection.final.model.mechanisms} == NAMED[hidden], seed
     assert selection.final.rmse_degC < 0.06, seed
+
+
+@pytest.mark.slow
+def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    trace = simulated(seed, conductance_W_K=HIDDEN["wind"]["conductance_W_K"])
+    change = {"change": {"unit": "1 per m/s", "value": 0.2}}
+    given = replace(circuit, mechanisms=(Addition("Coupling", ("board",), "wind_m_s", None, None, change, {}),))
+    lacking, held = diagnose(circuit, [trace]), diagnose(given, [trace])
+    assert lacking.steps[0].cause.signal == "wind_m_s", seed
+    assert held.steps == (), seed
+    assert np.sqrt(np.nanmean(held.misfit.residual_degC**2)) < 0.06, seed

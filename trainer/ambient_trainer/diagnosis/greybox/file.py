@@ -7,6 +7,8 @@ from dataclasses import fields, replace
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from ambient_model.faults import refuse
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Addition, Circuit
@@ -15,6 +17,7 @@ from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox import mechanisms
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
+from ambient_trainer.diagnosis.record import Record
 
 _OWN = {"places", "numbers", "driver", "onset_s", "end_s"}
 _SUFFIX = "_extended"
@@ -82,6 +85,31 @@ def mechanism_of(addition: Addition, source: str) -> Mechanism:
 def greybox_of(circuit: Circuit) -> GreyBox:
     """The model of a circuit in forward form, with the mechanisms in it."""
     model = GreyBox.of(circuit)
-    for each in circuit.mechanisms:
+    for index, each in enumerate(circuit.mechanisms):
         model = model.with_mechanism(mechanism_of(each, circuit.name))
+        _check(model, f"mechanisms[{index}]")
     return model
+
+
+def _check(model: GreyBox, place: str) -> None:
+    """Refuse a last mechanism that cannot act on the circuit: it is tried on two samples of zeros."""
+    last = model.mechanisms[-1]
+    names = [f"{each.removeprefix('-')}_degC" for each in last.places[0].partition("-")[2:]] if last.places else []
+    names += [name for each in model.mechanisms if each.driver is not None for name in each.driver.columns]
+    nothing = np.zeros(2)
+    record = Record(
+        1.0,
+        np.arange(2.0),
+        np.zeros((len(model.circuit.inputs), 2)),
+        np.zeros((len(model.circuit.outputs), 2)),
+        {**dict.fromkeys(model.circuit.inputs, nothing), **dict.fromkeys(names, nothing)},
+    )
+    try:
+        network = model.network(record, model.z()[None])
+        network.simulate(np.zeros((1, len(network.nodes))))
+        shape = np.shape(last.probes())
+    except (ValueError, IndexError, KeyError, TypeError):
+        hint = "name nodes or sensors of the circuit, and every number and setting of its kind"
+        raise refuse(model.circuit.name, place, f"{type(last).__name__} cannot act on this circuit", hint) from None
+    if shape[-1] != len(last.numbers):
+        raise refuse(model.circuit.name, place, f"{len(last.numbers)} numbers", f"{shape[-1]} are needed")

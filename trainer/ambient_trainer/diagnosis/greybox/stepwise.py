@@ -361,7 +361,7 @@ def stepwise(
         if step.chosen is None:
             break
         _log.info("%s: %.3f -> %.3f", step.chosen.mechanism, fitted.held_out_rmse_degC, step.chosen.rmse_degC)
-        fitted = pruned(step.chosen.fitted)
+        fitted = pruned(step.chosen.fitted, len(model.mechanisms))
     return Selection(bare, fitted, tuple(steps))
 
 
@@ -386,19 +386,19 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Pro
     return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
 
 
-def pruned(fitted: Fitted) -> Fitted:
-    """The model without mechanisms that the later ones have made needless."""
+def pruned(fitted: Fitted, given: int) -> Fitted:
+    """The model without mechanisms that later ones have made needless; the first ``given`` are the circuit's own."""
     hidden = {place for each in fitted.model.mechanisms for place in each.places} - {
         n.name for n in fitted.model.circuit.states
     }
-    for index, mechanism in enumerate(fitted.model.mechanisms[:-1]):
+    for index, mechanism in list(enumerate(fitted.model.mechanisms[:-1]))[given:]:
         if any(each.startswith(place) for place in mechanism.places for each in hidden):
             continue
         starts = [None for _ in fitted.runs]
         without = fit(fitted.model.without(index), fitted.records, starts, tolerance=1e-3)
         if without is not None and without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
             _log.info("dropped %s", mechanism)
-            return pruned(without)
+            return pruned(without, given)
     return fitted
 
 
@@ -412,8 +412,9 @@ def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:
 def _slower(model: GreyBox, factor: float) -> GreyBox:
     """The model with every free time constant times ``factor``."""
     unit = "J/K" if any(each.unit == "J/K" for each in model.own) else "K/W"
-    move = np.array([np.log(factor) if each.unit == unit else 0.0 for each in model.own])
-    return model.at(model.z() + move) if len(move) else model
+    z = model.z()
+    z[: len(model.own)] += [np.log(factor) if each.unit == unit else 0.0 for each in model.own]
+    return model.at(z)
 
 
 def bare_fit(model: GreyBox, records: Sequence[Record]) -> Fitted:
