@@ -100,12 +100,11 @@ PRIVATE_WORDS = {
     r"moving along": "re-optimised",
 }
 CONTRACTS = re.compile(
-    r"""["'`]+(guard|spread|unrest|voices|speaking|lag_guard|guard_lag_s)["'`]+|["'](guard|spread)\.[^"']*["']"""
+    r"""["'`]+(guard|spread|unrest|voices|speaking|lag_guard)["'`]+|["'](guard|spread)\.[^"']*["']"""
     r"""|f?["']spread\.terms[^"']*["']|guard +=|is 'guard'|key 'guard'"""
-    r"""|(recipe|weights|rule)\.(believed|guard|spread|log_spread)"""
-    r"""|\b(log_spread|guard|guard_lag_s|believed|spread): \w+|lags\.guard_lag_s|"told" if name"""
+    r"""|"told" if name"""
 )
-"""Keys of files, which stay: the model's ``guard`` and ``spread``, the daemon's state's, an estimator's recipe's."""
+"""Keys of files, which stay: the model's ``guard`` and ``spread``, the daemon's state's."""
 
 
 @pytest.mark.parametrize("package", ["ambient_model", "ambientd", "ambient_trainer", "ambient_studies"])

@@ -53,7 +53,7 @@ heat:
   measured: {into: chip, watts: {chip_power_W: 1.0}}
   shared: {watts: {battery_current_A: -4.0, chip_power_W: -1.0}, among: {board: 0.5}}
 loss: {rho: 0.5, exponent: 0.25, at_rise_K: 5, at_degC: 20}
-believed: {capacitance: 3, resistance: 3, lag: 3, share: 3, rho: 3, samples: 1000}
+prior: {capacitance: 3, resistance: 3, lag: 3, share: 3, rho: 3, samples: 1000}
 work: {signal: cpu_load_frac, busy_above: 0.1}
 made_up:
   ambient_degC: [0, 40]
@@ -67,13 +67,13 @@ unlogged:
   hours: 2
   episode_min: [2, 10]
   pause_min: [5, 15]
-  log_spread: 0.3
+  log_deviation: 0.3
   patterns:
     charge: {alone: true, watts: [{board: 1.0}, {board: 0.7, shell: 0.3}]}
     screen: {watts: [{shell: 0.3}]}
 weights:
   main: {logged: 1, idle: 0.5, residual: 1, screen: 0.02}
-  guard: {logged: 1, idle: 0.5, residual: 0.5, charge: 0.2}
+  secondary: {logged: 1, idle: 0.5, residual: 0.5, charge: 0.2}
   interval: {logged: 1, idle: 1, charge: 0.05, screen: 0.05}
 filter:
   noise: 0.002
@@ -81,7 +81,7 @@ filter:
   slow: {time_constants_s: [300, 150], slowest_s: 1500, least_ratio: 1.5}
   fast: {time_s: 30, damping: 0.8, least_damping: 0.7}
 threshold: {percent: 99.9, times: 1.5}
-spread: {movement_lag_s: 300, guard_lag_s: 60}
+error_variance: {movement_lag_s: 300, secondary_lag_s: 60}
 """
 
 TRUTH = {

@@ -66,7 +66,7 @@ def test_a_brick_s_constants_come_back_from_its_log(forward, record, brick_truth
 
 def test_what_is_believed_holds_where_the_log_says_nothing(observer_file, brick_log):
     recipe, circuit = find_recipe(observer_file)
-    stubborn = recipe.model_copy(update={"believed": recipe.believed.model_copy(update={"capacitance": 1e-4})})
+    stubborn = recipe.model_copy(update={"prior": recipe.prior.model_copy(update={"capacitance": 1e-4})})
     forward = Forward(stubborn, circuit)
     found = fit_forward(forward, [record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
     first = {name: found.values[name] for name in ("C_chip", "C_board", "C_shell")}

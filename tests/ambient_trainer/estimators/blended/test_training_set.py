@@ -85,7 +85,7 @@ def test_a_log_without_work_or_without_pauses_is_refused(load, how):
 
 
 def test_unmeasured_heat_has_the_mean_that_is_declared():
-    rule = Unmeasured(runs=1, hours=1, episode_min=(2, 27), pause_min=(5, 25), log_spread=0.4, patterns={})
+    rule = Unmeasured(runs=1, hours=1, episode_min=(2, 27), pause_min=(5, 25), log_deviation=0.4, patterns={})
     random = np.random.default_rng(4)
     made = synthetic_heat({"b": 0.5, "c": 2.0}, rule, {"a": 0, "b": 1, "c": 2}, 1_000_000, 5.0, random)
     on = made[1] > 0

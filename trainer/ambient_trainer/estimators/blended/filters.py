@@ -123,7 +123,7 @@ def fit_filters(
         return filter_fit(recipe.name, [columns[index] for index in kept], segments, _STATES, result, effort)
 
     main = fitted(0, runs, weights.main)
-    secondary = fitted(1, runs, weights.guard)
+    secondary = fitted(1, runs, weights.secondary)
     effort.budget.cancel.check()
     fallbacks: dict[str, Fit] = {}
     for index, name in enumerate(recipe.sensors):
@@ -147,8 +147,8 @@ _EVERY_S = 11.0
 
 def fit_error_variance(recipe: Recipe, filters: Filters, runs: TrainingSet, period_s: float) -> ErrorVariance:
     """The error variance model of ``filters`` over ``runs``, weighed by the recipe."""
-    lags = recipe.spread
-    terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.guard_lag_s, 1.0))
+    lags = recipe.error_variance
+    terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
     stride = max(1, round(_EVERY_S / period_s))
     weighted = []
     for name, count in recipe.weights.interval.items():

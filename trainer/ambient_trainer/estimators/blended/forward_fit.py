@@ -83,7 +83,7 @@ class Forward:
                 [np.log(loss.rho / (1 - loss.rho))],
             ]
         )
-        prior = recipe.believed
+        prior = recipe.prior
         self.deviation = np.array(
             [
                 *self._free.values(),
@@ -95,7 +95,7 @@ class Forward:
 
     def _free_parameters(self) -> dict[str, float]:
         """Per free capacitance and resistance the prior standard deviation of its logarithm."""
-        prior = self.recipe.believed
+        prior = self.recipe.prior
         deviation = {str(node.capacitance): prior.capacitance for node in self.circuit.states}
         deviation.update({edge.resistance: prior.resistance for edge in self.circuit.edges})
         free = {each.name for each in self.circuit.parameters if each.free}
@@ -162,7 +162,7 @@ def fit_forward(
     recipe = forward.recipe
     trust = np.array([sensor.trust_degC for sensor in recipe.sensors.values()])[:, None]
     kept = sum(len(each.ambient_degC[::_EVERY]) for each in records)
-    weight = np.sqrt(recipe.believed.samples / kept) / trust
+    weight = np.sqrt(recipe.prior.samples / kept) / trust
     evaluations = 0
 
     def residuals(x: Array) -> Array:

@@ -136,7 +136,7 @@ class Unmeasured(Strict):
     hours: _Hours
     episode_min: _PositiveSpan
     pause_min: _PositiveSpan
-    log_spread: _NotNegative
+    log_deviation: _NotNegative
     patterns: dict[_Name, Pattern]
 
 
@@ -147,7 +147,7 @@ class Weights(Strict):
     """The weight of each part of the training set in each filter's objective and in the interval's."""
 
     main: _Weights
-    guard: _Weights
+    secondary: _Weights
     interval: _Weights
 
 
@@ -187,7 +187,7 @@ class VarianceLags(Strict):
     """Time constants of the error variance's terms."""
 
     movement_lag_s: _Positive
-    guard_lag_s: _Positive
+    secondary_lag_s: _Positive
 
 
 class Recipe(Strict):
@@ -201,14 +201,14 @@ class Recipe(Strict):
     sensors: Annotated[dict[_Name, Sensor], Field(min_length=2)]
     heat: Heat
     loss: Loss
-    believed: Prior
+    prior: Prior
     work: Work
     made_up: Synthetic
     unlogged: Unmeasured
     weights: Weights
     filter: FilterRules
     threshold: Threshold
-    spread: VarianceLags
+    error_variance: VarianceLags
 
     @property
     def sensor_columns(self) -> tuple[str, ...]:

@@ -194,10 +194,10 @@ def synthetic_heat(
     at = round(random.uniform(0.0, rule.pause_min[1]) * 60 / period_s)
     while at < count:
         length = _drawn(rule.episode_min, period_s, random)
-        scale = np.exp(rule.log_spread * random.standard_normal())
+        scale = np.exp(rule.log_deviation * random.standard_normal())
         for node, watt in watts.items():
             # so that the two factors together have a mean of 1
-            own = np.exp(rule.log_spread * random.standard_normal() - rule.log_spread**2)
+            own = np.exp(rule.log_deviation * random.standard_normal() - rule.log_deviation**2)
             heat[nodes[node], at : at + length] += watt * scale * own
         at += length + _drawn(rule.pause_min, period_s, random)
     return heat
