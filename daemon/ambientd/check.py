@@ -1,10 +1,8 @@
 """``ambientd check``: verifies a model file's recursion, its sensors and its outputs on this device."""
 
-import errno
-import functools
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from ambient_model.codec import load_model
 from ambient_model.conformance import (
@@ -16,9 +14,8 @@ from ambient_model.conformance import (
 )
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
-from ambientd.config import Settings, StateSpec
-from ambientd.publish.spec import Spec, kind_module
-from ambientd.publish.swap import trial
+from ambientd.config import Settings
+from ambientd.publish.proof import created, name_of, prove
 from ambientd.sources.assign import assigned_sensors, location_of
 from ambientd.sources.reader import Reader
 from ambientd.sources.sensors import values_of
@@ -137,42 +134,14 @@ def check_outlets(settings: Settings) -> None:
     A missing folder is only reported: the service manager may create it at start.
     """
     faults = []
-    for name, path, foresee in _created(settings):
-        if not os.path.isdir(os.path.dirname(path) or "."):
-            _print("output", f"{name}: {os.path.dirname(path)} is not there; it must be when the daemon starts")
-            continue
-        try:
-            _print("output", f"{name}: {foresee()}")
-        except OSError as error:
-            faults.append(Fault(f"output {name}", f"cannot be written ({error.strerror or error})", _hint(error)))
+    for each in created(settings.publish, settings.state):
+        folder = os.path.dirname(each.path) or "."
+        if os.path.isdir(folder):
+            faults += prove([each], lambda name, text: _print("output", f"{name}: {text}"))
+        else:
+            _print("output", f"{name_of(each)}: {folder} is not there; it must be when the daemon starts")
     if faults:
         raise Refused(settings.source, faults)
-
-
-def _created(settings: Settings) -> Iterator[tuple[str, str, Callable[[], str]]]:
-    """Of each thing that is created: its name, its path, and what would be made there."""
-    for spec in settings.publish:
-        if spec.path:
-            foresee = getattr(kind_module(spec.kind), "foreseen", _foreseen)
-            yield str(spec), spec.path, functools.partial(foresee, spec)
-    if settings.state is not None:
-        yield f"state:{settings.state.path}", settings.state.path, functools.partial(_foreseen, settings.state)
-
-
-def _foreseen(output: Spec | StateSpec) -> str:
-    """Mode and owner of the file that would be made; raises OSError where it could not be."""
-    if os.path.isdir(output.path):
-        raise OSError(errno.EISDIR, "it is a folder")
-    return trial(output.path, output.access)
-
-
-def _hint(error: OSError) -> str:
-    if error.errno == errno.EPERM:
-        return (
-            "let the daemon run with that group, or with CAP_CHOWN and, under systemd, SystemCallFilter=@chown;"
-            " and check as the user that it runs as"
-        )
-    return "choose another path, or see that the user that the daemon runs as may write there, and check as that user"
 
 
 def report_sensors(settings: Settings) -> None:

@@ -1,13 +1,21 @@
 """Publishers at work. One that fails is reported once and affects no other; a new set takes over without a gap."""
 
+import contextlib
 import os
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
+from ambient_model.faults import Refused
 from ambientd.notices import Notice
 from ambientd.publish import Publisher, open_publisher
+from ambientd.publish.claims import Claims
+from ambientd.publish.proof import created, is_file, prove
 from ambientd.publish.spec import Spec
 from ambientd.report import Report
 from ambientd.schedule import Waiter
+
+if TYPE_CHECKING:
+    from ambientd.config import StateSpec
 
 
 class Outlets:
@@ -22,26 +30,40 @@ class Outlets:
         self._note = note
         self._open: dict[Spec, tuple[Publisher, Notice]] = {}
         self._published: set[Spec] = set()
+        self._claims = Claims()
+        self._paths: set[str] = set()
+        """The files among what is published, and the state: no other daemon may write them."""
 
     @property
     def unpublished(self) -> list[str]:
         """The names of those that have published nothing yet."""
         return [str(spec) for spec in self._open if spec not in self._published]
 
-    def become(self, specs: Sequence[Spec]) -> None:
-        """Open what is new in ``specs``, close what is no longer there, and adapt what stays.
+    def become(self, specs: Sequence[Spec], state: "StateSpec | None" = None, proved: bool = False) -> None:
+        """Open what is new in ``specs``, close what is no longer there, adapt what stays; ``state`` is claimed, too.
 
-        Raises :class:`~ambient_model.faults.Refused` where one cannot start, and then nothing has changed.
+        Raises :class:`~ambient_model.faults.Refused` where one cannot start or is another's, and, if they are to be
+        ``proved``, where one that is new could not be written; then nothing has changed.
         """
         stay = {_place(spec): spec for spec in self._open}
         opened: dict[Spec, tuple[Publisher, Notice]] = {}
+        paths = {each.path for each in created(specs, state) if is_file(each)}
         try:
-            for spec in specs:
-                if _place(spec) not in stay:
-                    opened[spec] = (open_publisher(spec, self._patience_ms), Notice())
+            for path in paths:
+                with contextlib.suppress(OSError):  # without a folder, at the first tick that finds one
+                    self._claims.take(path)
+            new = [spec for spec in specs if _place(spec) not in stay]
+            if proved:
+                moved = [spec for spec in specs if spec not in new and stay[_place(spec)].access != spec.access]
+                changed = state if state and state.path not in self._paths else None
+                if faults := prove(created([*new, *moved], changed), lambda *_: None):
+                    raise Refused("publish", faults)
+            for spec in new:
+                opened[spec] = (open_publisher(spec, self._patience_ms), Notice())
         except BaseException:
             for spec, (publisher, _) in opened.items():
                 self._close(spec, publisher)
+            self._claims.keep(self._paths)
             raise
         for spec in specs:
             before = stay.pop(_place(spec), None)
@@ -56,6 +78,8 @@ class Outlets:
             self._published.discard(spec)
             self._close(spec, publisher)
         self._open = {spec: opened[spec] for spec in sorted(specs, key=lambda spec: opened[spec][0].last)}
+        self._paths = paths
+        self._claims.keep(paths)
         self._report_unused()
 
     def _report_unused(self) -> None:
@@ -83,8 +107,12 @@ class Outlets:
         for spec, (publisher, notice) in self._open.items():
             problem = ""
             try:
+                if spec.path in self._paths:
+                    self._claims.take(spec.path)
                 publisher.publish(report)
                 self._published.add(spec)
+            except Refused as refused:
+                problem = refused.faults[0].problem
             except OSError as error:
                 problem = error.strerror or str(error)
             if notice.changed(report.time_s, bool(problem)):
@@ -95,6 +123,7 @@ class Outlets:
         for spec, (publisher, _) in self._open.items():
             self._close(spec, publisher)
         self._open = {}
+        self._claims.keep(())
 
     def _close(self, spec: Spec, publisher: Publisher) -> None:
         try:

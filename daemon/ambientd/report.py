@@ -21,6 +21,9 @@ class Report(NamedTuple):
     estimate: Estimate
     age_s: float | None
     """Since the estimate last used current readings alone; None where it never did."""
+    missed_ticks: int = 0
+    """Since the start or the last reload."""
+    clock_steps_back: int = 0
 
 
 def as_json(report: Report) -> str:
@@ -36,6 +39,8 @@ def as_json(report: Report) -> str:
             "high_degC": estimate.high_degC,
             "level_percent": report.level_percent,
             "age_s": report.age_s,
+            "missed_ticks": report.missed_ticks,
+            "clock_steps_back": report.clock_steps_back,
             "sensors": {
                 each.name: {"unit": each.unit, "raw": raw, "used": used}
                 for each, raw, used in zip(report.inputs, report.raw, estimate.used)

@@ -11,16 +11,20 @@ from ambient_model.faults import Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
 from ambientd.fallback import FallbackTracker
-from ambientd.notices import log
+from ambientd.notices import Notice, log
 from ambientd.notify import Notifier
 from ambientd.outlets import Outlets
-from ambientd.schedule import Waiter, clock_s, ticks
+from ambientd.schedule import Ticks, Waiter, clock_s
 from ambientd.service import Service
 
 if TYPE_CHECKING:
     from ambientd.sources.replay import Sample
     from ambientd.sources.sensors import Sensors
     from ambientd.state import StateFile
+
+_WINDOW_S = 5.0
+_MOST_MISSED = 0.1
+"""The share of ticks beyond which their loss is reported: a single late one is not."""
 
 
 class _Work(NamedTuple):
@@ -53,7 +57,7 @@ def run_sensors(read_settings: Callable[[], Settings]) -> None:
         try:
             if work.state is not None:
                 work.state.take_back(work.tracker, clock_s())
-            outlets.become(work.settings.publish)
+            outlets.become(work.settings.publish, work.settings.state)
             log(str(work))
             service = Service(work.model, work.settings.level_percent, work.tracker, outlets.publish)
             while _poll(work, service, notifier, waiter):
@@ -84,7 +88,9 @@ def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outle
     new = None
     try:
         new = _prepared(read_settings())
-        outlets.become(new.settings.publish)
+        if faults := new.sensors.faults(_moved(work, new)):
+            raise Refused(new.settings.source, faults)
+        outlets.become(new.settings.publish, new.settings.state, proved=True)
     except Refused as refused:
         if new is not None:
             new.sensors.close()
@@ -98,6 +104,18 @@ def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outle
     return new
 
 
+def _moved(old: _Work, new: _Work) -> list[str]:
+    """The inputs that the new configuration reads elsewhere, or the old model lacks."""
+
+    from ambientd.sources.assign import location_of
+
+    def places(work: _Work) -> set[tuple[str, object]]:
+        root = work.settings.sysfs_root, work.settings.zones_by_name
+        return {(each.name, (root, location_of(work.settings, each))) for each in work.model.main.inputs}
+
+    return [name for name, _ in places(new) - places(old)]
+
+
 def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> bool:
     """Tick until a signal comes; True where it asks for a reload, not for the end."""
     period_s = 1 / work.settings.rate_hz
@@ -105,8 +123,11 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
     report: Callable[[str], None] = notifier.ready
     reported = ""
     refused: dict[str, str] = {}
-    for now_s in ticks(period_s, waiter.until):
-        estimate = service.tick((now_s, work.sensors.read(now_s)))
+    ticks = Ticks(period_s, waiter.until)
+    pace = _Pace(ticks, period_s)
+    for now_s in ticks:
+        estimate = service.tick((now_s, work.sensors.read(now_s)), ticks.missed, ticks.steps_back)
+        pace.ticked(now_s)
         if work.tracker.refused.keys() != refused.keys():
             _note_refused(refused, work.tracker.refused)
             refused = work.tracker.refused
@@ -118,6 +139,31 @@ def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> 
         if work.state is not None:
             work.state.ticked(work.tracker, now_s)
     return waiter.paused() and not waiter.ended
+
+
+class _Pace:
+    """Reports ticks that cannot be held, and a clock that goes back."""
+
+    def __init__(self, ticks: Ticks, period_s: float) -> None:
+        self._ticks = ticks
+        self._window_s = max(_WINDOW_S, 10 * period_s)
+        self._count = round(self._window_s / period_s)
+        self._held, self._forwards = Notice(), Notice()
+        self._since_s = clock_s()
+        self._missed = 0
+
+    def ticked(self, now_s: float) -> None:
+        """Look at the last tick, and now and then at those of the last seconds."""
+        if self._forwards.changed(now_s, self._ticks.back_s > 0) and self._ticks.back_s:
+            log(f"the clock went back by {self._ticks.back_s:.3g} s: the estimate starts anew")
+        if 0 <= now_s - self._since_s < self._window_s:
+            return
+        missed = self._ticks.missed - self._missed
+        late = missed >= _MOST_MISSED * self._count
+        if self._held.changed(now_s, late):
+            problem = f"cannot be held, {missed} of {self._count} were missed: lower rate_hz, or leave out slow sensors"
+            log(f"ticks {problem if late else 'are held again'}")
+        self._since_s, self._missed = now_s, self._ticks.missed
 
 
 def _note_refused(before: dict[str, str], now: dict[str, str]) -> None:

@@ -51,11 +51,16 @@ class Waiter:
         self._watched = list(self._served)
 
     def until(self, due_s: float) -> bool:
-        """Wait for ``due_s`` on :func:`clock_s`; False where a signal ended it. What is ready is always served."""
+        """Wait for ``due_s`` on :func:`clock_s`, or until that goes back; False where a signal ended it.
+
+        What is ready is always served.
+        """
+        now_s = start_s = clock_s()
         while not (self.ended or self._paused):
-            for descriptor in select.select(self._watched, _NONE, _NONE, max(0.0, due_s - clock_s()))[0]:
+            for descriptor in select.select(self._watched, _NONE, _NONE, max(0.0, due_s - now_s))[0]:
                 self._served[descriptor]()
-            if clock_s() >= due_s:
+            now_s = clock_s()
+            if not start_s <= now_s < due_s:
                 break
         if self.ended:  # nothing blocks: what follows is the end itself, and may take its time
             signal.setitimer(signal.ITIMER_REAL, 0)
@@ -108,13 +113,38 @@ class Waiter:
         return True
 
 
-def ticks(period_s: float, until: Callable[[float], bool], clock: Callable[[], float] = clock_s) -> Iterator[float]:
-    """The time at each deadline, the first at once, until ``until`` is false."""
-    due_s = clock()
-    while until(due_s):
-        now_s = clock()
-        yield now_s
-        due_s = next_deadline(due_s, clock(), period_s)
+class Ticks:
+    """The time at each deadline, the first at once, until ``until`` is false; counts the deadlines that were missed.
+
+    A suspend costs none, as the monotonic clock does not count it. Where the clock goes back, the grid begins anew.
+    """
+
+    def __init__(self, period_s: float, until: Callable[[float], bool], clock: Callable[[], float] = clock_s) -> None:
+        self._period_s = period_s
+        self._until = until
+        self._clock = clock
+        self.missed = 0
+        self.back_s = 0.0
+        """How far the clock has gone back at the last tick."""
+        self.steps_back = 0
+
+    def __iter__(self) -> Iterator[float]:
+        due_s = last_s = self._clock()
+        awake_s = time.monotonic()
+        while self._until(due_s):
+            now_s = self._clock()
+            self.back_s = max(0.0, last_s - now_s)
+            if self.back_s:
+                self.steps_back += 1
+                due_s = now_s
+            last_s = now_s
+            yield now_s
+            now_s = self._clock()
+            next_s = next_deadline(due_s, now_s, self._period_s)
+            before_s, awake_s = awake_s, time.monotonic()
+            skipped = round((next_s - due_s) / self._period_s) - 1
+            self.missed += min(skipped, int((awake_s - before_s) / self._period_s))
+            due_s = min(next_s, now_s + self._period_s)
 
 
 def next_deadline(due_s: float, now_s: float, period_s: float) -> float:

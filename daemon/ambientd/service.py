@@ -28,7 +28,7 @@ class Service:
         self._level_percent = level_percent
         self._tracker = tracker
 
-    def tick(self, sample: "Sample") -> Estimate:
+    def tick(self, sample: "Sample", missed_ticks: int = 0, clock_steps_back: int = 0) -> Estimate:
         """One round; the estimate that was published."""
         time_s, raw = sample
         estimate = self._tracker.update(time_s, raw)
@@ -36,5 +36,6 @@ class Service:
             self._fresh_s = time_s
         age_s = None if self._fresh_s is None else time_s - self._fresh_s
         inputs = self._model.main.inputs
-        self._publish(Report(self._model.name, inputs, self._level_percent, time_s, raw, estimate, age_s))
+        about = (self._model.name, inputs, self._level_percent, time_s, raw, estimate, age_s)
+        self._publish(Report(*about, missed_ticks, clock_steps_back))
         return estimate

@@ -20,6 +20,7 @@ from ambient_model.tracking import Snapshot
 from ambientd.config import StateSpec
 from ambientd.fallback import FallbackState, FallbackTracker
 from ambientd.notices import Notice
+from ambientd.publish.claims import open_own
 from ambientd.publish.swap import swap_in, sweep
 
 if TYPE_CHECKING:
@@ -214,10 +215,13 @@ class StateFile:
         if not os.path.lexists(self._path):
             return
         try:
+            os.close(open_own(self._path, self._access.owner))
             content = read_whole(self._path, _LARGEST_BYTES)
             age_s = take_back(decode(content), tracker, self._model, self._boot, now_s, self._max_age_s)
         except Refused as refused:
             self._note(f"state {self._path}: {refused.faults[0].problem}; starting anew")
+        except OSError as error:
+            self._note(f"state {self._path}: cannot be read ({error.strerror or error}); starting anew")
         except ValueError as error:
             self._note(f"state {self._path}: {error}; starting anew")
         else:

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from ambient_model.model import Input
 from ambient_model.tracking import Estimate
+from ambientd.publish import prometheus, status
 from ambientd.publish.access import Access
 from ambientd.publish.file import Options, RenamedFile
 from ambientd.publish.file_in_place import InPlaceFile
-from ambientd.publish.prometheus import PrometheusFile, exposition
+from ambientd.publish.prometheus import exposition
 from ambientd.publish.spec import Spec
-from ambientd.publish.status import StatusFile
 from ambientd.report import Report
 
 INPUTS = (Input("usb", "degC", "usb-therm", -20, 90), Input("battery", "degC", "battery", -20, 70))
@@ -129,7 +129,7 @@ def test_a_value_that_cannot_be_replaced_does_not_stay(path, options, left):
 
 
 def test_status_is_one_json_object(path):
-    publisher = StatusFile(Spec("status", str(path)))
+    publisher = status.publisher(Spec("status", str(path)), None)
     publisher.publish(report(23.4))
     assert json.loads(path.read_text()) == {
         "time_s": 12.5,
@@ -140,6 +140,8 @@ def test_status_is_one_json_object(path):
         "high_degC": 24.15,
         "level_percent": 90,
         "age_s": 0.0,
+        "missed_ticks": 0,
+        "clock_steps_back": 0,
         "sensors": {
             "usb": {"unit": "degC", "raw": 30.0, "used": 30.0},
             "battery": {"unit": "degC", "raw": None, "used": 24.5},
@@ -172,7 +174,7 @@ def parsed(text):
 
 
 def test_the_textfile_holds_the_gauges(path):
-    publisher = PrometheusFile(Spec("prometheus", str(path)))
+    publisher = prometheus.publisher(Spec("prometheus", str(path)), None)
     publisher.publish(report(23.4))
     samples = parsed(path.read_text())
     assert samples["ambientd_ambient_celsius", 'model="bench"'] == 23.4
@@ -213,6 +215,32 @@ def test_in_place_no_reader_ever_sees_the_rest_of_another_value(path, monkeypatc
     for ambient_degC in (5.0, 0.007, 23.4):
         publisher.publish(report(ambient_degC))
     assert seen == [b"5000\n\n\n\n", b"5000\n", b"7\n\n\n\n", b"7\n", b"7\n\n\n\n\n", b"23400\n"]
+
+
+@pytest.mark.parametrize("by", ["symlink", "hard link", "another user"])
+def test_nothing_is_written_into_a_file_that_is_not_its_own(kind, path, by):
+    """Neither a value nor, where no other file can be made, the poison."""
+    theirs = path.with_name("theirs")
+    theirs.write_text("20000\n")
+    if by == "symlink":
+        path.symlink_to(theirs)
+    elif by == "hard link":
+        os.link(theirs, path)
+    elif os.getuid() != 0:
+        pytest.skip("only root gives files to others")
+    else:
+        path.write_text("20000\n")
+        os.chown(path, 4711, -1)
+    publisher = kind(poisoned(path))
+    in_the_way = path.with_name(f"temp.{os.getpid()}.part")
+    in_the_way.mkdir()
+    with pytest.raises(OSError, match="Is a directory"):
+        publisher.publish(report(21.0))
+    in_the_way.rmdir()
+    publisher.publish(report(21.0))
+    assert path.read_text() == "21000\n"
+    assert (path.is_symlink(), path.stat().st_uid, path.stat().st_nlink) == (False, os.getuid(), 1)
+    assert theirs.read_text() == "20000\n"
 
 
 @pytest.mark.parametrize("by", ["remove", "rename", "folder"])

@@ -1,12 +1,15 @@
 """Real sockets: the newest line at once, whole lines only, and no reader delays the daemon."""
 
+import contextlib
 import json
 import os
-import resource
 import select
 import shutil
 import socket
 import stat
+import subprocess
+import sys
+import tempfile
 
 import pytest
 
@@ -107,17 +110,17 @@ def test_a_reader_that_leaves_is_let_go(server, path):
     assert len(os.listdir("/proc/self/fd")) == before
 
 
-def test_where_all_places_are_taken_who_reads_least_makes_room(server, path):
-    """A consumer that leaks its connections does not shut the others out."""
-    readers = [connected(server, path) for _ in range(256)]
+def test_where_a_users_places_are_taken_who_reads_least_makes_room(server, path):
+    """A consumer that leaks its connections does not shut itself out."""
+    readers = [connected(server, path) for _ in range(64)]
+    with connected(server, path) as refused:
+        assert refused.recv(1) == b""  # all others read what they get
     for k in range(100):
         server.publish(report(k))
         for reader in readers[1:]:
             received(reader)
     with connected(server, path) as late:
         assert times(received(late)) == [99]
-        server.publish(report(100))
-        assert times(received(late)) == [100]
     said = received(readers[0])
     assert times(said[: said.rindex(b"\n")])[-1] < 99
     assert readers[0].recv(1) == b""  # it was let go
@@ -125,31 +128,43 @@ def test_where_all_places_are_taken_who_reads_least_makes_room(server, path):
         reader.close()
 
 
-def test_where_no_descriptor_is_free_the_slowest_makes_room(server, path):
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    with connected(server, path) as first, socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as second:
-        second.connect(path)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (second.fileno() + 1, hard))
-        try:
-            spare = fill_descriptors()
-            server.serve()
-            assert first.recv(1) == b""
-            server.serve()
-        finally:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-            for descriptor in spare:
-                os.close(descriptor)
-        server.publish(report(1))
-        assert times(received(second)) == [1]
+HOLD = """
+import os, socket, sys
+os.setuid(65534)
+held = []
+for _ in range(300):
+    held.append(socket.socket(socket.AF_UNIX))
+    held[-1].connect(sys.argv[1])
+print("held", flush=True)
+sys.stdin.read()
+"""
 
 
-def fill_descriptors():
-    taken = []
-    while True:
-        try:
-            taken.append(os.dup(0))
-        except OSError:
-            return taken
+@pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
+@pytest.mark.parametrize("limit", [1024, 32])
+def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, model_file, phone, until):
+    """``nobody`` holds what it gets; the next five find a place at once, and the file is still renewed."""
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        os.chmod(folder, 0o755)  # pytest's own are closed to others
+        path, file = f"{folder}/s", f"{folder}/temp"
+        run = [sys.executable, "-m", "ambientd", "run", "--model", model_file, "--sysfs-root", str(phone.root)]
+        run += ["--rate", "20", "--publish", f"file:{file}", "--publish", f"socket:{path}"]
+        daemon = subprocess.Popen(["sh", "-c", f'ulimit -n {limit}; exec "$@"', "sh", *run])
+        stack.callback(daemon.wait)
+        stack.callback(daemon.kill)
+        until(lambda: os.path.exists(file))
+        hold = [sys.executable, "-I", "-S", "-c", HOLD, path]
+        crowd = stack.enter_context(subprocess.Popen(hold, stdin=subprocess.PIPE, stdout=subprocess.PIPE))
+        assert crowd.stdout.readline() == b"held\n"
+        mine = [stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(5)]
+        for reader in mine:
+            reader.settimeout(5)
+            reader.connect(path)
+        for reader in mine:
+            assert len(times(reader.makefile().readline())) == 1
+        before = os.stat(file).st_ino, os.stat(file).st_mtime_ns
+        until(lambda: (os.stat(file).st_ino, os.stat(file).st_mtime_ns) != before)
+        crowd.stdin.close()
 
 
 def test_when_its_folder_was_gone_it_is_made_anew_and_its_readers_stay(tmp_path):

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from ambient_model.codec import encode
+from ambientd.publish.claims import Claims
 
 
 @pytest.fixture
@@ -122,39 +123,72 @@ def test_an_identical_model_keeps_its_state(running, reload, until, ended, confi
     assert ended(daemon)[0] == 0
 
 
-BAD = {
+BAD_MODELS = {
     "cut off": lambda text: text[: len(text) // 2],
     "unstable": lambda text: text.replace('"A": [\n', '"A": [[9, 0], [0, 9]], "A_": [\n'),
 }
+BAD_KEYS = {
+    "no keys": ({"rate_hz": 0, "level_percent": 1}, "rate_hz: "),
+    "no folder": ({"publish": ["file:{}/none/temp"]}, "/none/temp: cannot be written"),
+    "one good, one bad": ({"publish": ["prometheus:{}/a.prom", "file:{}/folder"]}, "/folder: cannot be written"),
+    "no socket": ({"publish": ["socket:{}/mine"]}, "/mine: cannot be written"),
+    "another daemon's": ({"publish": ["file:{}/locked"]}, "/locked: another daemon"),
+    "a pipe": ({"publish": ["file:{}/pipe"]}, "/pipe: exists and is no file"),
+    "state": ({"state": {"path": "{}/none/state"}}, "/none/state: cannot be written"),
+    "sensor": ({"zones": {"usb": "typo"}}, "sensor usb: "),
+    "root": ({"sysfs_root": "{}/none"}, "sensor usb: "),
+}
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_a_bad_model_is_refused_and_the_old_one_stays(running, reload, ended, status, model_file, name):
+def filled(value, folder):
+    if isinstance(value, str):
+        return value.format(folder)
+    if isinstance(value, dict):
+        return {key: filled(each, folder) for key, each in value.items()}
+    return [filled(each, folder) for each in value] if isinstance(value, list) else value
+
+
+def test_a_fault_in_any_part_changes_nothing_and_is_said_once(
+    running, reload, until, ended, configure, content, status, model_file, tmp_path
+):
+    """Neither what is published, nor what lies beside it."""
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    os.mkfifo(tmp_path / "pipe")
+    claims = Claims()
+    claims.take(str(tmp_path / "locked"))
     daemon = running()
+    until(lambda: content() == "23000\n")
+    before = {path.name for path in tmp_path.iterdir()}
     good = Path(model_file).read_text()
-    put(model_file, BAD[name](good))
-    reload(daemon)
-    assert status()["model"] == "bench"
-    put(model_file, good)
-    reload(daemon)
-    _, _, log = ended(daemon)
-    said = [line for line in log.splitlines() if line.startswith("ambientd: ") and ": sensor " not in line]
-    assert len(said) == 3
-    assert f": {model_file}: " in said[1]
-    assert said[2].startswith("ambientd: reloaded: model 'bench'")
+    said = []
 
+    def refused():
+        reload(daemon, 0.1)
+        said.append((content(), status()["model"], status()["status"]))
+        assert {path.name for path in tmp_path.iterdir() if not path.name.endswith(".part")} == before
 
-def test_a_bad_configuration_or_publisher_is_refused_as_a_whole(running, reload, ended, configure, content, tmp_path):
-    daemon = running()
-    configure(rate_hz=0, level_percent=1)
-    reload(daemon)
-    (tmp_path / "no-socket").write_text("mine")
-    configure(publish=[f"prometheus:{tmp_path}/a.prom", f"socket:{tmp_path}/no-socket"])
-    reload(daemon)
-    assert content() == "23000\n"
-    assert (tmp_path / "no-socket").read_text() == "mine"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
+        reader.settimeout(10)
+        reader.connect(f"{tmp_path}/s")
+        for broken in BAD_MODELS.values():
+            put(model_file, broken(good))
+            refused()
+        put(model_file, good)
+        for keys, _ in BAD_KEYS.values():
+            configure(**filled(keys, tmp_path))
+            refused()
+        configure()
+        reload(daemon)
+        assert len(reader.makefile().readline()) > 1, "a reader of the socket was sent away"
+    claims.keep([])
     _, _, log = ended(daemon)
-    assert [fact for fact in ("2 faults", "  rate_hz: ", "  level_percent: ", "/no-socket: ") if fact not in log] == []
+    assert {each[:2] for each in said} == {("23000\n", "bench")}
+    refusals = [line for line in log.splitlines() if "not reloaded" in line]
+    assert len(refusals) == len(said)
+    assert [fact for _, fact in BAD_KEYS.values() if fact not in log] == []
+    assert log.splitlines()[-1].startswith("ambientd: reloaded: model 'bench'")
+    assert (tmp_path / "mine").read_text() == "mine"
 
 
 def test_publishers_come_and_go_and_those_that_stay_are_not_touched(running, reload, until, ended, configure, tmp_path):

@@ -7,7 +7,7 @@ import socket
 
 import pytest
 
-from ambientd.schedule import ticks
+from ambientd.schedule import Ticks
 from ambientd.service import Service
 
 
@@ -184,7 +184,7 @@ def test_ticks_come_at_absolute_times_through_work_and_suspend():
         return True
 
     seen = []
-    for tick_s in ticks(1.0, until, lambda: now[0]):
+    for tick_s in Ticks(1.0, until, lambda: now[0]):
         seen.append(tick_s)
         lasting = next(work, None)
         if lasting is None:

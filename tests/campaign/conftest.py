@@ -272,6 +272,8 @@ class Daemon:
     def tick(self, by_s: float = 1.0) -> None:
         """Let so much time pass at once, and the daemon do what it does then."""
         self.clock.now_s += by_s
+        if by_s < 0:
+            eventually(lambda: self.outputs.status()["time_s"] <= self.clock.now_s, "it waits for the old time")
         eventually(lambda: self.clock.sleeper_waits() or self.process.poll() is not None, "no tick came")
         assert self.process.poll() is None, self._log_path.read_text()
 

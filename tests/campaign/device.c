@@ -88,9 +88,9 @@ int select(int count, fd_set *reading, fd_set *writing, fd_set *failing, struct 
     FD_ZERO(&none);
     fd_set *given[3] = {reading, writing, failing};
     for (int i = 0; i < 3; i++) wanted[i] = given[i] ? *given[i] : none;
-    int64_t due = fall_asleep(wait->tv_sec * 1000000000LL + wait->tv_usec * 1000LL);
+    int64_t since = page[BOOT], due = fall_asleep(wait->tv_sec * 1000000000LL + wait->tv_usec * 1000LL);
     for (;;) {
-        int over = page[BOOT] >= due;
+        int over = page[BOOT] >= due || page[BOOT] < since; /* set back, it no longer measures the wait */
         struct timeval moment = {0, over ? 0 : 500};
         for (int i = 0; i < 3; i++)
             if (given[i]) *given[i] = wanted[i];

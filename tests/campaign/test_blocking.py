@@ -1,5 +1,6 @@
 """A sensor whose driver blocks, for seconds or for ever, deaf to signals: it is left behind, and nothing else waits."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -52,3 +53,22 @@ def test_check_names_one_that_blocks(device_library, config, make_outputs, clock
     assert done.returncode == 1
     assert "sensor battery: a reading takes more than 0.25 s" in done.stderr
     assert "usb, " in done.stdout
+
+
+def test_ticks_that_slow_sensors_do_not_leave_time_for_are_reported_and_counted(
+    device_library, config, make_outputs, zones, tmp_path
+):
+    """On the real clock, at 10 Hz, with 0.2 s a reading."""
+    outputs = make_outputs(tmp_path / "out")
+    for kind in ("usb-therm", "battery", "cpu-0-0"):
+        zones.fail(kind, block_s=0.2)
+    call = [sys.executable, "-m", "ambientd", "run", "--config", str(config(outputs, rate_hz=10))]
+    with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, env={"LD_PRELOAD": str(device_library)}) as daemon:
+        daemon.stderr.readline()
+        line = daemon.stderr.readline()
+        report = outputs.status()
+        daemon.terminate()
+        assert daemon.wait(30) == 0
+    missed = int(re.search(r"ticks cannot be held, (\d+) of 50 ", line)[1])
+    assert missed > 20
+    assert report["missed_ticks"] >= missed

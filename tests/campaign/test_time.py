@@ -90,3 +90,16 @@ def test_a_wall_clock_that_is_set_by_a_day_is_not_looked_at(tracking, by_s):
     assert [each["time_s"] for each in after] == [before["time_s"] + k for k in range(1, 61)]
     assert {each["status"] for each in after} == {"tracking"}
     assert tracking.end() == []
+
+
+@pytest.mark.parametrize("back_s", [3600.0, 0.5])
+def test_a_clock_that_goes_back_is_counted_and_the_ticks_go_on(tracking, back_s):
+    """As after a virtual machine was set back. The old value does not stay."""
+    before = tracking.settled()
+    report = tracking.step(-back_s)
+    assert (report["time_s"], report["clock_steps_back"]) == (before["time_s"] - back_s, 1)
+    assert report["status"] == ("warming_up" if back_s > 1 else "tracking")
+    after = tracking.steps(40)
+    assert [each["time_s"] for each in after] == [report["time_s"] + k for k in range(1, 41)]
+    assert (after[-1]["status"], after[-1]["missed_ticks"]) == ("tracking", 0)
+    assert [f"by {back_s:.3g} s" in line for line in tracking.end()] == [True]

@@ -2,7 +2,7 @@
 
 Each value is a new file, renamed over the last; ``mode: in-place`` makes it :mod:`ambientd.publish.file_in_place`. A
 value that is no longer trusted does not stay: the file is removed, or holds the configured poison. Nor does one stay
-that cannot be replaced, or whose daemon ends.
+that cannot be replaced, or whose daemon ends. The status and the textfile are such files with other contents.
 """
 
 import contextlib
@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from ambientd.publish import Quiet
+from ambientd.publish.claims import open_own
 from ambientd.publish.spec import Spec
 from ambientd.publish.swap import remove, swap_in, sweep
 from ambientd.report import Report
@@ -107,8 +108,12 @@ def overwrite(descriptor: int, content: bytes, length: int) -> None:
 class RenamedFile(Quiet):
     """Each value is a new file, renamed over the last: for readers that open it anew each time."""
 
-    def __init__(self, spec: Spec) -> None:
+    def __init__(
+        self, spec: Spec, content: Callable[[Report, Spec], bytes | None] = content, last: bool = False
+    ) -> None:
         self._spec = spec
+        self._content = content
+        self.last = last
         sweep(spec.path)
 
     def adapt(self, spec: Spec) -> None:
@@ -117,7 +122,7 @@ class RenamedFile(Quiet):
 
     def publish(self, report: Report) -> None:
         """Put the value, the poison or nothing in place; raises OSError."""
-        self._become(content(report, self._spec))
+        self._become(self._content(report, self._spec))
 
     def _become(self, value: bytes | None) -> None:
         if value is None:
@@ -134,7 +139,7 @@ class RenamedFile(Quiet):
         instead = poison(self._spec)
         if instead is not None:
             with contextlib.suppress(OSError):
-                descriptor = os.open(self._spec.path, os.O_WRONLY | os.O_CLOEXEC)
+                descriptor = open_own(self._spec.path, self._spec.access.owner)
                 try:
                     return overwrite(descriptor, instead, os.fstat(descriptor).st_size)
                 finally:

@@ -5,6 +5,7 @@ import os
 
 from ambientd.publish import Quiet
 from ambientd.publish.access import grant
+from ambientd.publish.claims import open_own
 from ambientd.publish.file import KEYS, configured, content, options_of, overwrite, poison
 from ambientd.publish.spec import Spec
 from ambientd.publish.swap import put, remove, sweep
@@ -26,12 +27,13 @@ class InPlaceFile(Quiet):
         self._descriptor = -1
         self._identity = (0, 0)
         self._length = 0
+        self._granted = True
         sweep(spec.path)
 
     def adapt(self, spec: Spec) -> None:
         """Use ``spec`` from the next value on."""
         self._spec = spec
-        self._release()
+        self._granted = False
 
     def publish(self, report: Report) -> None:
         """Write the value or the poison, or remove the file; raises OSError."""
@@ -53,13 +55,16 @@ class InPlaceFile(Quiet):
             self._release()
         if self._descriptor < 0 and self._open(value):
             return
+        if not self._granted:
+            grant(self._descriptor, self._spec.access)
+            self._granted = True
         overwrite(self._descriptor, value, self._length)
         self._length = len(value)
 
     def _in_place(self) -> bool:
         """Whether the open file is still the one at the path: a write into another would reach no reader."""
         try:
-            found = os.stat(self._spec.path)
+            found = os.lstat(self._spec.path)
         except FileNotFoundError:
             return False
         return (found.st_dev, found.st_ino) == self._identity
@@ -67,10 +72,15 @@ class InPlaceFile(Quiet):
     def _open(self, value: bytes) -> bool:
         """Keep a file that is there, so that its readers stay; else make one that is never empty. True where made."""
         path, access = self._spec.path, self._spec.access
-        kept = os.path.isfile(path) and os.path.getsize(path) > 0
-        self._descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC) if kept else put(path, value, access)
-        if kept:
-            grant(self._descriptor, access)
+        try:
+            self._descriptor = open_own(path, access.owner)
+            kept = os.fstat(self._descriptor).st_size > 0
+        except OSError:
+            kept = False
+        self._granted = not kept
+        if not kept:
+            self._release()
+            self._descriptor = put(path, value, access)
         found = os.fstat(self._descriptor)
         self._identity = (found.st_dev, found.st_ino)
         self._length = found.st_size

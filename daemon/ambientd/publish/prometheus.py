@@ -6,37 +6,16 @@ A gauge without a value is left out.
 from collections.abc import Iterable
 
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMING_UP
-from ambientd.publish import Quiet
+from ambientd.publish.file import RenamedFile
 from ambientd.publish.spec import Spec
-from ambientd.publish.swap import remove, swap_in, sweep
 from ambientd.report import Report
 
 _STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
 
 
-def publisher(spec: Spec, patience_ms: int | None) -> "PrometheusFile":
-    """A textfile for node_exporter."""
-    return PrometheusFile(spec)
-
-
-class PrometheusFile(Quiet):
-    """A ``*.prom`` file, replaced by rename."""
-
-    def __init__(self, spec: Spec) -> None:
-        self._spec = spec
-        sweep(spec.path)
-
-    def adapt(self, spec: Spec) -> None:
-        """Use ``spec`` from the next tick on."""
-        self._spec = spec
-
-    def publish(self, report: Report) -> None:
-        """Replace the gauges; raises OSError."""
-        swap_in(self._spec.path, exposition(report).encode(), self._spec.access)
-
-    def close(self) -> None:
-        """Remove the file: its gauges would otherwise be scraped for ever."""
-        remove(self._spec.path)
+def publisher(spec: Spec, patience_ms: int | None) -> RenamedFile:
+    """A ``*.prom`` file, replaced by rename; removed at the end, as its gauges would be scraped for ever."""
+    return RenamedFile(spec, lambda report, spec: exposition(report).encode())
 
 
 def exposition(report: Report) -> str:
@@ -58,6 +37,8 @@ def exposition(report: Report) -> str:
                 "Time since the estimate last used current readings alone.",
                 [("", report.age_s)],
             ),
+            _gauge("missed_ticks", "Ticks that could not be held.", [("", report.missed_ticks)]),
+            _gauge("clock_steps_back", "How often the clock went back.", [("", report.clock_steps_back)]),
             _gauge(
                 "status",
                 "1 for the status that holds.",

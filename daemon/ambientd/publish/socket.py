@@ -1,7 +1,9 @@
 """A UNIX stream socket: one JSON object a line a tick, the newest at once on connecting.
 
 A reader never delays the daemon: the rest of a line that its buffer does not take is kept, and the lines until it is
-sent are lost to that reader, whole. Where all places are taken, the reader that has lost the most is disconnected.
+sent are lost to that reader, whole. A user has at most 64 of 256 places. Where no place is left, the user with the most
+readers, if it is another than who connects, loses the one of them that has lost the most lines. The last descriptors
+are kept for the files, and a flood of connections is served in small portions between which a tick comes first.
 
 A socket that was handed over (:mod:`ambientd.publish.inherited`) is served, and its file is left alone. Any other
 is created here: a dead daemon's is replaced, one that vanishes is created anew.
@@ -22,11 +24,13 @@ from ambientd.publish.swap import trial
 from ambientd.report import Report, as_json
 
 _MOST_READERS = 256
+_MOST_OF_A_USER = 64
+_AT_ONCE = 32
+_KEPT_DESCRIPTORS = 8
+"""For the files that are opened and renamed at each tick, and for sensors that come back."""
 _BUFFER_BYTES = 8192
 """For each reader; the kernel takes twice of it. With its usual 208 KiB, readers that stop would hold 52 MB of it."""
 _NO_MORE = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS)
-
-
 _LONGEST_PATH_BYTES = 107
 
 
@@ -47,10 +51,13 @@ def foreseen(spec: Spec) -> str:
 
 
 class _Reader:
-    __slots__ = ("connection", "lost", "rest")
+    __slots__ = ("connection", "lost", "rest", "user")
 
     def __init__(self, connection: socket.socket) -> None:
         self.connection = connection
+        credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+        self.user = credentials[4:8]
+        """The number of the user who has connected, as the kernel writes it."""
         self.rest = b""
         """The unsent rest of the line begun."""
         self.lost = 0
@@ -92,7 +99,9 @@ class SocketServer:
         self._identity = (0, 0)
         self._newest: Report | None = None
         self._line = b""
-        self._readers: list[_Reader] = []
+        self._readers: dict[bytes, list[_Reader]] = {}
+        """By user."""
+        self._descriptors = os.sysconf("SC_OPEN_MAX") - _KEPT_DESCRIPTORS
         handed = listener_at(spec.path, environment)
         self._is_ours = handed is None
         self._listener = handed or socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -153,34 +162,50 @@ class SocketServer:
         return self._listener.fileno()
 
     def serve(self) -> None:
-        """Accept a reader and send it the newest line; disconnect it where there is no room."""
-        try:
-            connection, _ = self._listener.accept()
-        except OSError as error:
-            # the reader has left already; or no descriptor is free, and it waits until one is
-            if error.errno in _NO_MORE and self._readers:
-                self._drop(self._slowest())
-            return
-        if len(self._readers) == _MOST_READERS:
-            slowest = self._slowest()
-            if not slowest.lost:
-                return connection.close()
-            self._drop(slowest)
-        connection.setblocking(False)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        reader = _Reader(connection)
-        self._readers.append(reader)
-        if self._newest is not None:
-            self._send_newest(reader)
+        """Accept readers that have connected and send them the newest line; disconnect those without a place."""
+        for _ in range(_AT_ONCE):
+            try:
+                connection, _ = self._listener.accept()
+            except OSError as error:
+                # no one is left; or no descriptor is free, and they wait until one is
+                if error.errno in _NO_MORE and self._readers:
+                    self._drop_slowest(self._crowd())
+                return
+            reader = _Reader(connection)
+            if not self._has_place(reader):
+                connection.close()
+                continue
+            connection.setblocking(False)
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+            self._readers.setdefault(reader.user, []).append(reader)
+            if self._newest is not None:
+                self._send_newest(reader)
 
-    def _slowest(self) -> _Reader:
-        return max(self._readers, key=lambda reader: reader.lost)
+    def _has_place(self, newcomer: _Reader) -> bool:
+        """Whether there is room, after it was made at the cost of who has more of it, or reads less."""
+        own = self._readers.get(newcomer.user, [])
+        count = sum(map(len, self._readers.values()))
+        if count >= _MOST_READERS or newcomer.connection.fileno() >= self._descriptors:
+            crowd = self._crowd()
+            if len(crowd) > len(own) + 1:
+                return self._drop_slowest(crowd)
+        elif len(own) < _MOST_OF_A_USER:
+            return True
+        return any(reader.lost for reader in own) and self._drop_slowest(own)
+
+    def _crowd(self) -> list[_Reader]:
+        """The readers of the user who has most."""
+        return max(self._readers.values(), key=len, default=[])
+
+    def _drop_slowest(self, readers: list[_Reader]) -> bool:
+        self._drop(max(readers, key=lambda reader: reader.lost))
+        return True
 
     def publish(self, report: Report) -> None:
         """Send the line to every reader that can take it; raises OSError where no reader can connect."""
         self._newest = report
         self._line = b""
-        for reader in list(self._readers):
+        for reader in [reader for readers in self._readers.values() for reader in readers]:
             self._send_newest(reader)
         if self._is_ours:
             self._stay()
@@ -194,7 +219,10 @@ class SocketServer:
             self._drop(reader)
 
     def _drop(self, reader: _Reader) -> None:
-        self._readers.remove(reader)
+        readers = self._readers[reader.user]
+        readers.remove(reader)
+        if not readers:
+            del self._readers[reader.user]
         reader.connection.close()
 
     def _stay(self) -> None:
@@ -215,9 +243,10 @@ class SocketServer:
 
     def close(self) -> None:
         """Disconnect the readers and remove the socket, unless it is another's or was replaced."""
-        for reader in self._readers:
-            reader.connection.close()
-        self._readers = []
+        for readers in self._readers.values():
+            for reader in readers:
+                reader.connection.close()
+        self._readers = {}
         self._listener.close()
         if self._in_place():
             os.unlink(self._path)

@@ -3,8 +3,9 @@
 It is reported once when it fails and once when it returns, and searched for again, by name, less and less often.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
+from ambient_model.faults import Fault
 from ambientd.notices import Notice
 from ambientd.sources.reader import Reader
 from ambientd.sources.sensor import Sensor
@@ -48,6 +49,15 @@ class Sensors:
         for index in doubts:
             values[index] = None
         return values
+
+    def faults(self, names: Collection[str]) -> list[Fault]:
+        """What is wrong with those of ``names`` that give no value now."""
+        values = values_of(self._sensors, self._reader) if names else []
+        return [
+            Fault(f"sensor {sensor.name}", sensor.trouble, sensor.source.hint())
+            for sensor, value in zip(self._sensors, values)
+            if value is None and sensor.name in names
+        ]
 
     def _try_again(self, now_s: float, values: list[float | None]) -> None:
         """Look those up anew that gave no value, where it is time to, and put their values into ``values``."""
