@@ -26,7 +26,7 @@ _TIME_S = 1767225600
 """2026-01-01: fixed, so that two builds are the same; the variable SOURCE_DATE_EPOCH replaces it."""
 _SCRIPTS = ("postinst", "prerm", "postrm")
 _DOC = "usr/share/doc/ambientd"
-_EXAMPLES = ("thermald/ambientd.conf", "thermald/thermal-conf.xml", "node-exporter/ambientd.conf")
+_EXAMPLES = ("thermald/ambientd.conf", "thermald/thermal-conf.xml")
 
 
 def installed(maintainer: str) -> dict[str, tuple[bytes, int]]:
@@ -34,6 +34,7 @@ def installed(maintainer: str) -> dict[str, tuple[bytes, int]]:
     files = {
         "etc/ambientd/ambientd.yaml": (DEPLOY / "ambientd.yaml").read_bytes(),
         "usr/lib/systemd/system/ambientd.service": (DEPLOY / "ambientd.service").read_bytes(),
+        "usr/lib/sysusers.d/ambientd.conf": (DEPLOY / "sysusers.d" / "ambientd.conf").read_bytes(),
         f"{_DOC}/README.md": (DEPLOY / "README.md").read_bytes(),
         f"{_DOC}/copyright": (ROOT / "LICENSE").read_bytes(),
         f"{_DOC}/changelog.gz": _gzip(changelog(maintainer)),

@@ -15,6 +15,7 @@ from ambient_model.conformance import (
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
 from ambientd.config import Settings
+from ambientd.consumers import followed
 from ambientd.publish.proof import created, name_of, prove
 from ambientd.sources.assign import assigned_sensors, location_of
 from ambientd.sources.reader import Reader
@@ -140,6 +141,15 @@ def check_outlets(settings: Settings) -> None:
             faults += prove([each], lambda name, text: _print("output", f"{name}: {text}"))
         else:
             _print("output", f"{name_of(each)}: {folder} is not there; it must be when the daemon starts")
+    if faults:
+        raise Refused(settings.source, faults)
+
+
+def check_consumers(settings: Settings, root: str = "/") -> None:
+    """Print which programs here read what is published; raises :class:`Refused` where one must not."""
+    found, faults = followed(settings.publish, root)
+    for each in found:
+        _print("consumer", each)
     if faults:
         raise Refused(settings.source, faults)
 

@@ -131,6 +131,9 @@ def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
     check = commands.add_parser("check", help="verify a model file, its sensors and its outputs")
     _add_origin(check)
     check.set_defaults(command=_check)
+    withdraw = commands.add_parser("withdraw", help="after a killed daemon: remove its outputs, or leave their poison")
+    withdraw.add_argument("--config", metavar="FILE", required=True)
+    withdraw.set_defaults(command=_withdraw)
 
 
 def _add_origin(command: argparse.ArgumentParser) -> None:
@@ -199,7 +202,7 @@ def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Non
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    from ambientd.check import check_all, check_files, check_outlets, check_sensors, report_sensors
+    from ambientd.check import check_all, check_consumers, check_files, check_outlets, check_sensors, report_sensors
 
     settings = _settings(options)
     check_files(settings)
@@ -207,7 +210,14 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     if options.config is None and options.sysfs_root is None:
         report_sensors(settings)
     else:
-        check_all(settings, (check_sensors, check_outlets))
+        check_all(settings, (check_sensors, check_outlets, check_consumers))
+
+
+def _withdraw(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    from ambientd.config import load_settings
+    from ambientd.run import withdraw
+
+    withdraw(load_settings(options.config))
 
 
 def _watch(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

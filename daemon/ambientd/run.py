@@ -206,6 +206,12 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
             raise refuse(", ".join(outlets.unpublished), "", "could not be written at any row", "see the message above")
 
 
+def withdraw(settings: Settings) -> None:
+    """Leave what the daemon's end leaves, after one that was killed. Raises :class:`Refused` where one is at work."""
+    with Waiter() as waiter, contextlib.closing(Outlets(waiter, 0, log)) as outlets:
+        outlets.become(settings.publish, settings.state)
+
+
 def _delay_after_start(rate_hz: float | None, speed: float) -> Callable[[int, float], float]:
     """From a row's number and its time after the first row's, how long after the start it is due, all in s."""
     if rate_hz is not None:

@@ -25,6 +25,8 @@ while [ -e "$module/ambientd.pyz" ] && [ ! -e "$module/disable" ] && [ ! -e "$mo
     if python=$(find_python); then
         "$python" -I -S "$module/ambientd.pyz" run --config "$settings/ambientd.json" >"$log" 2>&1
         echo "ambientd ended with status $?; once more in $pause_s s" >>"$log"
+        # one that was killed leaves its last value
+        "$python" -I -S "$module/ambientd.pyz" withdraw --config "$settings/ambientd.json" >>"$log" 2>&1
     else
         echo "no Python in $settings/python/bin/python3 nor in Termux; looking again in $pause_s s" >"$log"
     fi

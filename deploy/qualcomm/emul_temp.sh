@@ -41,7 +41,9 @@ find_zone() {
 # The millidegrees that are to be said now.
 current() {
     value=
-    if changed_s=$(stat -c %Y "$estimate" 2>/dev/null) && [ $(($(date +%s) - changed_s)) -le "$oldest_s" ]; then
+    # one from the future has not been renewed since the clock was set back
+    if changed_s=$(stat -c %Y "$estimate" 2>/dev/null) && age_s=$(($(date +%s) - changed_s)) &&
+        [ "$age_s" -le "$oldest_s" ] && [ "$age_s" -ge -1 ]; then
         { IFS= read -r value <"$estimate"; } 2>/dev/null
     fi
     is_integer "$value" || value=$missing

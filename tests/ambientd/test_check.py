@@ -1,12 +1,19 @@
 """``ambientd check``: the model, its self-consistency, the sensors that its inputs are read from, and the outputs."""
 
 import json
+import pwd
 import re
+from pathlib import Path
 
 import pytest
 
 from ambient_model.codec import encode
 from ambient_model.model import Input
+from ambientd import consumers
+from ambientd.publish.file import Options
+from ambientd.publish.spec import Spec
+
+DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 
 
 @pytest.fixture
@@ -223,3 +230,76 @@ def test_a_zone_in_another_unit_is_named(check, model_file, sysfs, content, unit
     status, _, refused = check("--model", model_file, "--sysfs-root", sysfs.root)
     assert status == (0 if unit is None else 1)
     assert unit is None or ("sensor usb" in str(refused) and unit in str(refused))
+
+
+@pytest.fixture
+def followed(tmp_path):
+    """The chain from a file, published with some options, to what reads it on a device whose root is a folder."""
+    run, root = tmp_path / "run", tmp_path / "root"
+    run.mkdir()
+
+    def follow(options, **configurations):
+        for path, text in configurations.items():
+            where = root / path.replace("__", "/").replace("_dot_", ".").replace("_", "-")
+            where.parent.mkdir(parents=True, exist_ok=True)
+            where.write_text(text.replace("/run/ambientd", str(run)))
+        spec = Spec("file", f"{run}/ambient_temp", options=Options(**options))
+        prom = Spec("prometheus", f"{run}/ambient.prom")
+        found, faults = consumers.followed((spec, prom), str(root))
+        return found, [(fault.place, fault.problem) for fault in faults]
+
+    return follow
+
+
+THERMALD = (DEPLOY / "thermald" / "thermal-conf.xml").read_text()
+SAFE = {"poison_millidegC": 60000, "at_exit": "poison"}
+
+
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (SAFE, None),
+        ({}, "takes a missing file for 0 degC"),
+        ({"poison_millidegC": 60000}, "takes a missing file for 0 degC"),
+        ({**SAFE, "poison_millidegC": 25000}, "does not act on 25000"),
+    ],
+)
+def test_it_reports_what_thermald_does_after_a_fault(followed, options, problem):
+    found, faults = followed(options, etc__thermald__thermal_conf_dot_xml=THERMALD)
+    assert ["thermald reads file:" in each and "from 30000" in each for each in found] == [True]
+    assert [(place, problem in text) for place, text in faults] == ([("consumer thermald", True)] if problem else [])
+
+
+def test_it_reports_a_file_that_is_read_where_none_is_published(followed):
+    typo = THERMALD.replace("ambient_temp", "ambient_tmp")
+    found, [(place, problem)] = followed(SAFE, etc__thermald__thermal_conf_dot_xml=typo)
+    assert (found, place, "ambient_tmp" in problem) == ([], "consumer thermald", True)
+
+
+@pytest.mark.parametrize(("poison", "problem"), [(60000, None), (40000, "does not act"), (None, "keeps its last")])
+def test_it_reports_what_the_pixel_hal_does_after_a_fault(followed, tmp_path, poison, problem):
+    snippet = (DEPLOY / "pixel" / "thermal_info_config.json").read_text().replace("/dev/ambientd", "/run/ambientd")
+    where = tmp_path / "root/vendor/etc/thermal_info_config.json"
+    where.parent.mkdir(parents=True)
+    where.write_text(snippet.replace("/run/ambientd", f"{tmp_path}/run"))
+    options = {} if poison is None else {**SAFE, "poison_millidegC": poison}
+    found, faults = followed(options)
+    assert ["pixel-hal reads" in each for each in found] == [True]
+    assert [problem in text for _, text in faults] == ([True] if problem else [])
+    where.write_text(where.read_text().replace('42.0, "NAN", "NAN"', '42.0, "NAN", 60.0'))
+    assert ("shuts the device down" in str(followed(options)[1])) is (poison == 60000)
+
+
+def test_it_reports_a_reader_that_may_not_read(followed, tmp_path):
+    """Debian's node_exporter, by the link of the guide, with its account where it is here."""
+    text_files = tmp_path / "root/var/lib/prometheus/node-exporter"
+    text_files.mkdir(parents=True)
+    (text_files / "ambientd.prom").symlink_to(tmp_path / "run/ambient.prom")
+    tmp_path.chmod(0o700)
+    found, faults = followed(SAFE)
+    assert ["node-exporter reads prometheus:" in each for each in found] == [True]
+    try:
+        pwd.getpwnam("prometheus")
+    except KeyError:
+        pytest.skip("there is no user prometheus here")
+    assert ["user prometheus" in problem for _, problem in faults] == [True]

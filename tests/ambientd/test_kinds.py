@@ -136,4 +136,4 @@ def test_only_what_a_configuration_uses_is_imported(model_file, phone, tmp_path)
     done = subprocess.run(call, capture_output=True, text=True, timeout=30)
     loaded = {name.rpartition(".")[2] for name in done.stdout.splitlines()[-1].split()}
     assert "status" in loaded, done.stderr
-    assert not loaded & {"socket", "prometheus", "stdout", "file_in_place", "pkgutil", "hwmon", "power_supply"}
+    assert not loaded & {"socket", "prometheus", "stdout", "file_in_place", "hwmon", "power_supply"}

@@ -115,6 +115,11 @@ class Weather:
             os.close(self._pipe)
             self._pipe = -1
 
+    def kill(self) -> None:
+        """End the daemon as one that runs out of memory."""
+        self._daemon.kill()
+        self._daemon.wait()
+
     def end(self) -> int:
         """End the trace, and with it the daemon: its exit status."""
         self.close()

@@ -20,7 +20,7 @@ ANDROID = DEPLOY / "android"
 BEFORE = """
 class process class file class dir class lnk_file class sock_file class unix_stream_socket
 sid kernel
-common file { getattr setattr open read write execute map create rename unlink }
+common file { getattr setattr open read write lock execute map create rename unlink }
 class process { transition siginh rlimitinh noatsecure }
 class file inherits file { entrypoint }
 class dir inherits file { search add_name remove_name }
@@ -32,13 +32,15 @@ dominance { s0 }
 category c0;
 level s0:c0;
 mlsconstrain file read (l1 dom l2);
-attribute domain; attribute exec_type; attribute vendor_file_type; attribute file_type;
+attribute domain; attribute exec_type; attribute vendor_file_type; attribute file_type; attribute dev_type;
 type init, domain; type hal_thermal_default, domain;
 type vendor_file, vendor_file_type, file_type; type sysfs; type sysfs_thermal; type sysfs_batteryinfo; type device;
 """
 AFTER = """
 neverallow ambientd self:process transition;
 neverallow { domain -ambientd } ambientd_run:file write;
+neverallow * { file_type -exec_type -vendor_file_type }:sock_file create;
+neverallow ambientd ~{ dev_type ambientd_exec vendor_file sysfs sysfs_thermal sysfs_batteryinfo }:file { read write };
 role r;
 role r types domain;
 user u roles r level s0 range s0 - s0:c0;
@@ -91,8 +93,8 @@ def test_what_is_labelled_is_what_init_makes_and_starts():
     assert re.fullmatch(named["u:object_r:ambientd_exec:s0"], words[0])
     made = re.findall(r"^    mkdir (\S+) 0755 system system$", (ANDROID / "ambientd.rc").read_text(), re.MULTILINE)
     assert made == ["/dev/ambientd"]
-    publish = json.loads((ANDROID / "ambientd.json").read_text())["publish"]
-    for target in (made[0], *(each.partition(":")[2] for each in publish)):
+    file, *others = json.loads((ANDROID / "ambientd.json").read_text())["publish"]
+    for target in (made[0], file["path"], *(each.partition(":")[2] for each in others)):
         assert re.fullmatch(named["u:object_r:ambientd_run:s0"], target)
 
 
@@ -118,7 +120,8 @@ def test_the_service_line_runs(zipapp, model_file, phone, spawn, until, tmp_path
     assert stat.S_ISSOCK((run / "ambient.sock").stat().st_mode)
     daemon.terminate()
     assert daemon.wait(timeout=20) == 0
-    assert os.listdir(run) == []
+    assert os.listdir(run) == ["ambient_temp"]
+    assert (run / "ambient_temp").read_text() == "60000\n"
 
 
 @pytest.fixture(scope="module")
@@ -181,6 +184,7 @@ def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
 
     (first,) = daemon()
     os.kill(first, signal.SIGKILL)
+    until(lambda: published.read_text() == "60000\n", "the last value stays")
     until(lambda: daemon() not in ([first], []), "it was not started again")
     until(lambda: "ambientd: model 'phone'" in (run / "log").read_text())
     (installed / "disable").touch()
@@ -188,7 +192,7 @@ def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
     os.kill(second, signal.SIGTERM)
     assert keeper.wait(timeout=20) == 0
     assert "ambientd ended with status 0" in (run / "log").read_text()
-    assert not published.exists()
+    assert published.read_text() == "60000\n"
 
 
 def test_the_module_without_a_python_says_so(module, spawn, until, tmp_path):

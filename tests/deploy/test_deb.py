@@ -18,10 +18,10 @@ INSTALLED = {
     "./etc/ambientd/ambientd.yaml": 0o644,
     "./usr/bin/ambientd": 0o755,
     "./usr/lib/systemd/system/ambientd.service": 0o644,
+    "./usr/lib/sysusers.d/ambientd.conf": 0o644,
     "./usr/share/doc/ambientd/README.md": 0o644,
     "./usr/share/doc/ambientd/changelog.gz": 0o644,
     "./usr/share/doc/ambientd/copyright": 0o644,
-    "./usr/share/doc/ambientd/examples/node-exporter/ambientd.conf": 0o644,
     "./usr/share/doc/ambientd/examples/thermald/ambientd.conf": 0o644,
     "./usr/share/doc/ambientd/examples/thermald/thermal-conf.xml": 0o644,
     "./usr/share/man/man1/ambientd.1.gz": 0o644,
@@ -90,7 +90,7 @@ def test_dpkg_understands_it(dpkg_deb, deb, build):
     )
     version = re.search(r'__version__ = "(.+)"', (ROOT / "shared/ambient_model/__init__.py").read_text())[1]
     assert (fields["Package"], fields["Version"], fields["Architecture"]) == ("ambientd", version, "all")
-    assert fields["Depends"] == "python3 (>= 3.10), python3-yaml"
+    assert fields["Depends"] == "python3 (>= 3.10), python3-yaml, init-system-helpers (>= 1.52)"
     assert fields["Maintainer"] == "Jane Doe <jane@example.com>"
     with tarfile.open(fileobj=io.BytesIO(members(deb)["data.tar.xz"])) as archive:
         kib = sum(-(-entry.size // 1024) for entry in archive)
@@ -117,11 +117,12 @@ def test_what_is_unpacked_runs(dpkg_deb, deb, tmp_path, model_file, deployed):
 
 
 @pytest.mark.slow
-def test_lintian_finds_no_error(deb):
+def test_lintian_finds_nothing(deb):
     if shutil.which("lintian") is None:
         pytest.skip("lintian is not installed")
     done = subprocess.run(["lintian", "--allow-root", str(deb)], capture_output=True, text=True, timeout=120)
-    assert not [line for line in done.stdout.splitlines() if line.startswith("E:")], done.stdout
+    mine = "bogus-mail-host"  # example.com
+    assert not [line for line in done.stdout.splitlines() if line[:2] in ("E:", "W:") and mine not in line]
 
 
 def test_it_is_installed_started_upgraded_removed_and_purged(boot, at_rest, deb, tmp_path, model_file, until):
@@ -154,9 +155,10 @@ def test_it_is_installed_started_upgraded_removed_and_purged(boot, at_rest, deb,
         machine.run("dpkg", "-r", "ambientd")
         assert not machine.file("/usr/bin/ambientd").exists()
         assert not machine.file("/run/ambientd").exists()
-        assert machine.file("/var/lib/private/ambientd/state.json").exists()
+        assert not machine.file("/etc/systemd/system/multi-user.target.wants/ambientd.service").is_symlink()
+        assert machine.file("/var/lib/ambientd/state.json").exists()
         machine.run("dpkg", "-P", "ambientd")
-        assert not machine.file("/var/lib/private/ambientd").exists()
+        assert not machine.file("/var/lib/ambientd").exists()
         assert not configuration.exists()
         assert machine.file("/etc/ambientd/model.json").exists(), "that is the user's"
     assert (

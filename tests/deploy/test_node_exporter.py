@@ -1,30 +1,14 @@
-"""The real node_exporter scrapes the gauges through the link that the shipped tmpfiles.d snippet makes."""
+"""The real node_exporter scrapes the gauges through a link; as Debian starts it: test_under_systemd."""
 
 import math
-import os
 import re
 import shutil
 import socket
 import subprocess
 import urllib.error
 import urllib.request
-from pathlib import Path
 
 import pytest
-
-SNIPPET = Path(__file__).resolve().parents[2] / "deploy" / "node-exporter" / "ambientd.conf"
-LINK, TARGET = "/var/lib/prometheus/node-exporter/ambientd.prom", "/run/ambientd/ambient.prom"
-
-
-def test_the_snippet_makes_the_link(tmp_path):
-    if shutil.which("systemd-tmpfiles") is None:
-        pytest.skip("systemd-tmpfiles is not installed")
-    if os.geteuid() != 0:
-        pytest.skip("systemd-tmpfiles makes root's files as root only")
-    call = ["systemd-tmpfiles", "--create", f"--root={tmp_path}", str(SNIPPET)]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=30)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert os.readlink(f"{tmp_path}{LINK}") == TARGET
 
 
 @pytest.fixture

@@ -4,20 +4,25 @@ import json
 import shutil
 import socket
 import subprocess
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 import pytest
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
+GUIDE = DEPLOY / "node-exporter" / "README.md"
 
 
-def configuration(state="/var/lib/ambientd/state.json"):
+def configuration():
+    """What is shipped, as JSON, with a sensor folder of the test's own and a textfile beside."""
     publish = [
-        "file:/run/ambientd/ambient_temp",
+        {"kind": "file", "path": "/run/ambientd/ambient_temp", "poison_millidegC": 60000, "at_exit": "poison"},
         "status:/run/ambientd/status.json",
         "socket:/run/ambientd/ambient.sock",
+        "prometheus:/run/ambientd/ambient.prom",
     ]
-    state = {"path": state, "max_age_s": 30}
+    state = {"path": "/var/lib/ambientd/state.json", "max_age_s": 30}
     return json.dumps({"model": "model.json", "sysfs_root": "sys", "state": state, "publish": publish})
 
 
@@ -35,12 +40,15 @@ def machine(tmp_path_factory, zipapp, model_file, boot, at_rest):
     (units / "ambientd.service.d").mkdir(parents=True)
     shutil.copy(DEPLOY / "ambientd.service", units)
     # what the guide says of the one file: it reads JSON, and the unit is to name that
-    shipped = "ExecStart=/usr/bin/env ambientd run --config /etc/ambientd/ambientd.yaml\n"
-    assert shipped in (DEPLOY / "ambientd.service").read_text()
-    ours = "RestartSec=0.1\nStandardError=append:/box/stderr\n"
-    override = f"[Service]\nExecStart=\n{shipped.replace('.yaml', '.json')}{ours}"
-    (units / "ambientd.service.d" / "json.conf").write_text(override)
+    shipped = (DEPLOY / "ambientd.service").read_text()
+    commands = [line.replace(".yaml", ".json") for line in shipped.splitlines() if "ambientd.yaml" in line]
+    assert [line.partition("=")[0] for line in commands] == ["ExecStart", "ExecStopPost"]
+    ours = ["[Service]", "ExecStart=", "ExecStopPost=", *commands, "RestartSec=0.1", "StandardError=append:/box/stderr"]
+    (units / "ambientd.service.d" / "json.conf").write_text("\n".join(ours) + "\n")
+    shutil.copytree(DEPLOY / "sysusers.d", box / "files/usr/lib/sysusers.d")
+    (box / "files/etc/default").mkdir()
     with boot(box) as running:
+        running.run("systemd-sysusers", "ambientd.conf")
         yield running
 
 
@@ -69,8 +77,9 @@ def test_the_unit_publishes_to_all_and_stops_clean(started):
         assert json.loads(follower.makefile().readline())["ambient_degC"] == 23.0
     started.run("systemctl", "stop", "ambientd")
     assert (started.show("Result"), started.show("ExecMainStatus")) == ("success", "0")
-    assert not started.file("/run/ambientd").exists()
-    assert started.file("/var/lib/private/ambientd/state.json").exists()
+    left = started.run("ls", "/run/ambientd").split()
+    assert (left, started.file("/run/ambientd/ambient_temp").read_text()) == (["ambient_temp"], "60000\n")
+    assert started.file("/var/lib/ambientd/state.json").exists()
 
 
 def test_a_restart_goes_on_and_a_reload_with_a_bad_model_changes_nothing(started, until):
@@ -106,6 +115,48 @@ def test_a_daemon_that_hangs_is_killed_and_started_again(short_watchdog, started
     until(lambda: started.show("MainPID") not in (process, "0") and started.show("ActiveState") == "active")
     assert started.show("NRestarts") == "1"
     assert started.file("/run/ambientd/ambient_temp").read_text() == "23000\n"
+
+
+def test_a_killed_daemon_leaves_nothing_that_could_be_taken_for_a_value(started, machine, until):
+    """Not even while it is not started again."""
+    folder = machine.file("/run/systemd/system/ambientd.service.d")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "no-restart.conf").write_text("[Service]\nRestart=no\n")
+    machine.run("systemctl", "daemon-reload")
+    machine.run("kill", "-KILL", started.show("MainPID"))
+    until(lambda: started.show("ActiveState") == "failed")
+    (folder / "no-restart.conf").unlink()
+    machine.run("systemctl", "daemon-reload")
+    left = started.run("ls", "/run/ambientd").split()
+    assert (left, started.file("/run/ambientd/ambient_temp").read_text()) == (["ambient_temp"], "60000\n")
+
+
+def test_node_exporter_as_debian_starts_it_serves_the_estimate(started, until):
+    """After the one command of the guide; Debian's folder of text files lies in one of another user."""
+    if not started.file("/usr/bin/prometheus-node-exporter").exists():
+        pytest.skip("prometheus-node-exporter is not installed")
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"127.0.0.1:{free.getsockname()[1]}"
+    started.file("/etc/default/prometheus-node-exporter").write_text(f'ARGS="--web.listen-address={address}"\n')
+    [command] = [line for line in GUIDE.read_text().splitlines() if line.startswith("ln -s ")]
+    started.run("sh", "-ec", command)
+    started.run("systemctl", "start", "prometheus-node-exporter")
+    fetch = urllib.request.build_opener(urllib.request.ProxyHandler({})).open
+
+    def metrics():
+        try:
+            with fetch(f"http://{address}/metrics", timeout=10) as answer:
+                return answer.read().decode()
+        except urllib.error.URLError:
+            return ""
+
+    try:
+        until(metrics)
+        assert 'ambientd_ambient_celsius{model="phone"} 23\n' in metrics()
+        started.run("systemctl", "stop", "ambientd")
+        assert "node_textfile_scrape_error 1" in metrics()
+    finally:
+        started.run("systemctl", "stop", "prometheus-node-exporter")
 
 
 def test_it_is_closed_in(started):
