@@ -83,10 +83,11 @@ def test_the_zone_says_what_is_published_and_never_0(shell, bridge, zone, until,
     ]:
         put(estimate, published)
         until(lambda said=said: zone.says() == said, f"{published!r} is not said as {said}")
-    put(estimate, "20000\n", age_s=3600)
-    until(lambda: zone.says() == "60000", "an estimate of an hour ago is still said")
-    put(estimate, "20000\n")
-    until(lambda: zone.says() == "20000")
+    for age_s, value in ((3600, 20000), (-86400, 20010)):
+        put(estimate, f"{value}\n", age_s=age_s)
+        until(lambda: zone.says() == "60000", "an estimate of another time is still said")
+        put(estimate, f"{value}\n")
+        until(lambda value=value: zone.says() == f"{value}")
     estimate.unlink()
     until(lambda: zone.says() == "60000")
     put(estimate, "20001\n")

@@ -1,0 +1,77 @@
+"""A flood of connections by an unprivileged user costs no one else a tick."""
+
+import contextlib
+import json
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+import pytest
+
+FLOODS = {
+    "connections that are held": "held.append(connected())",
+    "connections a second": "connected().close()",
+    "readers that never read": "held.append(connected()); held[:] = held[-400:]",
+    "half-open": "held.append(connected()); held[-1].shutdown(socket.SHUT_WR); held[:] = held[-400:]",
+}
+FLOOD = """
+import os, socket, sys
+os.setuid(65534)
+def connected():
+    made = socket.socket(socket.AF_UNIX)
+    made.connect(sys.argv[1])
+    return made
+held = []
+print("ready", flush=True)
+while True:
+    try:
+        {}
+    except OSError:
+        pass
+"""
+FOR_S = 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
+@pytest.mark.parametrize("flood", FLOODS)
+def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones):
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        os.chmod(folder, 0o755)  # pytest's own are closed to others
+
+        def started(*words):
+            process = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE, text=True))
+            stack.callback(process.kill)
+            return process
+
+        def reader():
+            made = stack.enter_context(socket.socket(socket.AF_UNIX))
+            made.connect(path)  # with a timeout, it would not wait where the kernel's queue is full
+            made.settimeout(10)
+            return made.makefile()
+
+        path = f"{folder}/s"
+        run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish", f"socket:{path}")
+        started(sys.executable, "-m", "ambientd", *map(str, run))
+        end_s = time.monotonic() + 30
+        while not os.path.exists(path):
+            assert time.monotonic() < end_s
+            time.sleep(0.01)
+        readers = [reader() for _ in range(5)]
+        assert started(sys.executable, "-I", "-S", "-c", FLOOD.format(FLOODS[flood]), path).stdout.readline()
+        readers += [reader() for _ in range(5)]  # they come during the flood
+        heard = [[] for _ in readers]
+        first_s = None
+        while first_s is None or heard[-1][-1] < first_s + FOR_S:
+            for lines, times_s in zip(readers, heard):
+                times_s.append(json.loads(lines.readline())["time_s"])
+            first_s = first_s or heard[-1][0]
+    everyone = [times_s[times_s.index(first_s) :] for times_s in heard]
+    count = min(map(len, everyone))
+    assert count > 10
+    assert all(each[:count] == everyone[0][:count] for each in everyone), "someone lost a line"
+    offsets_s = sorted((each - first_s + 0.05) % 0.1 for each in everyone[0])
+    assert offsets_s[-3] - offsets_s[2] < 0.02, "ticks come late"  # but for two: the machine does other things, too
