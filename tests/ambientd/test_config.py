@@ -5,7 +5,7 @@ import json
 import pytest
 
 from ambient_model.faults import Refused
-from ambientd.config import Settings, load_settings, settings_for_model
+from ambientd.config import Settings, StateSpec, load_settings, settings_for_model
 from ambientd.publish.file import Options
 from ambientd.publish.spec import Spec, parse
 
@@ -28,6 +28,8 @@ WHOLE = {
     "sysfs_root": "/fake",
     "level_percent": 98,
     "zones": {"usb": "usbc-therm-adc"},
+    "coast_s": 5,
+    "state": {"path": "s", "max_age_s": 100},
     "publish": [
         "stdout",
         "file-in-place:/run/a",
@@ -54,6 +56,8 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
             ),
             level_percent=98,
             zones={"usb": "usbc-therm-adc"},
+            coast_s=5.0,
+            state=StateSpec(str(tmp_path / "s"), 100.0),
         )
 
 
@@ -72,6 +76,8 @@ sysfs_root: 7
 level_percent: 95
 zones: [usb]
 poll: 3
+coast_s: 1m
+state: {age: 1, max_age_s: 0}
 publish:
   - mqtt:broker
   - file
@@ -86,7 +92,7 @@ publish:
         *("poll", "model", "rate_hz", "sysfs_root"),
         *(f"publish[{k}]" for k in range(4)),
         *("publish[4].owner", "publish[4].mode", "publish[4].poison_millidegC", "publish[5].mode", "publish"),
-        *("level_percent", "zones"),
+        *("level_percent", "zones", "coast_s", "state.age", "state.path"),
     ]
     assert "file, file-in-place, prometheus, socket, status, stdout" in faults["publish[0]"]
     assert all(key in faults["poll"] for key in ("zones_by_name", "supervision", "coast_s", "state"))
@@ -106,6 +112,8 @@ publish:
         ("model: a\nrate_hz: true\n", "c.yaml", "rate_hz: is True"),
         ("model: a\nrate_hz: .nan\n", "c.yaml", "rate_hz: is nan"),
         ("model: a\npublish: []\n", "c.yaml", "publish: is []"),
+        ("model: a\nstate: /s\n", "c.yaml", "state: is '/s'"),
+        ("model: a\nstate: {path: /s, max_age_s: 0}\n", "c.yaml", "state.max_age_s: is 0"),
     ],
 )
 def test_each_is_refused(tmp_path, text, name, fact):

@@ -124,15 +124,6 @@ def test_a_fallback_that_nobody_asked_has_missed_nothing(make_model, count):
     assert together.snapshot().snapshots[1:] == tuple(each.snapshot() for each in alone.values())
 
 
-def test_a_state_taken_in_between_is_whole(make_model):
-    rows = [(30 + math.sin(k / 9), 25 + math.cos(k / 7)) for k in range(200)]
-    watched, left = FallbackTracker(make_model(fallbacks=True), 1.0), FallbackTracker(make_model(fallbacks=True), 1.0)
-    for k, row in enumerate(rows):
-        assert watched.update(float(k), row) == left.update(float(k), row)
-        watched.snapshot()
-    assert watched.snapshot() == left.snapshot()
-
-
 ALL, NO_USB, NO_BATTERY, NONE = (30.0, 25.0), (None, 25.0), (30.0, None), (None, None)
 SETTLED = [ALL] * 200
 

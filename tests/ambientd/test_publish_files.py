@@ -1,5 +1,6 @@
 """What lies in the published files, tick after tick, for each way of reading them."""
 
+import itertools
 import json
 import os
 import re
@@ -113,21 +114,6 @@ def test_in_place_continues_a_file_that_is_there(path):
         assert os.pread(reader.fileno(), 15, 0) == b"-40000\n"  # a reader that keeps it open has no last value
 
 
-@pytest.mark.parametrize(("options", "left"), [({}, None), ({"poison_millidegC": -274000}, POISON)])
-def test_a_value_that_cannot_be_replaced_does_not_stay(path, options, left):
-    """As on a full disk, where there is no room for another file."""
-    publisher = RenamedFile(spec(path, **options))
-    publisher.publish(report(20.0))
-    in_the_way = path.with_name(f"temp.{os.getpid()}.part")
-    in_the_way.mkdir()
-    with pytest.raises(OSError, match="Is a directory"):
-        publisher.publish(report(21.0))
-    assert (path.read_text() if path.exists() else None) == left
-    in_the_way.rmdir()
-    publisher.publish(report(21.0))
-    assert path.read_text() == "21000\n"
-
-
 def test_status_is_one_json_object(path):
     publisher = status.publisher(Spec("status", str(path)), None)
     publisher.publish(report(23.4))
@@ -217,12 +203,17 @@ def test_in_place_no_reader_ever_sees_the_rest_of_another_value(path, monkeypatc
     assert seen == [b"5000\n\n\n\n", b"5000\n", b"7\n\n\n\n", b"7\n", b"7\n\n\n\n\n", b"23400\n"]
 
 
-@pytest.mark.parametrize("by", ["symlink", "hard link", "another user"])
-def test_nothing_is_written_into_a_file_that_is_not_its_own(kind, path, by):
-    """Neither a value nor, where no other file can be made, the poison."""
+OTHERS = itertools.product(KINDS, ["symlink", "hard link", "another user"])
+
+
+@pytest.mark.parametrize(("kind", "by"), [(RenamedFile, "nobody"), *OTHERS])
+def test_a_value_that_cannot_be_replaced_does_not_stay_and_no_other_file_is_written_into(kind, path, by):
+    """As on a full disk, where there is no room for another file."""
     theirs = path.with_name("theirs")
     theirs.write_text("20000\n")
-    if by == "symlink":
+    if by == "nobody":
+        path.write_text("20000\n")
+    elif by == "symlink":
         path.symlink_to(theirs)
     elif by == "hard link":
         os.link(theirs, path)
@@ -236,6 +227,7 @@ def test_nothing_is_written_into_a_file_that_is_not_its_own(kind, path, by):
     in_the_way.mkdir()
     with pytest.raises(OSError, match="Is a directory"):
         publisher.publish(report(21.0))
+    assert (path.read_text() if path.exists() else None) == (POISON if by == "nobody" else None)
     in_the_way.rmdir()
     publisher.publish(report(21.0))
     assert path.read_text() == "21000\n"

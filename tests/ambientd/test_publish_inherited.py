@@ -122,12 +122,6 @@ def test_what_is_no_socket_or_meant_for_another_process_is_left_alone(environmen
     assert handed_over(environment) == {}
 
 
-def test_systemd_hands_over_many_and_not_all_are_unix_sockets(made, path):
-    """This process has descriptors from 3 on, and some are no sockets."""
-    found = handed_over({"LISTEN_FDS": "5000", "LISTEN_PID": str(os.getpid())})
-    assert found[path] == made.fileno()
-
-
 def test_a_datagram_socket_is_refused(path):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as made:
         made.bind(path)

@@ -11,7 +11,7 @@ import pytest
 
 from ambientd.publish import swap
 from ambientd.publish.access import Access
-from ambientd.publish.swap import put, swap_in, sweep, trial
+from ambientd.publish.swap import swap_in, sweep
 
 
 class Alarm(BaseException):
@@ -98,23 +98,6 @@ def test_what_lies_in_the_way_is_replaced_and_a_link_is_not_followed(target, tmp
     assert (tmp_path / "precious").read_text() == "mine"
     assert not os.path.islink(target)
     assert sorted(os.listdir(tmp_path)) == ["precious", "temp"]
-
-
-def test_the_descriptor_is_the_file_that_was_put(target):
-    descriptor = put(target, b"1\n", Access())
-    try:
-        os.pwrite(descriptor, b"2", 0)
-        with open(target) as stream:
-            assert stream.read() == "2\n"
-    finally:
-        os.close(descriptor)
-
-
-def test_a_trial_says_what_would_be_and_leaves_what_is(target, tmp_path):
-    (tmp_path / "temp").write_text("1\n")
-    assert trial(target, Access(0o604)) == f"0604, user {os.getuid()}, group {os.getgid()}"
-    assert os.listdir(tmp_path) == ["temp"]
-    assert (tmp_path / "temp").read_text() == "1\n"
 
 
 def test_what_killed_processes_left_is_swept_and_nothing_else(target, tmp_path):

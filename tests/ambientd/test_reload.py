@@ -244,22 +244,6 @@ def test_another_offset_leaves_no_gap_and_another_mode_comes_back(running, reloa
     assert (status, len(log.splitlines()), content()) == (0, 3, None)
 
 
-@pytest.mark.parametrize("mode", ["rename", "in-place"])
-@pytest.mark.parametrize("at_exit", ["remove", "poison"])
-def test_at_the_end_the_file_goes_or_holds_the_poison(running, until, ended, content, tmp_path, mode, at_exit):
-    """Whoever keeps it open in place reads the poison, and then the next daemon's values."""
-    file = {"poison_millidegC": 60000, "mode": mode, "at_exit": at_exit}
-    daemon = running(file=file)
-    until(lambda: content() == "23000\n")
-    with open(tmp_path / "temp", "rb", buffering=0) as reader:
-        assert ended(daemon)[0] == 0
-        assert content() == ("60000\n" if at_exit == "poison" else None)
-        assert os.pread(reader.fileno(), 15, 0) == (b"60000\n" if mode == "in-place" else b"23000\n")
-        if (mode, at_exit) == ("in-place", "poison"):
-            running(file=file)
-            until(lambda: os.pread(reader.fileno(), 15, 0) == b"23000\n")
-
-
 def test_it_ends_though_its_reader_has_stopped_reading(start, until, model_file, tmp_path):
     """As fast as it goes it waits for ever for a full pipe; the signal comes through."""
     trace = tmp_path / "long.csv"

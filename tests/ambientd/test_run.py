@@ -72,20 +72,6 @@ def test_without_any_zone_it_runs_faulted_until_they_come(start, until, ended, m
     assert ended(daemon)[0] == 0
 
 
-def test_a_publisher_that_fails_is_told_once_and_the_others_go_on(start, until, ended, on_phone, tmp_path):
-    missing = tmp_path / "missing"
-    daemon = start(*on_phone, "--publish", f"file:{missing}/temp", "--publish", "stdout")
-    for _ in range(10):
-        daemon.stdout.readline()
-    missing.mkdir()
-    until(lambda: text(missing / "temp") == "23000\n")
-    _, _, log = ended(daemon)
-    assert log.splitlines()[1:] == [
-        f"ambientd: file:{missing}/temp: cannot be written (No such file or directory); the others go on",
-        f"ambientd: file:{missing}/temp: is back",
-    ]
-
-
 def test_a_reader_of_stdout_that_leaves_does_not_end_it(start, until, ended, on_phone, tmp_path):
     daemon = start(*on_phone, "--publish", "stdout", "--publish", f"status:{tmp_path}/status")
     daemon.stdout.close()

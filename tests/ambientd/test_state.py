@@ -11,14 +11,12 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from ambient_model.codec import encode as encode_model
 from ambient_model.error_variance import VarianceState
-from ambient_model.faults import Refused
 from ambient_model.observer import Background
 from ambient_model.tracking import Snapshot
-from ambientd.config import StateSpec, load_settings
+from ambientd.config import StateSpec
 from ambientd.fallback import FallbackState, FallbackTracker
-from ambientd.state import State, StateFile, boot_identity, decode, encode, model_identity, take_back
+from ambientd.state import State, StateFile, decode, encode, take_back
 
 
 def rows(count, start=0):
@@ -108,31 +106,10 @@ def test_what_may_not_be_believed_is_not(make_model, settled, change, reason):
     assert tracker.snapshot().snapshots == (None,) * 3
 
 
-def test_what_may_be_believed_is(make_model, settled):
-    tracker = FallbackTracker(make_model(fallbacks=True), 1.0)
-    assert take_back(a_state(settled), tracker, "model", "boot", 128.0, 600.0) == 29.0
-    assert tracker.snapshot() == settled.snapshot()
-
-
-def test_the_identity_is_the_models_and_not_its_files(make_model):
-    model = make_model()
-    assert model_identity(model) == hashlib.sha256(encode_model(model).encode()).hexdigest()
-    assert model_identity(model._replace(name="other")) != model_identity(model)
-
-
 ONE = Snapshot(1.0, 0.0, 3, (1.0,), (2.0,))
 WHOLE = encode(
     State("m", "b", 5.0, FallbackState((ONE, None), 0, 0.0, 1.5, 3.0, Background(ONE, VarianceState((1.0,), (2.0,)))))
 )
-
-
-@given(place=st.integers(0, 10**4), change=st.integers(1, 255), cut=st.booleans())
-@settings(max_examples=200, deadline=None)
-def test_no_damaged_byte_is_believed(place, change, cut):
-    place %= len(WHOLE)
-    damaged = WHOLE[:place] if cut else WHOLE[:place] + bytes([WHOLE[place] ^ change]) + WHOLE[place + 1 :]
-    with pytest.raises(ValueError, match="it is damaged"):
-        decode(damaged)
 
 
 def sealed(line):
@@ -241,39 +218,6 @@ def test_a_first_start_says_nothing_and_a_folder_is_told(state_file, settled):
         f"state {path}: cannot be read (Is a directory); starting anew",
         f"state {path}: cannot be written (Is a directory); the rest goes on",
     ]
-
-
-def test_this_system_names_its_boot():
-    with contextlib.suppress(FileNotFoundError), open("/proc/sys/kernel/random/boot_id") as stream:
-        assert boot_identity() == stream.read().strip() != ""
-
-
-def test_the_configuration_names_it(tmp_path):
-    path = tmp_path / "c.json"
-    path.write_text('{"model": "m", "state": {"path": "s"}, "coast_s": 5}')
-    assert load_settings(str(path)).state == StateSpec(str(tmp_path / "s"), 30.0)
-    assert load_settings(str(path)).coast_s == 5.0
-    path.write_text('{"model": "m", "state": {"path": "/s", "max_age_s": 100}}')
-    assert load_settings(str(path)).state == StateSpec("/s", 100.0)
-
-
-@pytest.mark.parametrize(
-    ("text", "fault"),
-    [
-        ('"state": "/s"', "state: is '/s'; a mapping with path and max_age_s is wanted"),
-        ('"state": {}', "state.path: missing; name the file that the state is kept in"),
-        ('"state": {"path": "/s", "age": 1}', "state.age: unknown key; known are path, max_age_s, access"),
-        ('"state": {"path": "/s", "max_age_s": 0}', "state.max_age_s: is 0; a number between 1 and 3600 is wanted"),
-        ('"coast_s": -1', "coast_s: is -1; a number between 0 and 600 is wanted"),
-        ('"coast_s": "1m"', "coast_s: is '1m'; a number between 0 and 600 is wanted"),
-    ],
-)
-def test_a_wrong_configuration_of_it_is_refused(tmp_path, text, fault):
-    path = tmp_path / "c.json"
-    path.write_text(f'{{"model": "m", {text}}}')
-    with pytest.raises(Refused) as refused:
-        load_settings(str(path))
-    assert str(refused.value) == f"{path}: {fault}"
 
 
 @pytest.fixture

@@ -99,23 +99,6 @@ def test_dpkg_understands_it(dpkg_deb, deb, build):
     assert dpkg_deb("-I", str(deb), "conffiles").stdout == "/etc/ambientd/ambientd.yaml\n"
 
 
-def test_what_is_unpacked_runs(dpkg_deb, deb, tmp_path, model_file, deployed):
-    dpkg_deb("-x", str(deb), str(tmp_path / "root"))
-    program = tmp_path / "root/usr/bin/ambientd"
-    trace = tmp_path / "trace.csv"
-    trace.write_text("time_s,usb_degC,battery_degC\n" + "".join(f"{k},{25 + k / 7!r},25\n" for k in range(50)))
-    for words, name in (([str(program)], "package"), (deployed(), "file")):
-        call = [*words, "replay", str(model_file), str(trace), "-o", str(tmp_path / name)]
-        done = subprocess.run(call, env={}, capture_output=True, text=True, timeout=30)
-        assert done.returncode == 0, done.stderr
-    assert (tmp_path / "package").read_bytes() == (tmp_path / "file").read_bytes()
-    check = [str(program), "check", "--config", str(tmp_path / "root/etc/ambientd/ambientd.yaml")]
-    done = subprocess.run(check, env={}, capture_output=True, text=True, timeout=30)
-    if "PyYAML is not installed" in done.stderr:
-        pytest.skip("python3-yaml, which the package asks for, is not installed: it could not read its configuration")
-    assert "/etc/ambientd/model.json: cannot be read (No such file or directory)" in done.stderr
-
-
 @pytest.mark.slow
 def test_lintian_finds_nothing(deb):
     if shutil.which("lintian") is None:

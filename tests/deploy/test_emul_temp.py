@@ -99,18 +99,6 @@ def test_the_zone_says_what_is_published_and_never_0(shell, bridge, zone, until,
     assert not any(int(each) == 0 for each in zone.heard)
 
 
-def test_it_follows_the_daemon(bridge, zone, until, weather, spawn, deployed, model_file, tmp_path):
-    estimate = tmp_path / "ambient_temp"
-    run = deployed("run", "--model", model_file, "--replay", weather.trace, "--speed", "0")
-    weather.start(spawn, [*run, "--publish", f"file:{estimate}"], ambient_degC=23.0)
-    bridge(estimate, "quiet-therm", -40000, 0.02)
-    until(lambda: zone.says() == "23000")
-    weather.say(0.0)
-    until(lambda: zone.says() == "1")
-    assert weather.end() == 0
-    until(lambda: zone.says() == "-40000")
-
-
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [

@@ -152,7 +152,11 @@ def test_node_exporter_as_debian_starts_it_serves_the_estimate(started, until):
 
     try:
         until(metrics)
-        assert 'ambientd_ambient_celsius{model="phone"} 23\n' in metrics()
+        page = metrics()
+        assert 'ambientd_ambient_celsius{model="phone"} 23\n' in page
+        assert "# TYPE ambientd_ambient_celsius gauge" in page
+        assert 'ambientd_sensor_raw{sensor="usb",unit="degC"} 24.5' in page
+        assert "node_textfile_scrape_error 0" in page
         started.run("systemctl", "stop", "ambientd")
         assert "node_textfile_scrape_error 1" in metrics()
     finally:
