@@ -34,7 +34,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.free_start import FreelyStartingCircuit
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import search
 from ambient_trainer.lti.discretise import zero_order_hold
 
@@ -103,7 +103,7 @@ def problem() -> Problem:
 
 
 def ours(problem: Problem) -> Found:
-    structure = FreelyStartingCircuit(problem.circuit, [Segment(1.0, problem.inputs, problem.outputs)])
+    structure = CircuitStructure(problem.circuit, [Segment(1.0, problem.inputs, problem.outputs)], free_start=True)
     best = search(structure, 1, 0).best
     values = structure.values(best.theta, best.beta)
     s = structure.system(best.theta, best.beta)

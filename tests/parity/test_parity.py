@@ -21,6 +21,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimation.structure import predicted
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import fit_circuit
 from ambient_trainer.estimators.estimate import blended
@@ -86,13 +87,12 @@ def _by_scipy(fit, u, period_s):
 
 
 def _by_structure(name, fit, u, period_s):
-    """Outputs (N,) as the search predicts them: modal filters and their coefficients."""
+    """Outputs (N,) as the search predicts them: regressors and their coefficients."""
     structure = CircuitStructure(load_circuit(name), [Segment(period_s, u, np.zeros((1, u.shape[1])))])
     values = {each.name: each.value for each in fit.parameters}
     theta = np.array([np.log(values[each]) for each in structure.search.names])
     beta = np.array([values[each] for each in structure.linear.names])
-    expansion = structure.expand(theta, period_s)
-    return ((expansion.fixed + expansion.free @ beta) @ structure.signals(theta, 0))[0]
+    return predicted(structure, theta, beta, 0)[0]
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)

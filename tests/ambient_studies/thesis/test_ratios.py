@@ -9,7 +9,7 @@ from ambient_studies.thesis.related._ratios import FirstOrderRatios
 from ambient_studies.thesis.related._samples import lagged
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.estimation.structure import predicted
 
 TAUS_S = np.array([15.0, 90.0])
 PERIOD_S = 2.0
@@ -31,28 +31,23 @@ def expected(inputs: np.ndarray, direct: np.ndarray, gain: np.ndarray, offset: f
     return offset + direct @ (inputs - slow) + gain @ slow
 
 
-def test_the_expansion_is_the_filter_and_its_slopes_are_derivatives() -> None:
+def test_the_outputs_are_the_filters_and_the_slopes_are_derivatives() -> None:
     structure, beta, step = structure_of(), np.array([0.7, -0.2, 1.1, -0.4, 5.0]), 1e-5
-
-    def outputs(theta: np.ndarray, index: int = 0) -> np.ndarray:
-        return structure.signals(theta, index).T @ structure.expand(theta, PERIOD_S).free[0] @ beta
-
     for index, segment in enumerate(structure.segments):
         filtered = expected(segment.inputs, beta[:2], beta[2:4], 5.0)
-        assert outputs(np.log(TAUS_S), index) == pytest.approx(filtered, abs=1e-8)
+        assert predicted(structure, np.log(TAUS_S), beta, index)[0] == pytest.approx(filtered, abs=1e-8)
     theta = np.log([30.0, 40.0])
-    slopes = structure.expand(theta, PERIOD_S).free_slope
-    for k, move in enumerate(step * np.eye(2)):
-        numeric = (outputs(theta + move) - outputs(theta - move)) / (2 * step)
-        assert structure.signals(theta, 0).T @ slopes[k, 0] @ beta == pytest.approx(numeric, rel=1e-6, abs=1e-6)
+    for slope, move in zip(structure.slopes(theta, beta, 0), step * np.eye(2)):
+        around = (predicted(structure, theta + each, beta, 0) for each in (move, -move))
+        assert slope == pytest.approx(np.subtract(*around) / (2 * step), rel=1e-6, abs=1e-6)
 
 
 def test_at_the_true_time_constants_the_gains_are_exact_and_keep_their_sign() -> None:
     structure = structure_of()
-    found = project(linearise(structure, np.log(TAUS_S)), structure.linear)
+    found = project(structure, np.log(TAUS_S))
     assert found.beta == pytest.approx([2.0, -0.5, 1.2, -0.8, 3.0], abs=1e-7)
     turned = structure_of(signs=(-1, 1))
-    held = project(linearise(turned, np.log(TAUS_S)), turned.linear)
+    held = project(turned, np.log(TAUS_S))
     assert (held.beta[[0, 2]] <= 0).all()
     assert (held.beta[[1, 3]] >= 0).all()
     assert (held.beta[:4] == 0).any(), "data of the other signs leave something at its bound"

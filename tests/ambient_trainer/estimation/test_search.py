@@ -12,7 +12,6 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.free_start import FreelyStartingCircuit
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import uncertainty
 from ambient_trainer.lti.discretise import discretised
@@ -75,7 +74,7 @@ def _assert_within_intervals(structure, best, truth):
 @pytest.mark.parametrize("seed", range(2))
 def test_a_forward_circuit_is_recovered_from_a_start_up_to_3x_off(forward, forward_data, seed):
     truth, segment = forward_data
-    structure = FreelyStartingCircuit(_off(forward, np.random.default_rng(seed)), [segment])
+    structure = CircuitStructure(_off(forward, np.random.default_rng(seed)), [segment], free_start=True)
     best = search(structure, 1, 0).best
     assert best.converged
     assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.05, rel=0.03)

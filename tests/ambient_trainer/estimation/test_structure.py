@@ -13,9 +13,8 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.free_start import FreelyStartingCircuit
-from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.estimation.separable import linearise, project
+from ambient_trainer.estimation.structure import predicted
 from ambient_trainer.lti.discretise import discretised
 
 CIRCUITS = (
@@ -120,42 +119,26 @@ def _brute(structure, simulated, at_rest):
 
     def residual(theta):
         found = _regressors_of_circuit(structure, theta, simulated, at_rest)
-        free = isinstance(structure, FreelyStartingCircuit)
-        return _residual(structure, _with_starts(structure, theta, found, simulated) if free else found)
+        whole = _with_starts(structure, theta, found, simulated) if structure.free_start else found
+        return _residual(structure, whole)
 
     return residual
 
 
 def _assert_same(structure, theta, brute, tolerance=1e-6):
-    """|r|, J'J and J'r of the compressed problem against those of the residual of every sample."""
-    found = project(linearise(structure, theta), structure.linear)
-    residual = brute(theta)
-    square = residual @ residual
+    """|r| and J'r of the compressed problem against those of the residual of every sample."""
+    found = project(structure, theta)
+    square = float(np.sum(brute(theta) ** 2))
     assert found.residual @ found.residual == pytest.approx(square, rel=1e-9)
     if not len(theta):
         return
     h = 3e-4
-    slopes = [
-        (8 * (brute(theta + h * e) - brute(theta - h * e)) - (brute(theta + 2 * h * e) - brute(theta - 2 * h * e)))
-        / (12 * h)
-        for e in np.eye(len(theta))
-    ]
-    J = np.array(slopes).T
+    at = [[np.sum(brute(theta + k * h * e) ** 2) for k in (-2, -1, 1, 2)] for e in np.eye(len(theta))]
+    gradient = np.array([(a - 8 * b + 8 * c - d) / (12 * h) for a, b, c, d in at])
     # a column that is zero but for the rounding of differences is compared with the longest
-    length = np.linalg.norm(J, axis=0)
-    length = np.maximum(length, 1e-4 * length.max())
-    np.testing.assert_allclose(
-        found.jacobian.T @ found.jacobian / np.outer(length, length),
-        J.T @ J / np.outer(length, length),
-        rtol=0,
-        atol=tolerance,
-    )
-    np.testing.assert_allclose(
-        found.jacobian.T @ found.residual / length / np.sqrt(square),
-        J.T @ residual / length / np.sqrt(square),
-        rtol=0,
-        atol=tolerance,
-    )
+    length = np.linalg.norm(found.jacobian, axis=0)
+    length = np.maximum(length, 1e-4 * length.max()) * np.sqrt(square)
+    np.testing.assert_allclose(2 * found.jacobian.T @ found.residual / length, gradient / length, atol=tolerance)
 
 
 def _somewhere(structure, seed):
@@ -182,7 +165,7 @@ def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
     segments = [replace(each, outputs=each.outputs + 8 * (each.inputs[0] - each.inputs[1])) for each in _segments(4, 1)]
     structure = CircuitStructure(circuit, segments)
     theta = _somewhere(structure, 1)
-    found = project(linearise(structure, theta), structure.linear)
+    found = project(structure, theta)
     assert (found.beta == 0).any()
     assert (found.beta == 1).any()
 
@@ -190,7 +173,7 @@ def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
 
 
 def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
-    structure = FreelyStartingCircuit(forward, _segments(2, 3, periods_s=(1.0, 0.5)))
+    structure = CircuitStructure(forward, _segments(2, 3, periods_s=(1.0, 0.5)), free_start=True)
     theta = _somewhere(structure, 2) - np.array([3.0] * 3 + [0.0] * 6)
 
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
@@ -199,13 +182,13 @@ def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
 @pytest.mark.parametrize("apart", [0.0, 0.9e-3, 1.1e-3])
 def test_modes_that_lie_close(apart, forward, simulated, at_rest):
     """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
-    for kind, circuit in ((CircuitStructure, load_circuit("model2_ss_free_cd")), (FreelyStartingCircuit, forward)):
-        structure = kind(circuit, _segments(len(circuit.inputs), len(circuit.outputs)))
+    for free_start, circuit in ((False, load_circuit("model2_ss_free_cd")), (True, forward)):
+        structure = CircuitStructure(circuit, _segments(len(circuit.inputs), len(circuit.outputs)), free_start)
         theta = np.log([20.0 if name.startswith("C_") else 2.0 for name in structure.search.names])
-        if kind is FreelyStartingCircuit:
+        if free_start:
             between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
             theta[between] += np.log(1e9)
-        theta[structure.search.names.index("C_battery" if kind is CircuitStructure else "C_b")] += apart
+        theta[structure.search.names.index("C_b" if free_start else "C_battery")] += apart
 
         _assert_same(structure, theta, _brute(structure, simulated, at_rest), tolerance=1e-5)
 
@@ -226,7 +209,7 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
         hold="first-order",
         parameters=(*forward.parameters, share, weight, offset, replace(weight, name="w_ambient")),
     )
-    structure = FreelyStartingCircuit(circuit, _segments(2, 2))
+    structure = CircuitStructure(circuit, _segments(2, 2), free_start=True)
     assert structure.search.names[-1] == "share"
     assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
     assert "share" not in structure.logarithmic_names
@@ -262,10 +245,10 @@ def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, s
     system = structure.system(theta, beta)
     discrete = discretised(system, structure.period_s, "first-order")
     for index, segment in enumerate(structure.segments):
-        expansion = structure.expand(theta, segment.period_s)
-        predicted = (expansion.fixed + expansion.free @ beta) @ structure.signals(theta, index)
         looped = simulated(discrete, segment.inputs, at_rest(discrete, segment.inputs[:, 0]))
-        np.testing.assert_allclose(predicted, looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max())
+        np.testing.assert_allclose(
+            predicted(structure, theta, beta, index), looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max()
+        )
     poles = np.sort_complex(np.linalg.eigvals(system.A))
     taus = structure.time_constants_s(theta)
     # a double pole splits by the root of the rounding error
@@ -278,10 +261,8 @@ def test_long_segments_are_compressed_in_blocks():
     structure = CircuitStructure(circuit, _segments(4, 1, lengths=(9000,), periods_s=(1.0,)))
     theta = _somewhere(structure, 4)
     problem = linearise(structure, theta)
-    signals = structure.signals(theta, 0)
-    expansion = structure.expand(theta, 1.0)
     known = ~np.isnan(structure.segments[0].outputs[0])
-    free = signals[:, known].T @ expansion.free[0]
+    free = structure.regressors(theta, 0)[1][:, 0, known].T
     target = structure.segments[0].outputs[0, known]
     np.testing.assert_allclose(problem.free.T @ problem.free, free.T @ free, rtol=1e-9)
     np.testing.assert_allclose(problem.free.T @ problem.target, free.T @ target, rtol=1e-9)
@@ -340,7 +321,7 @@ def test_random_starts_differ_and_stay_in_the_box(forward):
     random = np.random.default_rng(0)
     for structure in (
         CircuitStructure(circuit, _segments(4, 1)),
-        FreelyStartingCircuit(forward, _segments(2, 3)),
+        CircuitStructure(forward, _segments(2, 3), free_start=True),
         FreeFilter(4, _segments(3, 1)),
     ):
         starts = np.array([structure.random_start(random) for _ in range(50)])
@@ -401,6 +382,6 @@ def test_a_reference_that_is_there_for_a_moment_only(known):
     structure = CircuitStructure(circuit, [replace(whole, outputs=outputs)])
     theta = _somewhere(structure, 4)
     problem = linearise(structure, theta)
-    free = structure.signals(theta, 0)[:, known].T @ structure.expand(theta, 1.0).free[0]
+    free = structure.regressors(theta, 0)[1][:, 0, known].T
     np.testing.assert_allclose(problem.free.T @ problem.free, free.T @ free, rtol=1e-9)
     assert problem.target @ problem.target == pytest.approx(400 * len(free))

@@ -12,7 +12,6 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.free_start import FreelyStartingCircuit
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
 from ambient_trainer.lti.discretise import discretised
@@ -89,7 +88,7 @@ def test_intervals_of_a_rise_circuit_cover_the_truth(rise, phi, simulated, at_re
 def test_intervals_of_a_forward_circuit_cover_the_truth(forward, phi, simulated):
     """Mean over the unknowns: a single one of 200 fits strays by 2 %."""
     covered, bias = _covered(
-        lambda segments: FreelyStartingCircuit(forward, segments), *_forward_outputs(forward, simulated), phi
+        lambda segments: CircuitStructure(forward, segments, True), *_forward_outputs(forward, simulated), phi
     )
     assert 0.90 <= covered.mean() <= 0.99, covered
     assert (covered >= 0.86).all(), covered

@@ -1,4 +1,4 @@
-"""The bank against scipy's own simulation, its noise Gram against impulse responses, its system against its signals."""
+"""The bank against scipy's own simulation, its noise Gram against impulse responses."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete, dlsim
 
-from ambient_trainer.lti.response import response_degC
-from ambient_trainer.selection.grams import Filter, banks, low_passes, noise_gram
+from ambient_trainer.selection.grams import banks, low_passes, noise_gram
 
 POLES_S = (3.0, 40.0, 700.0)
 T = 2.0
@@ -36,14 +35,6 @@ def test_the_noise_gram_is_that_of_the_impulse_responses():
     impulse[0, 1] = 1.0
     responses = low_passes(impulse, POLES_S, T)[0]
     np.testing.assert_allclose(noise_gram(POLES_S, T), responses @ responses.T, rtol=1e-9)
-
-
-def test_the_gains_as_a_system_say_the_same():
-    random = np.random.default_rng(1)
-    u = 20 + random.normal(size=(2, 400)).cumsum(axis=1)
-    gains = random.normal(size=(2, 4))
-    said = response_degC(Filter((), POLES_S, gains, 0.7).system, "first-order", u, T)
-    np.testing.assert_allclose(said, np.einsum("ik,ikn->n", gains, low_passes(u, POLES_S, T)) + 0.7, atol=1e-9)
 
 
 @pytest.mark.parametrize("order", [1, 2, 3, 4])

@@ -10,7 +10,7 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
 from ambient_trainer.estimation.validation import Spending, refitted
-from ambient_trainer.selection.tasks import CircuitFits, rows_of
+from ambient_trainer.selection.search import circuit_structure
 from ambient_trainer.selection.topology import initial_topologies
 
 
@@ -23,7 +23,8 @@ def masked(segments, block):
 
 @pytest.fixture(scope="module")
 def pair(small):
-    return rows_of(small.segments, small.places("left", "right"))
+    rows = list(small.places("left", "right"))
+    return [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
 
 
 def test_squares_are_those_of_independent_fits(small, pair):
@@ -44,8 +45,7 @@ def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
 
 def test_a_circuit_reads_the_sensors_that_it_names(small):
     """A circuit orders its inputs by its nodes, a trace as it was logged."""
-    task = CircuitFits(tuple(small.segments), small.blocks, tuple(small.names), (90.0, 20.0))
     for topology in initial_topologies(("right", "left"), 2):
-        structure = task.structure(topology)
+        structure = circuit_structure(small.segments, small.names, (90.0, 20.0), topology)
         for row, column in enumerate(structure.circuit.inputs):
             np.testing.assert_array_equal(structure.segments[0].inputs[row], small.trace.columns[column])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from ambient_trainer.selection.result import HeldOut, fewest_within_one_error, flat_from, pareto_front
+from ambient_trainer.selection.result import ScoredSystem, fewest_within_one_error, flat_from, pareto_front
 
 
 def held_out(*mean_squares):
-    return HeldOut(tuple(10 * each for each in mean_squares), (10.0,) * len(mean_squares))
+    squares = tuple(10 * each for each in mean_squares)
+    return ScoredSystem(None, "first-order", (), squares, (10.0,) * len(mean_squares))
 
 
 def test_mean_square_and_its_standard_error():
@@ -17,7 +20,7 @@ def test_mean_square_and_its_standard_error():
     assert scored.standard_error_degC2 == pytest.approx((18 / 3) ** 0.5 / 2)
     low, high = scored.interval_degC
     assert (low**2, high**2) == pytest.approx((4 - scored.standard_error_degC2, 4 + scored.standard_error_degC2))
-    assert HeldOut((10.0, 90.0), (10.0, 30.0)).mean_square == 2.5  # long blocks count more
+    assert replace(held_out(1, 9), samples=(10.0, 30.0)).mean_square == 2.5  # long blocks count more
 
 
 def test_the_fewest_within_one_standard_error_of_the_least():

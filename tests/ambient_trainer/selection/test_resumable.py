@@ -14,13 +14,9 @@ from ambient_trainer.selection.resumable import ResumablePool
 IDENTITY = {"traces": ["ab12"], "most": 6, "gap_s": None, "tolerance_degC": 0.1}
 
 
-class Third:
-    """A task whose results have digits to lose."""
-
-    name = "third"
-
-    def __call__(self, keys):
-        return [{"value": each[0] / 3, "tiny": 1e-300} for each in keys]
+def thirds(keys):
+    """Results that have digits to lose."""
+    return [{"value": each[0] / 3, "tiny": 1e-300} for each in keys]
 
 
 @pytest.fixture
@@ -31,7 +27,7 @@ def path(tmp_path):
 def computed(path, keys, identity=IDENTITY, at_once=1):
     """The results of ``keys``, and how many of them were computed."""
     with ResumablePool(1, path, identity) as pool:
-        return pool.results("thirds", Third(), keys, at_once), pool.computed
+        return pool.results("thirds", thirds, keys, at_once), pool.computed
 
 
 def test_what_was_computed_is_known_again_to_the_last_digit(path):

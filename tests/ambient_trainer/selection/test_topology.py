@@ -9,9 +9,9 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.estimation.separable import linearise
 from ambient_trainer.lti.response import response_degC
-from ambient_trainer.selection.tasks import CircuitFits
+from ambient_trainer.selection.search import circuit_structure
 from ambient_trainer.selection.topology import (
     Topology,
     best_topology,
@@ -69,15 +69,13 @@ def test_steps_can_be_taken_back_and_none_stands_twice():
 def test_no_scale_is_left_open(small):
     """At a random point, the Jacobian in all unknowns, poles' and weights', has full rank."""
     random = np.random.default_rng(5)
-    task = CircuitFits(tuple(small.segments), small.blocks, tuple(small.names), TAU_S)
     for topology in walked(SENSORS, 2, 3, steps=20):
         if any(set(edge) <= set(topology.states) for edge in topology.edges) and topology.form == "temperature":
             continue  # hidden nodes that are joined can also be mixed with one another
-        structure = task.structure(topology)
+        structure = circuit_structure(small.segments, small.names, TAU_S, topology)
         theta = structure.search.initial + random.normal(scale=0.3, size=len(structure.search.names))
-        problem = linearise(structure, theta)
-        beta = random.normal(size=len(structure.linear.names))
-        J = np.column_stack([problem.free, (problem.free_slope @ beta + problem.fixed_slope).T])
+        problem = linearise(structure, theta, random.normal(size=len(structure.linear.names)))
+        J = np.column_stack([problem.free, problem.slopes])
         singular = np.linalg.svd(J / np.linalg.norm(J, axis=0), compute_uv=False)
         assert singular[-1] > 1e-7 * singular[0], topology
 

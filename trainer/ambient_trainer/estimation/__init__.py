@@ -4,7 +4,7 @@ from ambient_trainer.estimation.budget import Budget, Cancelled, CancelToken
 from ambient_trainer.estimation.error_variance import fit_error_variance, sigma_degC
 from ambient_trainer.estimation.least_squares import Gram
 from ambient_trainer.estimation.search import Progress, SearchResult, Solution, search
-from ambient_trainer.estimation.structure import Expansion, Structure, Unknowns
+from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimation.uncertainty import Uncertainty
 from ambient_trainer.estimation.validation import cut_in_blocks, refitted
 from ambient_trainer.estimation.workers import results, workers
@@ -13,7 +13,6 @@ __all__ = [
     "Budget",
     "CancelToken",
     "Cancelled",
-    "Expansion",
     "Gram",
     "Progress",
     "SearchResult",

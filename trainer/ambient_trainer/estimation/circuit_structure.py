@@ -1,18 +1,14 @@
 """A circuit as a structure: resistances, capacitances and source shares are searched, weights and offsets are solved.
 
-In the modes of A = V diag(lambda) V^-1, a = exp(lambda T), the state is z = V xi with
-
-    xi_i = sum_j (V^-1 Bd)_ij phi_ij,    phi_ij = u_j / (z - a_i),
-
-and its derivative in a parameter is V times chi_ik = xi_k / (z - a_i), weighted by V^-1 dE V, plus phi, weighted by
-V^-1 dBd. Modes that lie apart make their chi_ik of phi. So n m + n filters serve any number of parameters, exactly.
+Each segment starts from thermal equilibrium with its first sample, or anywhere: each initial state is then one more
+linear unknown, whose regressor is its own decay.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,75 +17,38 @@ from ambient_trainer.circuits.assemble import Assembled, assemble
 from ambient_trainer.circuits.circuit import Circuit, Parameter
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import Expansion, Unknowns
-from ambient_trainer.lti.discretise import discretised, discretised_slopes
-from ambient_trainer.lti.modes import Pairs, one_pole, passive_modes
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.modes import passive_modes
+from ambient_trainer.lti.response import response, response_slopes, states
+from ambient_trainer.lti.statespace import StateSpace
 
 _SLOWEST_PER_S = 1e-15
-_KEPT = 4
-
-
-@dataclass(frozen=True)
-class Modal:
-    """A discretised circuit in its modes, with derivatives in theta first, then in beta."""
-
-    assembled: Assembled
-    value: StateSpace
-    slope: StateSpace
-    poles: Array
-    V: Array
-    W: Array
-    drive: Array
-    """W Bd (n, m)"""
-    pairs: Pairs
-
-    @staticmethod
-    def of(assembled: Assembled, period_s: float, hold: Hold) -> Modal:
-        """The modes of a circuit, sampled."""
-        value = discretised(assembled.value, period_s, hold)
-        slope = discretised_slopes(assembled.value, assembled.derivative, period_s, hold)
-        rates, V, W = passive_modes(assembled.value.A, assembled.capacitance)
-        poles = np.exp(rates * period_s)
-        return Modal(assembled, value, slope, poles, V, W, W @ value.B, Pairs.of(poles))
-
-    @property
-    def size(self) -> int:
-        """The number of signals: inputs, one, phi and chi."""
-        n, m = self.drive.shape
-        return m + 1 + n * m + self.pairs.count
-
-    @property
-    def decays(self) -> int:
-        """The number of signals that a free start adds."""
-        return len(self.poles) + self.pairs.count
-
-    def packed(self, direct: Array, offset: Array, phi: Array, chi: Array | None) -> Array:
-        """Coefficients (..., q, s) in the order of the signals: inputs, one, phi, chi."""
-        lead = direct.shape[:-1]
-        if chi is None:
-            last = np.zeros((*lead, self.pairs.count))
-        else:
-            last, quotients = self.pairs.parted(chi)
-            phi = phi + quotients @ self.drive - quotients.sum(axis=-2)[..., None] * self.drive
-        return np.concatenate([direct, offset[..., None], phi.reshape(*lead, -1), last], axis=-1)
 
 
 class CircuitStructure:
-    """A circuit over segments that start from thermal equilibrium with their first sample."""
+    """A circuit over segments; ``free_start`` says that they start anywhere, as in a forward simulation."""
 
-    def __init__(self, circuit: Circuit, segments: Sequence[Segment]) -> None:
+    def __init__(self, circuit: Circuit, segments: Sequence[Segment], free_start: bool = False) -> None:
         self.circuit = circuit
         self.segments = segments
+        self.free_start = free_start
         self.linear_parameters = [
             each for each in circuit.parameters if each.free and each.name in _linear_names(circuit)
         ]
         self.searched = [each for each in circuit.parameters if each.free and each not in self.linear_parameters]
         self._logarithmic = np.array([each.name in _positive_names(circuit) for each in self.searched], dtype=bool)
         self.search = self._unknowns(self.searched, self._logarithmic)
-        self.linear = self._unknowns(self.linear_parameters, np.zeros(len(self.linear_parameters), dtype=bool))
-        self._position = {each.name: index for index, each in enumerate(circuit.parameters)}
-        self._modal: dict[tuple[bytes, float], Modal] = {}
+        starts = [
+            Parameter(f"start{index}_{node.name}", "degC", 0.0, -math.inf, math.inf, True)
+            for index in range(len(segments) * free_start)
+            for node in circuit.states
+        ]
+        unknowns = [*self.linear_parameters, *starts]
+        self.linear = self._unknowns(unknowns, np.zeros(len(unknowns), dtype=bool))
+        position = {each.name: index for index, each in enumerate(circuit.parameters)}
+        self._order = [position[each.name] for each in (*self.searched, *self.linear_parameters)]
+        self._last: tuple[bytes, Assembled] | None = None
 
     @staticmethod
     def _unknowns(parameters: Sequence[Parameter], logarithmic: NDArray[np.bool_]) -> Unknowns:
@@ -109,7 +68,7 @@ class CircuitStructure:
         its start means nothing and its error never ends. One that is gone before the next sample is no state.
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
-        found = self._at(theta, self.segments[0].period_s).assembled
+        found = self._assembled(theta)
         longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
         shortest = min(segment.period_s for segment in self.segments) / 10
         eigenvalues, V, W = passive_modes(found.value.A, found.capacitance)
@@ -154,77 +113,56 @@ class CircuitStructure:
         """The continuous state space at these unknowns."""
         return assemble(self.circuit, self.values(theta, beta)).value
 
-    def _at(self, theta: Array, period_s: float) -> Modal:
-        """The modes at ``theta``; those of the last places are kept, signals and expansion being asked for in turn."""
-        key = (theta.tobytes(), period_s)
-        if key not in self._modal:
-            if len(self._modal) >= _KEPT:
-                self._modal.pop(next(iter(self._modal)))
-            self._modal[key] = Modal.of(self._assembled(theta), period_s, self.circuit.hold)
-        return self._modal[key]
-
     def _assembled(self, theta: Array) -> Assembled:
-        """The circuit with its linear unknowns at zero; derivatives in theta first, then in beta."""
-        weights = [each.name for each in self.linear_parameters]
-        found = assemble(self.circuit, CircuitStructure.values(self, theta, np.zeros(len(weights))))
-        scale = np.append(np.exp(np.where(self._logarithmic, theta, 0.0)), np.ones(len(weights)))
-        order = [self._position[name] for name in (*self.search.names, *weights)]
-        matrices = ((name, matrix[order]) for name, matrix in vars(found.derivative).items())
-        slopes = {name: matrix * scale.reshape(-1, *[1] * (matrix.ndim - 1)) for name, matrix in matrices}
-        return replace(found, derivative=StateSpace(**slopes))
+        """The circuit with its linear unknowns at zero; derivatives in theta first, then in the weights.
 
-    def expand(self, theta: Array, period_s: float) -> Expansion:
-        """The outputs and their derivatives in terms of :meth:`signals`."""
-        at = self._at(theta, period_s)
-        value, slope, count = at.value, at.slope, len(theta)
-        gain = value.C @ at.V
-        fixed = at.packed(value.D, value.offset, gain[:, :, None] * at.drive, None)
-        gain_slope, drive_slope = slope.C @ at.V, at.W @ slope.B
-        whole = at.packed(
-            slope.D,
-            slope.offset,
-            gain_slope[..., None] * at.drive + gain[:, :, None] * drive_slope[:, None],
-            gain[:, :, None] * (at.W @ slope.A @ at.V)[:, None],
+        That of the last theta is kept: every segment asks for it in turn.
+        """
+        if self._last is None or self._last[0] != theta.tobytes():
+            self._last = theta.tobytes(), self._assembled_at(theta, np.zeros(len(self.linear_parameters)))
+        return self._last[1]
+
+    def _assembled_at(self, theta: Array, beta: Array) -> Assembled:
+        found = assemble(self.circuit, self.values(theta, beta))
+        scale = np.ones(len(self._order))
+        scale[: len(theta)] = np.exp(np.where(self._logarithmic, theta, 0.0))
+        slopes = (
+            each[self._order] * scale.reshape(-1, *[1] * (each.ndim - 1)) for each in vars(found.derivative).values()
         )
-        free = np.moveaxis(whole[count:], 0, -1)
-        return Expansion(fixed, free, whole[:count], self._free_slope(at, theta, period_s, fixed.shape[-1]))
+        return replace(found, derivative=StateSpace(*slopes))
 
-    def _free_slope(self, at: Modal, theta: Array, period_s: float, size: int) -> Array:
-        """d/dtheta of each linear unknown's regressor, found as the slope of a system whose C, D are that unknown's."""
-        found, slope = at.assembled, at.assembled.derivative
-        count, outputs = len(theta), len(self.circuit.outputs)
-        result = np.zeros((count, outputs, size, len(self.linear_parameters)))
-        for index in range(len(self.linear_parameters)):
-            C, D, offset = (getattr(slope, name)[count + index] for name in ("C", "D", "offset"))
-            if not C.any():
-                continue
-            unit = StateSpace(found.value.A, found.value.B, C, D, offset)
-            still = StateSpace(
-                slope.A[:count], slope.B[:count], *(np.zeros((count, *each.shape)) for each in (C, D, offset))
-            )
-            moved = discretised_slopes(unit, still, period_s, self.circuit.hold)
-            gain = discretised(unit, period_s, self.circuit.hold).C @ at.V
-            result[..., index] = at.packed(
-                moved.D,
-                moved.offset,
-                (moved.C @ at.V)[..., None] * at.drive + gain[:, :, None] * (at.W @ moved.B)[:, None],
-                gain[:, :, None] * (at.W @ moved.A @ at.V)[:, None],
-            )
-        return result
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
+        """The response of the circuit without its weights, of what each of them reads, and the states' decays."""
+        found, segment, q = self._assembled(theta), self.segments[index], len(self.circuit.outputs)
+        value, weights = found.value, StateSpace(*(each[len(theta) :] for each in vars(found.derivative).values()))
+        C, D, offset = (
+            np.concatenate([getattr(value, name)[None], getattr(weights, name)]) for name in ("C", "D", "offset")
+        )
+        n, m = value.B.shape
+        all_outputs = StateSpace(value.A, value.B, C.reshape(offset.size, n), D.reshape(offset.size, m), offset.ravel())
+        rows = response(all_outputs, self.circuit.hold, segment.inputs, segment.period_s)
+        rows = rows.reshape(-1, q, segment.inputs.shape[1])
+        starts = np.zeros((len(self.linear.names) - len(weights.C), *rows.shape[1:]))
+        if self.free_start:
+            discrete = discretised(value, segment.period_s, self.circuit.hold)
+            decays = states(discrete.A, np.zeros((n, n, rows.shape[-1])), np.eye(n))
+            starts[index * n : (index + 1) * n] = np.tensordot(discrete.C, decays, 1).swapaxes(0, 1)
+        return rows[0], np.concatenate([rows[1:], starts])
 
-    def signals(self, theta: Array, index: int) -> Array:
-        """The inputs, one, phi (n m rows), and chi of the pairs of modes that need one, of a segment."""
-        at, u = self._at(theta, self.segments[index].period_s), self.segments[index].inputs
-        n, m = at.drive.shape
-        result = np.empty((at.size, u.shape[1]))
-        result[:m], result[m] = u, 1.0
-        phi = result[m + 1 : m + 1 + n * m].reshape(n, m, u.shape[1])
-        for mode, a in enumerate(at.poles):
-            phi[mode] = one_pole(a, u, u[:, 0] / (1 - a))
-        for row, i, k in zip(result[m + 1 + n * m :], *np.nonzero(at.pairs.own)):
-            xi = at.drive[k] @ phi[k]
-            row[:] = one_pole(at.poles[i], xi[None], xi[:1] / (1 - at.poles[i]))[0]
-        return result
+    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
+        """The outputs' derivatives in theta, (P, q, N)."""
+        segment, count, hold = self.segments[index], len(theta), self.circuit.hold
+        found = self._assembled_at(theta, beta)
+        by = StateSpace(*(each[:count] for each in vars(found.derivative).values()))
+        n, weights = len(found.capacitance), len(self.linear_parameters)
+        start = beta[weights + index * n : weights + (index + 1) * n] if self.free_start else np.zeros(n)
+        u, period_s = segment.inputs, segment.period_s
+        if not (self.free_start and weights):
+            return response_slopes(found.value, by, hold, u, period_s, start)
+        # what weights read is without the starts, which would not be linear any more
+        still, unweighted = replace(by, offset=0 * by.offset), self._assembled(theta).value
+        decayed = response_slopes(unweighted, still, hold, 0 * u, period_s, start)
+        return response_slopes(found.value, by, hold, u, period_s) + decayed
 
 
 def _positive_names(circuit: Circuit) -> set[str]:

@@ -17,9 +17,8 @@ from scipy.signal import lfilter
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import Expansion, Unknowns
+from ambient_trainer.estimation.structure import Unknowns
 from ambient_trainer.lti.discretise import first_order_hold
-from ambient_trainer.lti.modes import one_pole
 from ambient_trainer.lti.statespace import StateSpace
 
 _FASTEST_PER_PERIOD = 2.0
@@ -142,45 +141,27 @@ class FreeFilter:
             )
         return found
 
-    def signals(self, theta: Array, index: int) -> Array:
-        """The inputs, one, and per section the delayed inputs over p and over p^2."""
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
+        """The inputs, one, and per section the delayed inputs over p."""
         u = self.segments[index].inputs
         rows = [u, np.ones((1, u.shape[1]))]
-        slopes = []
         for tail, _ in self._denominators(theta):
-            if len(tail) == 1:
-                first = one_pole(-tail[0], u, u[:, 0] / (1 + tail[0]))
-                rows.append(first)
-                slopes.append(one_pole(-tail[0], first, first[:, 0] / (1 + tail[0])))
-                continue
             once = _over(tail, u)
-            twice = _over(tail, once)
-            rows += [_delayed(once, 1), _delayed(once, 2)]
-            slopes += [_delayed(twice, k) for k in (2, 3, 4)]
-        return np.concatenate([*rows, *slopes])
+            rows += [_delayed(once, 1 + delay) for delay in range(len(tail))]
+        return np.zeros((1, u.shape[1])), np.concatenate(rows)[:, None]
 
-    def expand(self, theta: Array, period_s: float) -> Expansion:
-        """Each gain's regressor is one signal; its slope is minus d(denominator) times the delayed ones over p^2."""
-        m, p = self.inputs, len(self.linear.names)
-        extra = (3 * self.pairs + self.singles) * m
-        size = p + extra
-        fixed = np.zeros((1, size))
-        free = np.eye(size)[None, :, :p]
-        free_slope = np.zeros((len(theta), 1, size, p))
-        column, row, first = m + 1, p, 0
+    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
+        """Per section v/p, whose slope is minus d(denominator) times the delayed v over p^2."""
+        u, m = self.segments[index].inputs, self.inputs
+        column, found = m + 1, []
         for tail, slopes in self._denominators(theta):
-            k = len(tail)
-            for index, slope in enumerate(slopes):
-                for delay in range(k):  # the regressor is z^-(1 + delay) / p
-                    for power, d in enumerate(slope):  # d p / d theta = sum d z^-(1 + power)
-                        # with one pole the filter 1/(z - a) already carries its delay
-                        lag = delay + power
-                        for j in range(m):
-                            free_slope[first + index, 0, row + lag * m + j, column + delay * m + j] -= d
-            first += k
-            column += k * m
-            row += (3 if k == 2 else 1) * m
-        return Expansion(fixed, free, np.zeros((len(theta), 1, size)), free_slope)
+            numerators = beta[column : column + len(tail) * m].reshape(-1, m) @ u
+            column += len(tail) * m
+            section = np.sum([_delayed(row[None], 1 + delay) for delay, row in enumerate(numerators)], axis=0)
+            twice = _over(tail, _over(tail, section))
+            delayed = np.concatenate([_delayed(twice, 1 + delay) for delay in range(len(tail))])
+            found.append(-slopes @ delayed)
+        return np.concatenate([np.zeros((0, u.shape[1])), *found])[:, None]
 
     def system(self, theta: Array, beta: Array) -> StateSpace:
         """The continuous state space with the same discrete transfer function under a first-order hold.

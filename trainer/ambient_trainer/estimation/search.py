@@ -15,7 +15,7 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.marquardt import End, Evaluation, descend
 from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import Structure, linearise
+from ambient_trainer.estimation.structure import Structure
 
 _BEFORE_REGROUPING = 25
 _MOST_EVALUATIONS = 175
@@ -138,7 +138,7 @@ class _Run:
         """The residual, and below it by how much theta leaves its bounds of plausibility, weighed like the data."""
         key = theta.tobytes()
         if self._at is None or self._at[0] != key:
-            found = project(linearise(self.structure, theta), self.structure.linear)
+            found = project(self.structure, theta)
             penalty, slope = self.structure.penalty(theta)
             residual = np.concatenate([found.residual, self.weight * penalty])
             self._at = (key, Evaluation(residual, np.concatenate([found.jacobian, self.weight * slope])))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.estimation.separable import linearise
 
 Exponents = dict[str, float]
 
@@ -108,12 +108,11 @@ def log_jacobian(structure: CircuitStructure, theta: Array, beta: Array) -> Arra
 
     What initial states can make up for is taken out of it.
     """
-    problem = linearise(structure, theta)
-    moved = (problem.free_slope @ beta + problem.fixed_slope).T
+    _, _, _, free, moved = linearise(structure, theta, beta)
     logarithmic = np.array([name in structure.logarithmic_names for name in structure.search.names], dtype=bool)
     weights = len(structure.linear_parameters)
-    J = np.column_stack([moved * np.where(logarithmic, 1.0, theta), problem.free[:, :weights] * beta[:weights]])
-    starts = problem.free[:, weights:]
+    J = np.column_stack([moved * np.where(logarithmic, 1.0, theta), free[:, :weights] * beta[:weights]])
+    starts = free[:, weights:]
     if starts.shape[1]:
         Q = np.linalg.qr(starts)[0]
         J = J - Q @ (Q.T @ J)

@@ -17,7 +17,7 @@ from scipy import stats
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Solution
-from ambient_trainer.estimation.structure import Structure, Unknowns
+from ambient_trainer.estimation.structure import Structure, Unknowns, predicted
 
 _NULL = 1e-8
 _INVOLVED = 0.05
@@ -46,12 +46,8 @@ class Uncertainty:
 
 def residuals(structure: Structure, solution: Solution) -> list[Array]:
     """Per segment the residuals (q, N) in degC, NaN where there is nothing to compare with."""
-    found = []
-    for index, segment in enumerate(structure.segments):
-        expansion = structure.expand(solution.theta, segment.period_s)
-        weights = expansion.fixed + expansion.free @ solution.beta
-        found.append(segment.outputs - weights @ structure.signals(solution.theta, index))
-    return found
+    theta, beta = solution.theta, solution.beta
+    return [each.outputs - predicted(structure, theta, beta, index) for index, each in enumerate(structure.segments)]
 
 
 def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
@@ -108,13 +104,11 @@ def _rows(structure: Structure, solution: Solution) -> tuple[list[Array], list[A
     """Per segment and output the Jacobian (N, count) of the outputs in all unknowns, and the errors (N,)."""
     rows, errors = [], []
     for index, each in enumerate(residuals(structure, solution)):
-        expansion = structure.expand(solution.theta, structure.segments[index].period_s)
-        signals = structure.signals(solution.theta, index)
-        moved = expansion.fixed_slope + expansion.free_slope @ solution.beta
+        _, free = structure.regressors(solution.theta, index)
+        slopes = structure.slopes(solution.theta, solution.beta, index)
         for output, r in enumerate(each):
             known = ~np.isnan(r)
-            weights = np.column_stack([moved[:, output].T, expansion.free[output]])
-            rows.append(signals[:, known].T @ weights)
+            rows.append(np.concatenate([slopes[:, output, known], free[:, output, known]]).T)
             errors.append(r[known])
     return rows, errors
 

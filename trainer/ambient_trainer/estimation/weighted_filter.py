@@ -40,11 +40,11 @@ class WeightedFilter(FreeFilter):
         super().__init__(order, [Segment(s.period_s, w * s.inputs, w * s.outputs) for s, w, _ in runs])
         self._ones = [each.weight * each.absolute for each in runs]
 
-    def signals(self, theta: Array, index: int) -> Array:
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
         """As the free filter's, with the offset of the run."""
-        found = super().signals(theta, index)
-        found[self.inputs] = self._ones[index]
-        return found
+        fixed, free = super().regressors(theta, index)
+        free[self.inputs] = self._ones[index]
+        return fixed, free
 
 
 def level(period_s: float, inputs: int, weight: float) -> list[Run]:

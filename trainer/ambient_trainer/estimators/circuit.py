@@ -12,7 +12,6 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.free_start import FreelyStartingCircuit
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import USUAL, Effort, Fit
 from ambient_trainer.estimators.searched import estimated, fit_of, searched
@@ -84,5 +83,4 @@ def fit_circuit(
 
 def circuit_structure(circuit: Circuit, segments: Sequence[Segment]) -> CircuitStructure:
     """What is searched: from equilibrium where the ambient is estimated, from any state where nodes are predicted."""
-    estimates_ambient = [output.column for output in circuit.outputs] == [REFERENCE]
-    return (CircuitStructure if estimates_ambient else FreelyStartingCircuit)(circuit, segments)
+    return CircuitStructure(circuit, segments, [output.column for output in circuit.outputs] != [REFERENCE])

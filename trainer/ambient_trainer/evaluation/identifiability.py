@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from ambient_trainer.estimation.profile import Profile, Values, held, profile, s
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.sensitivity import Sensitivity, parameter_names, sensitivity
 from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import linearise
+from ambient_trainer.estimation.structure import predicted
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.circuit import circuit_structure, fit_circuit
 
@@ -190,11 +190,7 @@ def own_output(
     """``circuit`` at ``values`` with its own output over the inputs of ``stretches``."""
     structure = circuit_structure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
-    own = []
-    for index, segment in enumerate(stretches):
-        expansion = structure.expand(theta, segment.period_s)
-        outputs = (expansion.fixed + expansion.free @ beta) @ structure.signals(theta, index)
-        own.append(Segment(segment.period_s, segment.inputs, outputs))
+    own = [replace(each, outputs=predicted(structure, theta, beta, index)) for index, each in enumerate(stretches)]
     return Subject(circuit, values, tuple(own), noise_degC, memory_samples)
 
 
@@ -208,7 +204,7 @@ def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Arr
     )
     beta = np.array([values[each.name] for each in structure.linear_parameters])
     if len(structure.linear.names) > len(beta):
-        starts = project(linearise(structure, theta), structure.linear).beta[len(beta) :]
+        starts = project(structure, theta).beta[len(beta) :]
         beta = np.concatenate([beta, starts])
     return theta, beta
 

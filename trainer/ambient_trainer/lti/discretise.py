@@ -10,7 +10,7 @@ In the coordinates z with x = (Phi1/T) z + (Phi2/T) B u this is
     z[k+1] = E z[k] + Phi1 B u[k],    y[k] = C (Phi1/T) z[k] + (D + C (Phi2/T) B) u[k],
 
 which has the A and B of the zero-order hold: only C and D change. The equilibrium z = -A^-1 B u is then the same at
-every period, so one X0 serves them all.
+every period, so one X0 serves them all. Matrices may have leading axes: each function takes stacks.
 """
 
 from __future__ import annotations
@@ -48,45 +48,32 @@ def discretised(system: StateSpace, period_s: float, hold: Hold) -> StateSpace:
 def discretised_slopes(system: StateSpace, slopes: StateSpace, period_s: float, hold: Hold) -> StateSpace:
     """The derivative of :func:`discretised`; ``slopes`` and the result have a leading axis of parameters.
 
-    d exp(A) in the direction dA is the corner of exp([[A, dA], [0, A]]).
+    It stands in the corners of the system of states and their derivatives, A being [[A, 0], [dA, A]].
     """
-    T = period_s
-    _, Phi1, Phi2 = _integrals(system.A, T)
-    dE, dPhi1, dPhi2 = _integral_slopes(system.A, slopes.A, T)
-    dB = dPhi1 @ system.B + Phi1 @ slopes.B
-    if hold == "zero-order":
-        return StateSpace(dE, dB, slopes.C, slopes.D, slopes.offset)
-    dC = (slopes.C @ Phi1 + system.C @ dPhi1) / T
-    dD = slopes.D + (slopes.C @ (Phi2 @ system.B) + system.C @ (dPhi2 @ system.B + Phi2 @ slopes.B)) / T
-    return StateSpace(dE, dB, dC, dD, slopes.offset)
-
-
-def _augmented(A: Array, T: float) -> Array:
-    """[[A, I, 0], [0, 0, I], [0, 0, 0]] T, whose exponential holds E, Phi1 and Phi2 in its first block row."""
-    n = A.shape[0]
-    block = np.zeros((3 * n, 3 * n))
-    block[:n, :n] = A * T
-    block[:n, n : 2 * n] = block[n : 2 * n, 2 * n :] = np.eye(n) * T
-    return block
+    n, q = system.A.shape[0], system.D.shape[0]
+    A, B, C, D, offset = (
+        np.broadcast_to(value, slope.shape) for value, slope in zip(vars(system).values(), vars(slopes).values())
+    )
+    both = StateSpace(
+        np.block([[A, 0 * A], [slopes.A, A]]),
+        np.concatenate([B, slopes.B], axis=-2),
+        np.block([[C, 0 * C], [slopes.C, C]]),
+        np.concatenate([D, slopes.D], axis=-2),
+        np.concatenate([offset, slopes.offset], axis=-1),
+    )
+    found = discretised(both, period_s, hold)
+    return StateSpace(
+        found.A[..., n:, :n], found.B[..., n:, :], found.C[..., q:, :n], found.D[..., q:, :], found.offset[..., q:]
+    )
 
 
 def _integrals(A: Array, T: float) -> tuple[Array, Array, Array]:
-    n = A.shape[0]
-    if n == 0:
+    """E, Phi1 and Phi2: the first block row of the exponential of [[A, I, 0], [0, 0, I], [0, 0, 0]] T."""
+    n = A.shape[-1]
+    if A.size == 0:
         return A, A, A
-    top = expm(_augmented(A, T))[:n]
-    return top[:, :n], top[:, n : 2 * n], top[:, 2 * n :]
-
-
-def _integral_slopes(A: Array, dA: Array, T: float) -> tuple[Array, Array, Array]:
-    n, count = A.shape[0], dA.shape[0]
-    moving = np.flatnonzero(dA.any(axis=(1, 2)))
-    slopes = np.zeros((3, count, n, n))
-    if len(moving):
-        block = np.zeros((len(moving), 6 * n, 6 * n))
-        block[:, : 3 * n, : 3 * n] = block[:, 3 * n :, 3 * n :] = _augmented(A, T)
-        block[:, :n, 3 * n : 4 * n] = dA[moving] * T
-        corner = expm(block)[:, :n, 3 * n :]
-        for index in range(3):
-            slopes[index, moving] = corner[:, :, index * n : (index + 1) * n]
-    return slopes[0], slopes[1], slopes[2]
+    block = np.zeros((*A.shape[:-2], 3 * n, 3 * n))
+    block[..., :n, :n] = A * T
+    block[..., :n, n : 2 * n] = block[..., n : 2 * n, 2 * n :] = np.eye(n) * T
+    top = expm(block)[..., :n, :]
+    return top[..., :n], top[..., n : 2 * n], top[..., 2 * n :]

@@ -1,25 +1,12 @@
-"""Signals come from one-pole filters 1/(z - a), run by ``scipy.signal.lfilter``: never a loop over samples.
-
-Two filters in series are, by partial fractions, a difference of single ones,
-
-    1/((z - a_i)(z - a_k)) = (1/(z - a_i) - 1/(z - a_k)) / (a_i - a_k),
-
-but where a_i and a_k are so close that the difference would be rounding.
-"""
+"""Modes of a system, and the one-pole filters 1/(z - a) that they are: never a loop over samples."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
-
-_CLOSE = 1e-3
-"""Of the faster of two poles' distance from 1: so many digits may be lost to the difference."""
 
 
 def one_pole(a: float, rows: Array, start: Array) -> Array:
@@ -46,33 +33,3 @@ def modal_response(rates: Array, drive: Array, period_s: float, start: float | N
     """
     modes = [lagged(drive[..., m, :] / -rate, -1 / rate, period_s, start) for m, rate in enumerate(rates.tolist())]
     return np.stack(modes, axis=-2)
-
-
-@dataclass(frozen=True)
-class Pairs:
-    """Which filters in series (i after k) need a signal of their own, and what makes the others of single ones."""
-
-    own: NDArray[np.bool_]
-    """(n, n)"""
-    gap: Array
-    """a_i - a_k (n, n), 1 where ``own``."""
-
-    @staticmethod
-    def of(poles: Array) -> Pairs:
-        """The pairs of ``poles`` (n,), which are taken as they were rounded: their filters are."""
-        gap = np.subtract.outer(poles, poles)
-        own = np.abs(gap) <= _CLOSE * (1 - np.minimum.outer(poles, poles))
-        own |= np.eye(len(poles), dtype=bool)
-        return Pairs(own, np.where(own, 1.0, gap))
-
-    @property
-    def count(self) -> int:
-        """How many pairs need a signal of their own."""
-        return int(self.own.sum())
-
-    def parted(self, series: Array) -> tuple[Array, Array]:
-        """Coefficients (..., n, n) of all pairs as those of pairs with an own signal (..., c), and quotients.
-
-        A quotient (..., n, n) is what stands before (1/(z - a_i) - 1/(z - a_k)) in place of the pair.
-        """
-        return series[..., self.own], np.where(self.own, 0.0, series / self.gap)

@@ -10,36 +10,84 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
+from scipy.linalg import schur, solve_discrete_lyapunov
 from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.lti.discretise import discretised, first_order_hold
+from ambient_trainer.lti.discretise import discretised, discretised_slopes, first_order_hold
 from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
 
 _DIVERGED_DEGC = 1e9
 
 
-def states_from_rest(upper: Array, drive: Array) -> Array:
-    """x (n, N) of x[k+1] = upper x[k] + drive[k] with x[0] = 0; ``upper`` is of a real Schur form, ``drive`` (n, N)."""
-    x = np.empty_like(drive)
-    for rows in reversed(list(_blocks(upper))):
-        x[rows] = _run(upper[rows, rows], drive[rows] + upper[rows, rows.stop :] @ x[rows.stop :])
-    return x
+def states(A: Array, drive: Array, start: Array) -> Array:
+    """x (n, ..., N) of x[k+1] = A x[k] + drive[k] with x[0] = start (n, ...).
 
-
-def responses_of_output(upper: Array, C: Array, signals: Array) -> Array:
-    """Per state i and signal j (n, s, N): what C x makes of the signal where it drives state i alone.
-
-    C (zI - A)^-1 e_i = e_i' (zI - A')^-1 C': one run of the adjoint a signal gives all of them.
+    ``drive`` is (n, ..., N); its last sample is not used.
     """
-    found = np.empty((len(upper), *signals.shape))
-    for rows in _blocks(upper):
-        total = C[rows, None, None] * signals
-        for above in range(rows.start):
-            total += upper[above, rows, None, None] * found[above]
-        found[rows] = _run(upper[rows, rows].T, total)
-    return found
+    if not np.isfinite(A).all():
+        return np.full_like(drive, np.nan)
+    upper, basis = _schur(A)
+    return np.tensordot(basis, _triangular(upper, np.tensordot(basis.T, drive, 1), basis.T @ start), 1)
+
+
+def response(system: StateSpace, hold: Hold, u: Array, period_s: float) -> Array:
+    """The outputs (q, N) of continuous ``system`` over uniform inputs ``u`` (m, N), from equilibrium with the first."""
+    discrete = discretised(system, period_s, hold)
+    x = states(discrete.A, discrete.B @ u, equilibrium(system) @ u[:, 0])
+    return np.asarray(discrete.C @ x + discrete.D @ u + discrete.offset[:, None])
+
+
+def response_slopes(
+    system: StateSpace, slopes: StateSpace, hold: Hold, u: Array, period_s: float, start: Array | float = 0.0
+) -> Array:
+    """Derivatives (P, q, N) of the outputs of a system whose matrices have ``slopes``, with a leading axis (P, ...).
+
+    It starts from equilibrium with the first of ``u`` (m, N), plus ``start`` (n,).
+    """
+    value, by = discretised(system, period_s, hold), discretised_slopes(system, slopes, period_s, hold)
+    upper, basis = _schur(value.A)
+    rest = equilibrium(system)
+    rest_slopes = -np.linalg.solve(system.A, slopes.A @ rest + slopes.B)
+    (P, q), n, (m, N) = by.offset.shape, len(system.A), u.shape
+    x = _triangular(upper, basis.T @ value.B @ u, basis.T @ (rest @ u[:, 0] + start))
+    table = np.concatenate([x, u])
+    drive = np.concatenate([basis.T @ by.A @ basis, basis.T @ by.B], axis=-1).swapaxes(0, 1)
+    starts = basis.T @ (rest_slopes @ u[:, 0]).T
+    driven = _triangular(upper, (drive.reshape(n * P, n + m) @ table).reshape(n, P, N), starts)
+    direct = np.concatenate([by.C @ basis, by.D], axis=-1).reshape(P * q, n + m) @ table
+    read = (value.C @ basis @ driven.reshape(n, P * N)).reshape(q, P, N)
+    return np.asarray(direct.reshape(P, q, N) + by.offset[..., None] + read.swapaxes(0, 1))
+
+
+def response_degC(system: StateSpace, hold: Hold, u: Array, period_s: float) -> Array:
+    """The first output over uniform inputs ``u`` (m, N) without gaps, (N,); NaN where it has diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        y = response(system, hold, u, period_s)[0]
+        return np.where(np.abs(y) < _DIVERGED_DEGC, y, np.nan)
+
+
+def noise_gain(system: StateSpace, period_s: float) -> float:
+    """Standard deviation of the first output of stable ``system`` per unit of white noise in every input."""
+    discrete = first_order_hold(system, period_s)
+    covariance = solve_discrete_lyapunov(discrete.A, discrete.B @ discrete.B.T)
+    return math.sqrt(float((discrete.C @ covariance @ discrete.C.T)[0, 0]) + float(np.sum(discrete.D[0] ** 2)))
+
+
+def _schur(A: Array) -> tuple[Array, Array]:
+    return schur(A) if len(A) else (A, A)
+
+
+def _triangular(upper: Array, drive: Array, start: Array) -> Array:
+    """As :func:`states`, in real Schur coordinates."""
+    n, N = len(upper), drive.shape[-1]
+    x = np.concatenate([start[..., None], drive[..., :-1]], axis=-1)
+    for rows in reversed(list(_blocks(upper))):
+        if rows.stop < n:
+            coupled = upper[rows, rows.stop :] @ x[rows.stop :].reshape(n - rows.stop, -1)
+            x[rows, ..., 1:] += coupled.reshape(-1, *x.shape[1:-1], N)[..., :-1]
+        x[rows] = _run(upper[rows, rows], x[rows])
+    return x
 
 
 def _blocks(upper: Array) -> Iterator[slice]:
@@ -51,40 +99,14 @@ def _blocks(upper: Array) -> Iterator[slice]:
         row += size
 
 
-def _run(block: Array, drive: Array) -> Array:
-    """x[k+1] = block x[k] + drive[k] from rest, for a block of one state or two: drive (1 or 2, ..., N)."""
+def _run(block: Array, shifted: Array) -> Array:
+    """x[k+1] = block x[k] + shifted[k+1] with x[0] = shifted[0], for a block of one state or two: (1 or 2, ..., N)."""
     if len(block) == 1:
-        return np.asarray(lfilter([0.0, 1.0], [1.0, -block[0, 0]], drive, axis=-1))
+        return np.asarray(lfilter([1.0], [1.0, -block[0, 0]], shifted, axis=-1))
     (a, b), (c, d) = block
-    once = lfilter([0.0, 1.0], [1.0, -(a + d), a * d - b * c], drive, axis=-1)
+    once = lfilter([1.0], [1.0, -(a + d), a * d - b * c], shifted, axis=-1)
     x = once.copy()
-    # (zI - block)^-1 = [[z - d, b], [c, z - a]] / det
+    # (I - block/z)^-1 = [[1 - d/z, b/z], [c/z, 1 - a/z]] / det
     x[0, ..., 1:] += b * once[1, ..., :-1] - d * once[0, ..., :-1]
     x[1, ..., 1:] += c * once[0, ..., :-1] - a * once[1, ..., :-1]
     return np.asarray(x)
-
-
-def response_degC(system: StateSpace, hold: Hold, u: Array, period_s: float) -> Array:
-    """The same over uniform inputs ``u`` (m, N) without gaps: shape (N,)."""
-    discrete = discretised(system, period_s, hold)
-    with np.errstate(over="ignore", invalid="ignore"):
-        x = states(discrete.A, discrete.B @ u, equilibrium(system) @ u[:, 0])
-        y = (discrete.C @ x + discrete.D @ u)[0] + discrete.offset[0]
-        return np.where(np.abs(y) < _DIVERGED_DEGC, y, np.nan)
-
-
-def states(A: Array, drive: Array, start: Array) -> Array:
-    """x (n, N) of x[k+1] = A x[k] + drive[k] with x[0] = start; ``drive`` (n, N), of which the last is not used."""
-    x: Array = np.concatenate([start[:, None], drive[:, :-1]], axis=1)
-    power, stride = A, 1
-    while len(A) and stride < x.shape[1]:
-        x[:, stride:] += power @ x[:, :-stride]
-        power, stride = power @ power, 2 * stride
-    return x
-
-
-def noise_gain(system: StateSpace, period_s: float) -> float:
-    """Standard deviation of the first output of stable ``system`` per unit of white noise in every input."""
-    discrete = first_order_hold(system, period_s)
-    covariance = solve_discrete_lyapunov(discrete.A, discrete.B @ discrete.B.T)
-    return math.sqrt(float((discrete.C @ covariance @ discrete.C.T)[0, 0]) + float(np.sum(discrete.D[0] ** 2)))

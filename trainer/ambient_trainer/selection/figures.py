@@ -29,10 +29,10 @@ def errors_figure(result: SearchResult) -> go.Figure:
         "held out, one standard error",
         BLUE,
         width=2.4,
-        ends=[each.fixed.held_out.interval_degC for each in result.sizes],
+        ends=[each.fixed.interval_degC for each in result.sizes],
         hover=["\n".join(each.sensors) for each in result.sizes],
     )
-    free = [each.free.held_out.rmse_degC for each in result.sizes]
+    free = [each.free.rmse_degC for each in result.sizes]
     add_curve(figure, counts, free, f"held out, free-{result.options.order}", BASELINE)
     if result.circuits:
         wired = [each.rmse_degC for each in result.circuits.values()]

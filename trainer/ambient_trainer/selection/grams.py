@@ -37,37 +37,6 @@ Sensors = tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Filter:
-    """Gains (m, 1 + K) of ``sensors`` over a bank, and an offset."""
-
-    sensors: Sensors
-    poles_s: tuple[float, ...]
-    gains: Array
-    offset_degC: float
-
-    @property
-    def system(self) -> StateSpace:
-        """The continuous system, with a state a pole; gains that sum to one at rest are the same about any level."""
-        rates = 1 / np.asarray(self.poles_s, dtype=float)
-        B, C = self.gains[:, 1:].T * rates[:, None], np.ones((1, len(rates)))
-        return StateSpace(-np.diag(rates), B, C, self.gains[:, :1].T, np.array([self.offset_degC]))
-
-    @property
-    def dc_gains(self) -> tuple[float, ...]:
-        """Per sensor the gain at rest."""
-        return tuple(self.gains.sum(axis=1).tolist())
-
-    def noise_gain(self, period_s: float) -> float:
-        """Standard deviation of the estimate per unit of white noise in every sensor."""
-        return self.noise_degC(np.ones(len(self.sensors)), period_s)
-
-    def noise_degC(self, noises_degC: Sequence[float] | Array, period_s: float) -> float:
-        """Standard deviation that the sensors' own noise makes in the estimate."""
-        weighed = self.gains * np.asarray(noises_degC)[:, None]
-        return float(np.sqrt(np.einsum("ij,jk,ik->", weighed, noise_gram(self.poles_s, period_s), weighed)))
-
-
-@dataclass(frozen=True)
 class Grams:
     """Gram matrices over the bank of all sensors, a one and the reference, in this order: p = m (1 + K) + 2 rows.
 
@@ -97,12 +66,20 @@ class Grams:
             found[:, block] = curved - 2 * np.einsum("ci,ci->c", b, held[rows, last]) + held[last, last]
         return np.maximum(found, 0.0)
 
-    def fitted(self, candidate: Sensors) -> Filter:
-        """The filter of all samples."""
+    def rmse_degC(self, candidates: Sequence[Sensors]) -> list[float]:
+        """The held-out error of each candidate; all are of one size."""
+        if not candidates:
+            return []
+        errors: list[float] = np.sqrt(self.squares(candidates).sum(axis=1) / self.samples.sum()).tolist()
+        return errors
+
+    def fitted(self, candidate: Sensors) -> StateSpace:
+        """The continuous filter of all samples, with a state a pole."""
         rows, last = self._rows([candidate]), self.whole.shape[0] - 1
         b = _unit_gain(self.whole[rows[:, :, None], rows[:, None, :]], self.whole[rows, last])[0]
-        gains = b[:-1].reshape(len(candidate), -1)
-        return Filter(tuple(candidate), self.poles_s, gains, float(b[-1]))
+        gains, rates = b[:-1].reshape(len(candidate), -1), 1 / np.asarray(self.poles_s, dtype=float)
+        B, C = gains[:, 1:].T * rates[:, None], np.ones((1, len(rates)))
+        return StateSpace(-np.diag(rates), B, C, gains[:, :1].T, b[-1:])
 
     def _rows(self, candidates: Sequence[Sensors]) -> NDArray[np.intp]:
         """The rows of each candidate's bank and of the one, (c, 1 + size (1 + K))."""

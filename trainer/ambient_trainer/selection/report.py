@@ -11,7 +11,7 @@ from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Tabl
 from ambient_trainer.selection.figures import circuit_figure, errors_figure, gains_figure
 from ambient_trainer.selection.result import (
     NEAR_DEGC,
-    HeldOut,
+    ScoredSystem,
     SearchResult,
     SelectedCircuit,
     SelectedSet,
@@ -115,7 +115,7 @@ def findings(result: SearchResult) -> list[str]:
     if least is not named:
         lines.append(
             f"The least is {least.rmse_degC:.2f} degC, with {len(least.sensors)}; one standard error up it is "
-            f"{least.fixed.held_out.interval_degC[1]:.2f}."
+            f"{least.fixed.interval_degC[1]:.2f}."
         )
     flat = flat_from(errors, NEAR_DEGC)
     if flat < len(errors) - 1:
@@ -191,13 +191,13 @@ def _label(result: SearchResult, each: SelectedSet) -> str:
 
 
 def _cells(each: SelectedSet, circuit: SelectedCircuit | None) -> tuple[str, ...]:
-    low, high = each.fixed.held_out.interval_degC
+    low, high = each.fixed.interval_degC
     errors = (f"{each.rmse_degC:.2f}", f"{low:.2f} to {high:.2f}", f"{each.noise_degC:.2f}")
     wired = ("-", "-")
     if circuit is not None:
         kind = "hidden" if circuit.topology.form == "temperature" else "own"
         wired = (f"{circuit.rmse_degC:.2f}", f"{len(circuit.topology.states)} {kind}")
-    return (", ".join(each.sensors), *errors, f"{each.free.held_out.rmse_degC:.2f}", *wired)
+    return (", ".join(each.sensors), *errors, f"{each.free.rmse_degC:.2f}", *wired)
 
 
 def _alternatives(named: SelectedSet) -> list[str]:
@@ -243,12 +243,12 @@ def _circuit_lines(result: SearchResult) -> list[str]:
 def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, Any]:
     return {
         "sensors": list(each.sensors),
-        **_held_out_data(each.fixed.held_out),
+        **_held_out_data(each.fixed),
         "noise_gain": each.noise_gain,
         "noise_degC": each.noise_degC,
         "dc_gains": list(each.dc_gains),
         "offset_degC": float(each.fixed.system.offset[0]),
-        "free_held_out_rmse_degC": each.free.held_out.rmse_degC,
+        "free_held_out_rmse_degC": each.free.rmse_degC,
         "alternatives": [asdict(other) for other in each.alternatives],
         "circuit": circuit
         and {
@@ -257,17 +257,17 @@ def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, 
             "sensors": list(circuit.topology.sensors),
             "states": list(circuit.topology.states),
             "edges": [list(edge) for edge in circuit.topology.edges],
-            **_held_out_data(circuit.scored.held_out),
+            **_held_out_data(circuit.scored),
             "tried": circuit.tried,
         },
     }
 
 
-def _held_out_data(held_out: HeldOut) -> dict[str, Any]:
+def _held_out_data(scored: ScoredSystem) -> dict[str, Any]:
     return {
-        "held_out_rmse_degC": held_out.rmse_degC,
-        "one_standard_error_degC": list(held_out.interval_degC),
-        "block_rmse_degC": [(square / count) ** 0.5 for square, count in zip(held_out.squares, held_out.samples)],
+        "held_out_rmse_degC": scored.rmse_degC,
+        "one_standard_error_degC": list(scored.interval_degC),
+        "block_rmse_degC": [(square / count) ** 0.5 for square, count in zip(scored.squares, scored.samples)],
     }
 
 

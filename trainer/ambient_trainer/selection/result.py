@@ -15,7 +15,7 @@ import numpy as np
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti.statespace import Hold, StateSpace
+from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 from ambient_trainer.selection.screen import LeftOut, Sensor
 from ambient_trainer.selection.topology import Topology
 
@@ -36,9 +36,15 @@ class Options:
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Sums of squared errors in degC^2 and numbers of samples, one a block."""
+class ScoredSystem:
+    """A continuous system that estimates the ambient from trace columns, and its held-out error.
 
+    ``squares`` are sums of squared errors in degC^2, ``samples`` their numbers, one a block.
+    """
+
+    system: StateSpace
+    hold: Hold
+    columns: tuple[str, ...]
     squares: tuple[float, ...]
     samples: tuple[float, ...]
 
@@ -64,18 +70,8 @@ class HeldOut:
         low = max(self.mean_square - self.standard_error_degC2, 0.0)
         return float(np.sqrt(low)), float(np.sqrt(self.mean_square + self.standard_error_degC2))
 
-
-@dataclass(frozen=True)
-class ScoredSystem:
-    """A continuous system that estimates the ambient from trace columns, and its held-out error."""
-
-    system: StateSpace
-    hold: Hold
-    columns: tuple[str, ...]
-    held_out: HeldOut
-
-    def rmse_degC(self, trace: Trace) -> float:
-        """RMSE on another trace, from a cold start at its first sample."""
+    def rmse_on(self, trace: Trace) -> float:
+        """RMSE in degC on another trace, from a cold start at its first sample."""
         error = trace.reference - estimate_degC(self.system, self.hold, self.columns, trace)
         return float(np.sqrt(np.nanmean(error**2)))
 
@@ -96,8 +92,6 @@ class SelectedSet:
     sensors: tuple[str, ...]
     fixed: ScoredSystem
     """The filter over fixed poles that sets are compared by."""
-    dc_gains: tuple[float, ...]
-    """Of ``fixed``, one a sensor."""
     noise_gain: float
     """Standard deviation of the estimate per unit of white noise in every sensor."""
     noise_degC: float
@@ -109,7 +103,12 @@ class SelectedSet:
     @property
     def rmse_degC(self) -> float:
         """Held-out RMSE of the filter over fixed poles."""
-        return self.fixed.held_out.rmse_degC
+        return self.fixed.rmse_degC
+
+    @property
+    def dc_gains(self) -> tuple[float, ...]:
+        """Of ``fixed``, one a sensor."""
+        return tuple(dc_gain(self.fixed.system)[0].tolist())
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ class SelectedCircuit:
     @property
     def rmse_degC(self) -> float:
         """Held-out RMSE."""
-        return self.scored.held_out.rmse_degC
+        return self.scored.rmse_degC
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ class SearchResult:
     @property
     def recommended(self) -> SelectedSet:
         """The smallest set within one standard error of the best."""
-        return self.sizes[fewest_within_one_error([each.fixed.held_out for each in self.sizes])]
+        return self.sizes[fewest_within_one_error([each.fixed for each in self.sizes])]
 
 
 def pareto_front(errors: Sequence[float]) -> list[int]:
@@ -181,7 +180,7 @@ def pareto_front(errors: Sequence[float]) -> list[int]:
     return [index for index, error in enumerate(errors) if all(error < other for other in errors[:index])]
 
 
-def fewest_within_one_error(sizes: Sequence[HeldOut]) -> int:
+def fewest_within_one_error(sizes: Sequence[ScoredSystem]) -> int:
     """The first place whose mean square is at most the least one plus its standard error."""
     best = min(sizes, key=lambda each: each.mean_square)
     limit = best.mean_square + best.standard_error_degC2

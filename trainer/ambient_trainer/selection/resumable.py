@@ -9,7 +9,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from joblib import delayed
 from threadpoolctl import threadpool_limits
@@ -18,18 +18,9 @@ from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.estimation.workers import results, workers
 
 _HEADER = {"format": "ambient-search-state", "version": 2}
+Task = Callable[[Sequence[Any]], Sequence[Any]]
+Results = dict[Any, Any]
 _ANEW = "remove it to start anew, or name another --state"
-
-
-class Task(Protocol):
-    """A pure function from keys to results that JSON can hold; it goes to the worker processes as it is."""
-
-    @property
-    def name(self) -> str:
-        """Distinguishes its results from those of other tasks."""
-
-    def __call__(self, keys: Sequence[Any]) -> list[Any]:
-        """The result of each key."""
 
 
 class ResumablePool:
@@ -73,9 +64,13 @@ class ResumablePool:
         self._parallel.__exit__(*raised)
         self._database.close()
 
-    def results(self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1) -> dict[Any, Any]:
-        """The results by key, computed ``at_once`` by a process where they are not known yet."""
-        names = {key: f"{task.name} {key!r}" for key in keys}
+    def results(self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1, name: str = "") -> Results:
+        """The results by key, computed ``at_once`` by a process where they are not known yet.
+
+        ``task`` is a pure function of a list of keys, whose results JSON can hold; it goes to the processes as it is.
+        ``name`` distinguishes its results from those of other tasks; by default it is ``what``.
+        """
+        names = {key: f"{name or what} {key!r}" for key in keys}
         missing = [key for key, name in names.items() if name not in self.known]
         parts = [missing[first : first + at_once] for first in range(0, len(missing), at_once)]
         done = len(names) - len(missing)
@@ -96,7 +91,7 @@ class ResumablePool:
             self._database.executemany("INSERT INTO results VALUES (?, ?)", rows)
 
 
-def _one_thread(task: Task, keys: Sequence[Any]) -> list[Any]:
+def _one_thread(task: Task, keys: Sequence[Any]) -> Sequence[Any]:
     with threadpool_limits(1):
         return task(keys)
 

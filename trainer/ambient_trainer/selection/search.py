@@ -6,8 +6,9 @@ Everything that takes time goes through :class:`ResumablePool`; the rest is dete
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,16 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.validation import Block, cut_in_blocks
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.structure import Structure
+from ambient_trainer.estimation.validation import Block, Spending, cut_in_blocks, refitted
+from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.selection.floating import best_sets, swaps
 from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
 from ambient_trainer.selection.result import (
     NEAR_DEGC,
     Alternative,
-    HeldOut,
     Options,
     ScoredSystem,
     SearchResult,
@@ -33,7 +37,6 @@ from ambient_trainer.selection.result import (
 )
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import LeftOut, Screened, Sensor
-from ambient_trainer.selection.tasks import CircuitFits, FreeFits, PoleScores, SetScores
 from ambient_trainer.selection.topology import Topology, best_topology, can_be_named, circuit_of, pruned
 
 _SAMPLES_PER_UNKNOWN = 10
@@ -41,6 +44,9 @@ _POLES_BY_SENSORS = 3
 _SETS_AT_ONCE = 128
 _CIRCUIT_SAMPLES = 10_000
 _SLOWEST_SHARE = 1 / 40
+_FILTER = Spending(starts=2, whole=200, without=12)
+_CIRCUIT = Spending(starts=1, whole=60, without=5)
+"""Of hundreds: where a topology leaves a direction open a search would creep along it for long."""
 
 
 @dataclass(frozen=True)
@@ -148,14 +154,16 @@ def searched(
         _check_scorable(trace, data.sensors)
     poles_s = _best_poles(data, options, pool)
     grams = gathered(data.segments, data.blocks, data.sensors, poles_s, options.tolerance_degC)
-    selection = _Selection(SetScores(grams), pool)
+    selection = _Selection(grams, pool)
     everyone = range(len(data.sensors))
     best = selection.best(everyone, options.most)
-    fit = FreeFits(data.segments, data.blocks, options.order)
-    fits = pool.results("free filters", fit, [*best, compared] if compared else best)
+    free_filter = partial(_free_filter, data.segments, options.order)
+    fits = pool.results(
+        "free filters", partial(_fits, free_filter, data.blocks, _FILTER), [*best, compared] if compared else best
+    )
 
     def selected(members: Sensors, alternatives: Sequence[Alternative] = ()) -> SelectedSet:
-        return _selected(data, grams, members, _free_filter(data, fit, members, fits[members]), alternatives)
+        return _selected(data, grams, members, free_filter(members), fits[members], alternatives)
 
     sizes = tuple(selected(each, _alternatives(data, selection, each)) for each in best)
     compared_set = selected(compared) if compared else None
@@ -185,16 +193,16 @@ def searched(
 class _Selection:
     """Sets of sensors, each scored once."""
 
-    def __init__(self, task: SetScores, pool: ResumablePool) -> None:
+    def __init__(self, grams: Grams, pool: ResumablePool) -> None:
         self.errors: dict[Sensors, float] = {}
-        self._task = task
+        self._grams = grams
         self._pool = pool
 
     def score(self, candidates: Sequence[Sensors]) -> list[float]:
         missing = [each for each in candidates if each not in self.errors]
         if missing:
-            what = f"sets of {_counted(len(missing[0]))}"
-            self.errors.update(self._pool.results(what, self._task, missing, _SETS_AT_ONCE))
+            what, name = f"sets of {_counted(len(missing[0]))}", f"set {self._grams.poles_s}"
+            self.errors.update(self._pool.results(what, self._grams.rmse_degC, missing, _SETS_AT_ONCE, name))
         return [self.errors[each] for each in candidates]
 
     def best(self, allowed: Sequence[int], most: int) -> list[Sensors]:
@@ -217,29 +225,65 @@ def _best_poles(data: SearchData, options: Options, pool: ResumablePool) -> tupl
     longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
     offered = banks(options.order, data.period_s, longest_s)
     few = min(options.most, _POLES_BY_SENSORS)
-    task = PoleScores(data.segments, data.blocks, data.sensors, options.tolerance_degC, few)
-    errors = pool.results("fixed poles", task, offered)
+    gathering = partial(gathered, data.segments, data.blocks, data.sensors, tolerance_degC=options.tolerance_degC)
+    errors = pool.results("fixed poles", partial(_pole_errors, gathering, len(data.sensors), few), offered)
     return min(offered, key=lambda each: (errors[each], each))
 
 
-def _free_filter(data: SearchData, task: FreeFits, members: Sensors, fit: dict[str, Any]) -> ScoredSystem:
-    system = task.structure(members).system(np.array(fit["theta"]), np.array(fit["beta"]))
-    held_out = HeldOut(tuple(fit["squares"]), data.samples)
-    return ScoredSystem(system, "first-order", tuple(data.sensors[each].column for each in members), held_out)
+def _pole_errors(gathering: partial[Grams], sensors: int, few: int, keys: Sequence[tuple[float, ...]]) -> list[float]:
+    """Per set of poles the held-out RMSE in degC of the best few of the sensors."""
+    scores = [gathering(poles_s=key).rmse_degC for key in keys]
+    return [min(score([each])[0] for each in best_sets(range(sensors), few, score)) for score in scores]
+
+
+def _fits(
+    structure_of: Callable[[Any], Structure], blocks: Sequence[Block], spending: Spending, keys: Sequence[Any]
+) -> list[dict[str, Any]]:
+    """Per key the unknowns of its structure, and the sum of squares of each block that was left out."""
+    fits = [refitted(structure_of(key), blocks, spending) for key in keys]
+    return [
+        {"theta": each.solution.theta.tolist(), "beta": each.solution.beta.tolist(), "squares": list(each.squares)}
+        for each in fits
+    ]
+
+
+def _free_filter(laid: Sequence[Segment], order: int, members: Sensors) -> FreeFilter:
+    return FreeFilter(order, _rows_of(laid, members))
+
+
+def circuit_structure(
+    laid: Sequence[Segment], names: Sequence[str], tau_s: Sequence[float], topology: Topology
+) -> CircuitStructure:
+    """The circuit of a topology over segments that hold the sensors ``names``, in this order."""
+    circuit = circuit_of(topology, tau_s, "candidate", "candidate")
+    # a circuit orders its inputs by its nodes
+    return CircuitStructure(
+        circuit, _rows_of(laid, [names.index(each.removesuffix("_degC")) for each in circuit.inputs])
+    )
+
+
+def _rows_of(laid: Sequence[Segment], rows: Sequence[int]) -> list[Segment]:
+    return [replace(each, inputs=each.inputs[list(rows)]) for each in laid]
 
 
 def _selected(
-    data: SearchData, grams: Grams, members: Sensors, free: ScoredSystem, alternatives: Sequence[Alternative]
+    data: SearchData,
+    grams: Grams,
+    members: Sensors,
+    structure: FreeFilter,
+    fit: dict[str, Any],
+    alternatives: Sequence[Alternative],
 ) -> SelectedSet:
-    fitted = grams.fitted(members)
-    held_out = HeldOut(tuple(grams.squares([members])[0].tolist()), data.samples)
+    fixed, free = grams.fitted(members), structure.system(np.array(fit["theta"]), np.array(fit["beta"]))
+    sensors = [data.sensors[each] for each in members]
+    columns, noises = tuple(each.column for each in sensors), np.array([each.noise_degC for each in sensors])
+    squares = tuple(grams.squares([members])[0].tolist())
     return SelectedSet(
-        sensors=tuple(data.names[each] for each in members),
-        fixed=ScoredSystem(fitted.system, "first-order", free.columns, held_out),
-        dc_gains=fitted.dc_gains,
-        noise_gain=fitted.noise_gain(data.period_s),
-        noise_degC=fitted.noise_degC([data.sensors[each].noise_degC for each in members], data.period_s),
-        free=free,
+        sensors=tuple(each.name for each in sensors),
+        fixed=ScoredSystem(fixed, "first-order", columns, squares, data.samples),
+        noise_gain=noise_gain(fixed, data.period_s),
+        noise_degC=noise_gain(replace(fixed, B=fixed.B * noises, D=fixed.D * noises), data.period_s),
+        free=ScoredSystem(free, "first-order", columns, tuple(fit["squares"]), data.samples),
         alternatives=tuple(alternatives),
     )
 
@@ -261,34 +305,40 @@ def _circuits(
     longest_s = max(each.inputs.shape[1] * each.period_s for each in coarse)
     slowest_s = max(_SLOWEST_SHARE * longest_s, poles_s[0])
     tau_s = tuple(np.geomspace(slowest_s, poles_s[0], max(options.order, 2)).tolist())
-    task = CircuitFits(coarse, blocks, data.names, tau_s)
-    best = selection.best(allowed, options.most)
-    return {
-        len(members): _best_circuit(task, pool, [data.names[each] for each in members], samples, options.order)
-        for members in best
-    }
+    structure_of = partial(circuit_structure, coarse, data.names, tau_s)
+    found = {}
+    for members in selection.best(allowed, options.most):
+        what = f"circuits of {_counted(len(members))}"
+        fit = partial(pool.results, what, partial(_fits, structure_of, blocks, _CIRCUIT))
+        found[len(members)] = _best_circuit(fit, structure_of, [data.names[each] for each in members], samples, options)
+    return found
 
 
 def _best_circuit(
-    task: CircuitFits, pool: ResumablePool, names: Sequence[str], samples: tuple[float, ...], order: int
+    fit: Callable[[Sequence[Topology]], dict[Topology, dict[str, Any]]],
+    structure_of: partial[CircuitStructure],
+    names: Sequence[str],
+    samples: tuple[float, ...],
+    options: Options,
 ) -> SelectedCircuit:
     fits: dict[Topology, dict[str, Any]] = {}
 
     def score(topologies: Sequence[Topology]) -> list[float]:
-        fits.update(pool.results(f"circuits of {_counted(len(names))}", task, topologies))
-        return [HeldOut(tuple(fits[each]["squares"]), samples).rmse_degC for each in topologies]
+        fits.update(fit(topologies))
+        return [math.sqrt(sum(fits[each]["squares"]) / sum(samples)) for each in topologies]
 
-    topology = best_topology(names, order, score)
-    fit = fits[topology]
-    held_out = HeldOut(tuple(fit["squares"]), samples)
-    values = task.structure(topology).values(np.array(fit["theta"]), np.array(fit["beta"]))
+    topology = best_topology(names, options.order, score)
+    best, structure = fits[topology], structure_of(topology)
     about = (
         f"Found by a search over {len(fits)} circuits of {', '.join(names)}; "
-        f"{held_out.rmse_degC:.3g} degC off on blocks of time that it was not fitted to"
+        f"{score([topology])[0]:.3g} degC off on blocks of time that it was not fitted to"
     )
-    circuit, less = pruned(circuit_of(topology, task.tau_s, f"search_{len(names)}", about), topology, values)
+    named = replace(structure.circuit, name=f"search_{len(names)}", about=about)
+    values = structure.values(np.array(best["theta"]), np.array(best["beta"]))
+    circuit, less = pruned(named, topology, values)
     system = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
-    return SelectedCircuit(circuit, less, ScoredSystem(system, circuit.hold, circuit.inputs, held_out), len(fits))
+    scored = ScoredSystem(system, circuit.hold, circuit.inputs, tuple(best["squares"]), samples)
+    return SelectedCircuit(circuit, less, scored, len(fits))
 
 
 def _scores_on(
@@ -296,10 +346,10 @@ def _scores_on(
 ) -> TraceScores:
     return TraceScores(
         path=trace.path,
-        fixed=tuple(each.fixed.rmse_degC(trace) for each in sizes),
-        free=tuple(each.free.rmse_degC(trace) for each in sizes),
-        circuits={size: each.scored.rmse_degC(trace) for size, each in circuits.items()},
-        against=(against.fixed.rmse_degC(trace), against.free.rmse_degC(trace)) if against else None,
+        fixed=tuple(each.fixed.rmse_on(trace) for each in sizes),
+        free=tuple(each.free.rmse_on(trace) for each in sizes),
+        circuits={size: each.scored.rmse_on(trace) for size, each in circuits.items()},
+        against=(against.fixed.rmse_on(trace), against.free.rmse_on(trace)) if against else None,
     )
 
 

@@ -11,12 +11,13 @@ from ambient_model.recursion import advance, equilibrium, output
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.observer_structure import estimate_of, walk_of
+from ambient_trainer.estimators.kalman.observer_structure import walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.evaluation.evaluate import evaluate_trace
+from ambient_trainer.lti.response import response_degC
 from ambient_trainer.lti.statespace import dc_gain
 
 ONE = Effort(starts=1)
@@ -52,7 +53,7 @@ def test_it_errs_like_the_filter_that_knows_the_truth(fit, simulated):
     truth = np.log([60, 200, 120, 1, 1, *[0.004] * 3, *[0.02] * 3, *[density] * 3])
     held_out = simulated(2)
     segment = Segment(10.0, np.vstack([held_out.columns[name] for name in fit.inputs]), held_out.reference[None])
-    best = np.std(held_out.reference - estimate_of(circuit.filter(truth), segment))
+    best = np.std(held_out.reference - response_degC(circuit.filter(truth), "first-order", segment.inputs, 10.0))
     scored = evaluate_trace(model_of(fit, [], {}), held_out)
     assert scored.metrics.rmse_degC < 1.05 * best
     assert scored.baseline.metrics.rmse_degC > 1.3 * best

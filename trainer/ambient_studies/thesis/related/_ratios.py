@@ -3,10 +3,6 @@
     y = offset + sum_i K_i (1 + tau1_i s)/(1 + tau2_i s) u_i = offset + sum_i d_i (u_i - L_i u_i) + K_i L_i u_i
 
 with L_i = 1/(1 + tau2_i s) and d_i = K_i tau1_i / tau2_i: d and K have one sign where every time constant is positive.
-Between the samples the inputs move along straight lines; with h = T / tau2, e = exp(-h) and phi = (1 - e)/h that makes
-L exactly
-
-    1 - phi + (1 - e) phi / (z - e).
 """
 
 from __future__ import annotations
@@ -17,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambient_trainer.data import Array, Segment
-from ambient_trainer.estimation import Expansion, Unknowns
-from ambient_trainer.lti import one_pole
+from ambient_trainer.estimation import Unknowns
+from ambient_trainer.lti import StateSpace, lagged, response_slopes
 
 _FASTEST_PERIODS = 2.0
 _TIMES_SHOWN = 10.0
@@ -44,35 +40,23 @@ class FirstOrderRatios:
         high = np.array([np.inf if sign > 0 else 0.0 for sign in (*signs, *signs)] + [np.inf])
         self.linear = Unknowns((*names, "offset"), np.zeros(2 * m + 1), low, high)
 
-    def signals(self, theta: Array, index: int) -> Array:
-        """The inputs, the inputs over their z - e, one, the inputs over their (z - e)^2."""
-        segment = self.segments[index]
-        u = segment.inputs
-        once, twice = np.empty_like(u), np.empty_like(u)
-        for i, e in enumerate(np.exp(-segment.period_s / np.exp(theta))):
-            once[i] = one_pole(e, u[i, None], u[i, :1] / (1 - e))[0]
-            twice[i] = one_pole(e, once[i, None], once[i, :1] / (1 - e))[0]
-        return np.concatenate([u, once, np.ones((1, u.shape[1])), twice])
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
+        """u - L u and L u of each input, and one."""
+        u, period_s = self.segments[index].inputs, self.segments[index].period_s
+        slow = np.array([lagged(row, tau_s, period_s) for row, tau_s in zip(u, np.exp(theta).tolist())])
+        one = np.ones((1, u.shape[1]))
+        return 0 * one, np.concatenate([u - slow, slow, one])[:, None]
 
-    def expand(self, theta: Array, period_s: float) -> Expansion:
-        """L of each input in its three signals, and its derivative in log tau2.
-
-        There h moves by -h, e by e h and phi by phi - e.
-        """
-        m = self.inputs
-        h = period_s / np.exp(theta)
-        e = np.exp(-h)
-        phi = -np.expm1(-h) / h
-        each, p, s = np.arange(m), 2 * m + 1, 3 * m + 1
-        lag, moved = np.zeros((m, s)), np.zeros((m, s))
-        lag[each, each], lag[each, m + each] = 1 - phi, (1 - e) * phi
-        moved[each, each], moved[each, m + each] = e - phi, (1 - e) * (phi - e) - e * h * phi
-        moved[each, p + each] = (1 - e) * phi * e * h
-        free = np.zeros((1, s, p))
-        free[0, :, :m], free[0, :, m : 2 * m], free[0, 2 * m, 2 * m] = np.eye(s, m) - lag.T, lag.T, 1.0
-        slope = np.zeros((m, 1, s, p))
-        slope[each, 0, :, each], slope[each, 0, :, m + each] = -moved, moved
-        return Expansion(np.zeros((1, s)), free, np.zeros((m, 1, s)), slope)
+    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
+        """K - d times the derivative of L in log tau2: 1/tau2 there moves by -1/tau2."""
+        segment, m = self.segments[index], self.inputs
+        found = []
+        for row, rate, gain in zip(segment.inputs, np.exp(-theta), beta[m : 2 * m] - beta[:m]):
+            zero, one = np.zeros((1, 1)), np.ones((1, 1))
+            lag = StateSpace(-rate * one, rate * one, gain * one, zero, zero[0])
+            by = StateSpace(rate * one[None], -rate * one[None], zero[None], zero[None], zero)
+            found.append(response_slopes(lag, by, "first-order", row[None], segment.period_s)[0])
+        return np.array(found)
 
     def penalty(self, theta: Array) -> tuple[Array, Array]:
         """No penalty: the bounds hold the prior."""

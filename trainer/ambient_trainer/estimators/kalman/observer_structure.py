@@ -1,12 +1,6 @@
 """The observer as a structure for the search: theta is of its circuit and noise, an offset is solved for.
 
-The signals are the estimate, one, and the estimate's slope in each of theta. With xi and upsilon what state and inputs
-have moved since the start, in equilibrium,
-
-    dy = d(D + C (I - A)^-1 B) u[0] + dC xi + dD upsilon + C dxi,    dxi[k+1] = A dxi[k] + dA xi[k] + dB upsilon[k].
-
-C dxi needs no run per theta: it is a combination of what C x makes of each of xi and upsilon. The prior has time
-constants from the sensors' own lags, and noise from a coarse grid.
+The prior has time constants from the sensors' own lags, and noise from a coarse grid.
 """
 
 from __future__ import annotations
@@ -16,16 +10,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import schur
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.structure import Expansion, Unknowns
-from ambient_trainer.estimators.kalman.random_walk import Filter, RandomWalkAmbient
-from ambient_trainer.lti.discretise import discretised_slopes, first_order_hold
+from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.modes import one_pole
-from ambient_trainer.lti.response import responses_of_output, states_from_rest
-from ambient_trainer.lti.riccati import Unsettled
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.response import response, response_degC, response_slopes
 
 Array = NDArray[np.float64]
 
@@ -45,23 +35,24 @@ class ObserverStructure:
         self.search = Unknowns(circuit.names, start, start - _REACH, start + _REACH)
         self.linear = Unknowns(("offset",), np.zeros(1), np.full(1, -np.inf), np.full(1, np.inf))
 
-    def signals(self, theta: Array, index: int) -> Array:
-        """The estimate without its offset, one, and the estimate's slopes (2 + P, N)."""
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
+        """The estimate without its offset, and one; zero where no filter settles, which loses to any other."""
         segment = self.segments[index]
-        zero = np.zeros((2 + len(theta), segment.inputs.shape[1]))
-        zero[1] = 1.0
+        one = np.ones((1, 1, segment.inputs.shape[1]))
         try:
-            value, slopes = self.circuit.filter_and_slopes(theta)
-        except Unsettled:  # far from the prior: an estimate of zero loses to any other
-            return zero
-        found = _signals(*_sampled(value, slopes, segment.period_s), segment.inputs)
-        return found if np.isfinite(found).all() else zero
+            estimate = response(self.circuit.filter(theta), "first-order", segment.inputs, segment.period_s)
+        except ValueError:
+            return 0 * one[0], one
+        return np.nan_to_num(estimate), one
 
-    def expand(self, theta: Array, period_s: float) -> Expansion:
-        """The signals themselves."""
-        count = len(theta)
-        rows = np.eye(2 + count)
-        return Expansion(rows[:1], rows[None, :, 1:2], rows[2:, None], np.zeros((count, 1, 2 + count, 1)))
+    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
+        """The estimate's derivatives in theta, (P, 1, N)."""
+        segment = self.segments[index]
+        try:
+            value, by = self.circuit.filter(theta), self.circuit.slopes(theta)
+        except ValueError:
+            return np.zeros((len(theta), 1, segment.inputs.shape[1]))
+        return np.nan_to_num(response_slopes(value, by, "first-order", segment.inputs, segment.period_s))
 
     def penalty(self, theta: Array) -> tuple[Array, Array]:
         """The penalty on the distance from the prior, which holds what the data leave open."""
@@ -74,51 +65,6 @@ class ObserverStructure:
     def random_start(self, random: np.random.Generator) -> Array:
         """Near the prior: far from it lie poor optima, and filters that weigh no sensor."""
         return self.search.initial + _SCATTER * random.standard_normal(len(self.search.initial))
-
-
-def estimate_of(found: Filter, segment: Segment) -> Array:
-    """The filter's estimate over a segment in degC, without an offset (N,)."""
-    system = first_order_hold(found.system, segment.period_s)
-    return _Moved(system, segment.inputs).estimate
-
-
-def _sampled(value: Filter, slopes: Filter, period_s: float) -> tuple[StateSpace, StateSpace]:
-    system, count = value.system, len(slopes.A)
-    still = [np.zeros((count, *each.shape)) for each in (system.C, system.D, system.offset)]
-    moving = StateSpace(slopes.A, slopes.B, *still)
-    return first_order_hold(system, period_s), discretised_slopes(system, moving, period_s, "first-order")
-
-
-class _Moved:
-    """A recursion in Schur coordinates, and what its state and inputs have moved since the start."""
-
-    def __init__(self, system: StateSpace, u: Array) -> None:
-        self.system = system
-        self.upper, self.basis = schur(system.A)
-        self.C = (system.C @ self.basis)[0]
-        self.inputs = u - u[:, :1]
-        self.states = states_from_rest(self.upper, (self.basis.T @ system.B) @ self.inputs)
-        self.left = np.linalg.solve((np.eye(len(system.A)) - system.A).T, system.C[0])
-        self.right = np.linalg.solve(np.eye(len(system.A)) - system.A, system.B)
-        self.estimate: Array = self.C @ self.states + system.D[0] @ self.inputs
-        self.estimate += (system.D[0] + self.left @ system.B) @ u[:, 0]
-
-    def slopes(self, by: StateSpace, u: Array) -> Array:
-        """The estimate's slopes (P, N) where the system's matrices have the slopes ``by``."""
-        at_rest = by.D[:, 0] + by.C[:, 0] @ self.right + self.left @ (by.A @ self.right + by.B)
-        driven = responses_of_output(self.upper, self.C, np.concatenate([self.states, self.inputs]))
-        turned = self.basis.T
-        weights = np.concatenate([turned @ by.A @ self.basis, turned @ by.B], axis=-1)
-        found: Array = weights.reshape(len(weights), -1) @ driven.reshape(-1, u.shape[1])
-        found += (by.C[:, 0] @ self.basis) @ self.states
-        found += by.D[:, 0] @ self.inputs
-        found += at_rest @ u[:, :1]
-        return found
-
-
-def _signals(system: StateSpace, slopes: StateSpace, u: Array) -> Array:
-    moved = _Moved(system, u)
-    return np.concatenate([moved.estimate[None], np.ones((1, u.shape[1])), moved.slopes(slopes, u)])
 
 
 _LAGS = 24
@@ -165,9 +111,10 @@ def _square_left(circuit: RandomWalkAmbient, segments: Sequence[Segment]) -> Cal
     def square(theta: Array) -> float:
         try:
             found = circuit.filter(theta)
-        except Unsettled:
+        except ValueError:
             return math.inf
-        errors = np.concatenate([each.outputs[0] - estimate_of(found, each) for each in segments])
+        estimates = [response_degC(found, "first-order", each.inputs, each.period_s) for each in segments]
+        errors = np.concatenate([each.outputs[0] - estimate for each, estimate in zip(segments, estimates)])
         return float(np.nanvar(errors))
 
     return square

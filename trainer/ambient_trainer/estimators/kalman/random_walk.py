@@ -21,31 +21,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from ambient_model.trace import split_column
-from ambient_trainer.lti.riccati import Stack, continuous_covariance
 from ambient_trainer.lti.statespace import StateSpace
 
 Array = NDArray[np.float64]
 
 _COMPLEX_STEP = 1e-30
-
-
-class Filter(NamedTuple):
-    """dx/dt = A x + B z, y = x[-1]; stacked and complex ones too: A (..., n, n), B (..., n, m)."""
-
-    A: NDArray[Any]
-    B: NDArray[Any]
-
-    @property
-    def system(self) -> StateSpace:
-        """The same (of a single real one) as a state space."""
-        n, m = self.B.shape
-        return StateSpace(self.A, self.B, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
 
 class RandomWalkAmbient:
@@ -69,35 +56,55 @@ class RandomWalkAmbient:
         self.units = {f"{kind}_{each}": unit for kind, names, unit in groups for each in names}
         self.names = tuple(self.units)
 
-    def filter(self, theta: Stack) -> Filter:
-        """The steady-state filter at ``theta`` (..., P), real or complex; raises :class:`Unsettled`."""
+    def filter(self, theta: Array) -> StateSpace:
+        """The steady-state filter at ``theta`` (P,); raises ``ValueError`` where there is none."""
+        return self._system(*self._solved(theta)[:2])
+
+    def slopes(self, theta: Array) -> StateSpace:
+        """The derivative of :meth:`filter` in each of theta, with a leading axis.
+
+        That of the covariance solves the Lyapunov equation that the Riccati equation has for its own, dP:
+
+            (A - K H) dP + dP (A - K H)' + dA P + P dA' + dQ + K dR K' = 0.
+
+        Those of A, Q and R come by a complex step (Squire and Trapp 1998, SIAM Review 40(1)), to the last bit.
+        """
+        Ac, K, P, R = self._solved(theta)
+        found = []
+        for step in _COMPLEX_STEP * 1j * np.eye(len(theta)):
+            dA, dQ, dR = (each.imag / _COMPLEX_STEP for each in self.process(theta + step))
+            dP = solve_continuous_lyapunov(Ac, -(dA @ P + P @ dA.T + dQ + (K * dR) @ K.T))
+            dK = (dP[:, : self.count] - K * dR) / R
+            found.append((dA - dK @ np.eye(*dK.T.shape), dK))
+        dA, dK = map(np.array, zip(*found))
+        still = (np.zeros((len(theta), *shape)) for shape in ((1, self.count + 1), (1, self.count), (1,)))
+        return StateSpace(dA, dK, *still)
+
+    def _solved(self, theta: Array) -> tuple[Array, Array, Array, Array]:
+        """A - K H, K, P, and the diagonal of R."""
         A, Q, R = self.process(theta)
         H = np.eye(self.count, self.count + 1)
-        to_gain = H.T / R[..., None, :]
-        K = continuous_covariance(A, to_gain @ H, Q) @ to_gain
-        return Filter(A - K @ H, K)
+        P = solve_continuous_are(A.T, H.T, Q, np.diag(R))
+        # a step of Newton's (Kleinman 1968, IEEE Trans. Autom. Control 13(1)) brings the digits that a search needs
+        K = P @ H.T / R
+        P = solve_continuous_lyapunov(A - K @ H, -(Q + K * R @ K.T))
+        K = P @ H.T / R
+        return A - K @ H, K, P, R
 
-    def filter_and_slopes(self, theta: Array) -> tuple[Filter, Filter]:
-        """The filter at ``theta`` (P,), and its derivative in each of theta, to the last bit.
+    def _system(self, A: Array, K: Array) -> StateSpace:
+        n, m = K.shape
+        return StateSpace(A, K, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
-        By a complex step (Squire and Trapp 1998, SIAM Review 40(1)): f(x + ih) = f(x) + ih f'(x), however small h is.
-        """
-        stack = self.filter(theta + _COMPLEX_STEP * 1j * np.eye(len(theta)))
-        return Filter(*(each[0].real for each in stack)), Filter(*(each.imag / _COMPLEX_STEP for each in stack))
-
-    def process(self, theta: Stack) -> tuple[Stack, Stack, Stack]:
-        """A and Q (..., n + 1, n + 1) of the circuit, the ambient last, and the diagonal of R (..., n)."""
-        n, edges, stack = self.count, len(self.pairs), theta.shape[:-1]
-        tau, C, g, q, r = np.split(np.exp(theta), np.cumsum([n, n - 1, edges, n]), axis=-1)
-        C = np.concatenate([np.ones((*stack, 1)), C], axis=-1)
-        A = np.zeros((*stack, n + 1, n + 1), dtype=theta.dtype)
-        for i in range(n):
-            A[..., i, i] -= 1 / tau[..., i]
-            A[..., i, n] += 1 / tau[..., i]
-        for index, pair in enumerate(self.pairs):
+    def process(self, theta: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """A and Q (n + 1, n + 1) of the circuit, the ambient last, and the diagonal of R (n,); real or complex."""
+        n, edges = self.count, len(self.pairs)
+        tau, C, g, q, r = np.split(np.exp(theta), np.cumsum([n, n - 1, edges, n]))
+        C = np.append(1.0, C)
+        A = np.zeros((n + 1, n + 1), dtype=theta.dtype)
+        A[range(n), range(n)] = -1 / tau
+        A[:n, n] = 1 / tau
+        for rate, pair in zip(g, self.pairs):
             for i, j in (pair, pair[::-1]):
-                rate = g[..., index] / C[..., i]
-                A[..., i, i] -= rate
-                A[..., i, j] += rate
-        walks = np.concatenate([q, np.full((*stack, 1), self.walk)], axis=-1)
-        return A, walks[..., None] ** 2 * np.eye(n + 1), r**2
+                A[i, i] -= rate / C[i]
+                A[i, j] += rate / C[i]
+        return A, np.diag(np.append(q, self.walk) ** 2), r**2

@@ -73,7 +73,7 @@ class CircuitObserver(FilterEstimator):
 def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:
     found = searched(structure, effort, progress)
     best, circuit = found.result.best, structure.circuit
-    whole = circuit.filter(best.theta).system
+    whole = circuit.filter(best.theta)
     whole.offset[:] = best.beta
     system = reduced(whole, _MOST_STATES)
     values = zip(circuit.units.items(), np.exp(best.theta).tolist())
