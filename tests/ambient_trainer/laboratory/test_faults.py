@@ -20,7 +20,7 @@ import yaml
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Clock, Sample
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Sample
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 
 SPEED = 60.0
@@ -31,11 +31,11 @@ COLLECTOR = Path(__file__).with_name("collector.py")
 class Collector:
     """The process, and what it has acknowledged."""
 
-    def __init__(self, path, output, environment, *words):
+    def __init__(self, path, output, environment, *words, speed=SPEED):
         self.acknowledged = 0
         self.lines = []
         self.process = subprocess.Popen(
-            [sys.executable, str(COLLECTOR), str(path), str(output), str(SPEED), *words],
+            [sys.executable, str(COLLECTOR), str(path), str(output), str(speed), *words],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -135,7 +135,7 @@ def _night(campaign_file, tmp_path, seed, kills, faults_between):
         known = 0
         for life in range(kills):
             _live_through(collector, there, draw, faults_between, outages)
-            assert collector.process.poll() is None, collector.lines
+            assert collector.process.poll() is None, "\n".join(collector.lines)
             collector.kill()
             kept.append(_whole_lines(journal))
             assert len(_samples(journal)) >= known + collector.acknowledged
@@ -189,6 +189,48 @@ def _check(trace_path, journal, kept, outages):
     load = trace.column("cpu_load_frac")
     assert np.nanmax(load) == 0.5
     assert len(trace.time_s) > 1200  # the program's 20 minutes, and the gaps
+
+
+DAY_S = 86400.0
+
+
+@pytest.mark.slow
+def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(campaign_file, tmp_path):
+    """``AMBIENT_KILLS=100`` kills it at a hundred drawn moments; the calendar is stepped by a day and back."""
+    steps = [{"duration_min": 2, "chamber_degC": degC, "gradient_K_min": 5} for degC in (30, 10, 25)] * 40
+    loaded = load_campaign(campaign_file(steps, {"instruments.chamber.period_s": 2}), ports=False)
+    draw, speed = random.Random(4), 8.0
+    trace, journal = tmp_path / "trace.csv", tmp_path / "trace.csv.part"
+    with simulated_laboratory(loaded, Clock(speed), 4) as there:
+        path, words, known = _campaign(there, tmp_path), (), 0
+        for life in range(int(os.environ.get("AMBIENT_KILLS", "4"))):
+            stepped = {"STEPPED_S": str(draw.choice((-DAY_S, 0.0, DAY_S)))}
+            collector = Collector(path, trace, {**there.environment, **stepped}, *words, speed=speed)
+            _until(lambda collector=collector: collector.acknowledged or collector.process.poll() is not None)
+            time.sleep(draw.uniform(0.0, 1.5))
+            assert collector.process.poll() is None, "\n".join(collector.lines)
+            collector.process.kill()
+            killed_s = time.clock_gettime(time.CLOCK_BOOTTIME)
+            collector.wait()
+            record, words = read_journal(str(journal)), ("resume",)
+            last_s = max(entry.asked_s for entry in record.samples if entry.source in (DEVICE, MULTIPLEXER))
+            # the scan under way, and a quarter of a second for a machine that is loaded
+            assert speed * (killed_s - record.head.began_boot_s) - last_s < 2.0 + 0.25 * speed, life
+            assert len(record.samples) >= known + collector.acknowledged
+            known = len(record.samples)
+        collector = Collector(path, trace, there.environment, "resume", speed=speed)
+        _until(lambda: collector.acknowledged)
+        collector.process.send_signal(signal.SIGTERM)
+        assert collector.wait() == 0, collector.lines
+        assert collector.lines[-1] == "end stopped True"
+        assert there.chamber.held_degC == SAFE_DEGC
+    samples = read_journal(str(journal)).samples
+    assert len({(entry.source, entry.asked_s) for entry in samples}) == len(samples), "none stands twice"
+    # the phone's uptime goes on whatever happens here: what it is ahead of the run's time stays, to a period
+    ahead_s = [entry.values[CLOCK_OFFSET] for entry in samples if entry.source == DEVICE]
+    assert max(ahead_s) - min(ahead_s) < 1.0
+    steps_s = np.diff(load_trace(str(trace)).time_s)
+    assert set(steps_s) == {1.0}
 
 
 @pytest.mark.slow

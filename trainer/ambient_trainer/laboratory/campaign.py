@@ -28,7 +28,9 @@ from ambient_trainer.laboratory.instruments import (
     probe_column,
     settings_by_kind,
 )
+from ambient_trainer.laboratory.messages import CHAMBER, MULTIPLEXER, THERMOMETER
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset, load_offsets
+from ambient_trainer.laboratory.serial_line import is_missing
 from ambient_trainer.simulator.scenario import Scenario, Settle
 
 _SUPPLY_UNITS = {"temp": "degC", "current_now": "A", "voltage_now": "V"}
@@ -51,17 +53,23 @@ _TemperatureColumn = Annotated[str, AfterValidator(lambda column: _column(column
 
 
 class Instruments(Strict):
-    """The instruments on serial lines."""
+    """The instruments; on a desk there is no chamber."""
 
-    chamber: ChamberSettings
-    multiplexer: MultiplexerSettings
+    chamber: ChamberSettings | None = None
+    multiplexer: MultiplexerSettings | None = None
     thermometer: ThermometerSettings | None = None
+
+    @property
+    def named(self) -> dict[str, Any]:
+        """The settings of those that are there, by role."""
+        return {role: settings for role, settings in self if settings is not None}
 
 
 class Ambient(Strict):
     """The ambient is the mean of several probes in the chamber's middle, as in the thesis.
 
-    With fewer than ``at_least`` that answer it is missing; ``offsets`` is the file that ``calibrate`` wrote.
+    With fewer than ``at_least`` that answer it is missing; ``offsets`` is the file that ``calibrate`` wrote. Without a
+    multiplexer, ``probes`` is ``[thermometer]``.
     """
 
     probes: Annotated[tuple[Name, ...], Field(min_length=1)]
@@ -77,9 +85,13 @@ class Ambient(Strict):
             raise wrong(problem, "ask for as many as there are, or fewer")
         return self
 
+    def readings(self, values: Mapping[str, float | None]) -> dict[str, float | None]:
+        """What each probe reads; a thermometer alone has a column of its own."""
+        return {name: values.get(probe_column(name), values.get(f"{name}_degC")) for name in self.probes}
+
     def mean_degC(self, values: Mapping[str, float | None]) -> float | None:
         """The mean of the probes that answered, to the digits of a probe; None where they are too few."""
-        known = [value for name in self.probes if (value := values.get(probe_column(name))) is not None]
+        known = [value for value in self.readings(values).values() if value is not None]
         return round(sum(known) / len(known), 4) if len(known) >= self.at_least else None
 
 
@@ -147,11 +159,11 @@ class Safety(Strict):
 
     ``device_high_degC`` is by column; ``ambient_lost_s`` the longest time without an ambient while the chamber works.
     With a set point that the chamber does not confirm within ``confirm_s``, the run goes on, waits, or ends, as
-    ``unconfirmed`` says; it counts as incomplete in any case.
+    ``unconfirmed`` says; it counts as incomplete in any case. ``set_point_degC`` and ``chamber`` are a chamber's.
     """
 
-    set_point_degC: _Temperature
-    chamber: ChamberLimits
+    set_point_degC: _Temperature | None = None
+    chamber: ChamberLimits | None = None
     device_high_degC: dict[str, _Temperature] = Field(default_factory=dict)
     ambient_lost_s: Positive = 120.0
     confirm_s: Positive = 120.0
@@ -167,6 +179,11 @@ class Laboratory(Strict):
     signals: dict[_Column, _Signal] = Field(default_factory=dict)
     actions: dict[Name, Action] = Field(default_factory=dict)
     safety: Safety
+
+    @property
+    def reference(self) -> str:
+        """The instrument that the ambient comes from."""
+        return MULTIPLEXER if self.instruments.multiplexer else THERMOMETER
 
 
 class Campaign(Scenario):
@@ -280,6 +297,7 @@ def faults_between(data: Any, ports: bool, offsets: Iterable[str] = ()) -> Itera
     yield from _probe_faults(laboratory, offsets)
     yield from _column_faults(laboratory)
     yield from _outside("laboratory.safety", "set_point_degC", _mapping(laboratory, "safety"), laboratory)
+    yield from _missing_faults(data, laboratory)
     for name, action in _mapping(laboratory, "actions").items():
         for signal in _mapping(action, "signals"):
             if signal not in _mapping(laboratory, "signals"):
@@ -300,21 +318,41 @@ def _port_faults(instruments: dict[Any, Any], ports: bool) -> Iterator[Fault]:
         owner = owners.setdefault(os.path.realpath(port), str(name))
         if owner != name:
             yield Fault(place, f"{port} is the {owner}'s, too", "each instrument has a port of its own")
-        if ports and "://" not in port and not os.path.exists(port):
+        if ports and is_missing(port):
             yield Fault(place, f"{port} is not there", "plug the adapter in, or name its port (see /dev/serial/by-id)")
 
 
+def _missing_faults(data: Any, laboratory: dict[Any, Any]) -> Iterator[Fault]:
+    """What a chamber needs and is not there, and the same without a chamber."""
+    instruments, safety = _at(laboratory, "instruments"), _at(laboratory, "safety")
+    if not isinstance(instruments, dict):
+        return
+    places = [(f"laboratory.safety.{key}", safety) for key in ("set_point_degC", "chamber")]
+    for part in ("before", "steps"):
+        places += [(f"{part}[{index}].chamber_degC", step) for index, step in enumerate(_sequence(data, part))]
+    for place, part in places:
+        given = isinstance(part, dict) and place.rpartition(".")[2] in part
+        if given and CHAMBER not in instruments:
+            yield Fault(place, "there is no chamber", "remove it, or add 'laboratory.instruments.chamber'")
+        elif isinstance(part, dict) and not given and CHAMBER in instruments:
+            yield Fault(place, "missing", "add it: there is a chamber")
+    if not {MULTIPLEXER, THERMOMETER} & instruments.keys():
+        yield Fault("laboratory.instruments", "nothing measures the ambient", "add a multiplexer or a thermometer")
+
+
 def _probe_faults(laboratory: dict[Any, Any], offsets: Iterable[str]) -> Iterator[Fault]:
-    probes = _mapping(laboratory, "instruments", "multiplexer", "probes")
+    probes: Mapping[Any, Any] = _mapping(laboratory, "instruments", MULTIPLEXER, "probes")
+    if MULTIPLEXER not in _mapping(laboratory, "instruments"):
+        probes = {THERMOMETER: None}
     for index, name in enumerate(_sequence(_mapping(laboratory, "ambient"), "probes")):
         if probes and str(name) not in map(str, probes):
             known = ", ".join(map(str, probes))
             place = f"laboratory.ambient.probes[{index}]"
-            yield Fault(place, f"the multiplexer has no probe {name!r}", f"name one of {known}")
+            yield Fault(place, f"there is no probe {name!r}", f"name one of {known}")
     for name in offsets:
-        if name not in probes:
+        if name not in probes or name == THERMOMETER:
             place = "laboratory.ambient.offsets"
-            yield Fault(place, f"has an offset for {name!r}", "the multiplexer has no such probe")
+            yield Fault(place, f"has an offset for {name!r}", "there is no such probe")
 
 
 def _column_faults(laboratory: dict[Any, Any]) -> Iterator[Fault]:

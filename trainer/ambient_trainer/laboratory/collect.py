@@ -24,7 +24,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.laboratory.campaign import Campaign, Laboratory, LoadedCampaign
 from ambient_trainer.laboratory.journal import Head, Journal, Record, read_journal
-from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Identity, LoadState, Note
+from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Identity, LoadState, Note
 from ambient_trainer.laboratory.program import Program
 from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.watchdog import Watchdog
@@ -73,7 +73,7 @@ def collect(job: Job, supervision: Supervision) -> Collected:
     clock = Clock(job.speed)
     equipment = equipment_of(job.loaded, clock, job.environment)
     try:
-        identities = identify(equipment, job.loaded)
+        identities, slow = identify(equipment, job.loaded)
     except BaseException:
         equipment.close()
         raise
@@ -81,6 +81,9 @@ def collect(job: Job, supervision: Supervision) -> Collected:
     journal = Journal(job.journal_path, _head(job))
     for identity in identities:
         journal.add(Identity(*identity))
+    for text in slow:
+        journal.add(Note(0.0, text))
+        supervision.event(0.0, text)
     return _run(job, equipment, journal, clock, Program(job.loaded.campaign.program, 0.0), supervision)
 
 
@@ -108,13 +111,15 @@ def _run(
 ) -> Collected:
     campaign = job.loaded.campaign
     chamber, safe_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
-    watchdog = Watchdog(chamber, safe_degC, campaign.gradients, os.path.abspath(f"{job.output}.safety.log"))
     with contextlib.ExitStack() as stack:
         stack.callback(journal.close)
-        if not job.simulated:  # a simulated chamber ends with this process
-            stack.enter_context(watchdog)
+        watchdog = None
+        # a simulated chamber ends with this process
+        if chamber is not None and safe_degC is not None and not job.simulated:
+            log_path = os.path.abspath(f"{job.output}.safety.log")
+            watchdog = stack.enter_context(Watchdog(chamber, safe_degC, campaign.gradients, log_path))
         outcome = Run(campaign, equipment, clock, journal, program, supervision).conduct()
-        if not outcome.safe:
+        if watchdog is not None and not outcome.safe:
             watchdog.take_over()
     return _written(job, outcome)
 
@@ -234,7 +239,7 @@ def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
             continue
         if sample.source == DEVICE:
             row.update({name: sample.values.get(name) for name in laboratory.device.columns})
-        elif sample.source == MULTIPLEXER:
+        elif sample.source == laboratory.reference:
             row[REFERENCE] = laboratory.ambient.mean_degC(sample.values)
     changes = [each for each in record.entries if isinstance(each, LoadState)]
     for change, end in zip(changes, [*(each.at_s for each in changes[1:]), math.inf]):

@@ -50,7 +50,7 @@ _SAMPLES_UNTIL_SEARCH = 30
 """Until zones that were not there are searched again: after a boot, drivers come one after the other."""
 _MISMATCH = "compare the campaign with what is in /sys/class on the device"
 _SAMPLE = """ambient_sample() {
-read -r answer _ <ROOT/proc/uptime
+read -r answer _ <ROOT/proc/uptime || read -r answer _ <ROOT/proc/uptime
 for file in $ambient_files; do value=; read -r value <$file; answer="$answer|$value"; done
 } 2>/dev/null"""
 _LIST = """for zone in ROOT/sys/class/thermal/thermal_zone*; do

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import threading
 import time
@@ -31,7 +32,7 @@ from ambient_trainer.laboratory.messages import (
 
 FORMAT, VERSION = "ambient-journal", 1
 SYNC_S = 1.0
-"""The machine's seconds between two flushes to the disk."""
+"""The machine's seconds between two flushes of the file to the disk; to the file, all is written at once."""
 _KINDS: dict[str, type[Any]] = {
     "sample": Sample,
     "trouble": Failure,
@@ -135,8 +136,10 @@ class Journal:
         self.failure: OSError | None = None
         self._lock = threading.Lock()
         self._waiting: list[str] = []
-        self._samples_waiting = 0
-        self._closing = threading.Event()
+        self._samples_added = 0
+        self._added = threading.Event()
+        self._closing = False
+        self._synced_s = -math.inf
         self._file = _opened(path, new=head is not None)
         if head is not None:
             self._waiting.append(json.dumps({"format": FORMAT, "version": VERSION, **head._asdict()}) + "\n")
@@ -149,34 +152,39 @@ class Journal:
         line = json.dumps([_NAMES[type(entry)], *entry], separators=(",", ":"), allow_nan=False) + "\n"
         with self._lock:
             self._waiting.append(line)
-            self._samples_waiting += isinstance(entry, Sample)
+            self._samples_added += isinstance(entry, Sample)
+        self._added.set()
 
     def close(self) -> None:
         """Bring the rest to the disk."""
-        self._closing.set()
+        self._closing = True
+        self._added.set()
         self._thread.join()
         self.flush()
         os.close(self._file)
 
-    def flush(self) -> None:
-        """Bring what was added so far to the disk."""
+    def flush(self, least_s: float = 0.0) -> None:
+        """Write what was added so far, and bring it to the disk where the last time was ``least_s`` ago."""
         if self.failure is not None:  # what comes after a line that was cut would make it a damaged one
             return
         with self._lock:
-            data, count = "".join(self._waiting).encode(), self._samples_waiting
+            data = "".join(self._waiting).encode()
             self._waiting.clear()
-            self._samples_waiting = 0
+            count = self._samples_added
         try:
             while data:
                 data = data[os.write(self._file, data) :]
-            os.fsync(self._file)
-            self.samples_on_disk += count
+            if time.monotonic() - self._synced_s >= least_s:
+                os.fsync(self._file)
+                self._synced_s, self.samples_on_disk = time.monotonic(), count
         except OSError as error:
             self.failure = error
 
     def _run(self) -> None:
-        while not self._closing.wait(SYNC_S) and self.failure is None:
-            self.flush()
+        while not self._closing and self.failure is None:
+            self._added.wait(SYNC_S)
+            self._added.clear()
+            self.flush(SYNC_S)
 
 
 def _opened(path: str, new: bool) -> int:

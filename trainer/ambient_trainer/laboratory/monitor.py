@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ambient_trainer.laboratory.collect import Job
-from ambient_trainer.laboratory.report import clock_text, expected
+from ambient_trainer.laboratory.report import clock_text, degrees_text, expected
 from ambient_trainer.laboratory.run import Run
 
 _REDRAW_S = 0.25
@@ -95,4 +95,4 @@ def _step_text(run: Run) -> str:
     recording = f"step {step - count + 1} of {len(campaign.steps)}"
     place = f"before the recording {step + 1} of {count}" if step < count else recording
     load = f", {' and '.join(program.now.load)}" if program.now.load else ""
-    return f"{place}: {program.now.chamber_degC:g} degC{load}"
+    return f"{place}: {degrees_text(program.now.chamber_degC)} degC{load}"

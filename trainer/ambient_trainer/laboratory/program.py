@@ -6,6 +6,7 @@ a step. It ends by air or device beyond a limit, or without an ambient for too l
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -15,21 +16,25 @@ from ambient_trainer.simulator.scenario import Settle, Step
 
 
 class SteadyState:
-    """Whether the ambient stays at the set point, and zones where they are, long enough."""
+    """Whether the ambient stays at the set point, or without one where it is, and zones where they are, long enough."""
 
-    def __init__(self, settle: Settle, set_degC: float) -> None:
+    def __init__(self, settle: Settle, set_degC: float | None) -> None:
         self._settle = settle
         self._set_degC = set_degC
+        self._near_degC = math.nan if set_degC is None else set_degC
         self._since_s: float | None = None
         self._zones: Mapping[str, float] = {}
 
     def update(self, now_s: float, ambient_degC: float | None, zones: Mapping[str, float]) -> None:
         """Take in the temperatures at ``now_s``; without an ambient nothing is settled."""
-        lacking = self._settle.drift_K is not None and not zones
-        if ambient_degC is None or abs(ambient_degC - self._set_degC) > self._settle.within_K or lacking:
+        lacking = ambient_degC is None or (self._settle.drift_K is not None and not zones)
+        near = ambient_degC is not None and abs(ambient_degC - self._near_degC) <= self._settle.within_K
+        if lacking or not (near or self._set_degC is None):
             self._since_s = None
-        elif self._since_s is None or self._drifted(zones):
+        elif not near or self._since_s is None or self._drifted(zones):
             self._since_s, self._zones = now_s, dict(zones)
+            if self._set_degC is None and ambient_degC is not None:
+                self._near_degC = ambient_degC
 
     def reached(self, now_s: float) -> bool:
         """Whether all has been steady for as long as asked."""
@@ -136,6 +141,8 @@ class SafetyLimits:
 
     def _check_air(self, what: str, temp_degC: float) -> None:
         limits = self._safety.chamber
+        if limits is None:
+            return
         if temp_degC > limits.high_degC + limits.margin_K:
             self._crossed = f"{what}: {temp_degC:.1f} degC is above the limit of {limits.high_degC:g} degC"
         elif temp_degC < limits.low_degC - limits.margin_K:

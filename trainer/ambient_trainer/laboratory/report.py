@@ -5,7 +5,7 @@ The report before a run is its schedule, estimated: ramps at the chamber's usual
 
 from __future__ import annotations
 
-import os
+import math
 from collections import Counter
 from typing import NamedTuple
 
@@ -14,8 +14,9 @@ import pandas as pd
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.collect import Collected, Job, laboratory_path
 from ambient_trainer.laboratory.journal import Record
-from ambient_trainer.laboratory.messages import MULTIPLEXER, Failure, Note
+from ambient_trainer.laboratory.messages import Failure, Note
 from ambient_trainer.laboratory.run import Ending, Outcome
+from ambient_trainer.laboratory.serial_line import is_missing
 from ambient_trainer.report import Block, Finding, Report, Section, Table
 
 _CAPTION = (
@@ -34,14 +35,14 @@ class Expected(NamedTuple):
 
 def expected(campaign: Campaign) -> list[Expected]:
     """Every step of the program, which finds the chamber at its safe set point."""
-    chamber, air_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC
+    chamber, air_degC = campaign.laboratory.instruments.chamber, campaign.laboratory.safety.set_point_degC or 0.0
     found: list[Expected] = []
     begins_s = 0.0
     for step in campaign.program:
-        rate_K_min = chamber.heating_K_min if step.chamber_degC > air_degC else chamber.cooling_K_min
-        if step.gradient_K_min is not None:
-            rate_K_min = min(rate_K_min, step.gradient_K_min)
-        ramp_s = 60.0 * abs(step.chamber_degC - air_degC) / rate_K_min
+        to_degC, rate_K_min = air_degC if step.chamber_degC is None else step.chamber_degC, math.inf
+        if chamber is not None:
+            rate_K_min = chamber.heating_K_min if to_degC > air_degC else chamber.cooling_K_min
+        ramp_s = 60.0 * abs(to_degC - air_degC) / min(rate_K_min, step.gradient_K_min or math.inf)
         length_s = 60.0 * (step.duration_min or 0.0)
         if step.settle is not None:
             settled_s = ramp_s + 60.0 * step.settle.for_min
@@ -50,7 +51,7 @@ def expected(campaign: Campaign) -> list[Expected]:
         begins_s += length_s
         # a ramp that its step does not leave enough time for goes on in the next
         done = min(1.0, length_s / ramp_s) if ramp_s else 1.0
-        air_degC += done * (step.chamber_degC - air_degC)
+        air_degC += done * (to_degC - air_degC)
     return found
 
 
@@ -61,7 +62,7 @@ def schedule_table(campaign: Campaign) -> Table:
             campaign.step_name(index),
             clock_text(each.begins_s),
             clock_text(each.length_s),
-            f"{step.chamber_degC:g}",
+            degrees_text(step.chamber_degC),
             clock_text(each.ramp_s) if each.ramp_s else "-",
             f"{step.settle.for_min:g} min in {step.settle.within_K:g} K" if step.settle else "-",
             ", ".join(step.load) or "-",
@@ -81,8 +82,8 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
     rows = round(recorded_s / campaign.period_s)
     missing = [
         Finding(f"{name}: {settings.port} is not there now.")
-        for name, settings in campaign.laboratory.instruments
-        if settings is not None and "://" not in settings.port and not os.path.exists(settings.port)
+        for name, settings in campaign.laboratory.instruments.named.items()
+        if is_missing(settings.port)
     ]
     blocks: list[Block] = [
         schedule_table(campaign),
@@ -91,6 +92,11 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
         *missing,
     ]
     return Report(f"{loaded.name}: {campaign.about}", blocks, [], {}, "Schedule")
+
+
+def degrees_text(temp_degC: float | None) -> str:
+    """A temperature, or a dash where there is none."""
+    return "-" if temp_degC is None else f"{temp_degC:g}"
 
 
 def clock_text(duration_s: float) -> str:
@@ -125,21 +131,23 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
     for each in record.steps:
         begins.setdefault(each.step, each.at_s - each.elapsed_s)
     mean_degC = campaign.laboratory.ambient.mean_degC
-    ambient = [(each.at_s, mean_degC(each.values)) for each in record.samples if each.source == MULTIPLEXER]
+    reference = campaign.laboratory.reference
+    ambient = [(each.at_s, mean_degC(each.values)) for each in record.samples if each.source == reference]
     lines = []
     program = campaign.program
     for index, step in enumerate(program):
-        if index not in begins or (index and program[index - 1].chamber_degC == step.chamber_degC):
+        set_degC, before_degC = step.chamber_degC, program[index - 1].chamber_degC if index else None
+        if set_degC is None or set_degC == before_degC or index not in begins:
             continue
         begin_s, end_s = begins[index], begins.get(index + 1, float("inf"))
         there_s = (
             at_s
             for at_s, value in ambient
-            if value is not None and begin_s <= at_s < end_s and abs(value - step.chamber_degC) <= _AT_SET_POINT_K
+            if value is not None and begin_s <= at_s < end_s and abs(value - set_degC) <= _AT_SET_POINT_K
         )
         first_s = next(there_s, None)
         took = "never in its time" if first_s is None else clock_text(first_s - begin_s)
-        lines.append((campaign.step_name(index), f"{step.chamber_degC:g}", took))
+        lines.append((campaign.step_name(index), f"{set_degC:g}", took))
     caption = f"Until the ambient was first within {_AT_SET_POINT_K:g} K of the set point (h:mm:ss)."
     return Table(caption, ("step", "set degC", "air there after"), tuple(lines), labels=1)
 
@@ -174,13 +182,16 @@ def problems_of(outcome: Outcome, job: Job) -> list[str]:
     """What is not as it should be at the end of a run, and what to do about it."""
     safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
     problems = []
-    if not outcome.safe:
+    if safe_degC is None:
+        pass
+    elif not outcome.safe:
         left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
         problems.append(f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}")
     elif outcome.alarm is not None:
         problems.append(f"the chamber is stopped, after its alarm: {outcome.alarm}")
     if not outcome.finished:
-        where = f"the chamber holds {safe_degC:g} degC; " if outcome.safe and outcome.alarm is None else ""
+        held = safe_degC is not None and outcome.safe and outcome.alarm is None
+        where = f"the chamber holds {safe_degC:g} degC; " if held else ""
         again = (
             "the trace is whole, and its note says so"
             if outcome.ending is Ending.DEVIATED

@@ -13,12 +13,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
-from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, instrument, probe_column
+from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, instrument
 from ambient_trainer.laboratory.journal import Journal
 from ambient_trainer.laboratory.messages import (
     CHAMBER,
@@ -26,7 +26,6 @@ from ambient_trainer.laboratory.messages import (
     CHAMBER_SET_POINT,
     DEVICE,
     MULTIPLEXER,
-    THERMOMETER,
     Clock,
     Crash,
     End,
@@ -35,6 +34,7 @@ from ambient_trainer.laboratory.messages import (
     LoadState,
     Message,
     Note,
+    Reading,
     Recovered,
     Sample,
     StepBegan,
@@ -48,58 +48,85 @@ from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Samp
 class Equipment(NamedTuple):
     """The chamber, what is sampled with its period, and the connection to the device for its actions."""
 
-    chamber: ChamberDriver
+    chamber: ChamberDriver | None
     sampled: Mapping[str, tuple[Driver, float]]
     connection: Connection
 
     def close(self) -> None:
         """Close every port."""
-        for each in (self.chamber, *(driver for driver, _ in self.sampled.values())):
+        for each in self.drivers.values():
             each.close()
+
+    @property
+    def drivers(self) -> dict[str, Driver]:
+        """All of them by source, the chamber first."""
+        chamber = {CHAMBER: self.chamber} if self.chamber else {}
+        return {**chamber, **{source: driver for source, (driver, _) in self.sampled.items()}}
 
 
 def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str, str] | None = None) -> Equipment:
     """The equipment that a campaign names; ``environment`` is added to that of the device's shells."""
     laboratory = loaded.campaign.laboratory
-    named, limits = laboratory.instruments, laboratory.safety.chamber
     connection = connection_to(laboratory.device.connect, environment)
     device = DeviceUnderTest(laboratory.device, connection, clock)
-    multiplexer = instrument(named.multiplexer.kind).Driver(named.multiplexer, clock, loaded.offsets)
-    sampled = {MULTIPLEXER: (multiplexer, named.multiplexer.period_s), DEVICE: (device, laboratory.device.period_s)}
-    if named.thermometer is not None:
-        thermometer = instrument(named.thermometer.kind).Driver(named.thermometer, clock)
-        sampled[THERMOMETER] = (thermometer, named.thermometer.period_s)
-    within = SetPointLimits(named.chamber.port, limits.low_degC, limits.high_degC)
-    return Equipment(instrument(named.chamber.kind).Driver(named.chamber, clock, within), sampled, connection)
+    chamber = None
+    sampled: dict[str, tuple[Driver, float]] = {}
+    for role, named in laboratory.instruments.named.items():
+        if role == CHAMBER:
+            limits = laboratory.safety.chamber
+            assert limits is not None
+            further: tuple[Any, ...] = (SetPointLimits(named.port, limits.low_degC, limits.high_degC),)
+        else:
+            further = (loaded.offsets,) if role == MULTIPLEXER else ()
+        driver = instrument(named.kind).Driver(named, clock, *further)
+        if role == CHAMBER:
+            chamber = driver
+        else:
+            sampled[role] = (driver, named.period_s)
+    return Equipment(chamber, {**sampled, DEVICE: (device, laboratory.device.period_s)}, connection)
 
 
-def identify(equipment: Equipment, loaded: LoadedCampaign) -> list[tuple[str, str]]:
-    """Each instrument's own identification.
+def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[tuple[str, str]], list[str]]:
+    """Each instrument's own identification, and a warning of each that cannot hold its period.
 
     Raises :class:`Refused` with each that does not answer, is in alarm, or lacks a value that the campaign needs.
     """
     laboratory = loaded.campaign.laboratory
     found: list[tuple[str, str]] = []
+    slow: list[str] = []
     faults: list[Fault] = []
-    drivers = {CHAMBER: equipment.chamber, **{source: driver for source, (driver, _) in equipment.sampled.items()}}
-    for source, driver in drivers.items():
+    for source, driver in equipment.drivers.items():
         try:
             found.append((source, driver.identify()))
-            if source == CHAMBER and (alarm := driver.read().note):
+            port = getattr(laboratory.instruments.named.get(source), "port", "")
+            reading = driver.read()
+            if source == CHAMBER and reading.note:
                 hint = "see to it, and acknowledge it at the chamber"
-                raise InstrumentError(source, laboratory.instruments.chamber.port, "no alarm", alarm, hint)
-            if source == MULTIPLEXER:
-                values = driver.read().values
-                if silent := [name for name in laboratory.ambient.probes if values[probe_column(name)] is None]:
-                    port, expected = laboratory.instruments.multiplexer.port, "a reading of every probe of the ambient"
+                raise InstrumentError(source, port, "no alarm", reading.note, hint)
+            if source == laboratory.reference:
+                reading = driver.read()  # the first one may have set up the scan
+                readings = laboratory.ambient.readings(reading.values)
+                if silent := [name for name, value in readings.items() if value is None]:
+                    expected, got = "a reading of every probe of the ambient", f"no reading of {', '.join(silent)}"
                     hint = "connect it, or take it out of 'laboratory.ambient.probes'"
-                    raise InstrumentError(source, port, expected, f"no reading of {', '.join(silent)}", hint)
+                    raise InstrumentError(source, port, expected, got, hint)
+            if source != CHAMBER and (text := _slowness(source, reading, equipment.sampled[source][1])):
+                slow.append(text)
         except InstrumentError as error:
             problem = f"expected {error.expected}, got {error.got}"
             faults.append(Fault(f"{source} on {error.port}", problem, error.hint))
     if faults:
         raise Refused("the laboratory is not ready, and nothing was moved", faults)
-    return found
+    return found, slow
+
+
+def _slowness(source: str, reading: Reading | Sample, period_s: float) -> str | None:
+    """What to say of an instrument whose answer takes longer than its period; None where it does not."""
+    took_s = reading.answered_s - reading.asked_s
+    if took_s <= period_s:
+        return None
+    wanted = f"its 'period_s' is {period_s:g}: give it {math.ceil(took_s)} or more"
+    return f"{source} takes {took_s:.1f} s for an answer, so that cells stay empty; {wanted}"
 
 
 _POLL_S = 0.02
@@ -187,9 +214,9 @@ class Run:
         self._crash: BaseException | None = None
         self._held_s: float | None = None
         post = self._messages.put
-        self.chamber = self._new_chamber_control(_target(program))
         self.load = LoadControl(self._laboratory, equipment.connection, clock, post)
-        self._workers: list[Worker] = [self.chamber, self.load]
+        self._workers: list[Worker] = [self.load]
+        self.chamber = self._new_chamber_control(_target(program))
         for source, (driver, period_s) in equipment.sampled.items():
             self._workers.append(Sampler(source, driver, period_s, clock, post))
 
@@ -219,11 +246,15 @@ class Run:
                 worker.join(_PATIENCE_S)
         return Outcome(ending, why, self.alarm, safe)
 
-    def _new_chamber_control(self, target: Target) -> ChamberControl:
-        period_s = self._laboratory.instruments.chamber.period_s
-        confirm_s = self._laboratory.safety.confirm_s
+    def _new_chamber_control(self, target: Target) -> ChamberControl | None:
+        settings, confirm_s = self._laboratory.instruments.chamber, self._laboratory.safety.confirm_s
         chamber, post = self._equipment.chamber, self._messages.put
-        return ChamberControl(chamber, self.clock, post, period_s, target, self.campaign.gradients, confirm_s)
+        if chamber is None or settings is None:
+            return None
+        gradients = self.campaign.gradients
+        control = ChamberControl(chamber, self.clock, post, settings.period_s, target, gradients, confirm_s)
+        self._workers.append(control)
+        return control
 
     def _until_over(self) -> tuple[Ending, str]:
         while not self.program.over:
@@ -266,7 +297,7 @@ class Run:
         """Send chamber and device to what the step asks for; after an alarm, both stay stopped."""
         if self.alarm is not None or self.program.over:
             return
-        if (target := _target(self.program)) != self.chamber.target:
+        if self.chamber is not None and (target := _target(self.program)) != self.chamber.target:
             for source in (CHAMBER_SET_POINT, CHAMBER_GRADIENT):  # of the target before
                 self.failures.pop(source, None)
             self.chamber.go_to(target)
@@ -305,7 +336,7 @@ class Run:
         self.journal.add(sample)
         self.latest[sample.source] = sample
         self._recovered(sample.source, sample.at_s)
-        if sample.source == MULTIPLEXER:
+        if sample.source == self._laboratory.reference:
             self.ambient_degC = self._laboratory.ambient.mean_degC(sample.values)
             self._limits.check_ambient(sample.answered_s, self.ambient_degC)
             self.program.update(sample.answered_s, self.ambient_degC, self._zones(sample.answered_s))
@@ -315,7 +346,7 @@ class Run:
             self._check_pace(sample)
         if sample.note != self._notes.get(sample.source):
             self._notes[sample.source] = sample.note
-            if sample.source == CHAMBER and sample.note is not None:
+            if self.chamber is not None and sample.source == CHAMBER and sample.note is not None:
                 self.alarm = self.alarm or sample.note
                 self.chamber.go_to(Target(None, urgent=True))
                 self.load.go_to(())
@@ -325,12 +356,11 @@ class Run:
                 self._note(f"{sample.source}: {sample.note}")
 
     def _check_pace(self, sample: Sample) -> None:
-        took_s, period_s = sample.answered_s - sample.asked_s, self._equipment.sampled[sample.source][1]
+        slow = _slowness(sample.source, sample, self._equipment.sampled[sample.source][1])
         if self._slow[sample.source] < _SLOW_TIMES:
-            self._slow[sample.source] = self._slow[sample.source] + 1 if took_s > period_s else 0
-            if self._slow[sample.source] == _SLOW_TIMES:
-                wanted = f"its 'period_s' is {period_s:g}: give it {math.ceil(took_s)} or more"
-                self._note(f"{sample.source} takes {took_s:.1f} s for an answer, so that cells stay empty; {wanted}")
+            self._slow[sample.source] = self._slow[sample.source] + 1 if slow else 0
+            if slow and self._slow[sample.source] == _SLOW_TIMES:
+                self._note(slow)
 
     def _recovered(self, source: str, at_s: float) -> None:
         failure = self.failures.pop(source, None)
@@ -351,11 +381,12 @@ class Run:
         A signal that comes while it waits, at the end of a program, ends the waiting.
         """
         safe = Target(None if self.alarm is not None else self._laboratory.safety.set_point_degC, urgent=True)
-        if not self.chamber.is_alive():
+        if self.chamber is not None and not self.chamber.is_alive():
             self.chamber = self._new_chamber_control(safe)
-            self._workers.append(self.chamber)
+            assert self.chamber is not None
             self.chamber.start()
-        self.chamber.go_to(safe)
+        if self.chamber is not None:
+            self.chamber.go_to(safe)
         self.load.go_to(())
         began_s, stopped = time.monotonic(), self._supervision.stopping()
         while (waited_s := time.monotonic() - began_s) < _SAFE_S:
@@ -364,10 +395,14 @@ class Run:
             with contextlib.suppress(Exception):  # that the chamber is safe matters more than what is posted meanwhile
                 self._receive()
             self._update_monitor()
-            settled = self.chamber.settled and self.load.confirmed
-            if self.chamber.confirmed and (settled or waited_s > _PATIENCE_S):
+            settled = (self.chamber is None or self.chamber.settled) and self.load.confirmed
+            if self._safe and (settled or waited_s > _PATIENCE_S):
                 break
-        return self.chamber.confirmed
+        return self._safe
+
+    @property
+    def _safe(self) -> bool:
+        return self.chamber is None or self.chamber.confirmed
 
     def _note(self, text: str) -> None:
         now_s = self.clock.now_s()

@@ -16,7 +16,7 @@ import select
 import termios
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -30,8 +30,13 @@ _PORT_ERRORS = (OSError, ValueError, TypeError, termios.error)
 """What a port raises that is not there, or not any more; TypeError is pyserial's, of a descriptor that it has lost."""
 _BETWEEN_S = 0.05
 _MOST_SHOWN = 48
+_VISA = "is it listed by 'pyvisa-shell' (list), and does no other program use it?"
 _NETWORK = "is it on the network, is this its address and port, and is no other program connected?"
 _FOREIGN = re.compile(rb"[^\x20-\x7e]")
+
+
+_VISA_SERIAL = re.compile(r"ASRL(/.+)::INSTR", re.IGNORECASE)
+_VISA_SOCKET = re.compile(r"TCPIP\d*::(.+)::(\d+)::SOCKET", re.IGNORECASE)
 
 
 class Malformed(NamedTuple):
@@ -59,6 +64,11 @@ class Answer(NamedTuple):
     asked_s: float
     answered_s: float
     reply: Any
+
+
+def is_missing(port: str) -> bool:
+    """Whether ``port`` is a path at which there is nothing; URLs and VISA resources show only when they are opened."""
+    return "://" not in port and "::" not in port and not os.path.exists(port)
 
 
 def text_replies(ending: bytes, ignored: bytes, longest: int, parse: Callable[[str], Any]) -> Decode:
@@ -100,13 +110,110 @@ def shown(data: bytes) -> str:
     return data.hex(" ").upper()
 
 
+class SerialPort:
+    """A serial line, or a TCP connection in its place."""
+
+    def __init__(self, name: str, baud: int, xonxoff: bool, patience_s: float) -> None:
+        # two instruments on one port would read each other's answers
+        self._port = port = serial.serial_for_url(
+            name, baud, timeout=0, write_timeout=patience_s, xonxoff=xonxoff, exclusive=True
+        )
+        if xonxoff and "://" not in name:  # an XOFF that nobody took back stays with the port: stop it, and let it go
+            port.set_output_flow_control(False)
+            port.set_output_flow_control(True)
+
+    def write(self, data: bytes) -> None:
+        """Send ``data``."""
+        self._port.write(data)
+
+    def read(self, patience_s: float) -> bytes:
+        """The bytes that came, waiting for the first of them."""
+        if not select.select([self._port.fileno()], [], [], max(patience_s, 0.0))[0]:
+            return b""
+        return bytes(self._port.read(max(self._port.in_waiting, 1)))
+
+    def clear(self) -> None:
+        """Nothing: what is under way is read."""
+
+    def close(self) -> None:
+        """Let it go."""
+        with contextlib.suppress(*_PORT_ERRORS):
+            self._port.reset_output_buffer()  # else closing waits for an instrument that sent XOFF
+        with contextlib.suppress(*_PORT_ERRORS):
+            self._port.close()  # an adapter that is still held comes back under another number
+
+
+class VisaPort:
+    """A VISA resource that exchanges messages, as USBTMC, VXI-11 and GPIB do: only an answer that is due is read."""
+
+    def __init__(self, name: str, patience_s: float) -> None:
+        try:
+            import pyvisa
+        except ImportError as error:
+            raise OSError("no pyvisa here; install ambientd[visa]") from error
+        self._error, self._timeout = pyvisa.Error, pyvisa.constants.StatusCode.error_timeout
+        self._due = False
+        with self._os_errors():
+            self._resource: Any = pyvisa.ResourceManager().open_resource(name)
+            self._resource.timeout = 1000.0 * patience_s
+
+    def write(self, data: bytes) -> None:
+        """Send ``data``, a message a line."""
+        with self._os_errors():
+            for line in data.splitlines(keepends=True):
+                self._resource.write_raw(line)
+        self._due = self._due or b"?" in data
+
+    def read(self, patience_s: float) -> bytes:
+        """The answer that is due, if it comes in time."""
+        if not self._due:
+            return b""
+        with self._os_errors():
+            self._resource.timeout = max(1000.0 * patience_s, 1.0)
+            try:
+                data: bytes = self._resource.read_raw()
+            except self._error as error:
+                if getattr(error, "error_code", None) == self._timeout:
+                    return b""
+                raise
+        self._due = False
+        return data
+
+    def clear(self) -> None:
+        """Have the instrument forget what it was asked."""
+        with contextlib.suppress(OSError), self._os_errors():
+            self._resource.clear()
+        self._due = False
+
+    def close(self) -> None:
+        """Let it go."""
+        with contextlib.suppress(OSError), self._os_errors():
+            self._resource.close()
+
+    @contextlib.contextmanager
+    def _os_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except (self._error, ValueError, NotImplementedError) as error:  # some backends cannot clear
+            raise OSError(str(error)) from error
+
+
+def opened(name: str, baud: int, xonxoff: bool, patience_s: float) -> SerialPort | VisaPort:
+    """The port of that name: a path, a URL of pyserial's such as ``socket://HOST:2049``, or a VISA resource."""
+    if match := _VISA_SERIAL.fullmatch(name):
+        name = match[1]
+    elif match := _VISA_SOCKET.fullmatch(name):
+        name = f"socket://{match[1]}:{match[2]}"
+    return VisaPort(name, patience_s) if "::" in name else SerialPort(name, baud, xonxoff, patience_s)
+
+
 @dataclass(eq=False)
 class SerialLine:
     """One instrument's line; opened by the first query, and again after it was lost.
 
     ``synchronise_query`` is one whose answer no other query has, or else comes after a silence of ``quiet_s``;
-    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF. A
-    port may be a URL, such as ``socket://HOST:2049``.
+    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF. For
+    ports see :func:`opened`.
     """
 
     instrument: str
@@ -119,7 +226,7 @@ class SerialLine:
     xonxoff: bool = False
     quiet_s: float = QUIET_S
     _lock: threading.RLock = field(default_factory=threading.RLock, init=False)
-    _serial: serial.Serial | None = field(default=None, init=False)
+    _port: SerialPort | VisaPort | None = field(default=None, init=False)
     _synchronised: bool = field(default=False, init=False)
     _synchronisations_due: int = field(default=0, init=False)
     _may_send_s: float = field(default=-float("inf"), init=False)
@@ -150,7 +257,7 @@ class SerialLine:
             try:
                 self.synchronise()
             except InstrumentError:
-                if self._serial is not None:
+                if self._port is not None:
                     self._send(query.request)
                 raise
             return self._exchange(query)
@@ -164,9 +271,10 @@ class SerialLine:
     def synchronise(self) -> Any:
         """Synchronise the line; the answer to the synchronisation query, or None where that was not necessary."""
         with self._lock:
-            self._open()
+            port = self._open()
             if self._synchronised:
                 return None
+            port.clear()
             end_s = self._patience_end_s()
             while self._receive(self.quiet_s) and time.monotonic() < end_s:
                 pass
@@ -190,12 +298,9 @@ class SerialLine:
     def close(self) -> None:
         """Close the port; the next query opens it again."""
         with self._lock:
-            if self._serial is not None:
-                port, self._serial = self._serial, None
-                with contextlib.suppress(*_PORT_ERRORS):
-                    port.reset_output_buffer()  # else closing waits for an instrument that sent XOFF
-                with contextlib.suppress(*_PORT_ERRORS):
-                    port.close()  # an adapter that is still held comes back under another number
+            port, self._port = self._port, None
+            if port is not None:
+                port.close()
             self._synchronised = False
 
     def _patience_end_s(self) -> float:
@@ -229,32 +334,25 @@ class SerialLine:
 
     def _failed(self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError) -> InstrumentError:
         self._synchronised = False
-        hint = _NETWORK if "://" in self.port and kind is not InstrumentError else None
+        hint = None
+        if kind is not InstrumentError:
+            hint = _VISA if "::" in self.port else _NETWORK if "://" in self.port else None
         return kind(self.instrument, self.port, expected, got, hint)
 
-    def _open(self) -> None:
-        if self._serial is not None:
-            return
+    def _open(self) -> SerialPort | VisaPort:
+        if self._port is not None:
+            return self._port
         try:
-            port = serial.serial_for_url(
-                self.port,
-                self.baud,
-                timeout=0,
-                write_timeout=self.clock.patience_s(self.settings.timeout_s),
-                xonxoff=self.xonxoff,
-                exclusive=True,  # two instruments on one port would read each other's answers
-            )
-            if self.xonxoff:  # an XOFF that nobody took back stays with the port: stop it ourselves, and let it go
-                port.set_output_flow_control(False)
-                port.set_output_flow_control(True)
+            port = opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
         except _PORT_ERRORS as error:
             raise self._failed("a port that can be opened", _reason(error), Disconnected) from error
-        self._serial = port
+        self._port = port
         self._synchronisations_due = 0
         self._synchronised = False
+        return port
 
     def _send(self, request: bytes) -> float:
-        port = self._serial
+        port = self._port
         assert port is not None, "nothing is sent on a line that is not open"
         time.sleep(max(self._may_send_s - time.monotonic(), 0.0))
         self._may_send_s = time.monotonic() + self.clock.wall_s(self.pause_s)
@@ -270,12 +368,9 @@ class SerialLine:
 
     def _receive(self, patience_s: float) -> bytes:
         """The bytes that came, waiting for the first of them at most ``patience_s`` of the machine's seconds."""
-        port = self._serial
-        assert port is not None, "nothing is received on a line that is not open"
+        assert self._port is not None, "nothing is received on a line that is not open"
         try:
-            if not select.select([port.fileno()], [], [], max(patience_s, 0.0))[0]:
-                return b""
-            return bytes(port.read(max(port.in_waiting, 1)))
+            return self._port.read(patience_s)
         except _PORT_ERRORS as error:
             raise self._lost(error) from error
 

@@ -98,7 +98,7 @@ def schedule(scenario: Scenario, time_s: Array, device: Device) -> tuple[Array, 
     steps = scenario.program
     ends_s = np.cumsum([60.0 * (step.duration_min or 0.0) for step in steps]) - scenario.before_s
     current = np.searchsorted(ends_s, time_s + 1e-9, side="right")
-    set_points = np.array([step.chamber_degC for step in steps])
+    set_points = np.array([step.chamber_degC for step in steps], dtype=np.float64)
     gradients = np.array([step.gradient_K_min or math.inf for step in steps])
     activities = np.array([device.activity_index(step.load) for step in steps])
     return set_points[current], gradients[current], activities[current]

@@ -17,7 +17,10 @@ _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 
 
 class Settle(Strict):
-    """Settled: the ambient within ``within_K`` of the set point, no zone moving by ``drift_K``, for ``for_min``."""
+    """Settled: no zone moves by ``drift_K`` for ``for_min``, the ambient within ``within_K`` of the set point.
+
+    Without a chamber it stays that near to where it was.
+    """
 
     within_K: _Positive
     drift_K: _Positive | None = None
@@ -29,8 +32,8 @@ class Settle(Strict):
 class Step(Strict):
     """What chamber and device do for a while, until all is settled, or until both is true."""
 
-    chamber_degC: Annotated[float, Field(ge=-60, le=200)]
-    """A change of the set point takes its time within the step that asks for it."""
+    chamber_degC: Annotated[float, Field(ge=-60, le=200)] | None = None
+    """A change of the set point takes its time within the step that asks for it; None where there is no chamber."""
     gradient_K_min: Annotated[float, Field(ge=0.1, le=99.9)] | None = None
     """How fast the set point may move; else as fast as the chamber can."""
     duration_min: _Positive | None = None
@@ -42,6 +45,8 @@ class Step(Strict):
     def _ends(self) -> Step:
         if self.duration_min is None and self.settle is None:
             raise wrong("the step never ends", "give it 'duration_min', 'settle', or both")
+        if self.gradient_K_min is not None and self.chamber_degC is None:
+            raise wrong("a gradient without a set point", "add 'chamber_degC', or remove the gradient")
         return self
 
 
@@ -117,6 +122,8 @@ def load_scenario(name: str) -> Scenario:
             if isinstance(step, dict) and step.get("settle") and "duration_min" not in step:
                 hint = "add how long it takes: the simulation does not wait until all is settled"
                 faults.append(Fault(f"{part}[{index}].duration_min", "missing", hint))
+            if isinstance(step, dict) and step.get("chamber_degC") is None:
+                faults.append(Fault(f"{part}[{index}].chamber_degC", "missing", "add it: the simulation has a chamber"))
             if isinstance(step, dict) and isinstance(load := step.get("load"), list) and len(load) > 1:
                 faults.append(Fault(f"{part}[{index}].load", "more than one", "the simulation does one at a time"))
     return validated(Scenario, data, name, faults)

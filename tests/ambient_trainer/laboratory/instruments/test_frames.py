@@ -82,7 +82,7 @@ COMMANDS = {
     agilent.READ_IDENTITY.request: b"*IDN?\n",
     agilent.RESET: b"*RST\n*CLS\n",
     agilent.read_scan((101,)).request: b"READ?\n",
-    agilent.configure([103, 101, 102], "K"): b"CONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\n",
+    agilent.configure({103: "K", 101: "K", 102: "K"}): b"CONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\n",
     easybus.request(1, easybus.VALUE): bytes.fromhex("FE 00 3D"),
 }
 VALUES = {

@@ -58,19 +58,20 @@ class ChamberSettings(Strict):
 
 
 class MultiplexerSettings(Strict):
-    """A multiplexer; ``probes`` maps a name to its channel."""
+    """A multiplexer, or whatever else has several probes; ``probes`` maps a name to its channel."""
 
     kind: str
     port: str
     period_s: Positive = 1.0
     timeout_s: Positive = 5.0
-    probes: Annotated[dict[Name, int], Field(min_length=1)]
+    probes: Annotated[dict[Name, Any], Field(min_length=1)]
 
     @field_validator("probes")
     @classmethod
-    def _one_channel_each(cls, probes: dict[str, int]) -> dict[str, int]:
-        owners: dict[int, str] = {}
-        for name, channel in probes.items():
+    def _one_channel_each(cls, probes: dict[str, Any]) -> dict[str, Any]:
+        owners: dict[Any, str] = {}
+        for name, probe in probes.items():
+            channel = getattr(probe, "channel", probe)
             if (owner := owners.setdefault(channel, name)) != name:
                 raise wrong(
                     f"channel {channel} is named for {owner} and {name}", "give each probe a channel of its own"

@@ -1,4 +1,4 @@
-"""An Agilent 34970A multiplexer with thermocouples. Its protocol is SCPI: readings ``+2.61950000E+01`` between commas.
+"""An Agilent or Keysight multiplexer: 34970A, 34972A, DAQ970A. Its protocol is SCPI: ``+2.61950000E+01`` and commas.
 
 Replies end in CR LF. An open thermocouple reads +-9.9E+37. The instrument scans in the order of the channels' numbers,
 whatever the order in the list. A bad command gets no reply; ``SYST:ERR?`` gives the reason. In a scan every reading
@@ -12,15 +12,15 @@ import math
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_column
+from ambient_trainer.data.strict_yaml import Strict, wrong
+from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset, corrected
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
 from ambient_trainer.lti.lag import lag_weights
@@ -31,6 +31,9 @@ OPEN = 9.9e37
 """What is at least as large, of either sign, is an open thermocouple."""
 CHANNELS_WITH_READINGS = b"FORM:READ:CHAN ON\n"
 """Puts each reading's channel behind it; CONF switches it off again."""
+
+MODELS = ("34970A", "34972A", "DAQ970A")
+"""They take the same commands (34970A/34972A Command Reference; DAQ970A Programming Guide)."""
 
 _PROBES = Probes()
 _LONGEST = 8192  # 120 channels of 16 characters, with the numbers of the channels
@@ -43,19 +46,61 @@ _A_REPLY = "readings, an error's number and text, or an identity"
 _SCAN_LOST = "switched off, it forgets its scan: the next reading sets it up again"
 
 
-def _a_channel(channel: int) -> int:
-    if not (100 < channel < 400 and channel % 100):
-        raise wrong(f"channel {channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
-    return channel
+def _as_channel(value: Any) -> Any:
+    return {"channel": value} if isinstance(value, int) else value
+
+
+Thermocouple = Literal["B", "E", "J", "K", "N", "R", "S", "T"]
+Resistance = Literal["Pt100", "Pt100-4w", "thermistor-2k", "thermistor-5k", "thermistor-10k"]
+_SENSORS = {
+    "Pt100": "RTD,85",  # the temperature coefficient 0.00385 of IEC 60751; 100 ohm is the instrument's own default
+    "Pt100-4w": "FRTD,85",
+    "thermistor-2k": "THER,2252",
+    "thermistor-5k": "THER,5000",
+    "thermistor-10k": "THER,10000",
+}
+"""What ``CONF:TEMP`` calls them; a letter is a thermocouple of that type."""
+_OTHER_WIRES = 10  # above the channel, in a 34901A
+
+
+class Channel(Strict):
+    """A probe's channel, and its sensor where that is not the multiplexer's thermocouple."""
+
+    channel: int
+    sensor: Thermocouple | Resistance | None = None
+
+
+def _slotted(probe: Channel) -> Channel:
+    if not (100 < probe.channel < 400 and probe.channel % 100):
+        raise wrong(f"channel {probe.channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
+    return probe
 
 
 class Settings(MultiplexerSettings):
-    """The multiplexer: its speed, and its thermocouples' type."""
+    """The multiplexer: its speed on a serial line, and its thermocouples' type; a probe may have another sensor.
+
+    A sensor is a thermocouple's type, or a resistance thermometer or a thermistor on two wires, or on four (``-4w``).
+    """
 
     kind: Literal["agilent-34970a"]
-    probes: Annotated[dict[Name, Annotated[int, AfterValidator(_a_channel)]], Field(min_length=1)]
+    probes: Annotated[
+        dict[Name, Annotated[Channel, BeforeValidator(_as_channel), AfterValidator(_slotted)]], Field(min_length=1)
+    ]
     baud: Annotated[int, Field(ge=1200)] = 57600
-    thermocouple: Literal["B", "E", "J", "K", "N", "R", "S", "T"] = "K"
+    thermocouple: Thermocouple = "K"
+
+    @model_validator(mode="after")
+    def _wired(self) -> Settings:
+        for channel, sensor in self.sensors.items():
+            if sensor.endswith("-4w") and channel + _OTHER_WIRES in self.sensors:
+                problem = f"channel {channel + _OTHER_WIRES} holds two of the wires of channel {channel}"
+                raise wrong(problem, "move its probe to another channel")
+        return self
+
+    @property
+    def sensors(self) -> dict[int, str]:
+        """The sensor of each channel."""
+        return {each.channel: each.sensor or self.thermocouple for each in self.probes.values()}
 
 
 class Identity(NamedTuple):
@@ -86,7 +131,7 @@ class ErrorText(NamedTuple):
 
 Reply = Identity | Scan | ErrorText
 READ_ERROR = Query(b"SYST:ERR?\n", "an error's number and text", lambda reply: isinstance(reply, ErrorText))
-READ_IDENTITY = Query(b"*IDN?\n", "the identity of a 34970A", lambda reply: isinstance(reply, Identity))
+READ_IDENTITY = Query(b"*IDN?\n", f"the identity of a {', '.join(MODELS)}", lambda reply: isinstance(reply, Identity))
 
 
 def read_scan(channels: tuple[int, ...]) -> Query:
@@ -99,10 +144,13 @@ def read_scan(channels: tuple[int, ...]) -> Query:
     )
 
 
-def configure(channels: Iterable[int], thermocouple: str) -> bytes:
-    """The commands that make a scan of thermocouples of type ``thermocouple``, such as ``K``, on ``channels``."""
-    listed = channel_list(channels)
-    return b"CONF:TEMP TC,%s,%s\nROUT:SCAN %s\n" % (thermocouple.encode("ascii"), listed, listed)
+def configure(sensors: Mapping[int, str]) -> bytes:
+    """The commands that make a scan of the ``sensors`` on their channels; the list comes last, as CONF changes it."""
+    commands = []
+    for sensor in dict.fromkeys(sensors.values()):
+        channels = channel_list(channel for channel, each in sensors.items() if each == sensor)
+        commands.append(b"CONF:TEMP %s,%s\n" % (_SENSORS.get(sensor, f"TC,{sensor}").encode("ascii"), channels))
+    return b"%sROUT:SCAN %s\n" % (b"".join(commands), channel_list(sensors))
 
 
 def channel_list(channels: Iterable[int]) -> bytes:
@@ -147,9 +195,8 @@ class Driver(SerialDriver):
     """The multiplexer on its serial line; ``read`` sets up the scan where the instrument may have none."""
 
     def __init__(self, settings: Settings, clock: Clock, offsets: Mapping[str, ProbeOffset] | None = None) -> None:
-        self._names = dict(sorted((channel, probe) for probe, channel in settings.probes.items()))
-        self._offsets = dict(offsets or {})
-        self._thermocouple = settings.thermocouple
+        self._names = dict(sorted((each.channel, probe) for probe, each in settings.probes.items()))
+        self._offsets, self._sensors = offsets, settings.sensors
         self.line = SerialLine("multiplexer", settings, clock, decode, READ_ERROR, baud=settings.baud, xonxoff=True)
         self._read_scan = read_scan(tuple(self._names))
         self._configured = False
@@ -157,14 +204,14 @@ class Driver(SerialDriver):
     def identify(self) -> str:
         """Maker, model and firmware."""
         identity = self.line.query(READ_IDENTITY).reply
-        if identity.model != "34970A":
+        if identity.model not in MODELS:
             raise self.error(READ_IDENTITY.expected, f"that of a {identity.maker} {identity.model}")
         return f"{identity.maker} {identity.model}, firmware {identity.firmware}"
 
     def configure(self) -> None:
         """Reset the instrument and set up the scan."""
         self.identify()
-        for command in (RESET, configure(self._names, self._thermocouple), CHANNELS_WITH_READINGS):
+        for command in (RESET, configure(self._sensors), CHANNELS_WITH_READINGS):
             self.line.write(command)
         self._check_error("the scan to be set up", self.line.query(READ_ERROR))
         self._configured = True
@@ -179,10 +226,8 @@ class Driver(SerialDriver):
         except InstrumentError:
             self._configured = False  # it may have been switched off in between: that forgets the scan
             raise
-        temps_degC = zip(self._names.values(), scan.readings)
-        return Reading(
-            asked_s, answered_s, {probe_column(name): self._corrected(name, value) for name, value in temps_degC}
-        )
+        values = corrected(dict(zip(self._names.values(), scan.readings)), self._offsets)
+        return Reading(asked_s, answered_s, values)
 
     def close(self) -> None:
         """Give the port back."""
@@ -203,11 +248,6 @@ class Driver(SerialDriver):
                 raise self.error(self._read_scan.expected, got, _SCAN_LOST) from silent
             raise
 
-    def _corrected(self, name: str, reading_degC: float | None) -> float | None:
-        if reading_degC is None or name not in self._offsets:
-            return reading_degC
-        return reading_degC + self._offsets[name].at(reading_degC)
-
 
 _ANSWERS_AFTER_S, _RESET_S, _CHANNEL_S = 0.01, 0.3, 0.06  # chosen; a relay, and a reading over some mains periods
 _MOST_ERRORS = 10
@@ -225,11 +265,13 @@ class Simulated(SimulatedInstrument):
         seed: int = 0,
         errors_K: Mapping[str, float] | None = None,
         folder: str | None = None,
+        model: str = MODELS[0],
     ) -> None:
         random = np.random.default_rng(seed)
         self.probes: dict[int, _Probe] = {}
         self.errors_K: dict[str, float] = {}
-        for channel, name in sorted((channel, name) for name, channel in settings.probes.items()):
+        self._model = model
+        for channel, name in sorted((each.channel, name) for name, each in settings.probes.items()):
             drawn_K = _PROBES.calibration_degC * float(random.standard_normal())
             self.errors_K[name] = drawn_K if errors_K is None else errors_K[name]
             self.probes[channel] = _Probe(air, self.errors_K[name], random)
@@ -258,7 +300,7 @@ class Simulated(SimulatedInstrument):
         head, _, argument = command.partition(" ")
         match head:
             case "*IDN?":
-                yield Response(_ANSWERS_AFTER_S, encode(Identity("HEWLETT-PACKARD", "34970A", "0", "13-2-2")))
+                yield Response(_ANSWERS_AFTER_S, encode(Identity("HEWLETT-PACKARD", self._model, "0", "13-2-2")))
             case "*RST":
                 yield Response(0.0, XOFF)  # its buffer is small, and it does not listen meanwhile
                 self._reset()
@@ -268,9 +310,10 @@ class Simulated(SimulatedInstrument):
             case "SYST:ERR?":
                 error = self._errors.popleft() if self._errors else ErrorText(0, "No error")
                 yield Response(_ANSWERS_AFTER_S, encode(error))
-            case "CONF:TEMP" if argument.startswith("TC,"):
-                self._reset()
-                self._configured = self._scanned = self._channels(argument[len("TC,K,") :])
+            case "CONF:TEMP":
+                self._scanned = self._channels(argument[argument.index("(") :])
+                self._configured = sorted({*self._configured, *self._scanned})
+                self._with_channels = False
             case "ROUT:SCAN":
                 self._scanned = self._channels(argument)
             case "FORM:READ:CHAN" if argument in ("ON", "OFF"):

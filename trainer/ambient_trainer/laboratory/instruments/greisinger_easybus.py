@@ -6,6 +6,8 @@ the decoder looks for groups whose check is right, and moves on by one byte wher
 two groups, their first bytes inverted back: five bits of decimals plus 15, then 27 of digits less 2^25 (modulo 2^27),
 or of a fault's number above 0x07F5E100. Of one group: two bits of decimals, 14 of digits plus 2048, faults from 0x3FE0.
 (Schnittstellenbeschreibung fuer EASYBus-Sensormodule und GMH-Handmessgeraete, sections 8.1 and 8.5.)
+What has a number above 15 is asked for by code 15 and a group of its own, ``[~number, 0, check]``; a reply's last group
+has its value. 202 is the unit of the display, in which values come (`display_unit` in rgieseke/pyEasybus).
 The instrument switches itself off; without a sensor it reports that instead of a number.
 """
 
@@ -23,6 +25,13 @@ from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, Ser
 
 VALUE, IDENTITY = 0, 12
 """The codes that ask for the measured value, and for the number that stands on the instrument, in hexadecimal."""
+FURTHER, UNIT = 15, 202
+UNITS: dict[int, tuple[str, Callable[[float], float]]] = {
+    1: ("degC", lambda value: value),
+    2: ("degF", lambda value: (value - 32.0) / 1.8),
+    3: ("K", lambda value: value - 273.15),
+}
+"""By the number that the instrument gives: the unit, and degC from it."""
 FAULTS = {
     16352: "above the measuring range",
     16353: "below the measuring range",
@@ -43,10 +52,11 @@ _FAULTS_16 = 0x3FE0
 
 
 class Settings(ThermometerSettings):
-    """The thermometer, and its address on the bus."""
+    """The thermometer, its address on the bus, and the unit of its display, which else is asked for."""
 
     kind: Literal["greisinger-easybus"]
     address: Annotated[int, Field(ge=0, le=255)] = 1
+    unit: Literal["degC", "degF", "K"] | None = None
 
 
 class Frame(NamedTuple):
@@ -76,8 +86,10 @@ def check(first: int, second: int) -> int:
 
 
 def request(address: int, code: int) -> bytes:
-    """The question for ``code``, 0 to 15."""
-    return _group(~address & 0xFF, code << 4)
+    """The question for ``code``; from 15 on, it has a group of its own."""
+    if code < FURTHER:
+        return _group(~address & 0xFF, code << 4)
+    return _group(~address & 0xFF, FURTHER << 4 | 1 << 1) + _group(~code & 0xFF, 0)
 
 
 def decode(data: bytes) -> tuple[list[Frame | Malformed], bytes]:
@@ -178,6 +190,8 @@ class Driver(SerialDriver):
     def __init__(self, settings: Settings, clock: Clock) -> None:
         self._read_value = _query(settings.address, VALUE, "its value")
         self._read_identity = _query(settings.address, IDENTITY, "its number")
+        self._read_unit = _query(settings.address, UNIT, "its unit") if settings.unit is None else None
+        self._degC_from = next((convert for unit, convert in UNITS.values() if unit == settings.unit), UNITS[1][1])
         self.line = SerialLine("thermometer", settings, clock, decode, self._read_identity, baud=_BAUD)
 
     def identify(self) -> str:
@@ -187,11 +201,17 @@ class Driver(SerialDriver):
     def read(self) -> Reading:
         """The temperature; where there is none, the note has the reason."""
         asked_s, answered_s, frame = self._query(self._read_value)
-        self.ask_between(self._read_identity)
+        between = self.ask_between(self._read_unit or self._read_identity)
+        if between and self._read_unit:
+            number = number_of(between.reply.body[-2:])
+            if number not in UNITS:
+                raise self.error("a display in degC, degF or K", f"unit number {number}", "set its display to degC")
+            self._degC_from = UNITS[number][1]
         value = value_of(frame.body)
         if isinstance(value, Malformed):
             raise self.error(value.expected, value.got)
-        return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: value.value}, value.reason)
+        temp_degC = None if value.value is None else round(self._degC_from(value.value), _MOST_DECIMALS)
+        return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: temp_degC}, value.reason)
 
     def _query(self, query: Query) -> Answer:
         try:
@@ -203,7 +223,11 @@ class Driver(SerialDriver):
 
 def _query(address: int, code: int, what: str) -> Query:
     expected = f"{what}, a reply of address {address} to code {code}"
-    return Query(request(address, code), expected, lambda frame: (frame.address, frame.code) == (address, code))
+    return Query(
+        request(address, code),
+        expected,
+        lambda frame: (frame.address, frame.code) == (address, min(code, FURTHER)),
+    )
 
 
 _ANSWERS_AFTER_S = 0.02  # chosen
@@ -219,6 +243,7 @@ class Simulated(SimulatedInstrument):
         self, settings: Settings, clock: Clock, air: Callable[[float], float], folder: str | None = None
     ) -> None:
         self.switched_on = self.sensor_plugged = True
+        self.unit = 1
         self._air = air
         self._address = settings.address
         self._received = b""
@@ -233,11 +258,23 @@ class Simulated(SimulatedInstrument):
             if check(*self._received[:2]) != self._received[2]:
                 self._received = self._received[1:]
                 continue
-            asked, self._received = self._received[:_GROUP], self._received[_GROUP:]
-            code = asked[1] >> 4
-            if asked == request(self._address, code) and code in (VALUE, IDENTITY):
-                body = body_of_number(_NUMBER) if code == IDENTITY else self._value(self._clock.now_s())
-                yield Response(_ANSWERS_AFTER_S, reply(self._address, code, body, faulty=not self.sensor_plugged))
+            size = _GROUP * (1 + (self._received[1] >> 1 & 3))
+            if len(self._received) < size:
+                return
+            asked, self._received = self._received[:size], self._received[size:]
+            for code in (VALUE, IDENTITY, UNIT):
+                if asked == request(self._address, code):
+                    number = min(code, FURTHER)
+                    yield Response(
+                        _ANSWERS_AFTER_S, reply(self._address, number, self._body(code), not self.sensor_plugged)
+                    )
 
-    def _value(self, at_s: float) -> bytes:
-        return body_of_value(self._air(at_s), _DECIMALS) if self.sensor_plugged else body_of_fault(_NO_SENSOR)
+    def _body(self, code: int) -> bytes:
+        if code == IDENTITY:
+            return body_of_number(_NUMBER)
+        if code == UNIT:
+            return bytes((~UNIT & 0xFF, 0)) + _upright(self.unit.to_bytes(2, "big"))
+        if not self.sensor_plugged:
+            return body_of_fault(_NO_SENSOR)
+        temp_degC = self._air(self._clock.now_s())
+        return body_of_value({1: temp_degC, 2: 1.8 * temp_degC + 32.0, 3: temp_degC + 273.15}[self.unit], _DECIMALS)

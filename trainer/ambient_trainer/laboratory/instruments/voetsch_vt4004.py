@@ -55,7 +55,8 @@ class Settings(ChamberSettings):
     last reported), ``readings`` how many a state has (else: two for each), ``outputs`` its outputs, and ``start`` those
     that are on while it runs. ``gradient`` is the form of the gradients' command: ``both`` ways in one, the one way
     that is ``needed`` and 0 for the other, or both and the ``outputs``. With ``alarms: false`` it is not asked for
-    faults, which some chambers do not know: then it is not noticed where one stops it.
+    faults, which some chambers do not know: then it is not noticed where one stops it. ``marker`` is then another
+    command that changes nothing and is answered by a line of text; with it, answers that are one behind are noticed.
     """
 
     kind: Literal["voetsch-vt4004"]
@@ -71,6 +72,7 @@ class Settings(ChamberSettings):
     start: tuple[Annotated[int, Field(ge=0, lt=64)], ...] | None = None
     gradient: Literal["both", "needed", "outputs"] = "both"
     alarms: bool = True
+    marker: Annotated[str, Field(pattern=r"^[A-DF-HJ-TV-Z?]$")] | None = None
 
     @model_validator(mode="after")
     def _possible(self) -> Settings:
@@ -94,6 +96,12 @@ class Done(NamedTuple):
     """``0``: the command was taken."""
 
 
+class Text(NamedTuple):
+    """Any other line."""
+
+    text: str
+
+
 class Fault(NamedTuple):
     """The reply to ``F``; number 0 is no fault."""
 
@@ -115,7 +123,7 @@ def set_gradients(up_K_min: float, down_K_min: float, outputs: Sequence[bool] | 
     return b"U %s %s" % (_numbers((up_K_min, down_K_min)), further)
 
 
-Reply = State | Done | Fault
+Reply = State | Done | Fault | Text
 
 
 def _parsed(line: str) -> Reply | Malformed:
@@ -128,7 +136,7 @@ def _parsed(line: str) -> Reply | Malformed:
         return State(tuple(values[::2]), tuple(values[1::2]), tuple(bit == "1" for bit in match[2]))
     if match := _FAULT.fullmatch(line):
         return Fault(int(match[1]), (match[2] or "").strip())
-    return Malformed(_A_REPLY, repr(line))
+    return Text(line)
 
 
 decode = text_replies(b"\r", b"\n", _LONGEST, _parsed)
@@ -140,6 +148,7 @@ def encode(reply: Reply) -> bytes:
     if isinstance(reply, State):
         pairs = [value for pair in zip(reply.nominal, reply.actual) for value in pair]
         return b"%s %s\r" % (_numbers(pairs), _bits(reply.outputs))
+    assert not isinstance(reply, Text), "only other chambers send one"
     return b"0\r" if isinstance(reply, Done) else f"{reply.number:02d} {reply.text}".rstrip().encode("ascii") + b"\r"
 
 
@@ -160,9 +169,11 @@ class Driver(SerialDriver):
         self._settings = settings
         self._limits = limits.within(settings.lowest_degC, settings.highest_degC)
         self._read_state = self._query(b"I", "a state, pairs of values and outputs", self._is_state)
-        self._read_fault = self._query(b"F", "a fault, two digits and text", lambda reply: isinstance(reply, Fault))
-        quiet_s = QUIET_S if settings.alarms else settings.timeout_s
-        marker = self._read_fault if settings.alarms else self._read_state
+        between = {Fault: "a fault, two digits and text", Text: "a line of text"}
+        kind, command = (Fault, b"F") if settings.alarms else (Text, (settings.marker or "").encode())
+        self._between = self._query(command, between[kind], lambda reply: isinstance(reply, kind)) if command else None
+        quiet_s = QUIET_S if self._between else settings.timeout_s
+        marker = self._between or self._read_state
         self.line = SerialLine(
             "chamber", settings, clock, decode, marker, _BAUD, pause_s=settings.pause_s, quiet_s=quiet_s
         )
@@ -176,10 +187,8 @@ class Driver(SerialDriver):
     def read(self) -> Reading:
         """Set point, temperature and whether it runs; its fault is the note."""
         asked_s, answered_s, state = self._state()
-        alarm = None
-        if self._settings.alarms:
-            fault = self.line.query(self._read_fault).reply
-            alarm = f"{fault.number:02d} {fault.text}".rstrip() if fault.number else None
+        fault = self.line.query(self._between).reply if self._between else None
+        alarm = f"{fault.number:02d} {fault.text}".rstrip() if isinstance(fault, Fault) and fault.number else None
         values = {SET_POINT: state.nominal[0], AIR: state.actual[0], RUNNING: float(state.outputs[START])}
         return Reading(asked_s, answered_s, values, alarm)
 

@@ -7,19 +7,22 @@ its actions, each of which the simulated phone knows by its name.
 from __future__ import annotations
 
 import contextlib
+import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
-from ambient_trainer.laboratory.instruments import instrument
+from ambient_trainer.laboratory.instruments import ROLES, instrument
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.simulation.phone import SimulatedPhone
 from ambient_trainer.simulator import Device, Zone, load_device
 from ambient_trainer.simulator.run import stream
 
 _SWITCH_S = 2e-4
+_ROOM_DEGC = 22.0
+_ROOM_SWINGS = {86400.0: 1.5, 9000.0: 0.8, 1500.0: 0.3}  # period in s, and size in K; chosen
 
 
 class SimulatedLaboratory(NamedTuple):
@@ -30,6 +33,7 @@ class SimulatedLaboratory(NamedTuple):
     chamber: Any
     multiplexer: Any
     thermometer: Any
+    air_degC: Callable[[float], float]
     phone: SimulatedPhone
 
 
@@ -37,7 +41,8 @@ class SimulatedLaboratory(NamedTuple):
 def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) -> Iterator[SimulatedLaboratory]:
     """The simulated laboratory for a campaign, for the time of a ``with`` block.
 
-    It begins with the chamber at the program's first set point and the phone in equilibrium with it. With the same
+    It begins with the chamber at the program's first set point, or without one with a room's air, and the phone in
+    equilibrium with it. With the same
     ``seed``, chamber, probes and phone have the swing, errors and noise of
     :func:`ambient_trainer.simulator.simulate`. Raises :class:`Refused` for what the simulated phone has not.
     """
@@ -55,21 +60,38 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
             stack.callback(made.close)
             return made
 
-        chamber = simulated(named.chamber, stream(seed, "wobble"), first.chamber_degC)
-        probes = sorted(named.multiplexer.probes, key=named.multiplexer.probes.__getitem__)
-        errors_K = device.chamber.probes.calibration_degC * stream(seed, "probes").standard_normal(len(probes))
-        multiplexer = simulated(named.multiplexer, chamber.air_degC, seed, dict(zip(probes, errors_K.tolist())))
-        thermometer = simulated(named.thermometer, chamber.air_degC) if named.thermometer else None
+        made: dict[str, Any] = dict.fromkeys(ROLES)
+        if named.chamber is not None:
+            made["chamber"] = simulated(named.chamber, stream(seed, "wobble"), first.chamber_degC)
+        air_degC = made["chamber"].air_degC if made["chamber"] else _room(seed)
+        if named.multiplexer is not None:
+            channels = {name: str(probe) for name, probe in named.multiplexer.probes.items()}
+            probes = sorted(channels, key=channels.__getitem__)
+            errors_K = device.chamber.probes.calibration_degC * stream(seed, "probes").standard_normal(len(probes))
+            made["multiplexer"] = simulated(named.multiplexer, air_degC, seed, dict(zip(probes, errors_K.tolist())))
+        if named.thermometer is not None:
+            made["thermometer"] = simulated(named.thermometer, air_degC)
         supply = campaign.laboratory.device.power_supply
         activity = first.load[0] if first.load else device.idle
         phone = stack.enter_context(
-            SimulatedPhone(clock, chamber.air_degC, device, zones, supply, activity, seed, campaign.before_s)
+            SimulatedPhone(clock, air_degC, device, zones, supply, activity, seed, campaign.before_s)
         )
-        ports = {"chamber": chamber.port, "multiplexer": multiplexer.port}
-        if thermometer is not None:
-            ports["thermometer"] = thermometer.port
+        ports = {role: each.port for role, each in made.items() if each}
         there = loaded._replace(campaign=_with_simulated(campaign, ports, phone.root))
-        yield SimulatedLaboratory(there, phone.environment, chamber, multiplexer, thermometer, phone)
+        yield SimulatedLaboratory(there, phone.environment, **made, air_degC=air_degC, phone=phone)
+
+
+def _room(seed: int) -> Callable[[float], float]:
+    """A room's air in degC over time: the day's swing, the heating's, and a window now and then."""
+    phases = stream(seed, "room").uniform(0.0, 2.0 * math.pi, len(_ROOM_SWINGS))
+
+    def air_degC(at_s: float) -> float:
+        swings = zip(_ROOM_SWINGS.items(), phases)
+        return _ROOM_DEGC + sum(
+            size * math.sin(2.0 * math.pi * at_s / each_s + phase) for (each_s, size), phase in swings
+        )
+
+    return air_degC
 
 
 def _with_simulated(campaign: Campaign, ports: Mapping[str, str], root: str) -> Campaign:

@@ -1,0 +1,629 @@
+"""Instruments as public programs and manuals show them, written from those and never from the drivers here.
+
+A seeded night has one of each kind, of whose answers a tenth is late, doubled, one behind, cut or in noise; every
+reading is compared with what the instrument held between question and answer. ``AMBIENT_NIGHTS=50`` runs fifty.
+
+Chambers: `Climate.py` in HelgeStenstrom/sockets (emulator of Vc3 7060 and Vt3 7060: address 01, moving set point, one
+slope at a time, 32 outputs, an unknown command is answered by a sentence); `Ascii2Protocol.cs` in
+mukky89/chamber_fos_soft (VT3 7034, CR LF on some firmware); `VT4002.py` in ondrejh/VT4002 (address 01, five pairs, 16
+outputs, CR LF); `CTC_VOETSCH_VC4060.vb` in BednarJan/Instruments_DCA (one pair, 16 outputs and a Z); `thermo_comm.py`
+in GustavEckerbom/DMM_samples (one value set, outputs behind the gradients). Multiplexers: 34970A/34972A Command
+Reference, and the DAQ970A's: CONFigure makes the scan list, and the settings of each channel stay; an open sensor reads
+9.9E+37. Thermometer: `easybus.py` in rgieseke/pyEasybus, GMH 3750, with the unit of its display.
+"""
+
+import contextlib
+import os
+import random
+import re
+import select
+import socket
+import subprocess
+import threading
+import time
+import tty
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.laboratory import run as run_module
+from ambient_trainer.laboratory import workers
+from ambient_trainer.laboratory.campaign import load_campaign
+from ambient_trainer.laboratory.collect import Job, collect, resume
+from ambient_trainer.laboratory.instruments import agilent_34970a, greisinger_easybus, settings
+from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Settings
+from ambient_trainer.laboratory.journal import read_journal
+from ambient_trainer.laboratory.messages import Clock, InstrumentError
+from ambient_trainer.laboratory.run import Ending, Supervision
+from ambient_trainer.laboratory.set_point_limits import SetPointLimits
+from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.laboratory.watchdog import Watchdog
+
+SPEED = 120.0
+MODELS = ("34970A", "34972A", "DAQ970A")
+STRANGER = {"maker": "Fluke", "model": "2638A"}
+in_real_time = pytest.mark.slow  # a busy machine misses samples
+
+
+class Far:
+    """The far end of a line, in a thread; with ``faulty``, a tenth of its answers goes wrong in a drawn way."""
+
+    WAYS = ("late", "doubled", "behind", "cut", "noise")
+
+    def __init__(self, tcp=False, seed=0):
+        self.random, self.faulty, self.faults = random.Random(seed), 0.0, 0
+        self.last, self.behind = b"", 0
+        self.server = socket.create_server(("127.0.0.1", 0)) if tcp else None
+        if self.server:
+            self.port = f"socket://127.0.0.1:{self.server.getsockname()[1]}"
+        else:
+            self.near, self.far = os.openpty()
+            tty.setraw(self.far)
+            self.port = os.ttyname(self.far)
+        self.woken, self.wake = os.pipe()
+        self.thread = threading.Thread(target=self._serve, daemon=True)
+        self.thread.start()
+
+    def _serve(self):
+        read, write = (lambda: os.read(self.near, 256)), (lambda data: os.write(self.near, data))
+        with contextlib.ExitStack() as stack:
+            if self.server and self._readable(self.server):
+                connection = stack.enter_context(self.server.accept()[0])
+                read, write = (lambda: connection.recv(256)), connection.sendall
+            elif self.server:
+                connection = self.woken
+            else:
+                connection = self.near
+            self.write, rest = write, b""
+            with contextlib.suppress(OSError):
+                while self._readable(connection) and (data := read()):
+                    rest = self.take(rest + data)
+
+    def _readable(self, waited):
+        """Whether something comes, before it is closed: a thread that still reads a number takes the next one's bytes."""
+        return self.woken not in select.select([waited, self.woken], [], [])[0]
+
+    def answer(self, reply):
+        """Send a reply, as it should be or not."""
+        way = self.random.choice(self.WAYS) if self.random.random() < self.faulty else ""
+        self.faults += bool(way)
+        if way == "behind":
+            self.behind = self.random.randint(1, 4)
+        if self.behind:
+            self.behind -= 1
+            reply, self.last = self.last, reply
+        else:
+            self.last = reply
+        if way == "late":
+            time.sleep(self.random.uniform(0.05, 0.8))
+        if way == "noise":
+            self.write(self.random.randbytes(self.random.randint(1, 9)))
+        self.write(reply[: self.random.randint(0, len(reply) - 1)] if way == "cut" and reply else reply)
+        if way == "doubled":
+            self.write(reply)
+
+    def close(self):
+        os.write(self.wake, b"!")
+        self.thread.join()
+        for end in (self.wake, self.woken, *(() if self.server else (self.near, self.far))):
+            os.close(end)
+        if self.server:
+            self.server.close()
+
+
+class Chamber(Far):
+    """A chamber; its slope is per minute of a clock ``speed`` times as fast."""
+
+    def __init__(
+        self, pairs=7, bits=32, address="01", ending="\r", after="", slopes="one", faults=False, speed=1.0, **line
+    ):
+        self.pairs, self.bits, self.address, self.ending, self.after = pairs, "0" * bits, address, ending, after
+        self.slopes, self.knows_faults, self.speed = slopes, faults, speed
+        self.wanted, self.shown_K, self.slope = 20.0, 0.0, 0.0
+        self.began, self.since = 20.0, time.monotonic()
+        self.received = []
+        self.air = None
+        super().__init__(**line)
+
+    def nominal(self):
+        """The set point on its way."""
+        moved = self.slope * (time.monotonic() - self.since) * self.speed / 60.0
+        return self.wanted if not self.slope else self.began + np.clip(self.wanted - self.began, -moved, moved)
+
+    def take(self, data):
+        *lines, rest = data.split(b"\r")
+        for line in lines:
+            if (reply := self.reply(line.strip().decode())) is not None:
+                self.answer((reply + self.ending).encode())
+        return rest
+
+    def reply(self, command):
+        if not command.startswith(f"${self.address}"):
+            return None
+        self.received.append((time.monotonic(), command[3:]))
+        letter, *parts = command[3:].split(" ")
+        if letter == "I":
+            nominal = self.nominal()
+            actual = self.air() if self.air else nominal
+            numbers = [nominal + self.shown_K, actual] + [0.0] * (2 * self.pairs - 2)
+            return " ".join(f"{number:06.1f}" for number in numbers) + f" {self.bits}{self.after}"
+        if letter == "E" and len(parts) == self.pairs + 1 and len(parts[-1]) == len(self.bits):
+            self.began, self.since = self.nominal(), time.monotonic()
+            self.wanted, self.bits = float(parts[0]), parts[-1]
+            return "0"
+        if letter == "U":
+            return self.set_slopes(parts)
+        if letter == "F" and self.knows_faults:
+            return "00"
+        return f"'{command}' is an unknown command."
+
+    def set_slopes(self, parts):
+        if self.slopes == "outputs":
+            up, down, bits = parts
+            assert len(bits) == len(self.bits)
+        else:
+            up, down, _, _ = parts
+        if self.slopes == "refused" or (self.slopes == "one" and float(up) and float(down)):
+            return ""
+        self.began, self.since = self.nominal(), time.monotonic()
+        self.slope = float(up) or float(down)
+        return "0"
+
+    def set_points(self):
+        return [(at_s, float(text.split(" ")[1])) for at_s, text in self.received if text.startswith("E")]
+
+
+class Multiplexer(Far):
+    """One of any model, each channel some kelvin above ``air``; ``open_channels`` have no sensor."""
+
+    def __init__(self, model="34970A", maker="Agilent Technologies", **line):
+        self.model, self.maker = model, maker
+        self.sensors, self.scanned, self.errors, self.open_channels, self.with_channels = {}, [], [], set(), False
+        self.air = lambda: 20.0
+        self.received = []
+        super().__init__(**line)
+
+    def take(self, data):
+        *lines, rest = data.split(b"\n")
+        for line in lines:
+            if (reply := self.reply(line.strip().decode())) is not None:
+                self.answer(reply.encode() + b"\r\n")
+        return rest
+
+    def reply(self, line):
+        self.received.append(line)
+        head, _, rest = line.partition(" ")
+        channels = [int(each) for each in re.findall(r"\b\d{3}\b", rest.partition("@")[2])]
+        if head == "*IDN?":
+            return f"{self.maker},{self.model},MY44000001,1.17-1.12-02-02"
+        if head == "SYST:ERR?":
+            return self.errors.pop(0) if self.errors else '+0,"No error"'
+        if head == "READ?" and self.scanned:
+            time.sleep(0.002)
+            air = self.air()
+            texts = [f"{9.9e37 if each in self.open_channels else air + each % 100:+.8E}" for each in self.scanned]
+            return ",".join(f"{text},{each}" if self.with_channels else text for text, each in zip(texts, self.scanned))
+        if head == "*RST":
+            self.sensors, self.scanned, self.with_channels = {}, [], False
+        elif head == "CONF:TEMP":
+            kind, of, *_ = rest.split(",")
+            self.sensors.update(dict.fromkeys(channels, (kind, of)))
+            self.scanned, self.with_channels = sorted(channels), False
+        elif head == "ROUT:SCAN":
+            self.scanned = sorted(channels)
+        elif line == "FORM:READ:CHAN ON":
+            self.with_channels = True
+        elif head != "*CLS":
+            self.errors.append('-113,"Undefined header"')
+        return None
+
+
+def crc(first, second):
+    helper = (first << 8) + second
+    for _ in range(16):
+        helper = (helper << 1) ^ 0x700 if helper & 0x8000 else helper << 1
+    return ~(helper >> 8) & 0xFF
+
+
+class Thermometer(Far):
+    """It shows ``air`` in its display's unit: 1 degC, 2 degF, 3 K."""
+
+    def __init__(self, unit=1, **line):
+        self.unit, self.air = unit, lambda: 20.0
+        super().__init__(**line)
+
+    def take(self, data):
+        while len(data) >= 3:
+            size = 6 if data[1] & 0x06 else 3
+            if len(data) < size:
+                break
+            if data[2] != crc(data[0], data[1]):
+                data = data[1:]
+                continue
+            asked, data = data[:size], data[size:]
+            if asked[:2] == b"\xfe\x00":
+                self.answer(self.frame(0x05, self.value()))
+            elif asked[:2] == b"\xfe\xc0":
+                self.answer(self.frame(0xC5, 0x32407008))
+            elif asked[1] == 242 and asked[3:5] == b"\x35\x00":
+                self.answer(self.frame(0xF5, (0xCA00 << 16) | self.unit))
+        return data
+
+    def value(self):
+        """As `value` of pyEasybus decodes it, the other way round: two decimals."""
+        degC = self.air()
+        shown = {2: degC * 9 / 5 + 32, 3: degC + 273.15}.get(self.unit, degC)
+        return ((2 + 15) << 27) | ((round(shown * 100) - 0x2000000) & 0x07FFFFFF)
+
+    @staticmethod
+    def frame(second, number):
+        groups = [(0xFE, second)] + [(~(half >> 8) & 0xFF, half & 0xFF) for half in (number >> 16, number & 0xFFFF)]
+        return b"".join(bytes((*group, crc(*group))) for group in groups)
+
+
+@pytest.fixture
+def chamber(monkeypatch):
+    """Makes a chamber, or another instrument."""
+    monkeypatch.setattr(workers, "_LEAST_WALL_S", 2.0)
+    made = []
+
+    def make(kind=Chamber, **of):
+        made.append(kind(**of))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+# what is there, and what a campaign gives of it; the outputs that are on while it runs
+ROWS = {
+    "Vc3 7060": ({}, {"gradient": "needed"}, {1}),
+    "Vc3 7060 over TCP": ({"tcp": True, "ending": "\r\n"}, {"gradient": "needed", "values": 7, "outputs": 32}, {1}),
+    "VT3 7034": ({"pairs": 5, "ending": "\r\n", "slopes": "pair"}, {}, {1}),
+    "VT4002": ({"pairs": 5, "bits": 16, "ending": "\r\n", "slopes": "pair"}, {"terminator": "CRLF"}, {1, 3}),
+    "VC4060": ({"pairs": 1, "bits": 16, "address": "00", "after": "Z", "slopes": "pair"}, {"address": 0}, {1, 3}),
+    "thermo_comm": (
+        {"pairs": 1, "bits": 16, "address": "00", "ending": "\r\n", "slopes": "outputs", "faults": True},
+        {"address": 0, "gradient": "outputs", "alarms": True, "start": (1, 3)},
+        {1, 3},
+    ),
+}
+
+
+def given(port, **values):
+    return settings("voetsch-vt4004", port=port, **{"address": 1, "alarms": False, "timeout_s": 0.5, **values})
+
+
+@pytest.mark.parametrize(("there", "campaign", "on"), ROWS.values(), ids=ROWS)
+def test_each_is_driven_by_what_a_campaign_gives(chamber, there, campaign, on):
+    made = chamber(**there)
+    driver = Driver(given(made.port, **campaign), Clock(), SetPointLimits(made.port, -20.0, 60.0))
+    for set_degC in (25.0, -7.5):
+        driver.gradient(10.0, rising=set_degC > 20.0)
+        driver.gradient(0.0)
+        driver.set_point(set_degC)
+        assert made.wanted == set_degC
+        assert {index for index, bit in enumerate(made.bits) if bit == "1"} == on
+        reading = driver.read()
+        assert (reading.values["chamber_set_degC"], reading.values["chamber_on"], reading.note) == (set_degC, 1.0, None)
+    driver.stop()
+    assert "1" not in made.bits
+    driver.close()
+
+
+def test_another_layout_than_the_one_given_or_seen_is_no_state(chamber):
+    made = chamber()
+    for values in ({"outputs": 16}, {"values": 5}, {}):
+        driver = Driver(given(made.port, **values), Clock(), SetPointLimits(made.port, -20.0, 60.0))
+        if not values:
+            driver.read()
+            made.bits += "0"
+        with pytest.raises(InstrumentError):
+            driver.read()
+        driver.close()
+    for values in ({"values": 3, "other_values": (1.0,)}, {"values": 9, "readings": 16}):
+        with pytest.raises(ValidationError):
+            Settings(kind="voetsch-vt4004", port="/dev/a", **values)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_each_multiplexer_scans_the_sensors_of_each_channel(chamber, model):
+    probes = {"a": 102, "b": {"channel": 101, "sensor": "Pt100"}, "c": {"channel": 205, "sensor": "Pt100-4w"}}
+    probes |= {"d": 310, "e": {"channel": 107, "sensor": "thermistor-10k"}}
+    made = chamber(Multiplexer, model=model, tcp=True)
+    named = settings("agilent-34970a", port=made.port, probes=probes, thermocouple="T")
+    driver = agilent_34970a.Driver(named, Clock())
+    assert model in driver.identify()
+    made.open_channels = {205}
+    expected = {"a": 22.0, "b": 21.0, "c": None, "d": 30.0, "e": 27.0}
+    assert driver.read().values == {f"probe_{name}_degC": value for name, value in expected.items()}
+    assert made.sensors == {
+        101: ("RTD", "85"),
+        102: ("TC", "T"),
+        107: ("THER", "10000"),
+        205: ("FRTD", "85"),
+        310: ("TC", "T"),
+    }
+    driver.close()
+
+
+def test_another_makers_multiplexer_is_refused(chamber):
+    made = chamber(Multiplexer, **STRANGER)
+    driver = agilent_34970a.Driver(settings("agilent-34970a", port=made.port, probes={"a": 101}), Clock())
+    with pytest.raises(InstrumentError, match=r"34970A, 34972A, DAQ970A.*Fluke 2638A"):
+        driver.read()
+    driver.close()
+
+
+VISA = """
+spec: "1.0"
+devices:
+  daq:
+    eom: {USB INSTR: {q: "\\n", r: "\\n"}}
+    dialogues:
+      - {q: "*IDN?", r: "Keysight Technologies,DAQ970A,MY58000001,A.02.02"}
+      - {q: "READ?", r: "+2.15000000E+01,101,-9.90000000E+37,102"}
+      - {q: "SYST:ERR?", r: '+0,"No error"'}
+      - {q: "*RST"}
+      - {q: "*CLS"}
+      - {q: "CONF:TEMP TC,K,(@101,102)"}
+      - {q: "ROUT:SCAN (@101,102)"}
+      - {q: "FORM:READ:CHAN ON"}
+resources:
+  "USB0::0x2A8D::0x5101::MY58000001::INSTR": {device: daq}
+"""
+
+
+def test_a_multiplexer_is_a_visa_resource(tmp_path, monkeypatch):
+    (tmp_path / "daq.yaml").write_text(VISA)
+    monkeypatch.setenv("PYVISA_LIBRARY", f"{tmp_path}/daq.yaml@sim")
+    for name, there in (("USB0::0x2A8D::0x5101::MY58000001::INSTR", True), ("USB0::1::2::3::INSTR", False)):
+        driver = agilent_34970a.Driver(
+            settings("agilent-34970a", port=name, probes={"a": 101, "b": 102}, timeout_s=0.5), Clock()
+        )
+        if there:
+            for _ in range(3):
+                assert driver.read().values == {"probe_a_degC": 21.5, "probe_b_degC": None}
+        else:
+            with pytest.raises(InstrumentError, match="pyvisa-shell"):
+                driver.read()
+        driver.close()
+
+
+@pytest.mark.parametrize(("unit", "given_unit"), [(1, None), (2, None), (3, None), (2, "degF")])
+def test_a_thermometer_is_asked_for_its_unit(chamber, unit, given_unit):
+    made = chamber(Thermometer, unit=unit)
+    driver = greisinger_easybus.Driver(settings("greisinger-easybus", port=made.port, unit=given_unit), Clock())
+    for degC in (20.0, -12.5):
+        made.air = lambda degC=degC: degC
+        assert driver.read().values["thermometer_degC"] == pytest.approx(degC, abs=0.006)
+    if given_unit is None:
+        made.unit = 21  # mbar
+        time.sleep(0.06)
+        with pytest.raises(InstrumentError, match=r"degC, degF or K.*21"):
+            driver.read()
+    driver.close()
+
+
+class Night:
+    """A run with such a chamber, and such ``others`` by role, beside a simulated phone; ``stop_s`` is when it stops."""
+
+    def __init__(
+        self, campaign_file, tmp_path, made, steps, stop_s=None, chamber=None, others=None, speed=SPEED, **safety
+    ):
+        changes = {f"safety.{key}": value for key, value in {"ambient_lost_s": 1e5, **safety}.items()}
+        loaded = load_campaign(campaign_file(steps, changes), ports=False)
+        self.events, self.stopped, self.stop_s, self.began, self.over_s = [], None, stop_s, (), 0.0
+        self.output = str(tmp_path / "trace.csv")
+        with simulated_laboratory(loaded, Clock(speed)) as there:
+            laboratory = there.loaded.campaign.laboratory
+            mine = laboratory.instruments.model_copy(
+                update={"chamber": given(made.port, period_s=20.0, **(chamber or {})), **(others or {})}
+            )
+            campaign = there.loaded.campaign.model_copy(
+                update={"laboratory": laboratory.model_copy(update={"instruments": mine})}
+            )
+            self.job = Job(there.loaded._replace(campaign=campaign), self.output, speed, True, there.environment)
+            began_s = time.monotonic()
+            self.outcome = collect(
+                self.job, Supervision(self.update, self.event, lambda: self.stopped, lambda: False)
+            ).outcome
+            self.took_s = time.monotonic() - began_s
+        self.complete = load_trace(self.output).notes["complete"]
+
+    def update(self, run):
+        if not os.path.exists(kept := os.path.join(os.path.dirname(self.output), "kept")):
+            os.link(run.journal.path, kept)
+        self.began = self.began or (run.clock.now_s(), time.monotonic())
+        if run.program.over:
+            self.over_s = self.over_s or time.monotonic()
+        if self.stop_s is not None and run.clock.now_s() > self.stop_s:
+            self.stopped = "stopped by SIGINT"
+
+    def event(self, at_s, text):
+        self.events.append(text)
+
+    def wall_s(self, at_s):
+        """The machine's time of a time of the run."""
+        return self.began[1] + (at_s - self.began[0]) / self.job.speed
+
+
+def minutes(*steps):
+    return [dict(zip(("duration_min", "chamber_degC", "gradient_K_min"), step)) for step in steps]
+
+
+@in_real_time
+def test_a_set_point_does_not_wait_for_a_gradient_that_is_refused(chamber, campaign_file, tmp_path):
+    made = chamber(slopes="refused")
+    night = Night(campaign_file, tmp_path, made, minutes((4, 35.0, 2.0), (2, 30.0)))
+    assert [degC for _, degC in made.set_points()] == [35.0, 30.0, 20.0]
+    assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
+    assert night.took_s < 25.0
+    assert night.complete.startswith("no: ")
+    assert "gradient 2.0 K/min" in night.complete
+    assert not os.path.exists(night.output + ".part")
+
+
+@in_real_time
+def test_a_gradient_is_followed_and_lifted_at_the_end(chamber, campaign_file, tmp_path):
+    made = chamber(speed=SPEED)
+    night = Night(campaign_file, tmp_path, made, minutes((8, 35.0, 2.5)), chamber={"gradient": "needed"}, confirm_s=60)
+    assert (night.outcome.ending, night.complete) == (Ending.FINISHED, "yes")
+    assert (made.slope, made.wanted) == (0.0, 20.0)
+
+
+WAYS = {
+    "go-on": (Ending.DEVIATED, None),
+    "wait": (Ending.LIMIT, None),
+    "end": (Ending.LIMIT, None),
+    "stopped": (Ending.STOPPED, 480.0),
+}
+
+
+@in_real_time
+@pytest.mark.parametrize("way", WAYS)
+def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, campaign_file, tmp_path, monkeypatch, way):
+    """It shows 31.5 for 25, and never the safe set point either."""
+    monkeypatch.setattr(run_module, "_SAFE_S", 2.0)
+    monkeypatch.setattr(run_module, "_LONGEST_WAIT_S", 120.0)
+    made = chamber()
+    made.shown_K = 6.5
+    ending, stop_s = WAYS[way]
+    wanted = {"unconfirmed": way} if way in ("go-on", "wait", "end") else {}
+    night = Night(campaign_file, tmp_path, made, minutes((10, 25.0)), stop_s, confirm_s=60, **wanted)
+    (said,) = {text for text in night.events if "31.5" in text}
+    assert "25.0 degC within 60 s" in said
+    assert (night.outcome.ending, night.outcome.safe) == (ending, False)
+    assert night.complete.startswith("no: ")
+    assert night.took_s < 15.0
+    rows = len(load_trace(night.output).time_s)
+    assert (rows < 600) == (way in ("end", "stopped", "wait"))
+    assert os.path.exists(night.output + ".part") == (way != "go-on")
+
+
+@in_real_time
+def test_a_program_waits_for_its_set_point_and_goes_on(chamber, campaign_file, tmp_path):
+    made = chamber()
+    made.shown_K = 6.5
+    threading.Timer(540 / SPEED, lambda: setattr(made, "shown_K", 0.0)).start()
+    night = Night(campaign_file, tmp_path, made, minutes((6, 25.0)), confirm_s=30, unconfirmed="wait")
+    assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
+    assert len(load_trace(night.output).time_s) > 420
+
+
+def test_after_a_crash_the_gradient_is_lifted_at_an_even_pace_and_each_step_is_logged(chamber, tmp_path):
+    made = chamber(slopes="pair")
+    made.wanted, made.bits, made.slope, made.began = 50.0, "01" + "0" * 30, 6.0, 50.0
+    log = tmp_path / "safety.log"
+    dog = Watchdog(given(made.port), 20.0, True, str(log))
+    process = subprocess.Popen(dog.argv, stdin=subprocess.PIPE)
+    process.stdin.close()
+    began_s = time.monotonic()
+    assert process.wait(timeout=30) == 0
+    assert (made.wanted, made.slope) == (20.0, 0.0)
+    assert len(made.set_points()) <= 2 + (time.monotonic() - began_s)
+    steps = log.read_text()
+    assert re.search(r"set point 20\.0 degC is sent", steps)
+    assert re.search(r"gradient 0 K/min is sent", steps)
+    assert re.search(r"confirmed the set point 20\.0 degC$", steps)
+
+
+def test_after_a_crash_a_chamber_that_refuses_gradients_is_safe_all_the_same(chamber, tmp_path):
+    made = chamber(slopes="refused")
+    made.wanted, made.bits = 50.0, "01" + "0" * 30
+    process = subprocess.Popen(
+        Watchdog(given(made.port), 20.0, True, str(tmp_path / "log")).argv, stdin=subprocess.PIPE
+    )
+    process.stdin.close()
+    assert process.wait(timeout=30) == 0
+    assert made.wanted == 20.0
+    assert len(made.received) < 60
+
+
+@in_real_time
+def test_a_run_whose_program_is_over_keeps_its_deviation_over_a_resumption(chamber, campaign_file, tmp_path):
+    made = chamber(slopes="refused")
+    night = Night(campaign_file, tmp_path, made, minutes((4, 25.0, 2.0)))
+    os.rename(tmp_path / "kept", night.output + ".part")
+    again = resume(night.job, Supervision(night.update, night.event, lambda: None, lambda: False)).outcome
+    assert (again.ending, again.why) == (Ending.DEVIATED, night.outcome.why)
+
+
+NIGHT_SPEED = 40.0
+
+
+def swinging(at_s):
+    """Air that is another one at any time: 1 K in a second of the run, between -40 and 140 degC."""
+    return -40.0 + abs((at_s * NIGHT_SPEED) % 360.0 - 180.0)
+
+
+class FaultyNight(Night):
+    """The faults begin with the run."""
+
+    def update(self, run):
+        super().update(run)
+        for each in self.far:
+            each.faulty = 0.1
+
+
+def held(night, begin_s, end_s):
+    """The least and the largest air between two times of the run."""
+    at_s = np.linspace(night.wall_s(begin_s), night.wall_s(end_s), 200)
+    air_degC = swinging(at_s)
+    slack_K = NIGHT_SPEED * (at_s[1] - at_s[0])
+    return air_degC.min() - slack_K, air_degC.max() + slack_K
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(int(os.environ.get("AMBIENT_NIGHTS", "2"))))
+def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_safe(
+    chamber, campaign_file, tmp_path, seed
+):
+    draw = random.Random(seed)
+    there, campaign, _ = draw.choice(list(ROWS.values()))
+    marker = {} if there.get("faults") or there.get("slopes") == "pair" else {"marker": "?"}
+    made = chamber(speed=NIGHT_SPEED, seed=seed, **there)
+    multiplexer = chamber(Multiplexer, model=draw.choice(MODELS), tcp=draw.random() < 0.5, seed=seed + 1)
+    thermometer = chamber(Thermometer, unit=draw.choice((1, 2, 3)), seed=seed + 2)
+    far = (made, multiplexer, thermometer)
+    for each in far:
+        each.air = lambda: swinging(time.monotonic())
+    probes = {
+        "air1": 101,
+        "air2": {"channel": 102, "sensor": "Pt100"},
+        "air3": 203,
+        "air4": {"channel": 110, "sensor": "T"},
+    }
+    others = {
+        "multiplexer": settings("agilent-34970a", port=multiplexer.port, period_s=4.0, probes=probes),
+        "thermometer": settings("greisinger-easybus", port=thermometer.port, period_s=6.0),
+    }
+    FaultyNight.far = far
+    steps = minutes((2, draw.choice((35.0, -5.0)), draw.choice((None, 4.0))), (2, 28.0))
+    limits = {"chamber.low_degC": -45, "chamber.high_degC": 150, "confirm_s": 400}
+    night = FaultyNight(
+        campaign_file, tmp_path, made, steps, None, {**campaign, **marker}, others, NIGHT_SPEED, **limits
+    )
+    assert (night.outcome.safe, made.wanted, made.slope) == (True, 20.0, 0.0)
+    assert time.monotonic() - night.over_s < 60.0
+    assert night.outcome.finished == (night.complete == "yes")
+    assert sum(each.faults for each in far) >= 5
+    columns = {f"probe_{name}_degC": above for name, above in zip(("air1", "air2", "air3", "air4"), (1, 2, 3, 10))}
+    columns |= {"thermometer_degC": 0, **({"chamber_degC": 0} if there.get("faults") or marker else {})}
+    checked = dict.fromkeys(columns, 0)
+    for sample in read_journal(str(tmp_path / "kept")).samples:
+        low_degC, high_degC = held(night, sample.asked_s, sample.answered_s)
+        for name in columns.keys() & sample.values.keys():
+            value = sample.values[name] - columns[name]
+            assert low_degC - 0.06 <= value <= high_degC + 0.06, (sample, low_degC, high_degC)
+            checked[name] += 1
+    assert min(checked.values()) > 3
+    trace = load_trace(night.output)
+    rows = np.flatnonzero(np.isfinite(trace.reference))
+    assert 5 < len(rows) < 60
+    for row in rows:
+        low_degC, high_degC = held(night, trace.time_s[row] - 1.0, trace.time_s[row] + 2.0)
+        assert low_degC - 0.01 <= trace.reference[row] - 4.0 <= high_degC + 0.01

@@ -1,0 +1,185 @@
+"""Temperature sensors of this machine as its kernel shows them: 1-wire, iio and hwmon. A channel is a file under /sys.
+
+They are in millidegrees (Documentation/ABI/testing/sysfs-bus-iio, Documentation/hwmon/sysfs-interface.rst); what an iio
+sensor has as ``_raw`` needs the offset and the scale beside it. ``w1_slave`` has the check of the sensor's own CRC in
+its first line; 85 degC is what a DS18B20 holds before its first conversion (its data sheet, table 1).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from ambient_trainer.data.strict_yaml import wrong
+from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, Positive
+from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset, corrected
+
+_PLAUSIBLE_DEGC = (-60.0, 250.0)
+_POWER_ON_DEGC = 85.0
+_CHANNEL_HINT = "name a file below /sys, such as bus/iio/devices/iio:device0/in_temp_input, or a 1-wire number"
+
+
+def _a_file(channel: str) -> str:
+    if not channel or channel.startswith("/") or ".." in channel:
+        raise wrong(f"channel {channel!r}", _CHANNEL_HINT)
+    return channel if "/" in channel else f"bus/w1/devices/{channel}/w1_slave"
+
+
+class Settings(MultiplexerSettings):
+    """The sensors: ``probes`` maps a name to a file below ``port``, in which ``*`` stands for a number that changes.
+
+    A name without ``/``, such as 28-0316a279d1ff, is the 1-wire sensor of that number, which takes 0.8 s for a reading.
+    """
+
+    kind: Literal["host-sensors"]
+    port: str = "/sys"
+    period_s: Positive = 5.0
+    probes: Annotated[dict[Name, Annotated[str, AfterValidator(_a_file)]], Field(min_length=1)]
+
+
+class _Sensor:
+    """One file, read in a thread of its own: a bus takes its time, and some of them side by side take it once."""
+
+    def __init__(self, root: str, channel: str) -> None:
+        self._root, self._channel = Path(root), channel
+        self._thread: threading.Thread | None = None
+        self.value: float | None = None
+        self.reason: str | None = None
+
+    def start(self) -> None:
+        """Begin to read; one that has not come to its end yet goes on."""
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = threading.Thread(target=self._run, name=self._channel, daemon=True)
+            self._thread.start()
+            self.late = False
+
+    def result(self, end_s: float) -> tuple[float | None, str | None]:
+        """The reading that ``start`` began, or why there is none; what comes after ``end_s`` is thrown away."""
+        assert self._thread is not None
+        self._thread.join(max(end_s - time.monotonic(), 0.0))
+        if self.late or self._thread.is_alive():
+            self.late = True
+            return None, "no answer in time"
+        return self.value, self.reason
+
+    def _run(self) -> None:
+        self.value = self.reason = None
+        try:
+            files = sorted(self._root.glob(self._channel))
+            if len(files) != 1:
+                raise ValueError(f"{len(files)} files where one is expected")
+            value = _read(files[0])
+            if not _PLAUSIBLE_DEGC[0] <= value <= _PLAUSIBLE_DEGC[1]:
+                raise ValueError(f"{value:g} degC")
+            self.value = value
+        except OSError as error:
+            self.reason = os.strerror(error.errno or 0)
+        except ValueError as error:
+            self.reason = str(error)
+
+
+def _read(file: Path) -> float:
+    """The temperature in a file, in degC; raises ``ValueError`` with the reason where it holds none."""
+    text = file.read_text()
+    if file.name == "w1_slave":
+        checked, _, text = text.rpartition("t=")
+        if "YES" not in checked:
+            raise ValueError("its check is wrong")
+    value = float(text)
+    if file.name.endswith("_raw"):
+        beside = {}
+        for name, default in (("offset", 0.0), ("scale", 1.0)):
+            other = file.with_name(file.name.removesuffix("raw") + name)
+            beside[name] = float(other.read_text()) if other.exists() else default
+        value = (value + beside["offset"]) * beside["scale"]
+    if "/w1/" in str(file) and value == 1000.0 * _POWER_ON_DEGC:
+        raise ValueError("85 degC, its value before the first conversion")
+    return value / 1000.0
+
+
+class Driver:
+    """The sensors, which are read side by side."""
+
+    def __init__(self, settings: Settings, clock: Clock, offsets: Mapping[str, ProbeOffset] | None = None) -> None:
+        self._settings, self._clock, self._offsets = settings, clock, offsets
+        self._sensors = {name: _Sensor(settings.port, channel) for name, channel in settings.probes.items()}
+
+    def identify(self) -> str:
+        """Where they are."""
+        self.read()
+        return f"{len(self._sensors)} sensors of this machine: {', '.join(self._settings.probes.values())}"
+
+    def read(self) -> Reading:
+        """One reading of each; the note has why there is none of some, the error of all."""
+        asked_s = self._clock.now_s()
+        end_s = time.monotonic() + self._clock.patience_s(self._settings.timeout_s)
+        for sensor in self._sensors.values():
+            sensor.start()
+        results = {name: sensor.result(end_s) for name, sensor in self._sensors.items()}
+        reasons = "; ".join(f"{name}: {reason}" for name, (_, reason) in results.items() if reason)
+        if all(value is None for value, _ in results.values()):
+            kind = NoResponse if "no answer" in reasons else Disconnected
+            hint = f"is it connected, and its driver loaded? {_CHANNEL_HINT}"
+            raise kind("multiplexer", self._settings.port, "a temperature of any of its sensors", reasons, hint)
+        values = corrected({name: value for name, (value, _) in results.items()}, self._offsets)
+        return Reading(asked_s, self._clock.now_s(), values, reasons or None)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+_UPDATE_S = 0.5
+_SHORTEST_S = 0.002
+_STEP_K = 0.0625  # of a DS18B20 with twelve bits
+_WIDTH = 7
+
+
+class Simulated:
+    """The sensors in ``air``; what each reads too much is drawn, or given by ``errors_K``. ``port`` is their /sys."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        clock: Clock,
+        air: Callable[[float], float],
+        seed: int = 0,
+        errors_K: Mapping[str, float] | None = None,
+    ) -> None:
+        self.errors_K = dict(errors_K or dict.fromkeys(settings.probes, 0.0))
+        self._clock, self._air = clock, air
+        self._folder = tempfile.TemporaryDirectory(prefix="ambient-sensors-")
+        self.port = self._folder.name
+        self.files = {name: Path(self.port, channel.replace("*", "0")) for name, channel in settings.probes.items()}
+        for file in self.files.values():
+            file.parent.mkdir(parents=True, exist_ok=True)
+        self._update()
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="simulated sensors", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Take them away."""
+        self._ending.set()
+        self._thread.join()
+        self._folder.cleanup()
+
+    def _run(self) -> None:
+        while not self._ending.wait(max(self._clock.wall_s(_UPDATE_S), _SHORTEST_S)):
+            self._update()
+
+    def _update(self) -> None:
+        air_degC = self._air(self._clock.now_s())
+        for name, file in self.files.items():
+            number = f"{round((air_degC + self.errors_K[name]) / _STEP_K) * _STEP_K * 1000.0:{_WIDTH}.0f}"
+            text = f"00 : crc=00 YES\n00 t={number}\n" if file.name == "w1_slave" else f"{number}\n"
+            with contextlib.suppress(FileNotFoundError), open(file, "r+" if file.exists() else "w") as stream:
+                stream.write(text)  # in its place: a reader never meets half of it
