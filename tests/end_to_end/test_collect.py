@@ -158,22 +158,56 @@ IDENTIFIABLE = ("free-2", "linear_combined")
 SENSORS = ("--sensors", "soc,flash,battery,usb,display")
 
 
-@pytest.mark.slow
-def test_scenario_5_collected_is_scenario_5_simulated(process, call, tmp_path):
-    """The bar: fit and evaluate come within 5 % on the trace that the laboratory leaves at 200 times real time."""
+@pytest.fixture
+def fit(call, tmp_path):
+    """Fits a circuit to a trace: the RMSE on that, and the model."""
 
-    def fit(trace, circuit, *options):
-        """The RMSE on its own trace, and the model."""
+    def run(trace, circuit, *options):
         model, facts = tmp_path / f"{trace.stem}.{circuit}.json", tmp_path / "fit.json"
-        assert (
-            call("ambient-trainer", "fit", trace, "--circuit", circuit, *options, "-o", model, "--json", facts)[0] == 0
-        )
+        options = (*options, "-o", model, "--json", facts)
+        assert call("ambient-trainer", "fit", trace, "--circuit", circuit, *options)[0] == 0
         return json.loads(facts.read_text())["rmse_degC"], model
 
-    def evaluate(model, trace):
+    return run
+
+
+@pytest.fixture
+def evaluate(call, tmp_path):
+    """The RMSE of a model on a trace."""
+
+    def run(model, trace):
         assert call("ambient-trainer", "evaluate", model, trace, "--json", tmp_path / "evaluation.json")[0] == 0
         return json.loads((tmp_path / "evaluation.json").read_text())["traces"][0]["rmse_degC"]
 
+    return run
+
+
+@pytest.mark.slow
+def test_what_a_desk_leaves_is_fitted_as_well_as_what_a_chamber_leaves(process, call, fit, evaluate, tmp_path):
+    """The bar: 10 %, of the same loads, on other loads at temperatures of a room."""
+    desk = yaml.safe_load(Path(scenario_path("desk")).read_text())
+    program = {"about": "loads", "before": [{"duration_min": 60, "chamber_degC": 22}]}
+    other = [(30, 22), (20, 24, "cpu_50"), (40, 20), (30, 20, "charging"), (40, 23), (20, 23, "cpu_100"), (40, 21)]
+    steps = {
+        "chamber": [{**step, "chamber_degC": 22} for step in desk["steps"]],
+        "other": [{"duration_min": each, "chamber_degC": degC, "load": load} for each, degC, *load in other],
+    }
+    for seed, (name, each) in enumerate(steps.items(), 1):
+        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump({**program, "steps": each}))
+        path = tmp_path / f"{name}.csv"
+        assert call("ambient-trainer", "simulate", tmp_path / f"{name}.yaml", "--seed", seed, "-o", path)[0] == 0
+    process("ambient_trainer", "collect", "desk", "--simulate", "--speed", SPEED, "-o", tmp_path / "desk.csv")
+    for circuit in IDENTIFIABLE:
+        options = SENSORS if circuit == "free-2" else ()
+        models = (fit(tmp_path / f"{name}.csv", circuit, *options)[1] for name in ("desk", "chamber"))
+        ours, theirs = (evaluate(model, tmp_path / "other.csv") for model in models)
+        print(f"{circuit}: {ours:.3f} / {theirs:.3f} degC, desk / chamber")
+        assert ours < 1.1 * theirs
+
+
+@pytest.mark.slow
+def test_scenario_5_collected_is_scenario_5_simulated(process, call, fit, evaluate, tmp_path):
+    """The bar: fit and evaluate come within 5 % on the trace that the laboratory leaves at 200 times real time."""
     collected, simulated, other = (tmp_path / f"{name}.csv" for name in ("collected", "simulated", "other"))
     process("ambient_trainer", "collect", "5", "--simulate", "--speed", SPEED, "--seed", 1, "-o", collected)
     call("ambient-trainer", "simulate", "5", "--seed", 1, "-o", simulated)

@@ -11,6 +11,8 @@ from ambient_trainer.simulator.scenario import load_scenario, scenario_names, sc
 
 STEP = {"duration_min": 5, "chamber_degC": 20}
 NEVER = {"chamber_degC": 20, "settle": {"within_K": 1, "for_min": 50, "at_most_min": 5}}
+WIRES = {"air1": {"channel": 101, "sensor": "Pt100-4w"}, "air2": 111, "air3": 103, "air4": 104}
+FILES = {"air1": "/etc", "air2": "28-1", "air3": "28-2", "air4": "28-3"}
 # what is changed of the laboratory, to what, the place of the one fault where it is another, and what the fault names
 LABORATORY = [
     ("device.zoned", {}, "", "unknown key"),
@@ -39,6 +41,20 @@ LABORATORY = [
     ("safety.device_high_degC", {"skin_degC": 45}, "safety.device_high_degC.skin_degC", "no such temperature"),
     ("safety.device_high_degC", {"battery_A": 45}, "safety.device_high_degC.battery_A", "no such temperature"),
     ("safety.chamber", {"low_degC": 20, "high_degC": 20}, "", "20 to 20 degC"),
+    ("safety.set_point_degC", None, "", "missing; there is a chamber"),
+    (
+        "instruments.multiplexer.probes.air2",
+        {"channel": 102, "sensor": "Pt7"},
+        "instruments.multiplexer.probes.air2.sensor",
+        "'Pt7'",
+    ),
+    ("instruments.multiplexer.probes", WIRES, "instruments.multiplexer", "111; 101"),
+    (
+        "instruments.multiplexer",
+        {"kind": "host-sensors", "probes": FILES},
+        "instruments.multiplexer.probes.air1",
+        "/sys",
+    ),
 ]
 # the same of the campaign itself
 CAMPAIGN = [
@@ -51,6 +67,7 @@ CAMPAIGN = [
     ({"steps": [STEP, {**STEP, "chamber_degC": 80}]}, "steps[1].chamber_degC", "80 degC; -20 to 60 degC"),
     ({"steps": [{**STEP, "load": ["cpu_75"]}]}, "steps[0].load[0]", "'cpu_75'; cpu_50"),
     ({"steps": [{**STEP, "gradient_K_min": 0.01}]}, "steps[0].gradient_K_min", "0.01; 0.1"),
+    ({"steps": [{"duration_min": 5}]}, "steps[0].chamber_degC", "missing; there is a chamber"),
     ({"steps": [NEVER]}, "steps[0].settle", "'for_min'; 'at_most_min'"),
     ({"before": [{**STEP, "chamber_degC": -30}]}, "before[0].chamber_degC", "-30 degC"),
 ]
@@ -65,6 +82,15 @@ def test_each_fault_is_named_with_its_place(further, changes, place, parts, camp
     faults = [fault for fault in refused.value.faults if fault.place == place]
     assert len(refused.value.faults) == len(faults) == 1
     assert all(part in str(faults[0]) for part in parts.split("; "))
+
+
+def test_what_is_a_chambers_is_refused_without_one_and_something_measures_the_ambient(campaign_file):
+    changes = {"instruments.chamber": None, "instruments.multiplexer": None}
+    with pytest.raises(Refused) as refused:
+        load_campaign(campaign_file(changes=changes), ports=False)
+    places = {fault.place for fault in refused.value.faults}
+    assert places >= {"laboratory.safety.set_point_degC", "laboratory.safety.chamber", "steps[0].chamber_degC"}
+    assert places >= {"laboratory.instruments", "laboratory.ambient.probes[0]"}
 
 
 def test_all_of_them_at_once(campaign_file):

@@ -82,7 +82,7 @@ class Far:
                     rest = self.take(rest + data)
 
     def _readable(self, waited):
-        """Whether something comes, before it is closed: a thread that still reads a number takes the next one's bytes."""
+        """Whether something comes, before it is closed: a thread that still reads takes the bytes of the next line."""
         return self.woken not in select.select([waited, self.woken], [], [])[0]
 
     def answer(self, reply):

@@ -12,9 +12,9 @@ def timed(minutes, degC=20.0):
     return Step(duration_min=minutes, chamber_degC=degC)
 
 
-def settling(within=1.0, drift=None, minutes=10.0, most=60.0, duration=None):
+def settling(within=1.0, drift=None, minutes=10.0, most=60.0, duration=None, degC=20.0):
     settle = Settle(within_K=within, drift_K=drift, for_min=minutes, at_most_min=most)
-    return Step(chamber_degC=20.0, settle=settle, duration_min=duration)
+    return Step(chamber_degC=degC, settle=settle, duration_min=duration)
 
 
 def run(program, until_s, ambient, zones=lambda t: {}, every_s=1.0):
@@ -53,8 +53,9 @@ def test_a_run_goes_on_in_the_middle_of_a_step():
         (settling(most=20), lambda t: 30.0, lambda t: {}, (1200.0, True)),
         (settling(duration=15), lambda t: 20.0, lambda t: {}, (900.0, False)),
         (settling(duration=15), lambda t: 20.0 if t > 600 else 0.0, lambda t: {}, (1201.0, False)),
+        (settling(degC=None), lambda t: 30.0 - 0.01 * min(t, 450.0), lambda t: {}, (404.0 + 600.0, False)),
     ],
-    ids=["swings", "gap", "zones missing", "given up", "duration is longer", "settling is longer"],
+    ids=["swings", "gap", "zones missing", "given up", "duration is longer", "settling is longer", "desk"],
 )
 def test_when_a_steady_state_ends_a_step(step, ambient, zones, end):
     assert run(Program([step], 0.0), 5000, ambient, zones) == [Reached(1, *end)]

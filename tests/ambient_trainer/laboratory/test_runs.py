@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace
@@ -15,6 +16,7 @@ from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Ending, Supervision
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.simulator.scenario import scenario_path
 
 SPEED = 150.0
 in_real_time = pytest.mark.slow  # a busy machine misses samples
@@ -59,7 +61,7 @@ class Night:
             try:
                 self.outcome = work(job, supervision).outcome
             finally:
-                self.held_degC = there.chamber.held_degC
+                self.held_degC = there.chamber and there.chamber.held_degC
                 self.activity = (Path(there.phone.root) / "activity").read_text().strip()
         return recorder
 
@@ -276,6 +278,24 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
         assert fault.startswith(f"{source} on ")
         assert part in fault
     assert (len(faults), lab.held_degC, lab.part.exists()) == (3, None, False)
+
+
+def test_on_a_desk_there_is_no_chamber(tmp_path):
+    """It loads, waits until the device is settled, and watches the sensors of this machine."""
+    desk = yaml.safe_load(Path(scenario_path("desk")).read_text())
+    desk["before"] = [{"settle": {"within_K": 2, "drift_K": 3, "for_min": 1, "at_most_min": 5}}]
+    desk["steps"] = minutes((1, None, ["cpu_100"]), (1, None))
+    (tmp_path / "desk.yaml").write_text(yaml.safe_dump(desk))
+    lab = Night(str(tmp_path / "desk.yaml"), tmp_path / "trace.csv")
+    lab.run()
+    assert (lab.outcome.ending, lab.outcome.safe, lab.activity) == (Ending.FINISHED, True, "idle")
+    trace = lab.trace
+    assert len(trace.time_s) == 60
+    assert np.isfinite(trace.reference).sum() > 20
+    assert np.nanmax(np.abs(trace.reference - 22.0)) < 3.0
+    assert set(lab.readings.columns) >= {"probe_left_degC", "probe_right_degC"}
+    assert "chamber" not in trace.notes
+    assert "2 sensors" in trace.notes["multiplexer"]
 
 
 def test_another_campaign_does_not_go_on_with_it(night, campaign_file):

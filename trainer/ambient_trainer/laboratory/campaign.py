@@ -330,19 +330,20 @@ def _missing_faults(data: Any, laboratory: dict[Any, Any]) -> Iterator[Fault]:
     places = [(f"laboratory.safety.{key}", safety) for key in ("set_point_degC", "chamber")]
     for part in ("before", "steps"):
         places += [(f"{part}[{index}].chamber_degC", step) for index, step in enumerate(_sequence(data, part))]
+    chamber = instruments.get(CHAMBER) is not None
     for place, part in places:
-        given = isinstance(part, dict) and place.rpartition(".")[2] in part
-        if given and CHAMBER not in instruments:
+        given = isinstance(part, dict) and part.get(place.rpartition(".")[2]) is not None
+        if given and not chamber:
             yield Fault(place, "there is no chamber", "remove it, or add 'laboratory.instruments.chamber'")
-        elif isinstance(part, dict) and not given and CHAMBER in instruments:
+        elif isinstance(part, dict) and chamber and not given:
             yield Fault(place, "missing", "add it: there is a chamber")
-    if not {MULTIPLEXER, THERMOMETER} & instruments.keys():
+    if not any(instruments.get(role) for role in (MULTIPLEXER, THERMOMETER)):
         yield Fault("laboratory.instruments", "nothing measures the ambient", "add a multiplexer or a thermometer")
 
 
 def _probe_faults(laboratory: dict[Any, Any], offsets: Iterable[str]) -> Iterator[Fault]:
     probes: Mapping[Any, Any] = _mapping(laboratory, "instruments", MULTIPLEXER, "probes")
-    if MULTIPLEXER not in _mapping(laboratory, "instruments"):
+    if _at(laboratory, "instruments", MULTIPLEXER) is None:
         probes = {THERMOMETER: None}
     for index, name in enumerate(_sequence(_mapping(laboratory, "ambient"), "probes")):
         if probes and str(name) not in map(str, probes):

@@ -67,7 +67,7 @@ class Channel(Strict):
     """A probe's channel, and its sensor where that is not the multiplexer's thermocouple."""
 
     channel: int
-    sensor: Thermocouple | Resistance | None = None
+    sensor: Literal[Thermocouple, Resistance] | None = None
 
 
 def _slotted(probe: Channel) -> Channel:
