@@ -7,10 +7,9 @@ import time
 import pytest
 
 from ambient_trainer.laboratory.campaign import Action, load_campaign
-from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
 from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Sample
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.shell import connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Target
 from ambient_trainer.simulator.scenario import scenario_path
@@ -28,7 +27,7 @@ class Controlled:
         self.clock = Clock(100.0)
         self.simulated = voetsch.Simulated(settings("voetsch-vt4004", port=""), self.clock)
         port = self.simulated.port
-        limits = SetPointLimits(port, -20.0, 60.0)
+        limits = ChamberLimits(low_degC=-20.0, high_degC=60.0)
         driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
         self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, gradients, 120.0)
         self.control.start()

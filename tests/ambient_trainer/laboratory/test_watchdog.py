@@ -7,10 +7,9 @@ import time
 
 import pytest
 
-from ambient_trainer.laboratory.instruments import settings
+from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 SAFE_DEGC = 20.0
@@ -21,7 +20,7 @@ def watchdog_at(port):
 
 
 def driver_at(port):
-    return Driver(settings("voetsch-vt4004", port=port), Clock(50.0), SetPointLimits(port, -20.0, 60.0))
+    return Driver(settings("voetsch-vt4004", port=port), Clock(50.0), ChamberLimits(low_degC=-20.0, high_degC=60.0))
 
 
 @pytest.fixture

@@ -220,4 +220,4 @@ def _over(tail: Array, rows: Array) -> Array:
 
 def _delayed(rows: Array, steps: int) -> Array:
     """The rows ``steps`` samples later, their first value standing for what came before."""
-    return np.concatenate([np.repeat(rows[:, :1], steps, axis=1), rows[:, :-steps]], axis=1)
+    return np.concatenate([np.repeat(rows[:, :1], steps, axis=1), rows[:, :-steps]], axis=1)[:, : rows.shape[1]]

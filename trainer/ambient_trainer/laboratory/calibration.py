@@ -21,7 +21,6 @@ import pandas as pd
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.laboratory.chamber_air import ChamberAir
 from ambient_trainer.laboratory.instruments import (
     THERMOMETER_COLUMN,
     Driver,
@@ -34,6 +33,7 @@ from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.laboratory.probe_offsets import OffsetPoint, ProbeOffset
 from ambient_trainer.report import Block, Finding, Report, Table
 from ambient_trainer.simulator.chamber import Chamber
+from ambient_trainer.simulator.chamber_air import ChamberAir
 
 LARGEST_OFFSET_K = 5.0
 """Twice what the worst class of thermocouples is allowed: more is a probe that is not in the bath."""

@@ -19,10 +19,10 @@ from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 from ambient_trainer.laboratory.instruments import (
     ROLES,
+    ChamberLimits,
     ChamberSettings,
     MultiplexerSettings,
     Name,
-    NotNegative,
     Positive,
     ThermometerSettings,
     probe_column,
@@ -138,20 +138,6 @@ class Action(Strict):
     start: str
     stop: str
     signals: dict[str, _Signal]
-
-
-class ChamberLimits(Strict):
-    """The limits of set points; the chamber's air may leave them by no more than ``margin_K``."""
-
-    low_degC: Annotated[float, Field(ge=-45, le=185)]
-    high_degC: Annotated[float, Field(ge=-45, le=185)]
-    margin_K: NotNegative = 3.0
-
-    @model_validator(mode="after")
-    def _ordered(self) -> ChamberLimits:
-        if not self.low_degC < self.high_degC:
-            raise wrong(f"{self.low_degC:g} to {self.high_degC:g} degC holds nothing", "low lies below high")
-        return self
 
 
 class Safety(Strict):

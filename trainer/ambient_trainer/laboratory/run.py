@@ -13,7 +13,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
@@ -40,7 +40,6 @@ from ambient_trainer.laboratory.messages import (
     StepBegan,
 )
 from ambient_trainer.laboratory.program import Program, SafetyLimits
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.shell import Connection, connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target, Worker
 
@@ -72,12 +71,7 @@ def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str,
     chamber = None
     sampled: dict[str, tuple[Driver, float]] = {}
     for role, named in laboratory.instruments.named.items():
-        if role == CHAMBER:
-            limits = laboratory.safety.chamber
-            assert limits is not None
-            further: tuple[Any, ...] = (SetPointLimits(named.port, limits.low_degC, limits.high_degC),)
-        else:
-            further = (loaded.offsets,) if role == MULTIPLEXER else ()
+        further = {CHAMBER: (laboratory.safety.chamber,), MULTIPLEXER: (loaded.offsets,)}.get(role, ())
         driver = instrument(named.kind).Driver(named, clock, *further)
         if role == CHAMBER:
             chamber = driver

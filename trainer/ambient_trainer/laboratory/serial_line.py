@@ -13,10 +13,9 @@ import errno
 import os
 import re
 import select
-import termios
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -26,15 +25,11 @@ from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentE
 
 QUIET_S = 0.02
 """Silence for so long ends an answer: many bytes at the bauds of instruments, and more than an adapter holds back."""
-_PORT_ERRORS = (OSError, ValueError, TypeError, termios.error)
-"""What a port raises that is not there, or not any more; TypeError is pyserial's, of a descriptor that it has lost."""
 _BETWEEN_S = 0.05
 _MOST_SHOWN = 48
 _VISA = "is it listed by 'pyvisa-shell' (list), and does no other program use it?"
 _NETWORK = "is it on the network, is this its address and port, and is no other program connected?"
 _FOREIGN = re.compile(rb"[^\x20-\x7e]")
-
-
 _VISA_SERIAL = re.compile(r"ASRL(/.+)::INSTR", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"TCPIP\d*::(.+)::(\d+)::SOCKET", re.IGNORECASE)
 
@@ -110,7 +105,7 @@ def shown(data: bytes) -> str:
     return data.hex(" ").upper()
 
 
-class SerialPort:
+class _SerialPort:
     """A serial line, or a TCP connection in its place."""
 
     def __init__(self, name: str, baud: int, xonxoff: bool, patience_s: float) -> None:
@@ -118,93 +113,69 @@ class SerialPort:
         self._port = port = serial.serial_for_url(
             name, baud, timeout=0, write_timeout=patience_s, xonxoff=xonxoff, exclusive=True
         )
+        self.write = port.write
         if xonxoff and "://" not in name:  # an XOFF that nobody took back stays with the port: stop it, and let it go
             port.set_output_flow_control(False)
             port.set_output_flow_control(True)
 
-    def write(self, data: bytes) -> None:
-        """Send ``data``."""
-        self._port.write(data)
-
     def read(self, patience_s: float) -> bytes:
-        """The bytes that came, waiting for the first of them."""
         if not select.select([self._port.fileno()], [], [], max(patience_s, 0.0))[0]:
             return b""
         return bytes(self._port.read(max(self._port.in_waiting, 1)))
 
     def clear(self) -> None:
-        """Nothing: what is under way is read."""
+        """What is under way is read instead."""
 
     def close(self) -> None:
-        """Let it go."""
-        with contextlib.suppress(*_PORT_ERRORS):
+        with contextlib.suppress(Exception):
             self._port.reset_output_buffer()  # else closing waits for an instrument that sent XOFF
-        with contextlib.suppress(*_PORT_ERRORS):
-            self._port.close()  # an adapter that is still held comes back under another number
+        self._port.close()
 
 
-class VisaPort:
+class _VisaPort:
     """A VISA resource that exchanges messages, as USBTMC, VXI-11 and GPIB do: only an answer that is due is read."""
 
-    def __init__(self, name: str, patience_s: float) -> None:
+    def __init__(self, name: str) -> None:
         try:
             import pyvisa
         except ImportError as error:
             raise OSError("no pyvisa here; install ambientd[visa]") from error
-        self._error, self._timeout = pyvisa.Error, pyvisa.constants.StatusCode.error_timeout
+        self._resource: Any = pyvisa.ResourceManager().open_resource(name)
+        self._timeout = pyvisa.constants.StatusCode.error_timeout
         self._due = False
-        with self._os_errors():
-            self._resource: Any = pyvisa.ResourceManager().open_resource(name)
-            self._resource.timeout = 1000.0 * patience_s
+        self.close = self._resource.close
 
     def write(self, data: bytes) -> None:
-        """Send ``data``, a message a line."""
-        with self._os_errors():
-            for line in data.splitlines(keepends=True):
-                self._resource.write_raw(line)
+        for line in data.splitlines(keepends=True):  # a message each
+            self._resource.write_raw(line)
         self._due = self._due or b"?" in data
 
     def read(self, patience_s: float) -> bytes:
-        """The answer that is due, if it comes in time."""
         if not self._due:
             return b""
-        with self._os_errors():
-            self._resource.timeout = max(1000.0 * patience_s, 1.0)
-            try:
-                data: bytes = self._resource.read_raw()
-            except self._error as error:
-                if getattr(error, "error_code", None) == self._timeout:
-                    return b""
-                raise
+        self._resource.timeout = max(1000.0 * patience_s, 1.0)
+        try:
+            data: bytes = self._resource.read_raw()
+        except Exception as error:
+            if getattr(error, "error_code", None) == self._timeout:
+                return b""
+            raise
         self._due = False
         return data
 
     def clear(self) -> None:
-        """Have the instrument forget what it was asked."""
-        with contextlib.suppress(OSError), self._os_errors():
+        with contextlib.suppress(Exception):  # some backends cannot
             self._resource.clear()
         self._due = False
 
-    def close(self) -> None:
-        """Let it go."""
-        with contextlib.suppress(OSError), self._os_errors():
-            self._resource.close()
 
-    @contextlib.contextmanager
-    def _os_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except (self._error, ValueError, NotImplementedError) as error:  # some backends cannot clear
-            raise OSError(str(error)) from error
-
-
-def opened(name: str, baud: int, xonxoff: bool, patience_s: float) -> SerialPort | VisaPort:
-    """The port of that name: a path, a URL of pyserial's such as ``socket://HOST:2049``, or a VISA resource."""
+def _opened(name: str, baud: int, xonxoff: bool, patience_s: float) -> _SerialPort | _VisaPort:
+    """The port of that name; of VISA's names, those of streams are pyserial's."""
     if match := _VISA_SERIAL.fullmatch(name):
         name = match[1]
     elif match := _VISA_SOCKET.fullmatch(name):
         name = f"socket://{match[1]}:{match[2]}"
-    return VisaPort(name, patience_s) if "::" in name else SerialPort(name, baud, xonxoff, patience_s)
+    return _VisaPort(name) if "::" in name else _SerialPort(name, baud, xonxoff, patience_s)
 
 
 @dataclass(eq=False)
@@ -212,8 +183,8 @@ class SerialLine:
     """One instrument's line; opened by the first query, and again after it was lost.
 
     ``synchronise_query`` is one whose answer no other query has, or else comes after a silence of ``quiet_s``;
-    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF. For
-    ports see :func:`opened`.
+    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF. A
+    port is a path, a URL of pyserial's such as ``socket://HOST:2049``, or a VISA resource.
     """
 
     instrument: str
@@ -226,7 +197,7 @@ class SerialLine:
     xonxoff: bool = False
     quiet_s: float = QUIET_S
     _lock: threading.RLock = field(default_factory=threading.RLock, init=False)
-    _port: SerialPort | VisaPort | None = field(default=None, init=False)
+    _port: _SerialPort | _VisaPort | None = field(default=None, init=False)
     _synchronised: bool = field(default=False, init=False)
     _synchronisations_due: int = field(default=0, init=False)
     _may_send_s: float = field(default=-float("inf"), init=False)
@@ -299,8 +270,9 @@ class SerialLine:
         """Close the port; the next query opens it again."""
         with self._lock:
             port, self._port = self._port, None
-            if port is not None:
-                port.close()
+            with contextlib.suppress(Exception):  # an adapter that is still held comes back under another number
+                if port is not None:
+                    port.close()
             self._synchronised = False
 
     def _patience_end_s(self) -> float:
@@ -339,12 +311,12 @@ class SerialLine:
             hint = _VISA if "::" in self.port else _NETWORK if "://" in self.port else None
         return kind(self.instrument, self.port, expected, got, hint)
 
-    def _open(self) -> SerialPort | VisaPort:
+    def _open(self) -> _SerialPort | _VisaPort:
         if self._port is not None:
             return self._port
         try:
-            port = opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
-        except _PORT_ERRORS as error:
+            port = _opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
+        except Exception as error:  # pyserial and pyvisa raise a dozen kinds
             raise self._failed("a port that can be opened", _reason(error), Disconnected) from error
         self._port = port
         self._synchronisations_due = 0
@@ -362,7 +334,7 @@ class SerialLine:
         except serial.SerialTimeoutException as error:
             self.close()  # with it goes what was not sent
             raise self._failed(f"{shown(request)} to be taken", "XOFF all the time", NoResponse) from error
-        except _PORT_ERRORS as error:
+        except Exception as error:  # pyserial and pyvisa raise a dozen kinds
             raise self._lost(error) from error
         return asked_s
 
@@ -371,7 +343,7 @@ class SerialLine:
         assert self._port is not None, "nothing is received on a line that is not open"
         try:
             return self._port.read(patience_s)
-        except _PORT_ERRORS as error:
+        except Exception as error:  # pyserial and pyvisa raise a dozen kinds
             raise self._lost(error) from error
 
     def _lost(self, error: Exception) -> InstrumentError:

@@ -13,9 +13,8 @@ import subprocess
 import sys
 from types import TracebackType
 
-from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberSettings, instrument
+from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberLimits, ChamberSettings, instrument
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 from ambient_trainer.laboratory.workers import ChamberControl, Target
 
 _RELEASE = b"done\n"
@@ -94,7 +93,7 @@ def main() -> None:
     order = json.loads(sys.argv[1])
     kind, safe_degC = instrument(order["chamber"]["kind"]), order["safe_degC"]
     settings = kind.Settings.model_validate(order["chamber"])
-    chamber = kind.Driver(settings, Clock(), SetPointLimits(settings.port, safe_degC - 0.1, safe_degC + 0.1))
+    chamber = kind.Driver(settings, Clock(), ChamberLimits(low_degC=safe_degC - 0.1, high_degC=safe_degC + 0.1))
     if sys.stdin.buffer.read() != _RELEASE:
         logging.basicConfig(filename=order["log"], format="%(asctime)s %(message)s", level=logging.INFO)
         _log.info("the program that ran the campaign has ended without a word: the chamber goes to %g degC", safe_degC)

@@ -5,9 +5,15 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from ambient_trainer.laboratory.instruments import AIR, THERMOMETER_COLUMN, instrument, probe_column, settings
+from ambient_trainer.laboratory.instruments import (
+    AIR,
+    THERMOMETER_COLUMN,
+    ChamberLimits,
+    instrument,
+    probe_column,
+    settings,
+)
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 SPEED = 20.0
 KINDS = {"chamber": "voetsch-vt4004", "multiplexer": "agilent-34970a", "thermometer": "greisinger-easybus"}
@@ -27,7 +33,7 @@ def driver_at() -> Callable[..., Any]:
 
     def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, limits=(-20.0, 60.0), **values: Any):
         named = settings_of(role, port, **values)
-        further = [SetPointLimits(port, *limits)] if role == "chamber" else []
+        further = [ChamberLimits(low_degC=limits[0], high_degC=limits[1])] if role == "chamber" else []
         return instrument(named.kind).Driver(named, clock or Clock(), *further)
 
     return make

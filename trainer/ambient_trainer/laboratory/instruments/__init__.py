@@ -21,8 +21,9 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
+from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.strict_yaml import Strict, validated, wrong
 from ambient_trainer.laboratory.messages import Reading
@@ -30,6 +31,7 @@ from ambient_trainer.laboratory.messages import Reading
 __all__ = [
     "ROLES",
     "ChamberDriver",
+    "ChamberLimits",
     "ChamberSettings",
     "Driver",
     "MultiplexerSettings",
@@ -44,6 +46,37 @@ __all__ = [
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+STEEPEST_K_MIN = 99.9
+
+
+class ChamberLimits(Strict):
+    """The limits of set points; the chamber's air may leave them by no more than ``margin_K``."""
+
+    low_degC: Annotated[float, Field(ge=-45, le=185)]
+    high_degC: Annotated[float, Field(ge=-45, le=185)]
+    margin_K: NotNegative = 3.0
+
+    @model_validator(mode="after")
+    def _ordered(self) -> ChamberLimits:
+        if not self.low_degC < self.high_degC:
+            raise wrong(f"{self.low_degC:g} to {self.high_degC:g} degC holds nothing", "low lies below high")
+        return self
+
+    def set_point(self, temp_degC: float) -> float:
+        """``temp_degC`` in tenths; raises :class:`Refused` outside the limits."""
+        rounded_degC = round(temp_degC, 1) + 0.0  # no -0.0
+        if not self.low_degC <= min(temp_degC, rounded_degC) <= max(temp_degC, rounded_degC) <= self.high_degC:
+            problem = f"{temp_degC:g} degC is outside its limits, {self.low_degC:g} to {self.high_degC:g} degC"
+            raise refuse("chamber", "set point", problem, "choose another, or other limits; nothing was sent")
+        return rounded_degC
+
+    def gradient(self, rate_K_min: float) -> float:
+        """``rate_K_min`` in tenths, 0 for none; raises :class:`Refused` for what a chamber does not take."""
+        rounded_K_min = round(rate_K_min, 1) if 0.0 <= rate_K_min <= STEEPEST_K_MIN else 0.0
+        if rounded_K_min == 0.0 and rate_K_min != 0.0:
+            hint = f"choose 0.1 to {STEEPEST_K_MIN:g} K/min, or 0 for none; nothing was sent"
+            raise refuse("chamber", "gradient", f"{rate_K_min:g} K/min", hint)
+        return rounded_K_min
 
 
 class ChamberSettings(Strict):

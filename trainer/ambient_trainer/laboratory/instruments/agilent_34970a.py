@@ -8,7 +8,6 @@ answer which belongs to an earlier question is noticed.
 
 from __future__ import annotations
 
-import math
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -23,8 +22,8 @@ from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoRespon
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset, corrected
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
-from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator.chamber import Probes
+from ambient_trainer.simulator.chamber_air import Probe
 
 RESET = b"*RST\n*CLS\n"
 OPEN = 9.9e37
@@ -251,7 +250,6 @@ class Driver(SerialDriver):
 
 _ANSWERS_AFTER_S, _RESET_S, _CHANNEL_S = 0.01, 0.3, 0.06  # chosen; a relay, and a reading over some mains periods
 _MOST_ERRORS = 10
-_SETTLED_S = 60.0  # fifteen time constants of a probe: the air before that does not count
 
 
 class Simulated(SimulatedInstrument):
@@ -268,13 +266,13 @@ class Simulated(SimulatedInstrument):
         model: str = MODELS[0],
     ) -> None:
         random = np.random.default_rng(seed)
-        self.probes: dict[int, _Probe] = {}
+        self.probes: dict[int, Probe] = {}
         self.errors_K: dict[str, float] = {}
         self._model = model
         for channel, name in sorted((each.channel, name) for name, each in settings.probes.items()):
             drawn_K = _PROBES.calibration_degC * float(random.standard_normal())
             self.errors_K[name] = drawn_K if errors_K is None else errors_K[name]
-            self.probes[channel] = _Probe(air, self.errors_K[name], random)
+            self.probes[channel] = Probe(air, self.errors_K[name], random)
         self._received = b""
         self._errors: deque[ErrorText] = deque(maxlen=_MOST_ERRORS)
         self._configured: list[int] = []
@@ -347,36 +345,3 @@ class Simulated(SimulatedInstrument):
     def _reset(self) -> None:
         self._configured, self._scanned = [], []
         self._with_channels = False
-
-
-class _Probe:
-    """A thermocouple behind a first-order lag: exact where the air goes straight from second to second."""
-
-    def __init__(self, air: Callable[[float], float], error_K: float, random: np.random.Generator) -> None:
-        self.open = False
-        self._air = air
-        self._error_K = error_K
-        self._random = random
-        self._last: tuple[float, float, float] | None = None
-
-    def read(self, at_s: float) -> float | None:
-        """What the instrument reads; None where the probe is open."""
-        felt_degC = self.felt(at_s)
-        if self.open:
-            return None
-        noise_K = _PROBES.noise_degC * float(self._random.standard_normal())
-        return round(felt_degC + self._error_K + noise_K, _PROBES.digits)
-
-    def felt(self, at_s: float) -> float:
-        """The thermocouple's own temperature."""
-        if self._last is None or at_s - self._last[0] > _SETTLED_S:
-            begin_degC = self._air(at_s - _SETTLED_S)
-            self._last = (at_s - _SETTLED_S, begin_degC, begin_degC)
-        last_s, air_degC, felt_degC = self._last
-        steps = math.ceil(at_s - last_s)
-        lag = lag_weights(_PROBES.lag_s, max(at_s - last_s, 1e-9) / max(steps, 1))
-        for passed_s in np.linspace(0.0, at_s - last_s, steps + 1)[1:]:
-            before_degC, air_degC = air_degC, self._air(last_s + float(passed_s))
-            felt_degC = lag.step(felt_degC, before_degC, air_degC)
-        self._last = (at_s, air_degC, felt_degC)
-        return felt_degC

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
+from ambient_model.faults import refuse
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberSettings, NotNegative
+from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, ChamberSettings, NotNegative
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import (
@@ -30,7 +31,6 @@ from ambient_trainer.laboratory.serial_line import (
     SerialLine,
     text_replies,
 )
-from ambient_trainer.laboratory.set_point_limits import SetPointLimits
 
 if TYPE_CHECKING:
     import numpy as np
@@ -165,9 +165,13 @@ def _bits(outputs: Sequence[bool]) -> bytes:
 class Driver(SerialDriver):
     """The chamber on its line; a set point or a stop is sent even where it does not answer."""
 
-    def __init__(self, settings: Settings, clock: Clock, limits: SetPointLimits) -> None:
+    def __init__(self, settings: Settings, clock: Clock, limits: ChamberLimits) -> None:
         self._settings = settings
-        self._limits = limits.within(settings.lowest_degC, settings.highest_degC)
+        self._limits = limits
+        if not settings.lowest_degC <= limits.low_degC < limits.high_degC <= settings.highest_degC:
+            problem = f"{limits.low_degC:g} to {limits.high_degC:g} degC"
+            hint = f"name two within {settings.lowest_degC:g} to {settings.highest_degC:g} degC"
+            raise refuse("chamber", "limits", problem, hint)
         self._read_state = self._query(b"I", "a state, pairs of values and outputs", self._is_state)
         between = {Fault: "a fault, two digits and text", Text: "a line of text"}
         kind, command = (Fault, b"F") if settings.alarms else (Text, (settings.marker or "").encode())
@@ -277,7 +281,7 @@ class Simulated(SimulatedInstrument):
         room_degC: float = 22.0,
         folder: str | None = None,
     ) -> None:
-        from ambient_trainer.laboratory.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
+        from ambient_trainer.simulator.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
 
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
         self._settings = settings

@@ -1,18 +1,19 @@
-"""The air of a simulated chamber, second by second: the same ramp, lag, swing and draughts as in the simulated phone's.
+"""A chamber's air and probes, second by second, for who asks while they run; a whole run's are in ``chamber``.
 
-It is held on a grid of whole seconds from its start; between them it goes straight. What was asked of the controller
-counts from the next second on, so nothing that was once read changes any more.
+The air is held on a grid of whole seconds from its start; between them it goes straight. What was asked of the
+controller counts from the next second on, so nothing that was once read changes any more.
 """
 
 from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 
 import numpy as np
 
 from ambient_trainer.lti.lag import lag_weights
-from ambient_trainer.simulator.chamber import Chamber
+from ambient_trainer.simulator.chamber import Chamber, Probes
 from ambient_trainer.simulator.device_file import load_device
 
 _STEP_S = 1.0
@@ -86,3 +87,40 @@ class ChamberAir:
         return self._mean_degC + self._stir * (
             self._dynamics.wobble_degC * swing + self._dynamics.draught_degC * self._draught
         )
+
+
+_THERMOCOUPLE = Probes()
+_SETTLED_S = 60.0  # fifteen time constants of a probe: the air before that does not count
+
+
+class Probe:
+    """A thermocouple behind a first-order lag: exact where the air goes straight from second to second."""
+
+    def __init__(self, air: Callable[[float], float], error_K: float, random: np.random.Generator) -> None:
+        self.open = False
+        self._air = air
+        self._error_K = error_K
+        self._random = random
+        self._last: tuple[float, float, float] | None = None
+
+    def read(self, at_s: float) -> float | None:
+        """What the instrument reads; None where the probe is open."""
+        felt_degC = self.felt(at_s)
+        if self.open:
+            return None
+        noise_K = _THERMOCOUPLE.noise_degC * float(self._random.standard_normal())
+        return round(felt_degC + self._error_K + noise_K, _THERMOCOUPLE.digits)
+
+    def felt(self, at_s: float) -> float:
+        """The thermocouple's own temperature."""
+        if self._last is None or at_s - self._last[0] > _SETTLED_S:
+            begin_degC = self._air(at_s - _SETTLED_S)
+            self._last = (at_s - _SETTLED_S, begin_degC, begin_degC)
+        last_s, air_degC, felt_degC = self._last
+        steps = math.ceil(at_s - last_s)
+        lag = lag_weights(_THERMOCOUPLE.lag_s, max(at_s - last_s, 1e-9) / max(steps, 1))
+        for passed_s in np.linspace(0.0, at_s - last_s, steps + 1)[1:]:
+            before_degC, air_degC = air_degC, self._air(last_s + float(passed_s))
+            felt_degC = lag.step(felt_degC, before_degC, air_degC)
+        self._last = (at_s, air_degC, felt_degC)
+        return felt_degC
