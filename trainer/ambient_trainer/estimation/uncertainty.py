@@ -67,7 +67,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     blind = Vt[~kept]
     known = ~silent & ((blind**2).sum(axis=0) < _INVOLVED**2)
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
-    memory = max((residual_memory(each) for each in errors), default=1.0)
+    memory = max((residual_memory(each) for each in errors if len(each)), default=1.0)
     batch = 1 if memory < _WHITE else math.ceil(_MEMORIES_PER_BATCH * memory)
     scores = np.concatenate([_batched(J_t[:, loose] * r[:, None], batch) for J_t, r in zip(rows, errors)])
     spare = len(scores) - len(loose)

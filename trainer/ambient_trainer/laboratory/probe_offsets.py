@@ -15,7 +15,6 @@ import yaml
 from pydantic import AfterValidator, Field, model_validator
 
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
-from ambient_trainer.laboratory.instruments import probe_column
 
 FORMAT = "probe-offsets"
 VERSION = 1
@@ -47,17 +46,6 @@ class ProbeOffset(Strict):
 
     def __str__(self) -> str:
         return ", ".join(f"{point.offset_K:+.3f} K at {point.reading_degC:g} degC" for point in self.points)
-
-
-def corrected(
-    readings: Mapping[str, float | None], offsets: Mapping[str, ProbeOffset] | None
-) -> dict[str, float | None]:
-    """By column what probes read, the offsets added to those that have one."""
-    known = offsets or {}
-    return {
-        probe_column(name): value + known[name].at(value) if value is not None and name in known else value
-        for name, value in readings.items()
-    }
 
 
 class OffsetFile(Strict):

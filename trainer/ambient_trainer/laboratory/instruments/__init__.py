@@ -18,6 +18,7 @@ A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
@@ -27,6 +28,7 @@ from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.strict_yaml import Strict, validated, wrong
 from ambient_trainer.laboratory.messages import Reading
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
 __all__ = [
     "ROLES",
@@ -39,6 +41,7 @@ __all__ = [
     "ThermometerSettings",
     "instrument",
     "probe_column",
+    "probe_values",
     "settings",
     "settings_by_kind",
 ]
@@ -159,6 +162,17 @@ THERMOMETER_COLUMN = "thermometer_degC"
 def probe_column(name: str) -> str:
     """The column of the probe of that name."""
     return f"probe_{name}_degC"
+
+
+def probe_values(
+    readings: Mapping[str, float | None], offsets: Mapping[str, ProbeOffset] | None
+) -> dict[str, float | None]:
+    """By column what probes read, the offsets added to those that have one."""
+    known = offsets or {}
+    return {
+        probe_column(name): value + known[name].at(value) if value is not None and name in known else value
+        for name, value in readings.items()
+    }
 
 
 ROLES = {"chamber": ChamberSettings, "multiplexer": MultiplexerSettings, "thermometer": ThermometerSettings}

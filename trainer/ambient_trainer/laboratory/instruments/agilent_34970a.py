@@ -17,9 +17,9 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from ambient_trainer.data.strict_yaml import Strict, wrong
-from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name
+from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_values
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset, corrected
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
 from ambient_trainer.simulator.chamber import Probes
@@ -225,7 +225,7 @@ class Driver(SerialDriver):
         except InstrumentError:
             self._configured = False  # it may have been switched off in between: that forgets the scan
             raise
-        values = corrected(dict(zip(self._names.values(), scan.readings)), self._offsets)
+        values = probe_values(dict(zip(self._names.values(), scan.readings)), self._offsets)
         return Reading(asked_s, answered_s, values)
 
     def close(self) -> None:

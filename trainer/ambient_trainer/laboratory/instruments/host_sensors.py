@@ -19,9 +19,9 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, Positive
+from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, Positive, probe_values
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset, corrected
+from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
 _PLAUSIBLE_DEGC = (-60.0, 250.0)
 _POWER_ON_DEGC = 85.0
@@ -130,7 +130,7 @@ class Driver:
             kind = NoResponse if "no answer" in reasons else Disconnected
             hint = f"is it connected, and its driver loaded? {_CHANNEL_HINT}"
             raise kind("multiplexer", self._settings.port, "a temperature of any of its sensors", reasons, hint)
-        values = corrected({name: value for name, (value, _) in results.items()}, self._offsets)
+        values = probe_values({name: value for name, (value, _) in results.items()}, self._offsets)
         return Reading(asked_s, self._clock.now_s(), values, reasons or None)
 
     def close(self) -> None:
