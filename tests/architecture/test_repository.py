@@ -57,7 +57,7 @@ def test_the_device_part_depends_on_nothing(sources) -> None:
     project = tomllib.loads((sources.root / "pyproject.toml").read_text())["project"]
     assert project["dependencies"] == []
     assert set(project["optional-dependencies"]) >= {"yaml", "trainer"}
-    assert project["scripts"].keys() == {"ambientd", "ambient-trainer"}
+    assert project["scripts"].keys() == {"ambientd", "ambientd-mqtt", "ambient-trainer"}
 
 
 def test_each_top_folder_explains_itself(tracked: list[Path]) -> None:
