@@ -7,7 +7,7 @@ import pytest
 from ambient_model.faults import Refused
 from ambientd.config import Settings, StateSpec, load_settings, settings_for_model
 from ambientd.publish.file import Options
-from ambientd.publish.spec import Spec, parse
+from ambientd.publish.spec import Spec
 
 
 def saved(tmp_path, text, name="ambientd.yaml"):
@@ -124,8 +124,3 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
     assert "cannot be read (No such file or directory)" in refusal(str(tmp_path / "none.yaml"))
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00model")
     assert "not text" in refusal(str(tmp_path / "bytes.yaml"))
-
-
-@pytest.mark.parametrize("text", ["file:/a:b", "file-in-place:/a", "status:/s", "prometheus:/p", "socket:/s", "stdout"])
-def test_a_publishers_name_reads_back(text):
-    assert str(parse(text)) == text

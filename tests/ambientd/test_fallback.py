@@ -68,6 +68,22 @@ def test_a_guard_that_has_a_say_does_not_make_an_unsettled_main_estimator_heard(
     assert back[SETTLING].used == (38.0, 25.0)
 
 
+def test_a_lost_input_takes_the_fallback_over_from_the_blended_estimate(make_model):
+    """usb alone is heated: the main estimator says 23 + 8, less what its lag has taken in; the secondary one 23."""
+    tracker, heated = FallbackTracker(make_model(fallbacks=True, guarded=True), 1.0), (38.0, 25.0)
+    feed(tracker, [REST] * 200)
+    guarded = feed(tracker, [heated] * 5, start=200)[-1]
+    assert guarded.status == "degraded"
+    assert guarded.ambient_degC == pytest.approx(23.0)
+    lost = feed(tracker, [(None, 25.0)] * 3, start=205)
+    assert [each.status for each in lost] == ["degraded"] * 3
+    assert lost[0].ambient_degC == pytest.approx(guarded.ambient_degC, abs=1e-9)
+    # the fallback's own -2 to 2 around 20 and around what was said last: no spread
+    assert (lost[0].low_degC, lost[0].high_degC) == pytest.approx((18.0, 25.0))
+    back = feed(tracker, [heated], start=208)[0]
+    assert back.ambient_degC == pytest.approx(lost[-1].ambient_degC, abs=1e-9)
+
+
 def test_a_fallback_that_has_not_settled_is_not_waited_with(tracker):
     feed(tracker, [(None, 25.0)] * 40)
     assert [each.status for each in feed(tracker, [REST] * 200, start=40)] == (

@@ -157,20 +157,15 @@ LAUGHS = "\n".join([f"a0: &a0 [{NINE}]", *[f"a{k}: &a{k} [{NINE.replace('ha', f'
 CONFIGS = {
     # the text, and what its message names
     "a billion laughs": (f"{LAUGHS}\nrate_hz: *a11\n", "alias"),
-    "laughs for a key": ("? {a: &a [ha, ha], b: [*a, *a]}\n: 1\n", "alias"),
     "a list in itself": ("rate_hz: &a [*a]\n", "alias"),
-    "a mapping in itself": ("&a\nrate_hz: *a\n", "alias"),
     "a merge": ("zones: &z {a: b}\nsensors: {<<: *z}\n", "alias"),
     "deep mappings": ("{a: " * 10_000, "nested"),
     "many publishers": (filled("'file:x'", LARGEST_CONFIG, "model: m\npublish: [", "]"), "at most 32"),
-    "many unknown keys": ("\n".join(f"k{n}: 0" for n in range(6_000)), "k0: "),
     "many keys and one twice": ("\n".join(f"k{n}: 0" for n in range(6_000)) + "\nk5999: 1", "'k5999'"),
     "a long text": (f"model: {'m' * 60_000}\n", "60000 characters"),
     "a number beyond any float": (f"rate_hz: 0x{'f' * 900}\n", "0.1 and 20"),
     "a clock beyond any float": (f"rate_hz: {'1:' * 400}1.5\n", "tag"),
-    "an empty float": ("rate_hz: !!float ''\n", "tag"),
     "a lying timestamp": ("rate_hz: !!timestamp x\n", "tag"),
-    "a lying boolean": ("rate_hz: !!bool x\n", "tag"),
     "a call": ("rate_hz: !!python/object/apply:os.system ['true']\n", "constructor"),
     "a path with a NUL": ('model: "m\\0.json"\n', "printable"),
     "escapes for a terminal": ('"\\e[2J": 1\nmodel: m\n', "'\\x1b[2J'"),
@@ -181,7 +176,6 @@ CONFIGS = {
     "JSON: deep": ('{"a":' * 10_000, "correct it"),
     "JSON: a lone surrogate": ('{"model": "\\ud800"}', "printable"),
     "JSON: a long integer": ('{"model": "m", "rate_hz": 1' + "0" * 5_000 + "}", "correct it"),
-    "JSON: no number": ('{"model": "m", "rate_hz": NaN, "coast_s": Infinity}', "rate_hz: is nan"),
     "JSON: a long key": ('{"model": "m", "' + "k" * 60_000 + '": 1}', "unknown key"),
 }
 

@@ -2,8 +2,6 @@
 
 import math
 
-import pytest
-
 from ambientd.sources.power_supply import PowerSupply, PowerSupplyProperty
 
 
@@ -29,12 +27,6 @@ def test_a_vendor_that_counts_the_other_way(make_supply):
 def test_no_current_is_no_negative_zero(make_supply):
     root = make_supply("battery", current_now="0\n")
     assert math.copysign(1.0, value(root, PowerSupply("battery", "current_now", -1))) == 1.0
-
-
-@pytest.mark.parametrize("content", [b"", b"Discharging\n", b"1.5\n"])
-@pytest.mark.parametrize("name", ["temp", "current_now", "voltage_now"])
-def test_what_is_no_number_is_missing(name, content):
-    assert PowerSupplyProperty(PowerSupply("battery", name, 1), "/nowhere").value(content) is None
 
 
 def test_what_is_not_here_is_said_with_what_is(make_supply):

@@ -77,13 +77,6 @@ def test_who_connects_hears_the_newest_line_at_once_and_then_each(server, path):
         assert times(received(reader)) == [3, 4]
 
 
-def test_who_connects_before_the_first_tick_waits_for_it(server, path):
-    with connected(server, path) as reader:
-        assert received(reader) == b""
-        server.publish(report(0))
-        assert times(received(reader)) == [0]
-
-
 def test_a_slow_reader_loses_whole_lines_and_the_quick_one_none(server, path):
     with connected(server, path) as slow, connected(server, path) as quick:
         heard = b""
@@ -219,14 +212,6 @@ def test_no_one_enters_before_it_is_settled_who_may(path, monkeypatch):
     assert stat.S_IMODE(os.stat(path).st_mode) == 0o600
     with connected(server, path) as reader:
         assert times(received(reader)) == [2]
-    server.close()
-
-
-def test_a_dead_daemons_socket_is_replaced(path):
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
-        dead.bind(path)
-    server = SocketServer(Spec("socket", path))
-    connected(server, path).close()
     server.close()
 
 

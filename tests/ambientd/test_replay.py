@@ -4,7 +4,6 @@ import csv
 import gzip
 import math
 import random
-import re
 from itertools import pairwise
 
 import pytest
@@ -67,13 +66,6 @@ def test_a_missing_value_is_coasted_over_and_a_long_gap_is_an_empty_cell(ambient
     assert float(said[79]["ambient_degC"]) == pytest.approx(23.0)
 
 
-def test_a_fallback_speaks_in_a_replay(ambientd, fallback_model_file, write_trace, tmp_path):
-    out = tmp_path / "out.csv"
-    rows = [(float(k), None, 25.0) for k in range(50)]
-    assert ambientd("replay", fallback_model_file, write_trace(rows), "-o", out).returncode == 0
-    assert {(row["status"], row["ambient_degC"]) for row in rows_of(out)} == {("degraded", "20.0")}
-
-
 def test_compressed_traces_are_read_and_written(ambientd, model_file, trace_file, tmp_path):
     packed = tmp_path / "t.csv.gz"
     with open(trace_file, "rb") as stream, gzip.open(packed, "wb") as out:
@@ -127,12 +119,6 @@ def test_what_cannot_be_replayed_is_refused_and_the_output_left(ambientd, model_
     assert fact in done.stderr
     assert (tmp_path / "out.csv").read_text() == "before"
     assert sorted(each.name for each in tmp_path.iterdir()) == ["model.json", "out.csv", "t.csv"]
-
-
-def test_every_missing_column_is_named_at_once(ambientd, model_file, write_trace, tmp_path):
-    trace = write_trace([(0.0, 1.0)], "time_s,soc_degC")
-    done = ambientd("replay", model_file, trace, "-o", tmp_path / "out.csv")
-    assert [re.search("'(.*?)'", line)[1] for line in done.stderr.splitlines()[1:]] == ["usb_degC", "battery_degC"]
 
 
 def test_a_trace_is_not_overwritten_by_its_own_replay(ambientd, model_file, trace_file):

@@ -69,13 +69,6 @@ def test_a_background_that_is_not_of_the_main_estimators_moment_is_refused_and_c
         FallbackTracker(make_model(fallbacks=True), 1.0).restore(whole.snapshot())
 
 
-def test_a_model_without_guard_and_spread_keeps_the_state_of_before_they_came(make_model, settled):
-    assert list(json.loads(encode(a_state(settled)).splitlines()[0])) == [
-        *("format", "version", "model", "boot", "time_s"),
-        *("voices", "speaking", "difference_degC", "said_degC", "said_s"),
-    ]
-
-
 def a_state(tracker, now_s=99.0):
     return State("model", "boot", now_s, tracker.snapshot())
 

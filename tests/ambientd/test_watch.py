@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 
@@ -59,21 +58,6 @@ def test_it_says_once_when_nothing_comes_and_when_it_is_back(start, ended, daemo
     os.kill(stopped.pid, signal.SIGCONT)
     assert watcher.stderr.readline() == f"ambientd: {path}: it is back\n"
     assert ended(watcher, signal.SIGINT)[::2] == (0, "")
-
-
-def test_it_says_where_a_socket_speaks_of_something_else(start, ended, path):
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
-        other.bind(path)
-        other.listen()
-        watcher = start("watch", path, "--stale-after", "0.5")
-        connection, _ = other.accept()
-        connection.sendall(b"220 mail ready\n{}\n")
-        said = watcher.stderr.readline()
-        lines = "but 2 lines that are no readings"
-        assert said == f"ambientd: {path}: nothing has come for 0.5 s, {lines}; the last reading is stale\n"
-        connection.close()
-    status, out, _ = ended(watcher, signal.SIGINT)
-    assert (status, out) == (0, "")
 
 
 def test_it_ends_with_1_where_no_one_listens(ambientd, path):
