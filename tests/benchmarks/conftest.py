@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 from ambient_model.model import Estimator, Matrix, Model
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator.simulate import simulate
 
@@ -74,7 +74,9 @@ def _without(estimator: Estimator, index: int) -> Estimator:
 @pytest.fixture(scope="session")
 def model() -> Model:
     """4 inputs, 3 states, and a fallback without each input."""
-    fit = fit_circuit(load_circuit("model2_ss_free_cd"), [simulate("5", seed=1, period_s=5.0).trace], Effort(starts=1))
+    fit = CircuitEstimator(load_circuit("model2_ss_free_cd")).fit(
+        [simulate("5", seed=1, period_s=5.0).trace], Effort(starts=1)
+    )
     found = model_of(fit, [], {})
     others = {each.name: _without(found.main, index) for index, each in enumerate(found.main.inputs)}
     return found._replace(fallbacks=others)

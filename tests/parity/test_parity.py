@@ -21,9 +21,8 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.error_variance import sigma_degC
-from ambient_trainer.estimation.structure import predicted
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
@@ -56,7 +55,7 @@ def trace():
 @pytest.fixture(scope="module")
 def fits(trace):
     """Each model fitted to it."""
-    found = {name: fit_circuit(load_circuit(name), [trace], Effort(starts=2, pieces=8)) for name in MODELS[1:]}
+    found = {name: CircuitEstimator(load_circuit(name)).fit([trace], Effort(starts=2, pieces=8)) for name in MODELS[1:]}
     return {"free-3": FreeFilterEstimator(3).fit([trace], Effort(starts=1)), **found}
 
 
@@ -92,7 +91,7 @@ def _by_structure(name, fit, u, period_s):
     values = {each.name: each.value for each in fit.parameters}
     theta = np.array([np.log(values[each]) for each in structure.search.names])
     beta = np.array([values[each] for each in structure.linear.names])
-    return predicted(structure, theta, beta, 0)[0]
+    return structure.predicted(theta, beta, 0)[0]
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)

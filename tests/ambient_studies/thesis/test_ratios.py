@@ -9,7 +9,6 @@ from ambient_studies.thesis.related._ratios import FirstOrderRatios
 from ambient_studies.thesis.related._samples import lagged
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import predicted
 
 TAUS_S = np.array([15.0, 90.0])
 PERIOD_S = 2.0
@@ -35,10 +34,10 @@ def test_the_outputs_are_the_filters_and_the_slopes_are_derivatives() -> None:
     structure, beta, step = structure_of(), np.array([0.7, -0.2, 1.1, -0.4, 5.0]), 1e-5
     for index, segment in enumerate(structure.segments):
         filtered = expected(segment.inputs, beta[:2], beta[2:4], 5.0)
-        assert predicted(structure, np.log(TAUS_S), beta, index)[0] == pytest.approx(filtered, abs=1e-8)
+        assert structure.predicted(np.log(TAUS_S), beta, index)[0] == pytest.approx(filtered, abs=1e-8)
     theta = np.log([30.0, 40.0])
     for slope, move in zip(structure.slopes(theta, beta, 0), step * np.eye(2)):
-        around = (predicted(structure, theta + each, beta, 0) for each in (move, -move))
+        around = (structure.predicted(theta + each, beta, 0) for each in (move, -move))
         assert slope == pytest.approx(np.subtract(*around) / (2 * step), rel=1e-6, abs=1e-6)
 
 

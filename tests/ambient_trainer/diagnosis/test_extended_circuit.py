@@ -27,7 +27,7 @@ from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.diagnosis.setting import setting_of
 from ambient_trainer.diagnosis.training import records_of, residual_noise
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.simulate import simulate_many
 from ambientd.__main__ import main as ambientd
@@ -257,7 +257,7 @@ def test_the_extended_circuit_fits_evaluates_and_runs_in_the_daemon(tmp_path, mo
 def found_in(circuit, trace):
     """The model of ``circuit`` fitted to ``trace``, then with the heat of the charger in the port."""
     read = forward(circuit)
-    trained = fit_circuit(read, [trace], Effort(starts=2), period_s=10.0)
+    trained = CircuitEstimator(read).fit([trace], Effort(starts=2), period_s=10.0)
     values = {each.name: each.initial for each in read.parameters} | {
         each.name: each.value for each in trained.parameters
     }

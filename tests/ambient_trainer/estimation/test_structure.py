@@ -14,7 +14,6 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.separable import linearise, project
-from ambient_trainer.estimation.structure import predicted
 from ambient_trainer.lti.discretise import discretised
 
 CIRCUITS = (
@@ -247,7 +246,7 @@ def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, s
     for index, segment in enumerate(structure.segments):
         looped = simulated(discrete, segment.inputs, at_rest(discrete, segment.inputs[:, 0]))
         np.testing.assert_allclose(
-            predicted(structure, theta, beta, index), looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max()
+            structure.predicted(theta, beta, index), looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max()
         )
     poles = np.sort_complex(np.linalg.eigvals(system.A))
     taus = structure.time_constants_s(theta)

@@ -12,7 +12,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.library import free
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.training import temperature_columns
@@ -53,7 +53,7 @@ def _assert_true(fit, rise):
 
 
 def test_a_whole_trace(rise, logged):
-    fit = fit_circuit(rise, [logged()], Effort(starts=2))
+    fit = CircuitEstimator(rise).fit([logged()], Effort(starts=2))
     _assert_true(fit, rise)
     assert (fit.converged, fit.uncertainty_available, fit.identifiable, fit.stopped) == (True, True, True, False)
     assert (fit.inputs, fit.outputs) == (("board_degC", "shell_degC", "chip_degC"), ("ambient",))
@@ -73,7 +73,7 @@ def test_a_whole_trace(rise, logged):
 
 
 def test_a_logarithmic_interval_is_a_factor_and_a_plain_one_a_distance(rise, logged):
-    found = {each.name: each for each in fit_circuit(rise, [logged()], ONE).parameters}
+    found = {each.name: each for each in CircuitEstimator(rise).fit([logged()], ONE).parameters}
     R, w = found["R_board"], found["w1"]
     assert R.interval95[0] * R.interval95[1] == pytest.approx(R.value**2)
     assert R.interval95[1] / R.value == pytest.approx(np.exp(1.96 * R.standard_error / R.value), rel=1e-3)
@@ -83,7 +83,7 @@ def test_a_logarithmic_interval_is_a_factor_and_a_plain_one_a_distance(rise, log
 
 def test_the_baseline_is_the_best_static_plane(rise, logged):
     trace = logged()
-    fit = fit_circuit(rise, [trace], ONE)
+    fit = CircuitEstimator(rise).fit([trace], ONE)
     table = np.column_stack([*(trace.columns[name] for name in fit.inputs), np.ones(7000)])
     solution, square, *_ = np.linalg.lstsq(table, trace.reference, rcond=None)
     np.testing.assert_allclose(fit.baseline.gains, solution[:3], rtol=1e-9)
@@ -102,7 +102,7 @@ def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
     for name in ("board_degC", "shell_degC"):
         holed.columns[name] = np.where(random.uniform(size=6880) < 0.02, np.nan, holed.columns[name])
     holed.columns["ambient_degC"][random.uniform(size=6880) < 0.3] = np.nan
-    full, gappy = fit_circuit(rise, [whole], ONE), fit_circuit(rise, [holed], ONE)
+    full, gappy = CircuitEstimator(rise).fit([whole], ONE), CircuitEstimator(rise).fit([holed], ONE)
     _assert_true(gappy, rise)
     assert gappy.converged
     assert gappy.samples == int((~np.isnan(holed.reference)).sum())
@@ -112,7 +112,7 @@ def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
 
 
 def test_two_traces_tell_more_than_one(rise, logged):
-    one, both = fit_circuit(rise, [logged(0)], ONE), fit_circuit(rise, [logged(0), logged(1)], ONE)
+    one, both = CircuitEstimator(rise).fit([logged(0)], ONE), CircuitEstimator(rise).fit([logged(0), logged(1)], ONE)
     _assert_true(both, rise)
     assert both.samples == 14000
     assert len(both.errors_degC[0]) == 14000
@@ -123,7 +123,7 @@ def test_two_traces_tell_more_than_one(rise, logged):
 def test_two_traces_of_different_periods(rise, logged):
     fast = logged(0)
     slow = Trace("slow.csv", fast.time_s[::2], {name: values[::2] for name, values in logged(1).columns.items()})
-    fit = fit_circuit(rise, [fast, slow], ONE)
+    fit = CircuitEstimator(rise).fit([fast, slow], ONE)
     assert fit.samples == 10500
     # between the samples of the slow one the chip steps where a straight line is drawn
     for each in fit.parameters:
@@ -138,7 +138,7 @@ def test_a_circuit_that_predicts_its_sensors(forward, simulated):
     discrete = discretised(assemble(forward, truth).value, 1.0, "zero-order")
     y = simulated(discrete, u, np.array([30.0, 25.0, 22.0])) + random.normal(size=(3, 3000)) * 0.05
     columns = {"ambient_degC": u[0], "cpu_power_W": u[1], "a_degC": y[0], "b_degC": y[1], "c_degC": y[2]}
-    fit = fit_circuit(forward, [Trace("log.csv", np.arange(3000.0), columns)], ONE)
+    fit = CircuitEstimator(forward).fit([Trace("log.csv", np.arange(3000.0), columns)], ONE)
     assert fit.outputs == ("a", "b", "c")
     assert fit.samples == 9000
     assert [len(each) for each in fit.errors_degC] == [3000] * 3
@@ -162,7 +162,7 @@ def test_a_free_filter_reads_every_temperature_but_the_reference(logged):
 def test_a_static_line_has_no_state(logged):
     trace = logged()
     trace.columns["usb_degC"] = trace.columns["shell_degC"]
-    fit = fit_circuit(load_circuit("linear_usb"), [trace], ONE)
+    fit = CircuitEstimator(load_circuit("linear_usb")).fit([trace], ONE)
     k, m = np.polyfit(trace.columns["usb_degC"], trace.reference, 1)
     assert [each.value for each in fit.parameters] == pytest.approx([k, m])
     assert (fit.states, fit.converged, fit.evaluations) == ((), True, 1)
@@ -180,7 +180,7 @@ def test_a_cancelled_fit_is_marked(rise, logged):
         if evaluation == 3:
             effort.budget.cancel.cancel()
 
-    fit = fit_circuit(start, [logged()], effort, stop)
+    fit = CircuitEstimator(start).fit([logged()], effort, stop)
     assert fit.stopped
     assert not fit.converged
     assert np.isfinite(fit.rmse_degC)
@@ -221,14 +221,14 @@ def _never_together(trace):
 )
 def test_traces_that_determine_nothing_are_refused(rise, logged, change, facts):
     with pytest.raises(Refused) as refused:
-        fit_circuit(rise, change(logged), ONE)
+        CircuitEstimator(rise).fit(change(logged), ONE)
     for fact in facts:
         assert fact in str(refused.value)
 
 
 def test_a_constant_reference_in_one_trace_may_change_in_another(rise, logged):
     calm = _with(logged(1), ambient=20.0)
-    assert fit_circuit(rise, [logged(), calm], ONE).samples == 2 * len(calm.time_s)
+    assert CircuitEstimator(rise).fit([logged(), calm], ONE).samples == 2 * len(calm.time_s)
 
 
 def test_a_trace_without_sensors_is_refused():

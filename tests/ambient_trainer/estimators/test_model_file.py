@@ -15,7 +15,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimators.base import Effort, error_quantiles
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.model_file import model_of, training_of
 
 CIRCUIT = """
@@ -53,7 +53,7 @@ def trace():
 
 @pytest.fixture(scope="module")
 def fit(trace):
-    return fit_circuit(parse_circuit(CIRCUIT, "driven.yaml"), [trace], Effort(starts=2, seed=7))
+    return CircuitEstimator(parse_circuit(CIRCUIT, "driven.yaml")).fit([trace], Effort(starts=2, seed=7))
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def test_a_circuit_without_states_is_exported_too(trace):
         "outputs:\n  ambient: {inputs: {board_degC: k}, offset: bias}\n"
         'parameters:\n  k: {unit: "1", initial: 1}\n  bias: {unit: degC, initial: 0}\n'
     )
-    fit = fit_circuit(parse_circuit(text, "line.yaml"), [trace], Effort(starts=1))
+    fit = CircuitEstimator(parse_circuit(text, "line.yaml")).fit([trace], Effort(starts=1))
     model = decode(encode(model_of(fit, [], {})).encode(), "line.json")
     assert model.main.states == ()
     assert worst_difference_degC(model) <= TOLERANCE_DEGC

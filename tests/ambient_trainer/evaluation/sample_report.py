@@ -10,7 +10,7 @@ import numpy as np
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators import report as fit_report
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.evaluation import compare, correction, identifiability_report
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.evaluation.identifiability import identifiability
@@ -33,7 +33,7 @@ def samples() -> dict[str, Report]:
     ]
     training = replace(several[1], overlaps_training=True, trace=HOSTILE)
     line = load_circuit("linear_usb")
-    fit = fit_circuit(line, [sensor_trace(300)], Effort(starts=1))
+    fit = CircuitEstimator(line).fit([sensor_trace(300)], Effort(starts=1))
     contender = compare.Contender(fit, model, several[1], several[0])
     return {
         "evaluation": report_of(model, several),

@@ -16,7 +16,7 @@ import pytest
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 
 from .conftest import made_up
 
@@ -57,7 +57,7 @@ def test_its_circuits_are_what_fit_takes(whole, trace):
     folder = whole[1]
     circuit = load_circuit(str(folder / "circuits" / "search_2.yaml"))
     assert set(circuit.inputs) == {"left_degC", "right_degC"}
-    fit = fit_circuit(circuit, [load_trace(trace)], Effort(starts=1))
+    fit = CircuitEstimator(circuit).fit([load_trace(trace)], Effort(starts=1))
     data = json.loads((folder / "out.json").read_text())
     assert fit.rmse_degC < 1.1 * data["sizes"][1]["circuit"]["held_out_rmse_degC"]
     assert (folder / "page" / "index.html").exists()

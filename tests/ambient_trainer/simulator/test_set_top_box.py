@@ -14,7 +14,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.simulator import load_device, simulate
 from ambient_trainer.simulator.device_file import device_path
@@ -50,7 +50,7 @@ def test_the_fan_carries_the_heat_of_the_air_inside():
 
 def test_filters_and_a_circuit_are_fitted_to_it(day):
     free = FreeFilterEstimator(2).fit([day], Effort(starts=2))
-    circuit = fit_circuit(load_circuit("set_top_box"), [day], Effort(starts=1))
+    circuit = CircuitEstimator(load_circuit("set_top_box")).fit([day], Effort(starts=1))
     assert free.rmse_degC < 2.0
     assert circuit.rmse_degC < 1.5
 

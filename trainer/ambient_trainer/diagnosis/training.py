@@ -19,7 +19,7 @@ from ambient_trainer.diagnosis.setting import heat_in_watts
 from ambient_trainer.estimation.noise import Noise
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def residual_noise(model: Model, own: Sequence[Record]) -> Noise:
 
 def _fitted(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Plant:
     shown = [means(straight(trace, _read(circuit), circuit.hold), period_s) for trace in traces]
-    fit = fit_circuit(replace(circuit, hold="first-order"), shown, Effort(starts=_STARTS), progress, period_s)
+    fit = CircuitEstimator(replace(circuit, hold="first-order")).fit(shown, Effort(starts=_STARTS), progress, period_s)
     values = {each.name: each.initial for each in circuit.parameters}
     values.update({each.name: each.value for each in fit.parameters})
     return Plant.of(circuit, values, period_s)

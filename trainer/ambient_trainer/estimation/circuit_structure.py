@@ -17,7 +17,7 @@ from ambient_trainer.circuits.assemble import Assembled, assemble
 from ambient_trainer.circuits.circuit import Circuit, Parameter
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.modes import passive_modes
 from ambient_trainer.lti.response import response, response_slopes, states
@@ -26,7 +26,7 @@ from ambient_trainer.lti.statespace import StateSpace
 _SLOWEST_PER_S = 1e-15
 
 
-class CircuitStructure:
+class CircuitStructure(Structure):
     """A circuit over segments; ``free_start`` says that they start anywhere, as in a forward simulation."""
 
     def __init__(self, circuit: Circuit, segments: Sequence[Segment], free_start: bool = False) -> None:
@@ -79,10 +79,6 @@ class CircuitStructure:
         penalty = np.concatenate([np.maximum(slow, 0.0), np.maximum(fast, 0.0)])
         jacobian = np.concatenate([np.where(slow > 0, -slopes, 0.0), np.where(fast > 0, slopes, 0.0)], axis=1)
         return penalty, jacobian.T
-
-    def regrouped(self, theta: Array) -> Array:
-        """theta itself: a circuit's parameters have one meaning each."""
-        return theta
 
     def random_start(self, random: np.random.Generator) -> Array:
         """The initial values, each up to threefold off, with all heat capacities scaled together.

@@ -20,6 +20,7 @@ from scipy.stats import t as student
 
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.lti.lag import lagged
 
 _MOST_SAMPLES = 50_000
@@ -293,12 +294,7 @@ def _independent(match: _Match, time_s: Array) -> float:
     """How many independent samples the residual at the coarse shift has."""
     left = _projected(match.y.at(time_s), match.x.at(time_s - match.shift_s, match.lags_s))
     left = left[~np.isnan(left)]
-    spectrum = np.fft.rfft(left, 2 * len(left))
-    autocorrelation = np.fft.irfft(np.abs(spectrum) ** 2)[: len(left)]
-    negative = np.flatnonzero(autocorrelation <= 0)
-    until = negative[0] if len(negative) else len(left)
-    memory = 2 * autocorrelation[:until].sum() / max(autocorrelation[0], 1e-12) - 1
-    return float(len(left) / max(memory, 1.0))
+    return len(left) / residual_memory(left)
 
 
 def _rivals(explained: Array, best: int, independent: float) -> Array:

@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.lti.discretise import first_order_hold
 from ambient_trainer.lti.statespace import StateSpace
 
@@ -26,15 +26,17 @@ _TIMES_SHOWN = 10
 _LEAST_DAMPING, _MOST_DAMPING = 0.3, 30.0
 
 
-class FreeFilter:
+class FreeFilter(Structure):
     """The free linear filter of order N from all inputs to one output, over segments of one period.
 
-    theta is log r for a first-order section, (log omega, log zeta) for a second-order one, in 1/s.
+    theta is log r for a first-order section, (log omega, log zeta) for a second-order one, in 1/s. ``ones`` is what the
+    offset is multiplied with in each segment.
     """
 
-    def __init__(self, order: int, segments: Sequence[Segment]) -> None:
+    def __init__(self, order: int, segments: Sequence[Segment], ones: Sequence[float] | None = None) -> None:
         self.order = order
         self.segments = segments
+        self._ones = ones or [1.0] * len(segments)
         self.period_s = segments[0].period_s
         self.inputs = segments[0].inputs.shape[0]
         self.pairs, self.singles = divmod(order, 2)
@@ -47,9 +49,10 @@ class FreeFilter:
     def _search(self) -> Unknowns:
         longest = max(segment.inputs.shape[1] for segment in self.segments) * self.period_s
         self._fastest = math.log(_FASTEST_PER_PERIOD / self.period_s)
-        self._slowest = min(math.log(_TIMES_SHOWN / longest), self._fastest - 1.0)
+        self.slowest = min(math.log(_TIMES_SHOWN / longest), self._fastest - 1.0)
+        """Logarithm of the rate below which a pole is penalised."""
         names = [f"{name}{k + 1}" for k in range(self.pairs) for name in ("omega", "zeta")] + ["rate"] * self.singles
-        rate = (self._slowest, self._fastest)
+        rate = (self.slowest, self._fastest)
         bounds = [rate, (math.log(_LEAST_DAMPING), math.log(_MOST_DAMPING))] * self.pairs + [rate] * self.singles
         low, high = np.array(bounds).reshape(-1, 2).T
         # rates distributed over what the trace can show
@@ -73,7 +76,7 @@ class FreeFilter:
         for k in range(self.pairs):
             omega, zeta = np.exp(theta[2 * k : 2 * k + 2])
             root = math.sqrt(max(zeta**2 - 1, 0.0))
-            beyond = self._slowest - math.log(omega * (zeta - root))
+            beyond = self.slowest - math.log(omega * (zeta - root))
             if beyond > 0:
                 penalty[k] = beyond
                 slope[k, 2 * k : 2 * k + 2] = -1.0, zeta / root if root > 0 else -1.0
@@ -97,7 +100,7 @@ class FreeFilter:
 
     def random_start(self, random: np.random.Generator) -> Array:
         """Real poles with rates drawn log-uniformly over what the trace can show."""
-        rates = np.exp(np.sort(random.uniform(self._slowest, self._fastest, self.order)))
+        rates = np.exp(np.sort(random.uniform(self.slowest, self._fastest, self.order)))
         return np.clip(self._from_rates(rates), self.search.low, self.search.high)
 
     def _sections(self, theta: Array) -> list[tuple[Array, Array]]:
@@ -144,7 +147,7 @@ class FreeFilter:
     def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
         """The inputs, one, and per section the delayed inputs over p."""
         u = self.segments[index].inputs
-        rows = [u, np.ones((1, u.shape[1]))]
+        rows = [u, np.full((1, u.shape[1]), self._ones[index])]
         for tail, _ in self._denominators(theta):
             once = _over(tail, u)
             rows += [_delayed(once, 1 + delay) for delay in range(len(tail))]

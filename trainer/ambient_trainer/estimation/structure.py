@@ -5,9 +5,9 @@ y_o = f_o(theta) + sum_i beta_i F_oi(theta)
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -25,8 +25,8 @@ class Unknowns:
     high: Array
 
 
-class Structure(Protocol):
-    """What the search needs to know of a model."""
+class Structure(ABC):
+    """What the search needs to know of a model; by default of one without penalty and with one meaning a theta."""
 
     search: Unknowns
     """theta, in the coordinates of the search."""
@@ -34,23 +34,27 @@ class Structure(Protocol):
     """beta; ``initial`` is not used."""
     segments: Sequence[Segment]
 
+    @abstractmethod
     def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
         """The outputs of segment ``index`` with beta = 0, (q, N), and what each of beta adds to them, (p, q, N)."""
 
+    @abstractmethod
     def slopes(self, theta: Array, beta: Array, index: int) -> Array:
         """The outputs' derivatives in theta, (P, q, N)."""
 
-    def penalty(self, theta: Array) -> tuple[Array, Array]:
-        """By how much theta leaves what is plausible: (c,), zero where it does not, and its Jacobian (c, P)."""
-
-    def regrouped(self, theta: Array) -> Array:
-        """The same point in better coordinates, where there are any; else theta itself."""
-
+    @abstractmethod
     def random_start(self, random: np.random.Generator) -> Array:
         """Another theta to start from, within the bounds."""
 
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
+        """By how much theta leaves what is plausible: (c,), zero where it does not, and its Jacobian (c, P)."""
+        return np.zeros(0), np.zeros((0, len(theta)))
 
-def predicted(structure: Structure, theta: Array, beta: Array, index: int) -> Array:
-    """The outputs (q, N) of segment ``index``."""
-    fixed, free = structure.regressors(theta, index)
-    return np.asarray(fixed + np.tensordot(beta, free, 1))
+    def regrouped(self, theta: Array) -> Array:
+        """The same point in better coordinates, where there are any; else theta itself."""
+        return theta
+
+    def predicted(self, theta: Array, beta: Array, index: int) -> Array:
+        """The outputs (q, N) of segment ``index``."""
+        fixed, free = self.regressors(theta, index)
+        return np.asarray(fixed + np.tensordot(beta, free, 1))

@@ -17,7 +17,7 @@ from scipy import stats
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Solution
-from ambient_trainer.estimation.structure import Structure, Unknowns, predicted
+from ambient_trainer.estimation.structure import Structure, Unknowns
 
 _NULL = 1e-8
 _INVOLVED = 0.05
@@ -47,7 +47,7 @@ class Uncertainty:
 def residuals(structure: Structure, solution: Solution) -> list[Array]:
     """Per segment the residuals (q, N) in degC, NaN where there is nothing to compare with."""
     theta, beta = solution.theta, solution.beta
-    return [each.outputs - predicted(structure, theta, beta, index) for index, each in enumerate(structure.segments)]
+    return [each.outputs - structure.predicted(theta, beta, index) for index, each in enumerate(structure.segments)]
 
 
 def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:

@@ -25,7 +25,7 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.search import Progress, Solution, search
-from ambient_trainer.estimation.structure import Structure, predicted
+from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import residuals
 
 _GAP_SHARE = 0.1
@@ -91,7 +91,7 @@ def held_out(
         best = search(structure, 1, 0, progress, budget).best
         if budget.cancel.cancelled:
             break
-        estimates = (predicted(structure, best.theta, best.beta, index)[0] for index in range(len(hidden)))
+        estimates = (structure.predicted(best.theta, best.beta, index)[0] for index in range(len(hidden)))
         blocks.append([Moment(*each) for each in zip(estimates, hidden)])
     return blocks
 

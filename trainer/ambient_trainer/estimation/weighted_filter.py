@@ -33,18 +33,10 @@ class Run(NamedTuple):
     absolute: bool
 
 
-class WeightedFilter(FreeFilter):
+def weighted_filter(order: int, runs: Sequence[Run]) -> FreeFilter:
     """The free filter of order N over weighted runs."""
-
-    def __init__(self, order: int, runs: Sequence[Run]) -> None:
-        super().__init__(order, [Segment(s.period_s, w * s.inputs, w * s.outputs) for s, w, _ in runs])
-        self._ones = [each.weight * each.absolute for each in runs]
-
-    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
-        """As the free filter's, with the offset of the run."""
-        fixed, free = super().regressors(theta, index)
-        free[self.inputs] = self._ones[index]
-        return fixed, free
+    segments = [Segment(s.period_s, weight * s.inputs, weight * s.outputs) for s, weight, _ in runs]
+    return FreeFilter(order, segments, [each.weight * each.absolute for each in runs])
 
 
 def level(period_s: float, inputs: int, weight: float) -> list[Run]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,20 +91,19 @@ class Fitted(Protocol):
 FittedT = TypeVar("FittedT", bound=Fitted, covariant=True)
 
 
-class Estimator(Protocol[FittedT]):
+class Estimator(ABC, Generic[FittedT]):
     """A method that can be fitted. ``check.check_estimator`` tests whether one keeps this contract."""
 
-    @property
-    def name(self) -> str:
-        """What a user calls it."""
-
-    @property
-    def reads_any(self) -> bool:
-        """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
+    name: str
+    """What a user calls it."""
+    reads_any = False
+    """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
 
     def searches(self, effort: Effort) -> int:
-        """How many searches a fit makes, for a progress bar."""
+        """How many searches a fit makes, for a progress bar: by default one a start."""
+        return effort.starts
 
+    @abstractmethod
     def fit(
         self,
         traces: Sequence[Trace],
@@ -235,15 +234,10 @@ def error_quantiles(errors_degC: Array) -> Quantiles:
     return {level: (low, high) for level, (low, high) in bands.items()}
 
 
-class FilterEstimator(ABC):
-    """Keeps the contract of :class:`ambient_trainer.estimators.base.Estimator`; a subclass fits."""
+class FilterEstimator(Estimator[Fit]):
+    """An estimator that reads any temperatures, on uniform grids of them; a subclass fits."""
 
-    name: str
     reads_any = True
-
-    def searches(self, effort: Effort) -> int:
-        """One a start."""
-        return effort.starts
 
     def fit(
         self,
@@ -253,7 +247,7 @@ class FilterEstimator(ABC):
         period_s: float | None = None,
         inputs: Sequence[str] | None = None,
     ) -> Fit:
-        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`."""
+        """Fit; see :meth:`Estimator.fit`."""
         training = Training.of(traces, inputs, period_s, effort.pieces)
         with threadpool_limits(1):
             return self.fit_to(training, effort, progress)

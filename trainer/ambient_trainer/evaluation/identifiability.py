@@ -25,9 +25,8 @@ from ambient_trainer.estimation.profile import Profile, Values, held, profile, s
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.sensitivity import Sensitivity, parameter_names, sensitivity
 from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import predicted
 from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.circuit import circuit_structure, fit_circuit
+from ambient_trainer.estimators.circuit import CircuitEstimator, circuit_structure
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
@@ -145,8 +144,8 @@ def identifiability(
     _check_names(circuit, fixed)
     circuit = held(circuit, {name: value for name, value in fixed.items() if value is not None})
     progress("fitting", 0, effort.starts)
-    fit = fit_circuit(
-        circuit, [trace], effort, lambda start, _, __: progress("fitting", start, effort.starts), period_s
+    fit = CircuitEstimator(circuit).fit(
+        [trace], effort, lambda start, *_: progress("fitting", start, effort.starts), period_s
     )
     with threadpool_limits(1):
         subject = subject_of(circuit, fit, trace, fixed, period_s)
@@ -190,7 +189,7 @@ def own_output(
     """``circuit`` at ``values`` with its own output over the inputs of ``stretches``."""
     structure = circuit_structure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
-    own = [replace(each, outputs=predicted(structure, theta, beta, index)) for index, each in enumerate(stretches)]
+    own = [replace(each, outputs=structure.predicted(theta, beta, index)) for index, each in enumerate(stretches)]
     return Subject(circuit, values, tuple(own), noise_degC, memory_samples)
 
 

@@ -8,7 +8,7 @@ import pytest
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.blended.filters import RecipeFilter
+from ambient_trainer.estimators.blended.filters import recipe_filter
 from ambient_trainer.estimators.blended.recipe import FilterRules
 from ambient_trainer.estimators.blended.training_set import TrainingRun
 from ambient_trainer.estimators.observer import filter_fit
@@ -32,7 +32,7 @@ def run(seed: int, absolute: bool = True) -> TrainingRun:
 
 def test_the_objective_is_the_sum_of_its_parts():
     runs = {"a": [run(5), run(6)], "b": [run(7, absolute=False)], "unweighed": [run(8)]}
-    structure = RecipeFilter(runs, {"a": 2.0, "b": 0.5, "unweighed": 0.0}, RULES, 1.0)
+    structure = recipe_filter(runs, {"a": 2.0, "b": 0.5, "unweighed": 0.0}, RULES, 1.0)
     best = search(structure, 1, 0).best
     system = structure.system(best.theta, best.beta)
     direct = 1e-3 * noise_gain(system, 1.0) ** 2 + 100 * (dc_gain(system).sum() - 1) ** 2
@@ -45,7 +45,7 @@ def test_the_objective_is_the_sum_of_its_parts():
 
 
 def test_the_search_keeps_to_the_bounds_of_the_recipe():
-    structure = RecipeFilter({"logged": [run(10)]}, {"logged": 1.0}, RULES, 1.0)
+    structure = recipe_filter({"logged": [run(10)]}, {"logged": 1.0}, RULES, 1.0)
     theta = search(structure, 1, 0).best.theta
     slowest, second = sorted(abs(tau) for tau in structure.time_constants_s(theta)[:2])[::-1]
     assert slowest <= 1500 * 1.01
@@ -56,7 +56,7 @@ def test_the_search_keeps_to_the_bounds_of_the_recipe():
 
 def test_its_fit_reports_the_errors_on_the_log():
     logged = run(11)
-    structure = RecipeFilter({"logged": [logged]}, {"logged": 1.0}, RULES, 1.0)
+    structure = recipe_filter({"logged": [logged]}, {"logged": 1.0}, RULES, 1.0)
     segment = Segment(1.0, logged.sensors_degC, logged.target_degC[None])
     fit = filter_fit("mine", ("a_degC", "b_degC", "c_degC"), [segment], 4, search(structure, 1, 0), Effort())
     errors = logged.target_degC - response_degC(fit.system, "first-order", logged.sensors_degC, 1.0)

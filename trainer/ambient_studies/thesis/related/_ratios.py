@@ -13,14 +13,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambient_trainer.data import Array, Segment
-from ambient_trainer.estimation import Unknowns
+from ambient_trainer.estimation import Structure, Unknowns
 from ambient_trainer.lti import StateSpace, lagged, response_slopes
 
 _FASTEST_PERIODS = 2.0
 _TIMES_SHOWN = 10.0
 
 
-class FirstOrderRatios:
+class FirstOrderRatios(Structure):
     """The structure over segments of one period; theta is the logarithm of each tau2 in s, beta is d, K, offset.
 
     ``signs`` holds +1 or -1 an input, the sign of its K and d.
@@ -57,14 +57,6 @@ class FirstOrderRatios:
             by = StateSpace(rate * one[None], -rate * one[None], zero[None], zero[None], zero)
             found.append(response_slopes(lag, by, "first-order", row[None], segment.period_s)[0])
         return np.array(found)
-
-    def penalty(self, theta: Array) -> tuple[Array, Array]:
-        """No penalty: the bounds hold the prior."""
-        return np.zeros(0), np.zeros((0, len(theta)))
-
-    def regrouped(self, theta: Array) -> Array:
-        """There are no better coordinates."""
-        return theta
 
     def random_start(self, random: np.random.Generator) -> Array:
         """Time constants drawn log-uniformly between the bounds."""

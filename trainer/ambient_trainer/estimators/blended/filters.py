@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 from ambient_model.model import ErrorVariance, Term
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import WeightedRun, fit_weighted_error_variance, regressors_degC2
+from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Unknowns
-from ambient_trainer.estimation.weighted_filter import Run, WeightedFilter, impulses, level
-from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimation.weighted_filter import Run, impulses, level, weighted_filter
+from ambient_trainer.estimators.base import Effort, Fit, SecondaryFit
 from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe
 from ambient_trainer.estimators.blended.training_set import TrainingRun, TrainingSet
 from ambient_trainer.estimators.estimate import Blended, blended
@@ -39,32 +40,28 @@ _MOST_DAMPING = 20.0
 _NEVER_DEGC = 1e9
 
 
-class RecipeFilter(WeightedFilter):
+def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> FreeFilter:
     """The filter of four states over the runs that ``counts`` weighs, within the bounds of ``rules``."""
-
-    def __init__(self, runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> None:
-        weighted = [
-            _weighted(each, count / len(runs[name]), period_s)
-            for name, count in counts.items()
-            if count
-            for each in runs[name]
-        ]
-        inputs = len(weighted[0].segment.inputs)
-        physics = [
-            *level(period_s, inputs, math.sqrt(rules.one_degree)),
-            *impulses(period_s, inputs, math.sqrt(rules.noise)),
-        ]
-        super().__init__(_STATES, [*weighted, *physics])
-        slow, fast = sorted(rules.slow.time_constants_s), rules.fast
-        self._slowest = -math.log(rules.slow.slowest_s)
-        # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
-        self.search = Unknowns(
-            self.search.names,
-            np.log([1 / math.sqrt(slow[0] * slow[1]), _damping(slow[1] / slow[0]), 1 / fast.time_s, fast.damping]),
-            np.log([1 / rules.slow.slowest_s, _damping(rules.slow.least_ratio)] * 2),
-            np.log([1 / (2 * period_s), _damping(_MOST_RATIO), 1 / (2 * period_s), _MOST_DAMPING]),
-        )
-        self.search.low[3] = math.log(fast.least_damping)
+    weighted = [
+        _weighted(each, count / len(runs[name]), period_s)
+        for name, count in counts.items()
+        if count
+        for each in runs[name]
+    ]
+    inputs = len(weighted[0].segment.inputs)
+    weighted += level(period_s, inputs, math.sqrt(rules.one_degree))
+    found = weighted_filter(_STATES, [*weighted, *impulses(period_s, inputs, math.sqrt(rules.noise))])
+    slow, fast = sorted(rules.slow.time_constants_s), rules.fast
+    # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
+    found.search = Unknowns(
+        found.search.names,
+        np.log([1 / math.sqrt(slow[0] * slow[1]), _damping(slow[1] / slow[0]), 1 / fast.time_s, fast.damping]),
+        np.log([1 / rules.slow.slowest_s, _damping(rules.slow.least_ratio)] * 2),
+        np.log([1 / (2 * period_s), _damping(_MOST_RATIO), 1 / (2 * period_s), _MOST_DAMPING]),
+    )
+    found.search.low[3] = math.log(fast.least_damping)
+    found.slowest = -math.log(rules.slow.slowest_s)
+    return found
 
 
 def _damping(ratio: float) -> float:
@@ -79,31 +76,19 @@ def _weighted(run: TrainingRun, count: float, period_s: float) -> Run:
     return Run(Segment(period_s, run.sensors_degC, target[None]), weight, run.absolute)
 
 
-@dataclass(frozen=True)
-class Filters:
-    """The filters of a recipe."""
-
-    main: Fit
-    secondary: Fit
-    threshold_degC: float
-    fallbacks: dict[str, Fit]
-    """By the sensor that each does without."""
-    stopped: bool
-    """Whether the user stopped it before all fallbacks were fitted."""
-
-    def published(self, segment: Segment) -> Blended:
-        """The blended estimate over a segment."""
-        main, secondary = (
-            response_degC(each.system, each.hold, segment.inputs, segment.period_s)
-            for each in (self.main, self.secondary)
-        )
-        return blended(main, secondary, self.threshold_degC)
+def published(fit: Fit, segment: Segment) -> Blended:
+    """The estimate of a fit blended with its secondary one's, over a segment."""
+    assert fit.secondary is not None
+    main, secondary = (
+        response_degC(each.system, each.hold, segment.inputs, segment.period_s) for each in (fit, fit.secondary.fit)
+    )
+    return blended(main, secondary, fit.secondary.threshold_degC)
 
 
 def fit_filters(
     recipe: Recipe, runs: TrainingSet, logged: Sequence[Segment], effort: Effort, progress: Progress | None
-) -> Filters:
-    """The filters fitted to ``runs``; ``progress`` gets the number of the search.
+) -> Fit:
+    """The main filter with its secondary one and fallbacks; ``progress`` gets the number of the search.
 
     Cancelled, it leaves out the fallbacks that are not done; before the first it raises :class:`Cancelled`.
     """
@@ -112,7 +97,7 @@ def fit_filters(
 
     def fitted(number: int, runs: TrainingSet, counts: Mapping[str, float], without: int | None = None) -> Fit:
         nonlocal start
-        structure = RecipeFilter(runs, counts, recipe.filter, period_s)
+        structure = recipe_filter(runs, counts, recipe.filter, period_s)
         if start is not None:
             structure.search = Unknowns(structure.search.names, start, structure.search.low, structure.search.high)
         show = progress and (lambda _, evaluation, square: progress(number, evaluation, square))
@@ -132,28 +117,25 @@ def fit_filters(
         if each.stopped:
             break
         fallbacks[name] = each
+    unlimited = replace(main, secondary=SecondaryFit(secondary, _NEVER_DEGC))
+    differences = np.concatenate([published(unlimited, each).apart_degC for each in logged])
+    threshold = recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
     stopped = len(fallbacks) < len(recipe.sensors)
-    return Filters(main, secondary, _threshold(recipe, main, secondary, logged), fallbacks, stopped)
-
-
-def _threshold(recipe: Recipe, main: Fit, secondary: Fit, logged: Sequence[Segment]) -> float:
-    apart = Filters(main, secondary, _NEVER_DEGC, {}, False)
-    differences = np.concatenate([apart.published(each).apart_degC for each in logged])
-    return recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
+    return replace(main, secondary=SecondaryFit(secondary, threshold), fallbacks=fallbacks, stopped=stopped)
 
 
 _EVERY_S = 11.0
 
 
-def fit_error_variance(recipe: Recipe, filters: Filters, runs: TrainingSet, period_s: float) -> ErrorVariance:
-    """The error variance model of ``filters`` over ``runs``, weighed by the recipe."""
+def fit_error_variance(recipe: Recipe, fit: Fit, runs: TrainingSet, period_s: float) -> ErrorVariance:
+    """The error variance model of ``fit`` over ``runs``, weighed by the recipe."""
     lags = recipe.error_variance
     terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
     stride = max(1, round(_EVERY_S / period_s))
     weighted = []
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
-            estimate, _, apart = filters.published(Segment(period_s, run.sensors_degC, run.target_degC[None]))
+            estimate, _, apart = published(fit, Segment(period_s, run.sensors_degC, run.target_degC[None]))
             error = (run.target_degC - estimate)[::stride]
             table = regressors_degC2(terms, estimate, apart, period_s)[:, ::stride]
             weighted.append(WeightedRun(error, table, count / len(runs[name]) / len(error)))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.modes import one_pole
 from ambient_trainer.lti.response import response, response_degC, response_slopes
@@ -26,7 +26,7 @@ _PENALTY = 3e-4
 _SCATTER = 0.15
 
 
-class ObserverStructure:
+class ObserverStructure(Structure):
     """The observer over segments; ``start`` (P,) is the prior of its theta."""
 
     def __init__(self, circuit: RandomWalkAmbient, start: Array, segments: Sequence[Segment]) -> None:
@@ -57,10 +57,6 @@ class ObserverStructure:
     def penalty(self, theta: Array) -> tuple[Array, Array]:
         """The penalty on the distance from the prior, which holds what the data leave open."""
         return _PENALTY * (theta - self.search.initial), _PENALTY * np.eye(len(theta))
-
-    def regrouped(self, theta: Array) -> Array:
-        """Theta itself."""
-        return theta
 
     def random_start(self, random: np.random.Generator) -> Array:
         """Near the prior: far from it lie poor optima, and filters that weigh no sensor."""

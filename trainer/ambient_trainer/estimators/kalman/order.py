@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import Moment
+from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.validation import held_out
-from ambient_trainer.estimation.weighted_filter import Run, WeightedFilter, impulses, level, offsets
+from ambient_trainer.estimation.weighted_filter import Run, impulses, level, offsets, weighted_filter
 from ambient_trainer.estimators.base import Effort
 
 Array = NDArray[np.float64]
 
 
-def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset_degC: float = 0.0) -> WeightedFilter:
+def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset_degC: float = 0.0) -> FreeFilter:
     """The free filter of order N over segments, as if each sensor had more white noise and a larger offset than logged.
 
     Both are standard deviations. All sensors one degree up is the estimate one degree up.
@@ -36,7 +37,7 @@ def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset
     runs = [Run(each, 1.0, True) for each in logged]
     runs += level(period_s, inputs, float(np.linalg.norm(known)))
     runs += impulses(period_s, inputs, noise_degC * root, longest)
-    return WeightedFilter(order, [*runs, *(offsets(period_s, inputs, offset_degC * root) if offset_degC else ())])
+    return weighted_filter(order, [*runs, *(offsets(period_s, inputs, offset_degC * root) if offset_degC else ())])
 
 
 ORDERS = (1, 2, 3, 4)
@@ -123,7 +124,7 @@ class Selection:
         if self._whole[order].stopped:
             return False
 
-        def without(kept: Sequence[Segment]) -> WeightedFilter:
+        def without(kept: Sequence[Segment]) -> FreeFilter:
             return constrained(order, kept, noise_degC, offset_degC)
 
         start, budget = self._whole[order].best.theta, self.effort.budget

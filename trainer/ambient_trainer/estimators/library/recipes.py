@@ -7,7 +7,7 @@ secondary estimator, fallbacks and an error variance model.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
-from ambient_model.model import ErrorVariance
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
@@ -24,8 +23,8 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.estimators.base import USUAL, Effort, Fit, SecondaryFit
-from ambient_trainer.estimators.blended.filters import Filters, fit_error_variance, fit_filters
+from ambient_trainer.estimators.base import USUAL, Effort, Estimator, Fit
+from ambient_trainer.estimators.blended.filters import fit_error_variance, fit_filters, published
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import TrainingSetDesign, fit_ambient, fit_workload
@@ -47,18 +46,11 @@ def find(name: str) -> RecipeEstimator | None:
     return None if found is None else RecipeEstimator(*found)
 
 
-@dataclass(frozen=True)
-class RecipeEstimator:
+class RecipeEstimator(Estimator[Fit]):
     """Fits what a recipe describes; it names the trace columns that it reads."""
 
-    recipe: Recipe
-    circuit: Circuit
-    reads_any = False
-
-    @property
-    def name(self) -> str:
-        """The recipe's name."""
-        return self.recipe.name
+    def __init__(self, recipe: Recipe, circuit: Circuit) -> None:
+        self.recipe, self.circuit, self.name = recipe, circuit, recipe.name
 
     def searches(self, effort: Effort) -> int:
         """The circuit's, the main filter's, the secondary one's and one a fallback."""
@@ -72,7 +64,7 @@ class RecipeEstimator:
         period_s: float | None = None,
         inputs: Sequence[str] | None = None,
     ) -> Fit:
-        """Fit; see :class:`ambient_trainer.estimators.base.Estimator`.
+        """Fit; see :meth:`ambient_trainer.estimators.base.Estimator.fit`.
 
         Each search has one start, the recipe's: ``effort.starts`` is not used. Cancelled, it leaves out the
         fallbacks that are not done; before the first it raises :class:`Cancelled`.
@@ -103,10 +95,10 @@ class RecipeEstimator:
                 recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed, steps
             )
             logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
-            filters = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
+            fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
             # errors are smaller in the very runs that the filters were fitted to
-            variance = fit_error_variance(recipe, filters, replace(design, draw=1).runs(records), period)
-        return _assembled(recipe, filters, fitted, variance, logged)
+            variance = fit_error_variance(recipe, fit, replace(design, draw=1).runs(records), period)
+        return _assembled(recipe, replace(fit, error_variance=variance), fitted, logged)
 
 
 def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: int) -> list[Record]:
@@ -138,48 +130,24 @@ def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
     return Record(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
 
 
-def _assembled(
-    recipe: Recipe, filters: Filters, circuit: ForwardFit, variance: ErrorVariance, logged: Sequence[Segment]
-) -> Fit:
-    """The main filter's fit with all that belongs to it; its errors are those of the blended estimate."""
-    published = [filters.published(each) for each in logged]
-    errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, published)])
+def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[Segment]) -> Fit:
+    """The fit with errors and remarks of the blended estimate, its filters and its circuit together."""
+    assert fit.secondary is not None
+    assert fit.error_variance is not None
+    estimates = [published(fit, each) for each in logged]
+    errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, estimates)])
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
-    sigmas = [sigma_degC(variance, each.ambient_degC, each.apart_degC, logged[0].period_s) for each in published]
-    found = details(recipe, filters, circuit, variance, np.concatenate(sigmas))
-    members = [filters.main, filters.secondary, *filters.fallbacks.values()]
-    return replace(
-        filters.main,
-        errors_degC=(errors,),
-        rmse_degC=rmse_degC,
-        start_rmses_degC=(rmse_degC,),
-        residual_memory_samples=residual_memory(errors),
-        converged=circuit.converged and all(each.converged for each in members) and not filters.stopped,
-        stopped=filters.stopped,
-        evaluations=circuit.evaluations + sum(each.evaluations for each in members),
-        secondary=SecondaryFit(filters.secondary, filters.threshold_degC),
-        fallbacks=filters.fallbacks,
-        error_variance=variance,
-        details=found,
-        notes=notes(found),
-    )
-
-
-_LEVEL = 90
-_SHARES_PERCENT = (10, 50, 90)
-
-
-def details(
-    recipe: Recipe, filters: Filters, circuit: ForwardFit, variance: ErrorVariance, sigmas_degC: NDArray[np.float64]
-) -> dict[str, Any]:
-    """For the model file and ``fit --json``; ``sigmas_degC`` are the expected errors of the training samples."""
-    reach = np.percentile(sigmas_degC, _SHARES_PERCENT) * variance.quantiles[_LEVEL][1]
-    return {
-        "main": _filter(filters.main),
-        "guard": _filter(filters.secondary),
-        "threshold_degC": filters.threshold_degC,
+    members = [fit, fit.secondary.fit, *fit.fallbacks.values()]
+    sigmas = [
+        sigma_degC(fit.error_variance, each.ambient_degC, each.apart_degC, fit.periods_s[0]) for each in estimates
+    ]
+    reach = np.percentile(np.concatenate(sigmas), _SHARES_PERCENT) * fit.error_variance.quantiles[_LEVEL][1]
+    details = {
+        "main": _filter(fit),
+        "guard": _filter(fit.secondary.fit),
+        "threshold_degC": fit.secondary.threshold_degC,
         "half_width_90_degC": dict(zip(map(str, _SHARES_PERCENT), reach.tolist())),
-        "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in filters.fallbacks.items()},
+        "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in fit.fallbacks.items()},
         "forward_circuit": {
             "name": recipe.circuit,
             "values": circuit.values,
@@ -189,10 +157,25 @@ def details(
         # what is not fitted; the recipe names where each number comes from
         "declared": recipe.model_dump(mode="json", exclude={"format", "version", "name", "about"}),
     }
+    return replace(
+        fit,
+        errors_degC=(errors,),
+        rmse_degC=rmse_degC,
+        start_rmses_degC=(rmse_degC,),
+        residual_memory_samples=residual_memory(errors),
+        converged=circuit.converged and all(each.converged for each in members) and not fit.stopped,
+        evaluations=circuit.evaluations + sum(each.evaluations for each in members),
+        details=details,
+        notes=notes(details),
+    )
+
+
+_LEVEL = 90
+_SHARES_PERCENT = (10, 50, 90)
 
 
 def notes(found: Mapping[str, Any]) -> tuple[str, ...]:
-    """The same as lines for the terminal."""
+    """The details as lines for the terminal."""
     main, secondary, circuit = found["main"], found["guard"], found["forward_circuit"]
     misfit = ", ".join(f"{name} {each:.2f}" for name, each in circuit["misfit_degC"].items())
     rmses = {name: each["rmse_degC"] for name, each in found["fallbacks"].items()}
