@@ -47,6 +47,7 @@ class SimulatedInstrument(ABC):
         self._distortions: deque[Callable[[bytes], Sequence[tuple[float, bytes]]]] = deque()
         self._free_s = self._sent_s = clock.now_s()
         self._stopped = self._ended = False
+        self._received = b""
         self._ends: tuple[int, int] | None = None
         self._woken, self._wake = os.pipe()
         self.plug()
@@ -102,6 +103,11 @@ class SimulatedInstrument(ABC):
     @abstractmethod
     def _respond(self, data: bytes) -> Iterable[Response]:
         """Its responses to ``data``, which is a part of a command, or several."""
+
+    def _lines(self, data: bytes, ending: bytes) -> list[str]:
+        """The lines that ``data`` completes."""
+        *lines, self._received = (self._received + data).split(ending)
+        return [line.decode("ascii", "replace").strip() for line in lines]
 
     def _run(self) -> None:
         while not self._ended:

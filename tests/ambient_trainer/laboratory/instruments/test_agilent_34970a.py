@@ -89,7 +89,7 @@ def test_each_probes_offset_is_added(driver, simulated) -> None:
 def test_switched_off_and_on_it_has_forgotten_its_scan_and_gets_it_again(driver, simulated) -> None:
     multiplexer = driver({"a": 101})
     multiplexer.read()
-    simulated.restart()
+    list(simulated._execute("*RST"))
     with pytest.raises(InstrumentError) as caught:
         multiplexer.read()
     assert "(@101)" in caught.value.expected

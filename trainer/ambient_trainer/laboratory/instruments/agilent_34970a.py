@@ -263,42 +263,30 @@ class Simulated(SimulatedInstrument):
         seed: int = 0,
         errors_K: Mapping[str, float] | None = None,
         folder: str | None = None,
-        model: str = MODELS[0],
     ) -> None:
         random = np.random.default_rng(seed)
         self.probes: dict[int, Probe] = {}
         self.errors_K: dict[str, float] = {}
-        self._model = model
         for channel, name in sorted((each.channel, name) for name, each in settings.probes.items()):
             drawn_K = _PROBES.calibration_degC * float(random.standard_normal())
             self.errors_K[name] = drawn_K if errors_K is None else errors_K[name]
             self.probes[channel] = Probe(air, self.errors_K[name], random)
-        self._received = b""
         self._errors: deque[ErrorText] = deque(maxlen=_MOST_ERRORS)
         self._configured: list[int] = []
         self._scanned: list[int] = []
         self._with_channels = False
         super().__init__("multiplexer", clock, settings.baud, folder)
 
-    def restart(self) -> None:
-        """Switch it off and on again: it forgets its scan."""
-        with self._lock:
-            self._due.clear()
-            self._received = b""
-            self._errors.clear()
-            self._reset()
-
     def _respond(self, data: bytes) -> Iterator[Response]:
-        *lines, self._received = (self._received + data).split(b"\n")
-        for line in lines:
-            for command in line.decode("ascii", "replace").strip().upper().split(";"):
+        for line in self._lines(data, b"\n"):
+            for command in line.upper().split(";"):
                 yield from self._execute(command.strip())
 
     def _execute(self, command: str) -> Iterator[Response]:
         head, _, argument = command.partition(" ")
         match head:
             case "*IDN?":
-                yield Response(_ANSWERS_AFTER_S, encode(Identity("HEWLETT-PACKARD", self._model, "0", "13-2-2")))
+                yield Response(_ANSWERS_AFTER_S, encode(Identity("HEWLETT-PACKARD", MODELS[0], "0", "13-2-2")))
             case "*RST":
                 yield Response(0.0, XOFF)  # its buffer is small, and it does not listen meanwhile
                 self._reset()

@@ -246,7 +246,6 @@ class Simulated(SimulatedInstrument):
         self.unit = 1
         self._air = air
         self._address = settings.address
-        self._received = b""
         super().__init__("thermometer", clock, _BAUD, folder)
 
     def _respond(self, data: bytes) -> Iterator[Response]:

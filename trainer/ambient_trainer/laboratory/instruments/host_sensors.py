@@ -46,33 +46,17 @@ class Settings(MultiplexerSettings):
     probes: Annotated[dict[Name, Annotated[str, AfterValidator(_a_file)]], Field(min_length=1)]
 
 
-class _Sensor:
+class _Question(threading.Thread):
     """One file, read in a thread of its own: a bus takes its time, and some of them side by side take it once."""
 
     def __init__(self, root: str, channel: str) -> None:
+        super().__init__(name=channel, daemon=True)
         self._root, self._channel = Path(root), channel
-        self._thread: threading.Thread | None = None
-        self.value: float | None = None
-        self.reason: str | None = None
+        self.answer: tuple[float | None, str | None] = None, None
+        self.start()
 
-    def start(self) -> None:
-        """Begin to read; one that has not come to its end yet goes on."""
-        if self._thread is None or not self._thread.is_alive():
-            self._thread = threading.Thread(target=self._run, name=self._channel, daemon=True)
-            self._thread.start()
-            self.late = False
-
-    def result(self, end_s: float) -> tuple[float | None, str | None]:
-        """The reading that ``start`` began, or why there is none; what comes after ``end_s`` is thrown away."""
-        assert self._thread is not None
-        self._thread.join(max(end_s - time.monotonic(), 0.0))
-        if self.late or self._thread.is_alive():
-            self.late = True
-            return None, "no answer in time"
-        return self.value, self.reason
-
-    def _run(self) -> None:
-        self.value = self.reason = None
+    def run(self) -> None:
+        """Read it; the answer is a temperature, or why there is none."""
         try:
             files = sorted(self._root.glob(self._channel))
             if len(files) != 1:
@@ -80,11 +64,11 @@ class _Sensor:
             value = _read(files[0])
             if not _PLAUSIBLE_DEGC[0] <= value <= _PLAUSIBLE_DEGC[1]:
                 raise ValueError(f"{value:g} degC")
-            self.value = value
+            self.answer = value, None
         except OSError as error:
-            self.reason = os.strerror(error.errno or 0)
+            self.answer = None, os.strerror(error.errno or 0)
         except ValueError as error:
-            self.reason = str(error)
+            self.answer = None, str(error)
 
 
 def _read(file: Path) -> float:
@@ -111,20 +95,26 @@ class Driver:
 
     def __init__(self, settings: Settings, clock: Clock, offsets: Mapping[str, ProbeOffset] | None = None) -> None:
         self._settings, self._clock, self._offsets = settings, clock, offsets
-        self._sensors = {name: _Sensor(settings.port, channel) for name, channel in settings.probes.items()}
+        self._late: dict[str, _Question] = {}
 
     def identify(self) -> str:
         """Where they are."""
         self.read()
-        return f"{len(self._sensors)} sensors of this machine: {', '.join(self._settings.probes.values())}"
+        return f"{len(self._settings.probes)} sensors of this machine: {', '.join(self._settings.probes.values())}"
 
     def read(self) -> Reading:
         """One reading of each; the note has why there is none of some, the error of all."""
         asked_s = self._clock.now_s()
         end_s = time.monotonic() + self._clock.patience_s(self._settings.timeout_s)
-        for sensor in self._sensors.values():
-            sensor.start()
-        results = {name: sensor.result(end_s) for name, sensor in self._sensors.items()}
+        # what is not over yet is not asked again, and its answer is of no use any more
+        self._late = {name: each for name, each in self._late.items() if each.is_alive()}
+        port, probes = self._settings.port, self._settings.probes
+        asked = {name: _Question(port, probes[name]) for name in probes if name not in self._late}
+        for each in asked.values():
+            each.join(max(end_s - time.monotonic(), 0.0))
+        self._late.update({name: each for name, each in asked.items() if each.is_alive()})
+        late = None, "no answer in time"
+        results = {name: late if name in self._late else asked[name].answer for name in probes}
         reasons = "; ".join(f"{name}: {reason}" for name, (_, reason) in results.items() if reason)
         if all(value is None for value, _ in results.values()):
             kind = NoResponse if "no answer" in reasons else Disconnected

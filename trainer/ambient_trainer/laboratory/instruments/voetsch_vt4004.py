@@ -286,7 +286,6 @@ class Simulated(SimulatedInstrument):
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
         self._settings = settings
         self._receives_from_s = -math.inf
-        self._received = b""
         self._nominal: tuple[float, ...] = (room_degC, *(0.0,) * ((settings.values or VALUES) - 1))
         self._outputs: tuple[bool, ...] = (False,) * (settings.outputs or OUTPUTS)
         self._fault = Fault(0, "")
@@ -341,12 +340,10 @@ class Simulated(SimulatedInstrument):
         return b"\r"  # malformed; the manual leaves it open: this, or silence
 
     def _respond(self, data: bytes) -> Iterator[Response]:
-        *lines, self._received = (self._received + data).split(b"\r")
-        for line in lines:
+        for text in self._lines(data, b"\r"):
             now_s = self._clock.now_s()
             if now_s < self._receives_from_s:
                 continue
             self._receives_from_s = now_s + self._settings.pause_s
-            text = line.strip(b"\n").decode("ascii", "replace")
             if text.startswith(own := f"${self._settings.address:02d}"):
                 yield Response(_ANSWERS_AFTER_S, self.answer(text.removeprefix(own)))
