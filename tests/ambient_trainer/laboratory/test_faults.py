@@ -161,7 +161,7 @@ def _live_through(collector, there, draw, count, outages):
 
 
 def _until(condition):
-    deadline = time.monotonic() + 30.0
+    deadline = time.monotonic() + 100.0
     while not condition():
         assert time.monotonic() < deadline, "it never came to that"
         time.sleep(0.02)
