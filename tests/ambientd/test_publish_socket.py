@@ -151,8 +151,8 @@ def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, model_
         assert crowd.stdout.readline() == b"held\n"
         mine = [stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(5)]
         for reader in mine:
-            reader.settimeout(5)
-            reader.connect(path)
+            reader.connect(path)  # with a timeout, it would not wait where the kernel's queue is full
+            reader.settimeout(10)
         for reader in mine:
             assert len(times(reader.makefile().readline())) == 1
         before = os.stat(file).st_ino, os.stat(file).st_mtime_ns

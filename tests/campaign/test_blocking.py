@@ -62,7 +62,9 @@ def test_ticks_that_slow_sensors_do_not_leave_time_for_are_reported_and_counted(
     outputs = make_outputs(tmp_path / "out")
     for kind in ("usb-therm", "battery", "cpu-0-0"):
         zones.fail(kind, block_s=0.2)
-    call = [sys.executable, "-m", "ambientd", "run", "--config", str(config(outputs, rate_hz=10))]
+    patient = "import sys; from ambientd.sources import reader; reader.PATIENCE_S = 30.0; from ambientd import __main__"
+    call = [sys.executable, "-c", f"{patient}; sys.exit(__main__.main())", "run", "--config"]
+    call.append(str(config(outputs, rate_hz=10)))
     with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, env={"LD_PRELOAD": str(device_library)}) as daemon:
         daemon.stderr.readline()
         line = daemon.stderr.readline()
