@@ -183,40 +183,6 @@ def evaluate(call, tmp_path):
 
 
 @pytest.mark.slow
-def test_what_a_desk_leaves_is_fitted_as_well_as_what_a_chamber_leaves(process, call, fit, evaluate, tmp_path):
-    """The bar: 10 %, of the same loads in half the time, on other loads at temperatures of a room."""
-    desk = yaml.safe_load(Path(scenario_path("desk")).read_text())
-    desk["laboratory"]["device"]["timeout_s"] = 1000  # of a fast clock, on a loaded machine
-    for step in desk["steps"]:
-        step["duration_min"] /= 2
-    program = {"about": "loads", "before": [{"duration_min": 60, "chamber_degC": 22}]}
-    other = [(30, 22), (20, 24, "cpu_50"), (40, 20), (30, 20, "charging"), (40, 23), (20, 23, "cpu_100"), (40, 21)]
-    steps = {
-        "chamber": [{**step, "chamber_degC": 22} for step in desk["steps"]],
-        "other": [{"duration_min": each, "chamber_degC": degC, "load": load} for each, degC, *load in other],
-    }
-    for seed, (name, each) in enumerate(steps.items(), 1):
-        (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump({**program, "steps": each}))
-        path = tmp_path / f"{name}.csv"
-        assert call("ambient-trainer", "simulate", tmp_path / f"{name}.yaml", "--seed", seed, "-o", path)[0] == 0
-    (tmp_path / "desk.yaml").write_text(yaml.safe_dump(desk))
-    process(
-        "ambient_trainer",
-        "collect",
-        tmp_path / "desk.yaml",
-        "--simulate",
-        "--speed",
-        SPEED,
-        "-o",
-        tmp_path / "desk.csv",
-    )
-    models = (fit(tmp_path / f"{name}.csv", "free-2", *SENSORS)[1] for name in ("desk", "chamber"))
-    ours, theirs = (evaluate(model, tmp_path / "other.csv") for model in models)
-    print(f"{ours:.3f} / {theirs:.3f} degC, desk / chamber")
-    assert ours < 1.1 * theirs
-
-
-@pytest.mark.slow
 def test_scenario_5_collected_is_scenario_5_simulated(process, call, fit, evaluate, tmp_path):
     """The bar: fit and evaluate come within 5 % on the trace that the laboratory leaves at 200 times real time."""
     collected, simulated, other = (tmp_path / f"{name}.csv" for name in ("collected", "simulated", "other"))
