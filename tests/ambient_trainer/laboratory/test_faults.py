@@ -192,45 +192,46 @@ def _check(trace_path, journal, kept, outages):
 
 
 DAY_S = 86400.0
+KILLS = int(os.environ.get("AMBIENT_KILLS", "4"))
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(300 + 20 * KILLS)
 def test_killed_at_any_moment_it_goes_on_with_the_last_scan_and_the_right_time(campaign_file, tmp_path):
     """``AMBIENT_KILLS=100`` kills it at a hundred drawn moments; the calendar is stepped by a day and back."""
-    steps = [{"duration_min": 2, "chamber_degC": degC, "gradient_K_min": 5} for degC in (30, 10, 25)] * 40
-    loaded = load_campaign(campaign_file(steps, {"instruments.chamber.period_s": 2}), ports=False)
-    draw, speed = random.Random(4), 8.0
+    steps = [{"duration_min": 1, "chamber_degC": degC, "gradient_K_min": 5} for degC in (30, 10, 25)] * 40
+    patient = {"instruments.chamber.period_s": 2, "instruments.multiplexer.timeout_s": 20, "device.timeout_s": 20}
+    loaded = load_campaign(campaign_file(steps, patient), ports=False)
+    draw, speed, scans = random.Random(4), 2.0, []
     trace, journal = tmp_path / "trace.csv", tmp_path / "trace.csv.part"
     with simulated_laboratory(loaded, Clock(speed), 4) as there:
+        scan = there.multiplexer._scan
+        there.multiplexer._scan = lambda: (scans.append(0), scan())[1]
         path, words, known = _campaign(there, tmp_path), (), 0
-        for life in range(int(os.environ.get("AMBIENT_KILLS", "4"))):
+        for life in range(KILLS):
             stepped = {"STEPPED_S": str(draw.choice((-DAY_S, 0.0, DAY_S)))}
+            scans.clear()
             collector = Collector(path, trace, {**there.environment, **stepped}, *words, speed=speed)
             _until(lambda collector=collector: collector.acknowledged or collector.process.poll() is not None)
             time.sleep(draw.uniform(0.0, 1.5))
             assert collector.process.poll() is None, "\n".join(collector.lines)
-            collector.process.kill()
-            killed_s = time.clock_gettime(time.CLOCK_BOOTTIME)
-            collector.wait()
-            record, words = read_journal(str(journal)), ("resume",)
-            last_s = max(entry.asked_s for entry in record.samples if entry.source in (DEVICE, MULTIPLEXER))
-            # the scan under way, and a quarter of a second for a machine that is loaded
-            assert speed * (killed_s - record.head.began_boot_s) - last_s < 2.0 + 0.25 * speed, life
-            assert len(record.samples) >= known + collector.acknowledged
-            known = len(record.samples)
+            collector.kill()
+            found, words = [each for each in _samples(journal) if each.source == MULTIPLEXER], ("resume",)
+            tried = 2 if life == 0 else 0  # before a run begins
+            assert len(scans) - tried - (len(found) - known) <= 1, "the last scan at most"
+            known = len(found)
         collector = Collector(path, trace, there.environment, "resume", speed=speed)
         _until(lambda: collector.acknowledged)
         collector.process.send_signal(signal.SIGTERM)
         assert collector.wait() == 0, collector.lines
         assert collector.lines[-1] == "end stopped True"
         assert there.chamber.held_degC == SAFE_DEGC
-    samples = read_journal(str(journal)).samples
+    samples = _samples(journal)
     assert len({(entry.source, entry.asked_s) for entry in samples}) == len(samples), "none stands twice"
     # the phone's uptime goes on whatever happens here: what it is ahead of the run's time stays, to a period
     ahead_s = [entry.values[CLOCK_OFFSET] for entry in samples if entry.source == DEVICE]
     assert max(ahead_s) - min(ahead_s) < 1.0
-    steps_s = np.diff(load_trace(str(trace)).time_s)
-    assert set(steps_s) == {1.0}
+    assert set(np.diff(load_trace(str(trace)).time_s)) == {1.0}
 
 
 @pytest.mark.slow
