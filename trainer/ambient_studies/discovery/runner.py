@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +16,13 @@ from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.data import Trace
 from ambient_trainer.diagnosis import (
-    TrainedCircuit,
-    diagnose_trained,
+    KnownGood,
+    diagnose_changed,
     diagnosis_period_s,
     forward,
-    known_good_model,
-    records_of,
     train_on_baselines,
 )
-from ambient_trainer.estimation import Progress, results, workers
+from ambient_trainer.estimation import results, workers
 from ambient_trainer.simulator import Simulated, Truth
 
 _AT_ONCE = 24
@@ -33,11 +31,10 @@ _AT_ONCE = 24
 
 @dataclass(frozen=True)
 class Bench:
-    """A circuit, trained on known-good runs, and the period of its records."""
+    """A circuit, and what known-good runs say of it."""
 
     circuit: Circuit
-    trained: TrainedCircuit
-    period_s: float
+    known: KnownGood
     baselines: tuple[str, ...]
 
 
@@ -51,12 +48,17 @@ class Done:
     rivals: tuple[str, ...]
 
 
-def train(circuit: Circuit, baselines: Sequence[Trace], progress: Progress | None = None) -> Bench:
-    """The bench that known-good runs give."""
-    period_s = diagnosis_period_s(baselines)
+def train(
+    circuit: Circuit,
+    baselines: Sequence[Trace],
+    progress: Callable[[str, int, int], None] | None = None,
+    period_s: float | None = None,
+) -> Bench:
+    """The bench that known-good runs give; without ``period_s`` on the grid of a diagnosis."""
+    period_s = period_s or diagnosis_period_s(baselines)
     with threadpool_limits(1):
-        trained = train_on_baselines(forward(circuit), baselines, period_s, known_good_model, progress)
-    return Bench(circuit, trained, period_s, tuple(trace.path for trace in baselines))
+        known = train_on_baselines(forward(circuit), baselines, period_s, progress)
+    return Bench(circuit, known, tuple(trace.path for trace in baselines))
 
 
 def run(bench: Bench, cases: Sequence[Case], jobs: int) -> Generator[Done, None, None]:
@@ -84,7 +86,7 @@ def diagnosed(bench: Bench, case: Case, run: Simulated) -> Done:
     """One case: only its trace is diagnosed; the truth is for the score."""
     started_s = time.perf_counter()
     with threadpool_limits(1):
-        found = diagnose_trained(bench.trained, bench.circuit, [run.trace], bench.baselines, bench.period_s)
+        found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
     seconds = time.perf_counter() - started_s
     scored = score(run.truths, size_in_noise(bench, run), found, bench.circuit, seconds)
     rivals = found.steps[0].indistinguishable_from if found.steps else ()
@@ -100,16 +102,14 @@ def size_in_noise(bench: Bench, run: Simulated) -> float:
 
 
 def _size(bench: Bench, run: Simulated, truth: Truth) -> float:
-    plant, deviation = bench.trained.model.plant, bench.trained.noise.deviation_degC
+    known = bench.known
+    sensors = [output.name for output in known.model.circuit.outputs]
     if truth.worst != REFERENCE:
-        return float(truth.size_degC or 0.0) / float(deviation[plant.sensors.index(str(truth.worst)[: -len("_degC")])])
+        return float(truth.size_degC or 0.0) / float(known.noise_degC[sensors.index(str(truth.worst)[: -len("_degC")])])
     if run.clean is None:
         return 0.0
-    logged, clean = (
-        plant.forced(records_of(plant.circuit, trace, bench.period_s)[0].inputs) for trace in (run.trace, run.clean)
-    )
-    felt = np.sqrt(np.mean((logged - clean)[plant.reads] ** 2, axis=1))
-    return float(np.max(felt / deviation))
+    logged, clean = (known.simulated_degC(trace) for trace in (run.trace, run.clean))
+    return float(np.max(np.sqrt(np.mean((logged - clean) ** 2, axis=1)) / known.noise_degC))
 
 
 def _runs(cases: Sequence[Case]) -> Iterator[tuple[Case, Simulated]]:

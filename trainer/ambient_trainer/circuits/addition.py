@@ -7,37 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import exp, inf, log
-from statistics import fmean
+from math import inf
 
-from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Node, Parameter, Source
+from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Parameter, Source
 
 
 def with_values(circuit: Circuit, values: Mapping[str, float]) -> Circuit:
-    """``circuit`` with its free parameters starting at ``values``, which may lie outside their bounds."""
+    """``circuit`` with its free parameters starting at ``values``; bounds give way to them."""
     started = (each for each in circuit.parameters if each.free and each.name in values)
-    return _with(circuit, {each.name: replace(each, initial=values[each.name]) for each in started})
-
-
-def with_heat_of(circuit: Circuit, model: Circuit) -> Circuit:
-    """``circuit``, where nothing in it fixes how much heat there is, with as much as in ``model``; all within bounds.
-
-    Every capacitance and source times a factor and every resistance over it is the same circuit for temperatures: a
-    search that knows no better may leave the scale anywhere.
-    """
-    there = {each.name: each.initial for each in model.parameters}
-    here = {each.name: each.initial for each in circuit.parameters}
-    common = [name for node in circuit.states if (name := str(node.capacitance)) in there]
-    watts = {str(node.capacitance) for node in circuit.states} | {source.share for source in circuit.sources}
-    watts |= {output.heat for output in circuit.outputs if output.heat is not None}
-    resistances = {edge.resistance for edge in circuit.edges}
-    factor = 1.0
-    if all(each.free for each in circuit.parameters if each.name in watts | resistances):
-        factor = exp(fmean(log(there[name] / here[name]) for name in common))
-    scales = {**dict.fromkeys(watts, factor), **dict.fromkeys(resistances, 1.0 / factor)}
-    scaled = (replace(each, initial=each.initial * scales.get(each.name, 1.0)) for each in circuit.parameters)
-    within = (replace(each, initial=min(max(each.initial, each.low), each.high)) for each in scaled)
-    return replace(circuit, parameters=tuple(within))
+    return _with(circuit, {each.name: _moved(each, values[each.name]) for each in started})
 
 
 def with_source(circuit: Circuit, into: str, signal: str, share: float, unit: str) -> Circuit:
@@ -65,26 +43,6 @@ def with_body(circuit: Circuit, neighbour: str, capacitance_J_K: float, resistan
     added = replace(circuit, nodes=(*circuit.nodes, Node(body, name, None)))
     held = _with(added, {name: _positive(name, "J/K", capacitance_J_K)})
     return with_edge(held, neighbour, body, resistance_K_W)
-
-
-def with_ambient_conductance(circuit: Circuit, node: str | None, factor: float) -> Circuit:
-    """``circuit`` with the conductance to the ambient of one node, or of every state, times ``factor``."""
-    states = {each.name for each in circuit.states} if node is None else {node}
-    changed = [edge for edge in circuit.edges if AMBIENT in edge.between and edge.other(AMBIENT) in states]
-    shared = {edge.resistance for edge in circuit.edges if edge not in changed}
-    for name in dict.fromkeys(edge.resistance for edge in changed):
-        known = _parameter(circuit, name)
-        own = name
-        if name in shared:
-            # what else has this resistance keeps it
-            own = _unused(circuit, f"R_{node or 'node'}_{AMBIENT}")
-            edges = (
-                replace(each, resistance=own) if each in changed and each.resistance == name else each
-                for each in circuit.edges
-            )
-            circuit = replace(circuit, edges=tuple(edges))
-        circuit = _with(circuit, {own: replace(_moved(known, known.initial / factor), name=own)})
-    return circuit
 
 
 def _with(circuit: Circuit, parameters: Mapping[str, Parameter]) -> Circuit:

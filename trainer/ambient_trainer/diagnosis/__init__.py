@@ -1,8 +1,9 @@
 """What a circuit gets wrong about measured data: shown, named, added to the circuit, and scored on other data."""
 
-from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_trained
+from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_changed
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.record import diagnosis_period_s
+from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
+from ambient_trainer.diagnosis.record import diagnosis_period_s, records_of
 from ambient_trainer.diagnosis.report import report_of
 from ambient_trainer.diagnosis.result import (
     NONE,
@@ -16,8 +17,6 @@ from ambient_trainer.diagnosis.result import (
     Step,
     Tested,
 )
-from ambient_trainer.diagnosis.selection import known_good_model
-from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
 from ambient_trainer.diagnosis.words import digits, duration
 
 __all__ = [
@@ -26,19 +25,18 @@ __all__ = [
     "Cause",
     "Diagnosis",
     "Gain",
+    "KnownGood",
     "Magnitude",
     "Misfit",
     "Ranked",
     "Step",
     "Tested",
-    "TrainedCircuit",
     "diagnose",
-    "diagnose_trained",
+    "diagnose_changed",
     "diagnosis_period_s",
     "digits",
     "duration",
     "forward",
-    "known_good_model",
     "records_of",
     "report_of",
     "train_on_baselines",

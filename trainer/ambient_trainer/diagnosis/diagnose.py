@@ -1,44 +1,52 @@
-"""The diagnosis: the circuit is fitted, effects are selected one after the other, and the gain of each is measured."""
+"""The diagnosis: the circuit is fitted, what it lacks is added step by step, and the gain of each step is measured.
+
+Without known-good records the question is what the circuit lacks, with them what has changed since.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.stats import norm
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.causes import kind_of
-from ambient_trainer.diagnosis.experiment import next_experiment
-from ambient_trainer.diagnosis.extended_circuit import Extension, extended_circuit
+from ambient_trainer.data.grid import sampling_period_s
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.diagnosis.findings import ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.gain import Blocks, differ
-from ambient_trainer.diagnosis.lacking import diagnose_lacking
+from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
+from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
+from ambient_trainer.diagnosis.greybox.stepwise import (
+    Progress,
+    Selection,
+    anchors,
+    bare_fit,
+    changed_candidates,
+    stepwise,
+)
+from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
-from ambient_trainer.diagnosis.model import Effect
-from ambient_trainer.diagnosis.record import Record, diagnosis_period_s
-from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Diagnosis, Gain, Ranked, Step
-from ambient_trainer.diagnosis.selection import Selection, SelectionStep, Trial, known_good_model, select_effects
-from ambient_trainer.diagnosis.training import TrainedCircuit, records_of, train_on_baselines
-from ambient_trainer.diagnosis.view import View, conductances_to_ambient
-from ambient_trainer.diagnosis.words import digits, window
-
-Array = NDArray[np.float64]
-Progress = Callable[[str, int, int], None]
+from ambient_trainer.diagnosis.next_experiment import next_experiment
+from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
+from ambient_trainer.diagnosis.result import UNKNOWN, Diagnosis
+from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
 FEWEST_SAMPLES = 100
-_MOST_UNEXPLAINED = 0.5
-"""Of a sensor's own standard deviation: a simulation that leaves more does not describe the data."""
-_MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 8.0
-"""In units of what known-good records leave: below the one the data are described, beyond the other they are not."""
 _ROUNDING_DEGC = 0.051
 """Two instruments differ by more at some time; a column and its copy with one decimal do not."""
+_MUCH, _EXPLAINABLE = 0.1, 0.35
+"""A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
+much of it."""
+_SMALL_DEGC, _UNDESCRIBED, _MOSTLY = 0.3, 0.5, 0.5
+_SHORTEST = 5
+"""Samples; a shorter stretch between gaps says where it began, and little else."""
+_PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
+"""Samples are a third of the fastest time constant apart, as far as so many of them allow."""
 
 
 def diagnose(
@@ -77,11 +85,9 @@ def diagnose(
 
     Notes
     -----
-    Without ``baselines`` see :mod:`ambient_trainer.diagnosis.lacking`. With them, effects are selected forward. All
-    candidates are screened by a regression of the whitened residual on what each would add to the sensors; the best are
-    simulated, fitted together with the circuit's free parameters, and scored on blocks of time that their coefficients
-    have not seen (5-fold). The score's penalty is Schwarz's (1978), p-values are corrected for the number of candidates
-    and windows (Bonferroni).
+    Mechanisms are added step by step. All candidates are screened by a score test (Rao 1948) on simulated states; the
+    best are fitted together with the circuit's numbers and compared on folds of time that were left out. With
+    ``baselines`` the circuit's numbers have a prior from these, and sensors weigh by what these leave at each.
 
     Examples
     --------
@@ -91,46 +97,141 @@ def diagnose(
     """
     plain = forward(circuit)
     _check(plain, [*traces, *baselines])
-    fitting = None if progress is None else lambda done, total, rmse: progress("fit", done, total)
     with threadpool_limits(1):
         if not baselines:
-            return diagnose_lacking(circuit, traces, period_s, progress)
+            return _lacking(circuit, traces, period_s, progress)
         period_s = period_s or diagnosis_period_s([*traces, *baselines])
-        trained = train_on_baselines(plain, baselines, period_s, known_good_model, fitting)
-        return diagnose_trained(trained, circuit, traces, [trace.path for trace in baselines], period_s, progress)
+        known = train_on_baselines(plain, baselines, period_s, progress)
+        return diagnose_changed(known, circuit, traces, [trace.path for trace in baselines], progress)
 
 
-def diagnose_trained(
-    trained: TrainedCircuit,
+def diagnose_changed(
+    known: KnownGood,
     circuit: Circuit,
     traces: Sequence[Trace],
     baselines: Sequence[str],
-    period_s: float,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """:func:`diagnose` with a circuit that was trained before, for many traces of one device."""
-    own = [each for trace in traces for each in records_of(trained.model.plant.circuit, trace, period_s)]
-    selection = select_effects(trained, own, progress)
-    steps = _steps(selection) if _describes(selection, trained, own) else (_unknown(selection),)
+    own = _long_enough(known.records(traces))
+    bare = known.bare_fit(own)
+    selection = stepwise(bare, floor_degC=known.rmse_degC, progress=progress, offered=changed_candidates)
+    return _diagnosis(circuit, traces, selection, None, baselines)
+
+
+def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float | None, progress: Progress | None) -> Diagnosis:
+    plain = forward(circuit)
+    period_s = period_s or fitting_period_s(plain, traces)
+    own = _long_enough([each for trace in traces for each in records_of(plain, trace, period_s)])
+    model, floor = greybox_of(plain), _floor_degC(own)
+    selection = stepwise(bare_fit(model, own), anchors(model, own), floor, progress)
+    return _diagnosis(circuit, traces, selection, floor, ())
+
+
+def _long_enough(records: list[Record]) -> list[Record]:
+    return [each for each in records if each.samples >= _SHORTEST] or records
+
+
+def _diagnosis(
+    circuit: Circuit, traces: Sequence[Trace], selection: Selection, floor_degC: float | None, baselines: Sequence[str]
+) -> Diagnosis:
+    bare, final = selection.bare, selection.final
+    longest = max(range(len(bare.records)), key=lambda index: bare.records[index].samples)
+    steps = steps_of(selection, longest)
+    before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
+    share = None if floor_degC is None else _share(before, after, floor_degC)
+    nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
+    if nothing or ((share or 0.0) < _MOSTLY and _undescribed(final)) or _confounded(selection):
+        steps, share = (unknown_step(bare, longest),), None
+    fitted = extended_circuit(circuit, bare.model) if bare.model.mechanisms else _fitted(circuit, bare)
+    record = bare.records[longest]
+    own = bare.model.network(record, bare.model.z()[None])
+    simulated = record.sensors - bare.residual_degC(longest)
     named = bool(steps) and steps[0].cause.name != UNKNOWN
-    extension = extended_circuit(circuit, selection.final.model) if named else Extension(None, ())
-    view = selection.plain.longest
     return Diagnosis(
         trace=", ".join(trace.path for trace in traces),
         circuit=circuit.name,
         baselines=tuple(baselines),
-        time_s=view.record.time_s,
-        signals={**view.signals, REFERENCE: view.ambient_degC},
-        misfit=misfit_of(view),
+        time_s=record.time_s,
+        signals={name: row for name, row in record.signals.items() if _shown(name)},
+        misfit=misfit_of(bare.model.circuit, own, record, simulated),
         steps=steps,
         verdict=steps[0] if steps else None,
-        ranking=_ranking(selection.steps[0]),
+        ranking=ranking_of(selection),
         next_experiment=next_experiment(selection, steps),
-        extended=extension.circuit,
-        candidates_tried=selection.steps[0].tried,
-        notes=extension.left_out,
-        fitted=with_values(circuit, trained.model.plant.values),
+        extended=extended_circuit(circuit, final.model) if named else None,
+        candidates_tried=selection.compared.tried,
+        fitted=fitted,
+        floor_degC=floor_degC,
+        explained_share=share,
     )
+
+
+def _shown(name: str) -> bool:
+    return name == REFERENCE or not name.endswith("_degC")
+
+
+def _fitted(circuit: Circuit, bare: Fitted) -> Circuit:
+    return with_values(forward(circuit), {each.name: each.value for each in bare.model.own})
+
+
+def fitting_period_s(plain: Circuit, traces: Sequence[Trace]) -> float:
+    """A grid of at most 2000 samples, or a finer one where the circuit's fastest time constant asks for it."""
+    coarse = diagnosis_period_s(traces)
+    own = max(sampling_period_s(trace.time_s) for trace in traces)
+    if coarse <= own:
+        return coarse
+    model = greybox_of(plain)
+    fitted = bare_fit(model, [each for trace in traces for each in records_of(plain, trace, coarse)])
+    # a fit without its cause may end at absurd time constants: the slower of the given and the fitted ones counts
+    network = fitted.model.network(fitted.records[0], np.array([model.z(), fitted.model.z()]))
+    rate = (network.between.sum(axis=2) + network.to_boundary.sum(axis=2)) / network.capacitance
+    logged_s = max(sum(each.samples for each in fitted.records) * coarse, 1.0)
+    wanted = max(_PER_TIME_CONSTANT / float(rate[:, network.reads].max(axis=1).min()), logged_s / MOST_FINE)
+    return float(own * max(1.0, np.floor(min(coarse, wanted) / own + 1e-9)))
+
+
+def _share(before: float, after: float, floor: float) -> float | None:
+    """How much of what can be explained is explained; None where nothing can."""
+    return min((before - after) / (before - floor), 1.0) if before - floor > 0.05 * before else None
+
+
+def _floor_degC(own: Sequence[Record]) -> float:
+    """What a black box with the same inputs leaves on folds of the longest record."""
+    record = max(own, key=lambda each: each.samples)
+    edges = np.linspace(0, record.samples, FOLDS + 1).astype(int)
+    # the first fold is held out of no fit: how a run begins is seen nowhere else
+    blocks = [slice(first, last) for first, last in pairwise(edges)][1:]
+    inputs = {name: row for name, row in record.signals.items() if np.ptp(row) > 0}
+    if not inputs:
+        return float(np.sqrt(np.nanmean((record.sensors - np.nanmean(record.sensors, axis=1)[:, None]) ** 2)))
+    return black_box_rmse_degC(record.time_s, inputs, record.sensors, blocks)
+
+
+def _misfits(bare: Fitted, floor_degC: float) -> bool:
+    """Whether what the circuit leaves is large, beside what its sensors do and what could be explained."""
+    if _undescribed(bare):
+        return True
+    deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in bare.records]))
+    large = bare.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
+    return bool(large and floor_degC < (1.0 - _EXPLAINABLE) * bare.held_out_rmse_degC)
+
+
+def _undescribed(fitted: Fitted) -> bool:
+    """Whether a sensor is left with more than half of its own deviation: the model does not describe the data."""
+    read = np.concatenate([record.sensors for record in fitted.records], axis=1)
+    left = np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
+    share = np.nanmean(left**2, axis=1) / np.maximum(np.nanvar(read, axis=1), _SMALL_DEGC**2)
+    return bool(share.max() > _UNDESCRIBED**2)
+
+
+def _confounded(selection: Selection) -> bool:
+    """Whether heat that nothing logged drives comes first, beside a reference that never moves: a warmer ambient and
+    such heat are the same term."""
+    given = len(selection.bare.model.mechanisms)
+    first = selection.final.model.mechanisms[given : given + 1]
+    constant = all(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) == 0 for record in selection.final.records)
+    return constant and any(each.cause == "heat_source" and each.driver is None for each in first)
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
@@ -168,109 +269,3 @@ def _same_as_a_sensor(circuit: Circuit, trace: Trace, name: str) -> list[Fault]:
 def _alike(one: Array, other: Array) -> bool:
     apart = np.abs(one - other)
     return bool((apart[~np.isnan(apart)] <= _ROUNDING_DEGC).all()) and not np.isnan(apart).all()
-
-
-def _steps(selection: Selection) -> tuple[Step, ...]:
-    own = [effect for effect in selection.final.model.effects if not effect.known]
-    every = zip(selection.steps, own, selection.views)
-    return tuple(_step(step, effect, views, selection.final.longest) for step, effect, views in every)
-
-
-def _step(step: SelectionStep, effect: Effect, views: Sequence[View], final: View) -> Step:
-    """The step that selected ``effect``, with its numbers as they are in the ``final`` model."""
-    assert step.selected is not None
-    estimate, gain = effect.estimate(final), step.selected.gain
-    magnitude = effect.candidate.magnitude(estimate)
-    sentence = (
-        f"{effect.candidate.cause}: {magnitude.meaning} {digits(magnitude.value)} {magnitude.unit}"
-        f" ({digits(magnitude.ci95[0])} to {digits(magnitude.ci95[1])}), {window(effect.onset_s, effect.end_s)};"
-        f" on held-out data {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
-    )
-    return Step(
-        cause=effect.candidate.cause,
-        onset_s=effect.onset_s,
-        end_s=effect.end_s,
-        magnitude=magnitude,
-        confidence=_confidence(step, step.selected),
-        gain=gain,
-        indistinguishable_from=tuple(dict.fromkeys(rival.cause for rival in step.rivals)),
-        sentence=sentence,
-        parameters=effect.candidate.parameters(estimate),
-        residual_degC=max(views, key=lambda each: each.record.samples).residual_degC,
-    )
-
-
-def _confidence(step: SelectionStep, selected: Trial) -> float:
-    """The probability that neither chance nor the closest other cause does as well, by held-out errors of blocks."""
-    others = [each for each in step.trials if each.cause != selected.cause]
-    ahead = min((differ(each.blocks, selected.blocks) for each in others), default=np.inf)
-    return float(norm.cdf(ahead) * (1.0 - selected.gain.p_value))
-
-
-def _ranking(step: SelectionStep) -> tuple[Ranked, ...]:
-    rivals = {id(each) for each in step.rivals}
-    return tuple(
-        Ranked(
-            each.cause,
-            each.effect.onset_s,
-            each.effect.end_s,
-            each.effect.magnitude(each.fitted.longest),
-            each.gain,
-            _remark(step, each, id(each) in rivals),
-        )
-        for each in step.trials
-    )
-
-
-def _remark(step: SelectionStep, trial: Trial, rival: bool) -> str:
-    if trial is step.selected:
-        return "taken"
-    if trial.gain.ci95_degC[0] <= 0:
-        return "no sure gain on held-out data"
-    if step.selected is None:
-        return "gains too little to matter"
-    if rival:
-        return "not distinguishable from the one taken"
-    if trial.blocks.white.sum() < step.selected.blocks.white.sum():
-        return "gains a little more, with more parameters"
-    return "gains less on held-out data"
-
-
-def _describes(selection: Selection, trained: TrainedCircuit, own: Sequence[Record]) -> bool:
-    """Whether the model with all its steps describes the data, or most of the misfit: else no cause is named."""
-    left = np.concatenate([each.residual_degC for each in selection.final.views], axis=1)
-    read = np.concatenate([record.sensors for record in own], axis=1)
-    variance = np.nanvar(read, axis=1)
-    square = np.nanmean(left**2, axis=1)
-    # all together, and the one that is worst off: a reading of noise drowns among others that are described
-    for unexplained, whole in ((square.mean(), variance.mean()), (square.max(), variance[square.argmax()])):
-        if unexplained > _MOST_UNEXPLAINED**2 * max(whole, 1e-12):
-            return False
-    if _confounded_with_ambient(selection):
-        return False
-    if not trained.normal:
-        return True
-    before, after = (
-        Blocks.of(each, trained.noise).relative(trained.noise) for each in (selection.plain, selection.final)
-    )
-    return after < max(_MOST_MISFIT, min(_MOST_UNEXPLAINED * before, _MOST_OF_A_LARGE_MISFIT))
-
-
-def _confounded_with_ambient(selection: Selection) -> bool:
-    """Whether the first step is heat that an ambient which the reference holds constant would explain as well.
-
-    Heat into a node and a warmer ambient of it are the same term of its equation.
-    """
-    cause = next((each.selected.cause for each in selection.steps if each.selected is not None), None)
-    if cause is None or cause.signal is not None or not kind_of(cause).heats:
-        return False
-    plant = selection.final.model.plant
-    joined = [name for name, each in zip(plant.nodes, conductances_to_ambient(plant)) if each > 0]
-    return cause.location in joined and all(np.ptp(view.ambient_degC) == 0 for view in selection.plain.views)
-
-
-def _unknown(selection: Selection) -> Step:
-    before = Blocks.of(selection.plain, selection.noise).rmse_degC()
-    sentence = f"The simulation is {before:.2f} degC off."
-    gain = Gain(before, before, (0.0, 0.0), 1.0)
-    return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, selection.plain.longest.residual_degC)

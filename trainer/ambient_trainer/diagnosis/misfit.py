@@ -10,106 +10,142 @@ dr/dt is the slope of a straight line through a window of ``heat_window_samples`
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lsim, savgol_filter
 
 from ambient_model.trace import REFERENCE
-from ambient_trainer.diagnosis.plant import Plant
-from ambient_trainer.diagnosis.record import bridged
+from ambient_trainer.circuits.circuit import AMBIENT, Circuit
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.record import Record, bridged
 from ambient_trainer.diagnosis.residual_tests import residual_tests
 from ambient_trainer.diagnosis.result import Misfit
-from ambient_trainer.diagnosis.setting import heat_in_watts
-from ambient_trainer.diagnosis.view import View, conductances_to_ambient
-
-Array = NDArray[np.float64]
 
 NOISE_SHARE = 0.2
 """The window is the shortest in which noise makes no more than this share of the standard deviation of all heat."""
 _SHORTEST, _LONGEST_SHARE, _LONGER = 5, 0.05, 1.3
 
 
-def misfit_of(view: View) -> Misfit:
-    """What the model behind ``view`` gets wrong, on the record's own times."""
-    plant, record = view.plant, view.record
-    heat_W = residual_heat_W(view)
-    in_W = heat_in_watts(plant.circuit)
-    heat = heat_W if in_W else heat_W / plant.capacitance[plant.reads, None]
-    has_ambient = REFERENCE in plant.circuit.inputs
+@dataclass(frozen=True)
+class _Nodes:
+    """A linear network of n nodes: dT/dt = A T, and ``to_air`` (n,) in W/K; ``reads`` (s,) is each sensor's node."""
+
+    A: Array
+    capacitance: Array
+    to_air: Array
+    reads: NDArray[np.intp]
+    period_s: float
+
+    @staticmethod
+    def of(network: Network) -> _Nodes:
+        """Of the first lane."""
+        between, outside, capacitance = network.between[0], network.to_boundary[0], network.capacitance[0]
+        A = (between - np.diag(between.sum(axis=1) + outside.sum(axis=1))) / capacitance[:, None]
+        to_air = outside[:, network.boundary(AMBIENT)] if AMBIENT in network.boundaries else np.zeros(len(A))
+        return _Nodes(A, capacitance, to_air, network.reads, network.period_s)
+
+    @property
+    def hidden(self) -> NDArray[np.bool_]:
+        """Which nodes have no sensor, (n,)."""
+        return ~np.isin(np.arange(len(self.A)), self.reads)
+
+    def conductances_W_K(self, nodes: NDArray[np.intp] | NDArray[np.bool_]) -> Array:
+        """The heat into each sensor's node by each of ``nodes``, per K, (s, k)."""
+        return np.asarray(self.capacitance[self.reads, None] * self.A[np.ix_(self.reads, nodes)])
+
+    def into_hidden_K_s(self, left: Array) -> Array:
+        """What ``left`` (s, N) at the sensors does to each node without one, (k, N)."""
+        return np.asarray(self.A[np.ix_(self.hidden, self.reads)] @ left)
+
+
+def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC: Array) -> Misfit:
+    """What a forward ``circuit`` gets wrong, on the record's own times.
+
+    ``network`` is that of the circuit, ``simulated_degC`` (s, N) what its sensors read by it.
+    """
+    nodes, residual = _Nodes.of(network), record.sensors - simulated_degC
+    heat_W = residual_heat_W(nodes, residual)
+    in_W = _in_watts(circuit)
+    heat = heat_W if in_W else heat_W / nodes.capacitance[nodes.reads, None]
+    sensors = tuple(output.name for output in circuit.outputs)
+    air = record.inputs[circuit.inputs.index(REFERENCE)] if REFERENCE in circuit.inputs else None
     tests = residual_tests(
         record.time_s,
-        view.residual_degC,
+        residual,
         heat,
-        plant.sensors,
-        view.signals,
-        view.ambient_degC if has_ambient else np.full(record.samples, np.nan),
+        sensors,
+        {name: row for name, row in record.signals.items() if not name.endswith("_degC")},
+        np.full(record.samples, np.nan) if air is None else air,
         record.sensors,
     )
-    return Misfit(
-        plant.sensors,
-        record.sensors,
-        view.simulated_degC,
-        heat,
-        "W" if in_W else "K/s",
-        tests,
-        _ambient_error_degC(view),
-    )
+    unit, error = "W" if in_W else "K/s", _ambient_error_degC(nodes, residual)
+    return Misfit(sensors, record.sensors, simulated_degC, heat, unit, tests, error)
 
 
-def residual_heat_W(view: View) -> Array:
+def _in_watts(circuit: Circuit) -> bool:
+    """Whether something fixed sets the scale of heat: temperatures alone determine only heat over capacitance."""
+    fixed = {each.name for each in circuit.parameters if not each.free}
+    # a share that was given in watts for a load does as well; the default of one does for a power only
+    values = {each.name: each.initial for each in circuit.parameters}
+    named = [each.share for each in circuit.sources if each.signal.endswith("_W") or values[each.share] != 1.0]
+    named += [str(node.capacitance) for node in circuit.states]
+    named += [edge.resistance for edge in circuit.edges]
+    return any(name in fixed for name in named)
+
+
+def residual_heat_W(nodes: _Nodes, residual: Array) -> Array:
     """The heat that no modelled flow accounts for, at each sensor's node, (s, N); NaN where nothing was measured.
 
     Its scale is that of the capacitances: watts only where those are.
     """
-    if view.record.samples < _SHORTEST:
-        return np.full_like(view.residual_degC, np.nan)
-    known = ~np.isnan(view.residual_degC)
-    heat = _heat_W(view.plant, _left(view), heat_window_samples(view))
-    return np.where(known, heat, np.nan)
+    if residual.shape[1] < _SHORTEST:
+        return np.full_like(residual, np.nan)
+    heat = _heat_W(nodes, _left(residual), heat_window_samples(nodes, residual))
+    return np.where(np.isnan(residual), np.nan, heat)
 
 
-def heat_window_samples(view: View) -> int:
+def heat_window_samples(nodes: _Nodes, residual: Array) -> int:
     """Over how many samples the heat is smoothed: an odd number."""
-    left = _left(view)
+    left = _left(residual)
     noise_degC = _white_noise_degC(left)
-    capacitance = view.plant.capacitance[view.plant.reads]
+    capacitance = nodes.capacitance[nodes.reads]
     longest = max(_SHORTEST, int(_LONGEST_SHARE * left.shape[1]) | 1)
     window = _SHORTEST
     while window < longest:
         # the standard error of the slope of a line through so many evenly spaced points
-        slope_K_s = noise_degC * np.sqrt(12.0 / (window**3 - window)) / view.plant.period_s
-        heat = _heat_W(view.plant, left, window)
+        slope_K_s = noise_degC * np.sqrt(12.0 / (window**3 - window)) / nodes.period_s
+        heat = _heat_W(nodes, left, window)
         if np.sum((capacitance * slope_K_s) ** 2) <= NOISE_SHARE**2 * np.sum(np.var(heat, axis=1)):
             break
         window = min(longest, int(_LONGER * window) // 2 * 2 + 1)
     return window
 
 
-def _heat_W(plant: Plant, left: Array, window: int) -> Array:
+def _heat_W(nodes: _Nodes, left: Array, window: int) -> Array:
     """C dr/dt less the flows that r drives, at each sensor's node, for r = ``left`` (s, N) there."""
-    heat = _heat_among_sensors_W(plant, left, window)
-    hidden = _hidden(plant)
+    heat = _heat_among_sensors_W(nodes, left, window)
+    hidden = nodes.hidden
     if hidden.any():
-        part, conductance = plant.part(hidden), _conductances_W_K(plant, hidden)
-        followed = part.V @ part.modal(part.W @ _into_hidden_K_s(plant, left))
-        heat -= conductance @ savgol_filter(followed, window, 1, axis=1)
+        A, conductance = nodes.A[np.ix_(hidden, hidden)], nodes.conductances_W_K(hidden)
+        drive = nodes.into_hidden_K_s(left)
+        rest = np.zeros(len(A))
+        heat -= conductance @ savgol_filter(_followed(A, drive, nodes.period_s, rest), window, 1, axis=1)
         # where a hidden node began is not known: such that it leaves the least heat
-        starts = conductance @ part.decays(left.shape[1])
-        began = np.linalg.lstsq(starts.reshape(len(starts), -1).T, heat.ravel(), rcond=1e-6)[0]
-        heat -= np.einsum("i,isk->sk", began, starts)
+        starts = [conductance @ _followed(A, 0 * drive, nodes.period_s, one) for one in np.eye(len(A))]
+        columns = np.array([each.ravel() for each in starts]).T
+        began = np.linalg.lstsq(columns, heat.ravel(), rcond=1e-6)[0]
+        heat -= (columns @ began).reshape(heat.shape)
     return _in_whole_windows(heat, window)
 
 
-def _heat_among_sensors_W(plant: Plant, left: Array, window: int) -> Array:
+def _heat_among_sensors_W(nodes: _Nodes, left: Array, window: int) -> Array:
     """As :func:`_heat_W`, if r were zero wherever there is no sensor; at the ends without a whole window."""
-    slope = savgol_filter(left, window, 1, deriv=1, delta=plant.period_s, axis=1)
+    slope = savgol_filter(left, window, 1, deriv=1, delta=nodes.period_s, axis=1)
     level = savgol_filter(left, window, 1, axis=1)
-    return np.asarray(plant.capacitance[plant.reads, None] * slope - _conductances_W_K(plant, plant.reads) @ level)
-
-
-def _conductances_W_K(plant: Plant, nodes: NDArray[np.intp] | NDArray[np.bool_]) -> Array:
-    """The heat into each sensor's node by each of ``nodes``, per K, (s, k)."""
-    return np.asarray(plant.capacitance[plant.reads, None] * plant.A[np.ix_(plant.reads, nodes)])
+    return np.asarray(nodes.capacitance[nodes.reads, None] * slope - nodes.conductances_W_K(nodes.reads) @ level)
 
 
 def _in_whole_windows(rows: Array, window: int) -> Array:
@@ -119,52 +155,41 @@ def _in_whole_windows(rows: Array, window: int) -> Array:
     return np.asarray(rows[..., kept])
 
 
-def _hidden(plant: Plant) -> NDArray[np.bool_]:
-    """Which nodes have no sensor, (n,)."""
-    return ~np.isin(np.arange(len(plant.nodes)), plant.reads)
-
-
-def _into_hidden_K_s(plant: Plant, left: Array) -> Array:
-    """What ``left`` (s, N) at the sensors does to each node without one, (k, N)."""
-    return np.asarray(plant.A[np.ix_(_hidden(plant), plant.reads)] @ left)
-
-
-def _ambient_error_degC(view: View) -> Array | None:
+def _ambient_error_degC(nodes: _Nodes, residual: Array) -> Array | None:
     """True less estimate, (N,), of the ambient that balances the measured nodes which are joined to it; NaN in gaps.
 
     Each asks for q / G more than there was; together, weighted by their conductances G, for sum q / sum G. What a node
     without a sensor does follows from the sensors and that same ambient, from equilibrium. None where no measured node
     is joined to the ambient, or those without a sensor make it run away.
     """
-    plant, hidden = view.plant, _hidden(view.plant)
-    conductance = conductances_to_ambient(plant)[plant.reads]
+    conductance, hidden = nodes.to_air[nodes.reads], nodes.hidden
     joined, total = conductance > 0, conductance.sum()
-    if not joined.any() or view.record.samples < _SHORTEST:
+    if not joined.any() or residual.shape[1] < _SHORTEST:
         return None
-    left, window = _left(view), heat_window_samples(view)
-    excess = _heat_among_sensors_W(plant, left, window)[joined].sum(axis=0) / total
+    left, window = _left(residual), heat_window_samples(nodes, residual)
+    excess = _heat_among_sensors_W(nodes, left, window)[joined].sum(axis=0) / total
     if hidden.any():
-        inflow = _conductances_W_K(plant, hidden)[joined].sum(axis=0) / total
-        air = (conductances_to_ambient(plant) / plant.capacitance)[hidden]
-        A = plant.part(hidden).A - np.outer(air, inflow)
+        inflow = nodes.conductances_W_K(hidden)[joined].sum(axis=0) / total
+        air = (nodes.to_air / nodes.capacitance)[hidden]
+        A = nodes.A[np.ix_(hidden, hidden)] - np.outer(air, inflow)
         if np.linalg.eigvals(A).real.max() >= 0:
             return None
-        drive = _into_hidden_K_s(plant, left) + np.outer(air, excess)
-        excess = excess - inflow @ _followed(A, drive, plant.period_s)
-    known = ~np.isnan(view.residual_degC[joined]).any(axis=0)
+        drive = nodes.into_hidden_K_s(left) + np.outer(air, excess)
+        start = np.asarray(-np.linalg.solve(A, drive[:, 0]), dtype=np.float64)
+        excess = excess - inflow @ _followed(A, drive, nodes.period_s, start)
+    known = ~np.isnan(residual[joined]).any(axis=0)
     return np.where(known, -_in_whole_windows(excess, window), np.nan)
 
 
-def _followed(A: Array, drive: Array, period_s: float) -> Array:
-    """x (k, N) with dx/dt = A x + ``drive`` (k, N), from equilibrium."""
+def _followed(A: Array, drive: Array, period_s: float, start: Array) -> Array:
+    """x (k, N) with dx/dt = A x + ``drive`` (k, N)."""
     unit, time_s = np.eye(len(A)), period_s * np.arange(drive.shape[1])
-    start = -np.linalg.solve(A, drive[:, 0])
     return np.asarray(lsim((A, unit, unit, 0 * unit), drive.T, time_s, start)[1]).reshape(-1, len(A)).T
 
 
-def _left(view: View) -> Array:
+def _left(residual: Array) -> Array:
     """Measured less simulated, (s, N), with straight lines over gaps."""
-    return np.array([bridged(row) for row in view.residual_degC])
+    return np.array([bridged(row) for row in residual])
 
 
 def _white_noise_degC(rows: Array) -> Array:

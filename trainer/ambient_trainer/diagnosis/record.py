@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.lti.statespace import Hold
@@ -34,6 +35,13 @@ class Record:
     inputs: Array
     sensors: Array
     signals: Mapping[str, Array]
+    weight: Array | None = None
+    """Of each sensor's readings (s,), by what is known of its noise; None: all alike."""
+
+    @property
+    def weights(self) -> Array:
+        """As a column (s, 1)."""
+        return np.ones((len(self.sensors), 1)) if self.weight is None else self.weight[:, None]
 
     @property
     def samples(self) -> int:
@@ -72,6 +80,11 @@ def records(
         )
         for segment in segments(timed, inputs, [_TIME, *sensors, *extra], period_s)
     ]
+
+
+def records_of(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
+    """The records of a trace, with the inputs and sensors of a forward circuit."""
+    return records(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s, circuit.hold)
 
 
 _TIME = "grid time"

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ambient_trainer.diagnosis import figures
-from ambient_trainer.diagnosis.causes import noun
+from ambient_trainer.diagnosis.greybox.file import kinds
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
 from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time
 from ambient_trainer.diagnosis.result import (
@@ -102,6 +102,15 @@ def _headline(diagnosis: Diagnosis) -> str:
         f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC, "
         f"{chance(gain.p_value)}).{more}"
     )
+
+
+def noun(cause: Cause) -> str:
+    """``cause`` as a noun: ``heat that the circuit does not know, at flash, driven by camera_on``."""
+    words = next((each.noun for each in kinds().values() if each.cause == cause.name), cause.name.replace("_", " "))
+    if cause.location is not None:
+        place = str(cause.place)
+        words += f", {'between' if '-' in place else 'at'} {place.replace('-', ' and ')}"
+    return words + ("" if cause.signal is None else f", driven by {cause.signal}")
 
 
 def magnitude_text(magnitude: Magnitude | None) -> str:

@@ -6,7 +6,7 @@ import math
 
 from ambient_model.trace import split_column
 
-_UNITS = {"W_m2": "W/m2", "m_s": "m/s", "on": "", "frac": ""}
+_UNITS = {"on": "", "frac": ""}
 
 
 def clock(time_s: float) -> str:
@@ -48,7 +48,7 @@ def digits(value: float, count: int = 3) -> str:
 def unit_of(column: str) -> str:
     """The unit of a trace column: ``W/m2``; what is on or off, and a fraction, has none."""
     unit = split_column(column)[1]
-    return _UNITS.get(unit, unit)
+    return _UNITS.get(unit, unit.replace("_", "/"))
 
 
 def share(part: float) -> str:

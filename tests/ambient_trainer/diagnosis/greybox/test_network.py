@@ -14,7 +14,7 @@ from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of, kinds
 from ambient_trainer.diagnosis.greybox.mechanisms.contact import Contact
 from ambient_trainer.diagnosis.greybox.mechanisms.coupling import Coupling, ZoneLoss
-from ambient_trainer.diagnosis.greybox.mechanisms.exponent import Exponent
+from ambient_trainer.diagnosis.greybox.mechanisms.exponent import ChangedExponent, Exponent
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat, HeatInTheCold
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
@@ -35,6 +35,7 @@ MECHANISMS = {
     "Coupling": Coupling(PLACE, (number(0.3),), WIND),
     "ZoneLoss": ZoneLoss(PLACE, (number(0.5),), Expression("ambient_degC > 22")),
     "Exponent": Exponent(PLACE, (number(0.25),), typical_degC=(5.0,)),
+    "ChangedExponent": ChangedExponent(PLACE, (number(0.25), Number("same_at", "K", 8.0, log=True))),
     "HiddenMass": HiddenMass(PLACE, (number(0.3, True), Number("lag", "s", 900.0, log=True))),
     "Path": Path(("board-wall",), (number(0.2, True),), ends=("board", "wall")),
     "Latent": Latent(
@@ -91,6 +92,26 @@ def test_loss_that_varies_and_bends_agrees_with_an_integrator(circuit, simulated
     solved = solve_ivp(slope, span, [21.0], t_eval=record.time_s, max_step=5.0, rtol=1e-8, atol=1e-8)
     # straight lines between samples of the whole heat, not of its factors: second order in the period
     assert np.sqrt(np.mean((read - solved.y[0]) ** 2)) < 0.01
+
+
+def test_a_body_that_is_put_there_agrees_with_an_integrator(circuit, simulated, recorded):
+    (record,) = recorded(simulated(4))
+    onset_s = 12_000.0
+    mass = HiddenMass(PLACE, (number(0.3, True), Number("lag", "s", 900.0, log=True)), None, onset_s)
+    model = GreyBox.of(circuit).with_mechanism(mass)
+    read = model.network(record, model.z()[None]).simulate(np.array([[21.0, 35.0]]))[0, 0]
+    air = record.signals["ambient_degC"]
+
+    def slope(now_s, degC):
+        outside, on = np.interp(now_s, record.time_s, air), now_s > onset_s
+        into_body = 0.3 * (degC[0] - degC[1]) * on
+        # until then it hangs in the air
+        aired = (outside - degC[1]) / 300.0 * (not on)
+        return [(0.2 * (outside - degC[0]) - into_body) / 50.0, into_body / (0.3 * 900.0) + aired]
+
+    span = record.time_s[0], record.time_s[-1]
+    solved = solve_ivp(slope, span, [21.0, 35.0], t_eval=record.time_s, max_step=5.0, rtol=1e-8, atol=1e-8)
+    assert np.sqrt(np.mean((read - solved.y[0]) ** 2)) < 0.03
 
 
 def test_lanes_are_simulated_each_for_itself(circuit, simulated, recorded):

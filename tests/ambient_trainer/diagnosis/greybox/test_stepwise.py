@@ -8,7 +8,7 @@ import pytest
 from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.model import GreyBox
-from ambient_trainer.diagnosis.greybox.stepwise import stepwise
+from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
 
 HIDDEN = {
     "sun": {"heat_W": lambda now, degC: 0.004 * now["sun_W_m2"]},
@@ -36,7 +36,8 @@ NAMED = {
 def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden):
     seed = int(np.random.default_rng().integers(1 << 30))
     records = recorded(simulated(seed, **HIDDEN[hidden]))
-    selection = stepwise(GreyBox.of(circuit), records)
+    model = GreyBox.of(circuit)
+    selection = stepwise(bare_fit(model, records), anchors(model, records))
     assert {each.key for each in selection.final.model.mechanisms} == NAMED[hidden], seed
     assert selection.final.rmse_degC < 0.06, seed
 

@@ -12,15 +12,12 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from ambient_studies.discovery.cases import CAUSES, Case, baselines, simulated
-from ambient_studies.discovery.runner import Bench, size_in_noise
+from ambient_studies.discovery.runner import Bench, size_in_noise, train
 from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.diagnosis.diagnose import diagnose_trained
-from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.diagnose import diagnose_changed
 from ambient_trainer.diagnosis.result import Diagnosis
-from ambient_trainer.diagnosis.selection import known_good_model
-from ambient_trainer.diagnosis.training import train_on_baselines
 from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS
@@ -36,11 +33,7 @@ BOX = Path(__file__).parents[3] / "data" / "circuits" / "box.yaml"
 @pytest.fixture(scope="session")
 def bench() -> Bench:
     """The phone's circuit, trained by three known-good runs."""
-    circuit = load_circuit("phone")
-    known_good = baselines(BASELINE_SEED)
-    with threadpool_limits(1):
-        trained = train_on_baselines(forward(circuit), known_good, PERIOD_S, known_good_model, None)
-    return Bench(circuit, trained, PERIOD_S, tuple(trace.path for trace in known_good))
+    return train(load_circuit("phone"), baselines(BASELINE_SEED), period_s=PERIOD_S)
 
 
 @dataclass(frozen=True)
@@ -65,7 +58,7 @@ def diagnosed(bench: Bench) -> Callable[..., Diagnosed]:
         case = Case(seed, int(random.integers(2**31)), hidden, tuple(decoys))
         run = simulated([case])[0]
         with threadpool_limits(1):
-            found = diagnose_trained(bench.trained, bench.circuit, [run.trace], bench.baselines, bench.period_s)
+            found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
         return Diagnosed(run, found, score(run.truths, size_in_noise(bench, run), found, bench.circuit, 0.0))
 
     return diagnose

@@ -19,7 +19,6 @@ _SMOOTH_S = 60.0
 
 
 MISSED = {
-    "sensor_lag": "its onset is put five minutes early, in a stretch where the display hardly moves",
     "thermal_mass": "a mass on the back, which no sensor sees, is taken for something cold at the board before it",
 }
 """What is missed, and how."""
@@ -55,8 +54,8 @@ def test_an_effect_is_named_with_its_place_size_and_onset(bench, diagnosed, caus
 def within_sight(case, bench):
     """Whether the onset found is as near to the true one as the noise allows to see."""
     truth, found_s = case.run.truths[0], case.found.verdict.onset_s
-    sensor = bench.trained.model.plant.sensors.index(truth.worst.removesuffix("_degC"))
-    noise_degC = bench.trained.noise.deviation_degC[sensor]
+    sensors = [output.name for output in bench.known.model.circuit.outputs]
+    noise_degC = bench.known.noise_degC[sensors.index(truth.worst.removesuffix("_degC"))]
     time_s, clean = case.run.trace.time_s, case.run.clean.columns[truth.worst]
     if found_s is None:
         found_s = time_s[0]

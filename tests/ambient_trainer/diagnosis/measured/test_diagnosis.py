@@ -14,6 +14,7 @@ CASES = {
     "O5": ("twinhouse", ("O5",), ()),
     "N2": ("twinhouse", ("N2",), ()),
     "closed": ("rpi3-case-fan", ("closed", "closed_but_for_a_side"), ("--baseline", "naked")),
+    "closed_alone": ("rpi3-case-fan", ("closed",), ("--baseline", "naked")),
     "holed": ("rpi3-case-fan", ("holed",), ("--baseline", "naked")),
     "fan_in": ("rpi3-case-fan", ("fan_in",), ("--baseline", "naked")),
     "fan_out": ("rpi3-case-fan", ("fan_out",), ("--baseline", "naked")),
@@ -100,10 +101,10 @@ def test_behind_closed_blinds_the_sun_gains_half_as_much_at_most(diagnosed):
 
 
 @pytest.mark.slow
-def test_a_closed_case_keeps_the_heat_in(diagnosed):
-    step = first(diagnosed("closed"), "ambient_coupling", "desk")
-    assert step["magnitude"]["value"] == pytest.approx(2.7, abs=0.7)
-    assert step["magnitude"]["ci95"][0] > 0
+@pytest.mark.parametrize("case", ["closed", "closed_alone"])
+def test_a_closed_case_keeps_the_heat_in(diagnosed, case):
+    step = first(diagnosed(case), "ambient_coupling", "desk")
+    assert 2.0 < step["magnitude"]["ci95"][0] < step["magnitude"]["value"] < 5.0
     assert step["gain"]["rmse_after_degC"] < 0.2 * step["gain"]["rmse_before_degC"]
     assert rivals(step) == []
 

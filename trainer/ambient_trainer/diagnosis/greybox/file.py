@@ -32,19 +32,30 @@ def kinds() -> dict[str, type[Mechanism]]:
 
 
 def extended_circuit(circuit: Circuit, model: GreyBox) -> Circuit:
-    """``circuit`` in forward form, with the values and the mechanisms of ``model``: it simulates the same."""
-    result = with_values(forward(circuit), {each.name: each.value for each in model.own})
-    result = replace(result, mechanisms=())
+    """``circuit`` with the values and the mechanisms of ``model``, in forward form: it simulates the same.
+
+    Where nodes, edges and sources between the nodes it has say it all, the circuit keeps its own form.
+    """
+    values = {each.name: each.value for each in model.own}
+    kept, result = _added(with_values(circuit, values), model)
+    if kept or len(result.states) > len(circuit.states):
+        kept, result = _added(with_values(forward(circuit), values), model)
+    causes = ", ".join(map(str, model.mechanisms))
+    name = result.name if result.name.endswith(_SUFFIX) else result.name + _SUFFIX
+    return replace(result, name=name, about=f"{circuit.about}; with {causes}", mechanisms=tuple(kept))
+
+
+def _added(circuit: Circuit, model: GreyBox) -> tuple[list[Addition], Circuit]:
+    """What nodes, edges and sources cannot say, and the circuit with what they can."""
+    result = replace(circuit, mechanisms=())
     kept: list[Addition] = []
     for each in model.mechanisms:
-        native = each.native(result)
+        native = each.native(result) if each.lasts else None
         if native is None:
             kept.append(addition_of(each))
         else:
             result = native
-    causes = ", ".join(map(str, model.mechanisms))
-    name = result.name if result.name.endswith(_SUFFIX) else result.name + _SUFFIX
-    return replace(result, name=name, about=f"{circuit.about}; with {causes}", mechanisms=tuple(kept))
+    return kept, result
 
 
 def addition_of(mechanism: Mechanism) -> Addition:

@@ -70,6 +70,8 @@ class Mechanism:
 
     cause = ""
     """What the diagnosis calls it."""
+    noun = ""
+    """The same in words."""
     instrument = False
     """It is the instrument's, not heat's."""
 
@@ -78,12 +80,22 @@ class Mechanism:
         """Whether what drives it is a temperature that the same causes may drive."""
         return False
 
+    @property
+    def structural(self) -> bool:
+        """Whether it is of how a device is built: known-good records would have shown it."""
+        return False
+
     adds_nodes = False
     """It comes before what acts on nodes."""
     evident = False
     """It shows itself in the readings alone."""
     shaped = False
     """What it does to first order says little of what it does: it is fitted from several starts."""
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it acts all the time."""
+        return (self.onset_s, self.end_s) == (None, None)
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         """Add it to ``network``; ``values`` (P, k) are its numbers in each lane."""
@@ -104,6 +116,14 @@ class Mechanism:
     def meaning(self, number: Number) -> str:
         """What one of its numbers is, in words."""
         return number.name.replace("_", " ")
+
+    def stated(self, value: float) -> float:
+        """One of its numbers as people state it."""
+        return value
+
+    def product(self) -> tuple[str, str, tuple[int, int]] | None:
+        """What two of its numbers, both logarithmic, make together, its unit, and which they are: that is its size."""
+        return None
 
     def sentence_tail(self) -> str:
         """A clause on how it varies; empty where it does not."""
@@ -214,8 +234,8 @@ class GreyBox:
         columns = [number.natural(z[:, index]) for index, number in enumerate(self.numbers)]
         return np.stack(columns, axis=1) if columns else z
 
-    def network(self, record: Record, z: Array, extra: Sequence[tuple[Mechanism, Array]] = ()) -> Network:
-        """The network of P lanes at coordinates z (P, p); ``extra`` are further mechanisms with values (P, k)."""
+    def network(self, record: Record, z: Array) -> Network:
+        """The network of P lanes at coordinates z (P, p)."""
         values = self.values(z)
         network = bare_network(self.circuit, record, dict(zip((n.name for n in self.own), values.T)), len(z))
         first = len(self.own)
@@ -224,7 +244,7 @@ class GreyBox:
             acting.append((each, values[:, first : first + len(each.numbers)]))
             first += len(each.numbers)
         # what acts on a node's loss acts on that of the bodies behind it, too
-        for mechanism, given in sorted([*acting, *extra], key=lambda each: not each[0].adds_nodes):
+        for mechanism, given in sorted(acting, key=lambda each: not each[0].adds_nodes):
             mechanism.apply(network, given, record)
         return network
 

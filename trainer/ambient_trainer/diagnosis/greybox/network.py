@@ -16,17 +16,40 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.recursion import Terms, answered, filtered, heat_along
 from ambient_trainer.lti.lag import lag_weights
 
-Term = Callable[[Array, "int | slice", Array], None]
-"""Adds heat in W to its third argument (..., P, n), given all nodes (..., P, n) at one sample, or along all of them."""
 Reading = Callable[[Array], None]
 """Changes what the sensors read (P, s, N) in place."""
 
 ABSURD_DEGC = 1e4
+SMALLEST = 0.02
+"""Of the typical difference: below it the power of a difference is taken there."""
+
+
+@dataclass(frozen=True)
+class PowerLoss:
+    """Of a node to a boundary: G |d/d0|^p d instead of G d; G, d0 and p in each lane (P,)."""
+
+    node: int
+    boundary: int
+    conductance: Array
+    typical_degC: Array
+    exponent: Array
+
+
+@dataclass(frozen=True)
+class PhaseChange:
+    """A body beside a node that stays at one temperature while it freezes or melts; G and fusion in K (P,)."""
+
+    node: int
+    body: int
+    conductance: Array
+    fusion: Array
+    melting_degC: float
+    melts: bool
 
 
 @dataclass
@@ -47,8 +70,11 @@ class Network:
     loss: Array = field(default_factory=lambda: np.zeros(0))
     """To each boundary as the circuit has it (P, n, b): what varies is a share of that."""
     varying: list[tuple[NDArray[np.intp], Array, Array]] = field(default_factory=list)
-    """Conductances that vary: nodes (k,), W/K (N, P, k), and the temperature on the other side (broadcast to that)."""
-    terms: list[Term] = field(default_factory=list)
+    """Conductances that vary: nodes (k,), W/K (P, k, N), and the temperature on the other side (broadcast to that)."""
+    pairs: list[tuple[int, int, Array]] = field(default_factory=list)
+    """Conductances between two nodes that vary, (P, N)."""
+    powers: list[PowerLoss] = field(default_factory=list)
+    phases: list[PhaseChange] = field(default_factory=list)
     readings: list[Reading] = field(default_factory=list)
 
     @property
@@ -59,7 +85,7 @@ class Network:
     @property
     def nonlinear(self) -> bool:
         """Whether it is simulated step by step."""
-        return bool(self.terms or self.varying)
+        return bool(self.varying or self.pairs or self.powers or self.phases)
 
     def index(self, node: str) -> int:
         """The number of a node."""
@@ -103,29 +129,54 @@ class Network:
         return read
 
     def vary(self, nodes: Sequence[int], conductance: Array, degC: Array) -> None:
-        """Conductances (N, P, k) that vary from ``nodes`` to a prescribed temperature, which is broadcast to them."""
+        """Conductances (P, k, N) that vary from ``nodes`` to a prescribed temperature, which is broadcast to them."""
         self.varying.append((np.array(nodes, dtype=np.intp), conductance, degC))
 
-    def _variation(self) -> tuple[Array, Array]:
-        """All of them together: heat in W (N, P, n) into nodes at 0 degC, and its fall per K."""
-        shape = (len(self.time_s), self.lanes, len(self.nodes))
-        heat, fall = np.zeros(shape), np.zeros(shape)
+    def _active(self) -> NDArray[np.intp]:
+        """The nodes whose heat is not known in advance."""
+        varying = [node for nodes, _, _ in self.varying for node in nodes]
+        pairs = [node for one, other, _ in self.pairs for node in (one, other)]
+        phases = [node for each in self.phases for node in (each.node, each.body)]
+        return np.unique(np.array([*varying, *pairs, *(each.node for each in self.powers), *phases], dtype=np.intp))
+
+    def _terms(self, active: NDArray[np.intp]) -> Terms:
+        """All that follows from the temperatures of ``active`` nodes."""
+        lanes, samples = self.lanes, len(self.time_s)
+        known, fall = np.zeros((lanes, len(active), samples)), np.zeros((lanes, len(active), samples))
         for nodes, conductance, degC in self.varying:
-            heat[..., nodes] += conductance * degC
-            fall[..., nodes] += conductance
-        return heat, fall
+            places = np.searchsorted(active, nodes)
+            known[:, places] += conductance * degC
+            fall[:, places] += conductance
+        powers, phases = self.powers, self.phases
+        lanewise = np.zeros((lanes, 0))
+        return Terms(
+            known,
+            fall,
+            np.searchsorted(active, np.array([each[:2] for each in self.pairs], dtype=np.intp).reshape(-1, 2)),
+            np.array([each[2] for each in self.pairs]).reshape(-1, lanes, samples).transpose(1, 0, 2),
+            np.searchsorted(active, np.array([each.node for each in powers], dtype=np.intp)),
+            self.boundary_degC[np.array([each.boundary for each in powers], dtype=np.intp)],
+            np.column_stack([lanewise, *(each.conductance for each in powers)]),
+            np.column_stack([lanewise, *(each.exponent for each in powers)]),
+            np.column_stack([lanewise, *(each.typical_degC for each in powers)]),
+            SMALLEST,
+            np.searchsorted(active, np.array([[each.node, each.body] for each in phases], dtype=np.intp)).reshape(
+                -1, 2
+            ),
+            np.column_stack([lanewise, *(each.conductance for each in phases)]),
+            np.column_stack([lanewise, *(each.fusion for each in phases)]),
+            np.array([each.melting_degC for each in phases], dtype=float),
+            np.array([-1.0 if each.melts else 1.0 for each in phases]),
+        )
 
     def frozen(self, nodes_degC: Array) -> None:
         """Take all terms as they are along ``nodes_degC`` (n, N), the first nodes of this network: known heat."""
-        along = np.zeros((len(self.time_s), self.lanes, len(self.nodes)))
-        along[:, :, : len(nodes_degC)] = nodes_degC.T[:, None, :]
-        along[:, :, len(nodes_degC) :] = nodes_degC.mean(axis=0)[:, None, None]
-        heat, fall = self._variation()
-        heat -= fall * along
-        for term in self.terms:
-            term(along, slice(None), heat)
-        self.heat = self.heat + heat.transpose(1, 2, 0)
-        self.terms, self.varying = [], []
+        active = self._active()
+        along = [nodes_degC[each] if each < len(nodes_degC) else nodes_degC.mean(axis=0) for each in active]
+        if along:
+            self.heat = self.heat.copy()
+            self.heat[:, active] += heat_along(np.array(along), self._terms(active))
+        self.varying, self.pairs, self.powers, self.phases = [], [], [], []
 
     def nodes_degC(self, start_degC: Array) -> Array:
         """All nodes, (P, n, N)."""
@@ -141,55 +192,10 @@ class Network:
         kept, before, now = lag_weights(-1.0 / rates, self.period_s)
         before, now = -before / rates, -now / rates
         first = (Q.transpose(0, 2, 1) @ (root * start_degC)[:, :, None])[:, :, 0]
-        modes = _filtered(drive, kept, before, now, first)
-        if not self.nonlinear:
-            return np.asarray(out @ modes)
-        return self._with_terms(np.asarray(out @ modes), into, out, (kept, before, now))
-
-    def _with_terms(self, linear: Array, into: Array, out: Array, weights: tuple[Array, Array, Array]) -> Array:
-        kept, before, now = weights
-        both = before + now
-        # (N, P, n): each step reads one slice
-        along = np.ascontiguousarray(linear.transpose(2, 0, 1))
-        known, fall = self._variation()
-        times = _elementwise if len(self.nodes) == 1 else _matrices
-        terms = self.terms
-
-        def added(nodes: Array, index: int) -> Array:
-            heat = known[index] - fall[index] * nodes
-            for term in terms:
-                term(nodes, index, heat)
-            return times(into, heat)
-
-        modes = np.zeros(kept.shape)
+        modes = filtered(drive, kept, before, now, first)
+        if self.nonlinear:
+            active = self._active()
+            out_k, into_k = np.ascontiguousarray(out[:, active]), np.ascontiguousarray(into[:, :, active])
+            modes += answered(out_k @ modes, kept, before, now, into_k, out_k, self._terms(active))
         with np.errstate(all="ignore"):
-            last = added(along[0], 0)
-            for index in range(1, len(along)):
-                rest = kept * modes
-                predicted = added(along[index] + times(out, rest + both * last), index)
-                modes = rest + before * last + now * predicted
-                along[index] += times(out, modes)
-                last = added(along[index], index)
-        return along.transpose(1, 2, 0)
-
-
-def _matrices(matrices: Array, vectors: Array) -> Array:
-    """Of each lane, (P, n, n) times (P, n)."""
-    return np.asarray((matrices @ vectors[:, :, None])[:, :, 0])
-
-
-def _elementwise(matrices: Array, vectors: Array) -> Array:
-    """The same of a single node."""
-    return np.asarray(matrices[:, :, 0] * vectors)
-
-
-def _filtered(drive: Array, kept: Array, before: Array, now: Array, first: Array) -> Array:
-    """Each lane's modes (P, n, N) by their recursion from ``first`` (P, n)."""
-    modes = np.empty(drive.shape)
-    begin = first - now * drive[:, :, 0]
-    for lane in range(drive.shape[0]):
-        for mode in range(drive.shape[1]):
-            b = [now[lane, mode], before[lane, mode]]
-            a = [1.0, -kept[lane, mode]]
-            modes[lane, mode], _ = lfilter(b, a, drive[lane, mode], zi=[begin[lane, mode]])
-    return modes
+            return np.asarray(out @ modes)

@@ -6,12 +6,13 @@ Marquardt's; several dampings are tried at once, as lanes of one simulation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox
@@ -19,17 +20,50 @@ from ambient_trainer.diagnosis.greybox.network import ABSURD_DEGC
 from ambient_trainer.diagnosis.record import Record
 
 BLOCKS, FOLDS = 15, 5
-LEFT_OUT = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4))
+LEFT_OUT, EACH = ((1, 1), (2, 2), (3, 3), (3, 4), (4, 4)), tuple((each, each) for each in range(5))
 """Blocks show the scatter; folds of several are left out together, so that their ends are foretold, not bridged."""
 _REFIT, _TEETH = 6, 60
 _MOST_MOVE = 1.5
 """Of a coordinate, when a fold is left out: further away the straight line is none."""
-_STEP = 1e-4
+_STEP, _TINY = 1e-4, 1e-100
 _START_SD_DEGC, _HIDDEN_SD_DEGC = 0.3, 4.0
-_INDEPENDENT = 50.0
+_INDEPENDENT, _HELD, _NEAR_SD = 50.0, 20.0, 0.15
 """Readings that are worth as much as a whole log of correlated residuals, beside a prior."""
 _DAMPINGS = 10.0 ** np.array([-6.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0])
 _MOST_STEP = 2.0
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a model's first k numbers: coordinates z (k,), and their precision (k, k)."""
+
+    z: Array
+    precision: Array
+
+    @staticmethod
+    def of(model: GreyBox) -> Prior:
+        """By the circuit's file: each number is about where it begins."""
+        return Prior(model.z(), np.diag([each.prior_sd**-2 for each in model.numbers]))
+
+    @staticmethod
+    def trained(fitted: Fitted) -> Prior:
+        """By the readings of a fit, which count ``_HELD`` times as much as those of a later one.
+
+        What has changed since is not taken up by numbers that they determine; others stay near, where slopes are
+        straight lines.
+        """
+        J, r = fitted.slopes, fitted.residual
+        known = fitted.prior.extended(fitted.model).precision + np.diag([_NEAR_SD**-2] * J.shape[1])
+        return Prior(fitted.model.z(), np.asarray(_HELD * _INDEPENDENT / float(r @ r) * (J.T @ J) + known))
+
+    def extended(self, model: GreyBox) -> Prior:
+        """The same for all numbers of ``model``, of which the first are these."""
+        count = len(self.z)
+        rest = model.numbers[count:]
+        if not rest:
+            return self
+        own = np.diag([each.prior_sd**-2 for each in rest])
+        return Prior(np.concatenate([self.z, model.z()[count:]]), block_diag(self.precision, own))
 
 
 @dataclass(frozen=True)
@@ -52,21 +86,22 @@ class Fitted:
     records: Sequence[Record]
     runs: tuple[Run, ...]
     blocks: tuple[Array, ...]
-    prior_z: Array
+    prior: Prior
+    """Of the numbers that the circuit had before any mechanism was added."""
     validated: Array | None = None
     """What :attr:`held_out` is where folds were left out in earnest, (F,)."""
 
     @cached_property
     def residual(self) -> Array:
-        """Measured minus simulated of every valid reading, (M,)."""
+        """Measured minus simulated of every valid reading, times its weight, (M,)."""
         return np.concatenate([run.residual for run in self.runs])
 
     def residual_degC(self, index: int) -> Array:
         """Measured minus simulated of one record, (s, N); NaN where nothing was measured."""
-        sensors = self.records[index].sensors
-        result = np.full(sensors.shape, np.nan)
-        result[np.isfinite(sensors)] = self.runs[index].residual
-        return result
+        record = self.records[index]
+        result = np.full(record.sensors.shape, np.nan)
+        result[np.isfinite(record.sensors)] = self.runs[index].residual
+        return np.asarray(result / record.weights)
 
     @cached_property
     def slopes(self) -> Array:
@@ -86,7 +121,7 @@ class Fitted:
     @property
     def at_bounds(self) -> bool:
         """Whether a number of a mechanism ends at a physical bound."""
-        for number in self.model.numbers[len(self.model.own) :]:
+        for number in self.model.numbers[len(self.prior.z) :]:
             low, high = number.range_z
             if abs(number.z - low) < 1e-6 * max(1.0, abs(low)) or abs(number.z - high) < 1e-6 * max(1.0, abs(high)):
                 return True
@@ -98,20 +133,26 @@ class Fitted:
         return float(np.sqrt(np.mean(self.residual**2)))
 
     @cached_property
+    def by_fold(self) -> Parts:
+        """The readings of each fold."""
+        return Parts.of(self.slopes, self.residual, self.fold)
+
+    @cached_property
+    def by_comb(self) -> Parts:
+        """The readings of many short stretches by turns: what acts for a while is seen on both sides of each."""
+        return Parts.of(self.slopes, self.residual, np.concatenate([_comb(record) for record in self.records]))
+
+    @cached_property
     def held_out(self) -> Array:
         """Sum of squares of each fold when its readings are left out of the fit, to first order, (F,)."""
         if self.validated is not None:
             return self.validated
-        return held_out(self.slopes, self.residual, self.fold, self.ridge())
+        return self.by_fold.normal.held_out(self.ridge())
 
     @cached_property
     def combed(self) -> Array:
-        """As :attr:`held_out`, but of many short stretches: what acts for a while is then seen on both sides, (F,)."""
-        comb = np.concatenate([_comb(record) for record in self.records])
-        ridge = self.ridge()
-        return np.concatenate(
-            [held_out(self.slopes, self.residual, comb == each, ridge, ((1, 1),)) for each in range(FOLDS)]
-        )
+        """As :attr:`held_out`, but of the stretches of :attr:`by_comb`, (F,)."""
+        return self.by_comb.normal.held_out(self.ridge(), EACH)
 
     def refitted(self) -> Fitted:
         """The same with :attr:`held_out` by a fit without each fold, not to first order."""
@@ -122,15 +163,15 @@ class Fitted:
                 for record, blocks in zip(self.records, self.blocks)
             ]
             starts = [run.start for run in self.runs]
-            other = fit(self.model, without, starts, most=_REFIT, tolerance=1e-2, prior_z=self.prior_z)
+            other = fit(self.model, without, starts, most=_REFIT, tolerance=1e-2, prior=self.prior)
             if other is None:
                 return replace(self, validated=np.full(len(LEFT_OUT), np.inf))
             squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
         return replace(self, validated=np.array(squares))
 
     def ridge(self) -> Array:
-        """The weight of each number's prior, (p,)."""
-        return _prior_weight(self.model, self.runs)
+        """The weight of the prior, (p, p)."""
+        return _prior_weight(self.prior.extended(self.model), self.runs)
 
     @property
     def held_out_rmse_degC(self) -> float:
@@ -141,28 +182,88 @@ class Fitted:
     def covariance(self) -> Array:
         """Of the coordinates, by the scatter of whole blocks (a sandwich): residuals within one are correlated."""
         J, r, block = self.slopes, self.residual, self.block
-        inverse = np.linalg.pinv(J.T @ J + np.diag(self.ridge()))
+        inverse = np.linalg.pinv(J.T @ J + self.ridge())
         scores = np.array([J[block == b].T @ r[block == b] for b in np.unique(block)])
         count = len(scores)
         return np.asarray(inverse @ (scores.T @ scores) @ inverse * count / max(count - 1, 1))
 
 
-def held_out(J: Array, r: Array, fold: Array, ridge: Array, left_out: Sequence[tuple[int, int]] = LEFT_OUT) -> Array:
-    """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
+@dataclass(frozen=True)
+class Normal:
+    """The normal equations of each fold: J'J (F, p, p), J'r (F, p) and r'r (F,)."""
 
-    Left out are the folds between, and the last two together: what comes later is foretold. The first fold stays:
-    how a run begins is seen nowhere else.
-    """
-    H = J.T @ J + np.diag(ridge)
-    result = []
-    for first, last in left_out:
-        here = (fold >= first) & (fold <= last)
-        rows, left = J[here], r[here]
-        if len(H):
-            move = np.linalg.lstsq(H - rows.T @ rows, rows.T @ left, rcond=1e-12)[0]
-            left = left + rows @ np.clip(move, -_MOST_MOVE, _MOST_MOVE)
-        result.append(float(left @ left))
-    return np.array(result)
+    H: Array
+    g: Array
+    square: Array
+
+    @staticmethod
+    def of(parts: Iterable[tuple[Array, Array]]) -> Normal:
+        """Of the slopes J (m, p) and what is left r (m,) in each fold."""
+        parts = list(parts)
+        return Normal(
+            np.array([rows.T @ rows for rows, _ in parts]),
+            np.array([rows.T @ left for rows, left in parts]),
+            np.array([left @ left for _, left in parts]),
+        )
+
+    def beside(self, across: Array, alone: Array, towards: Array) -> Normal:
+        """With k further columns S: J'S (F, p, k), S'S (F, k, k) and S'r (F, k)."""
+        H = np.block([[self.H, across], [across.transpose(0, 2, 1), alone]])
+        return Normal(H, np.concatenate([self.g, towards], axis=1), self.square)
+
+    def moved(self, by: Array) -> Normal:
+        """The same where a step ``by`` (p,) has been taken."""
+        square = self.square - 2 * self.g @ by + np.einsum("p,fpq,q->f", by, self.H, by)
+        return Normal(self.H, self.g - self.H @ by, square)
+
+    def scaled(self, scale: Array) -> Normal:
+        """In coordinates of which ``scale`` (p,) of the old ones make one."""
+        return Normal(self.H * np.outer(scale, scale), self.g * scale, self.square)
+
+    def held_out(self, ridge: Array, left_out: Sequence[tuple[int, int]] = LEFT_OUT) -> Array:
+        """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
+
+        Left out are the folds between, and the last two together: what comes later is foretold. The first fold stays:
+        how a run begins is seen nowhere else.
+        """
+        whole = self.H.sum(axis=0) + ridge
+        result = []
+        for first, last in left_out:
+            here = slice(first, last + 1)
+            H, g = self.H[here].sum(axis=0), self.g[here].sum(axis=0)
+            move = np.linalg.lstsq(whole - H, g, rcond=1e-12)[0] if len(g) else g
+            move = np.clip(move, -_MOST_MOVE, _MOST_MOVE)
+            result.append(max(float(self.square[here].sum() + 2 * move @ g + move @ H @ move), 0.0))
+        return np.array(result)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Readings by fold: which are a fold's own (M,), their slopes, and what is left of them."""
+
+    rows: tuple[NDArray[np.bool_], ...]
+    slopes: tuple[Array, ...]
+    left: tuple[Array, ...]
+
+    @staticmethod
+    def of(J: Array, r: Array, fold: Array) -> Parts:
+        """Of slopes J (M, p) and what is left r (M,), by the fold of each."""
+        rows = tuple(fold == each for each in range(FOLDS))
+        return Parts(rows, tuple(J[each] for each in rows), tuple(r[each] for each in rows))
+
+    @cached_property
+    def normal(self) -> Normal:
+        """Their normal equations."""
+        return Normal.of(zip(self.slopes, self.left))
+
+    def beside(self, S: Array) -> Normal:
+        """The normal equations with further columns S (M, k)."""
+        parts = [S[each] for each in self.rows]
+        return self.normal.beside(
+            np.array([J.T @ s for J, s in zip(self.slopes, parts)]),
+            np.array([s.T @ s for s in parts]),
+            np.array([s.T @ r for s, r in zip(parts, self.left)]),
+        )
 
 
 def _masked(record: Record, fold: tuple[Array, int, int]) -> Array:
@@ -182,7 +283,7 @@ def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> floa
     """The squares of readings that the fit has not seen."""
     unseen = np.isfinite(record.sensors) & ~np.isfinite(without.sensors)
     read = simulate(fitted.model, record, fitted.model.z()[None], run.start[None])[0]
-    left = (record.sensors - read)[unseen]
+    left = (record.weights * (record.sensors - read))[unseen]
     return float(left @ left)
 
 
@@ -222,7 +323,7 @@ def simulate(model: GreyBox, record: Record, z: Array, start: Array) -> Array:
 
 def _residual(read: Array, record: Record, valid: Array) -> Array:
     left = record.sensors[None] - read
-    left = np.where(np.abs(left) < ABSURD_DEGC, left, np.nan)
+    left = np.where(np.abs(left) < ABSURD_DEGC, record.weights * left, np.nan)
     return np.asarray(left[:, valid])
 
 
@@ -253,7 +354,14 @@ def linearised(model: GreyBox, record: Record, start: Array | None, moved: int |
     starts[1 + p + np.arange(n), np.arange(n)] += 1.0
     left = _residual(simulate(model, record, lanes, starts), record, np.isfinite(record.sensors))
     slopes = (left[0] - left[1 : 1 + p]).T / _STEP
-    return Run(left[0], slopes, start, (left[0] - left[1 + p :]).T, weight, expected)
+    # beside correlated residuals a first reading counts as much as it does beside so many independent ones
+    weight = weight * max(float(left[0] @ left[0]) / _INDEPENDENT, 1.0)
+    return Run(left[0], _flushed(slopes), start, _flushed((left[0] - left[1 + p :]).T), weight, expected)
+
+
+def _flushed(slopes: Array) -> Array:
+    """Without denormal numbers, in which what decays ends: they make every product slow."""
+    return np.asarray(np.where(np.abs(slopes) < _TINY, 0.0, slopes))
 
 
 def fitted_start(model: GreyBox, record: Record) -> Array:
@@ -281,17 +389,18 @@ def fit(
     starts: Sequence[Array | None] | None = None,
     most: int = 30,
     tolerance: float = 1e-4,
-    prior_z: Array | None = None,
+    prior: Prior | None = None,
 ) -> Fitted | None:
     """The least squares of ``model`` near where it stands; None where it cannot be simulated there."""
     z = model.z()
-    prior_z = z if prior_z is None else np.concatenate([prior_z, z[len(prior_z) :]])
+    base = Prior.of(model) if prior is None else prior
+    prior = base.extended(model)
     low, high = (np.array(each) for each in zip(*(number.range_z for number in model.numbers))) if len(z) else (z, z)
     runs = [linearised(model, record, start) for record, start in zip(records, starts or [None] * len(records))]
     if not all(np.isfinite(run.residual).all() for run in runs) or not _finite(runs):
         return None
     for _ in range(most):
-        best = _step(model, records, runs, z, prior_z, (low, high))
+        best = _step(model, records, runs, z, prior, (low, high))
         if best is None:
             break
         moved = model.at(best.z)
@@ -301,18 +410,17 @@ def fit(
         z, model, runs = best.z, moved, there
         if best.gained < tolerance:
             break
-    return Fitted(model, records, tuple(runs), block_of(records), prior_z)
+    return Fitted(model, records, tuple(runs), block_of(records), base)
 
 
 def _finite(runs: Sequence[Run]) -> bool:
     return all(np.isfinite(run.slopes).all() and np.isfinite(run.start_slopes).all() for run in runs)
 
 
-def _prior_weight(model: GreyBox, runs: Sequence[Run]) -> Array:
-    """The weight of each number's prior, (p,), beside readings that are worth ``_INDEPENDENT`` independent ones."""
+def _prior_weight(prior: Prior, runs: Sequence[Run]) -> Array:
+    """The weight of the prior, (p, p), beside readings that are worth ``_INDEPENDENT`` independent ones."""
     total = sum(float(run.residual @ run.residual) for run in runs)
-    sd = np.array([number.prior_sd for number in model.numbers])
-    return total / _INDEPENDENT / sd**2 + 1e-12
+    return np.asarray(total / _INDEPENDENT * prior.precision + 1e-12 * np.eye(len(prior.z)))
 
 
 @dataclass(frozen=True)
@@ -329,7 +437,7 @@ def _step(
     records: Sequence[Record],
     runs: Sequence[Run],
     z: Array,
-    prior_z: Array,
+    prior: Prior,
     bounds: tuple[Array, Array],
 ) -> _Step | None:
     p = len(z)
@@ -344,9 +452,9 @@ def _step(
         H += J.T @ J - cross.T @ solved[:, :p]
         g += J.T @ r - cross.T @ solved[:, p]
         back.append((solved[:, :p], solved[:, p]))
-    weight = _prior_weight(model, runs)
-    H = H + np.diag(weight)
-    g = g + weight * (prior_z - z)
+    weight = _prior_weight(prior, runs)
+    H = H + weight
+    g = g + weight @ (prior.z - z)
     scale = np.diag(H) + 1e-12
     lanes = []
     for damping in _DAMPINGS:
@@ -355,7 +463,7 @@ def _step(
         move = move * min(1.0, _MOST_STEP / largest) if largest > 0 else move
         lanes.append(np.clip(z + move, *bounds))
     zs = np.array([z, *lanes])
-    total = ((zs - prior_z) ** 2) @ weight
+    total = np.einsum("lp,pq,lq->l", zs - prior.z, weight, zs - prior.z)
     starts = []
     for record, run, (along, alone) in zip(records, runs, back):
         start = run.start + alone - (zs - z) @ along.T

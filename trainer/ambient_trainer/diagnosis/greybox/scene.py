@@ -160,6 +160,11 @@ class Scene:
         """The root mean square of a driver."""
         return float(np.sqrt(np.mean(self._row(driver) ** 2)))
 
+    def extent(self, driver: Expression) -> tuple[float, float]:
+        """The least and the most of a driver."""
+        row = self._row(driver)
+        return float(row.min()), float(row.max())
+
     def warms(self, driver: Expression) -> bool:
         """Whether physics forbids that it cools: powers, irradiances and squared currents."""
         text = driver.text

@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, held_out
+from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.windows import Columns, best_window
 from ambient_trainer.diagnosis.record import Record
@@ -30,15 +31,16 @@ _MECHANISMS = f"{__package__}.mechanisms"
 
 LEAST_GAIN, PENALTY = 0.05, 0.04
 """Of the held-out error's logarithm, altogether and by complexity: a step that gains less is curve fitting."""
-_INSTRUMENT, _HALF = 1.3, 0.5
+_INSTRUMENT, _FITTING, _HALF = 1.3, 3.0, 0.5
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
 _FEW, _MANY, _FINALISTS = 5, 25, 4
 _HOPELESS = 0.25
 MOST_STEPS = 6
 _LOOPED = 2500
-_SURE = 1.645
+_SURE, _SURELY, _WITHIN = 1.645, 1.96, 100.0
 _BELOW_FLOOR = 0.55
-_LASTING, _ANSWERS = 1.3, 1.5
+_LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
+_PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -65,13 +67,24 @@ class Trial:
     @property
     def lasting(self) -> bool:
         """Whether it acts all the time."""
-        return (self.mechanism.onset_s, self.mechanism.end_s) == (None, None)
+        return self.mechanism.lasts
+
+    @property
+    def identified(self) -> bool:
+        """Whether one of its amounts is surely not zero, of heat each, or its conductance is known within a factor of a
+        hundred."""
+        count = len(self.mechanism.numbers)
+        deviations = np.sqrt(np.maximum(np.diag(self.fitted.covariance)[-count:], 0.0))
+        amounts = [abs(n.z) > _SURELY * sd for n, sd in zip(self.mechanism.numbers, deviations) if not n.log]
+        if self.mechanism.cause == "heat_source":
+            return all(amounts)
+        return any(amounts) or (self.mechanism.numbers[0].log and bool(_SURELY * deviations[0] < np.log(_WITHIN)))
 
     @staticmethod
     def of(before: Fitted, after: Fitted) -> Trial:
         """The last mechanism of ``after``; one that acts for a while is scored on short stretches."""
         mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
-        if (mechanism.onset_s, mechanism.end_s) != (None, None):
+        if not mechanism.lasts:
             error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
         return Trial(mechanism, after, error)
 
@@ -89,38 +102,59 @@ class Step:
 
 @dataclass(frozen=True)
 class Selection:
-    """The circuit by itself, the model with what it lacked, and the steps between; the last may have chosen nothing."""
+    """The circuit by itself, the model with what it lacked, and the steps between; the last may have chosen nothing.
+
+    ``compared`` is the first step with every candidate by itself, whatever was added together.
+    """
 
     bare: Fitted
     final: Fitted
     steps: tuple[Step, ...]
+    compared: Step
 
 
 Progress = Callable[[str, int, int], None]
+Offered = Callable[[Scene, Columns], Iterator[Mechanism]]
 
 
-def candidates(scene: Scene) -> Iterator[Mechanism]:
+def lasting_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
     """Those of every kind of mechanism that may act all the time."""
+    yield from _offered(scene, "candidates")
+
+
+def every_candidate(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those, and those that may act for a while, each in its best window, and what else may act in that."""
+    yield from lasting_candidates(scene, columns_of)
+    yield from _placed(scene, columns_of, _offered(scene, "windowed"))
+
+
+def changed_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those, and what may have changed for good or begun on a device that known-good records hold."""
+    yield from (each for each in every_candidate(scene, columns_of) if not each.structural)
+    yield from _offered(scene, "windowed")
+    yield from _offered(scene, "changed")
+    yield from _placed(scene, columns_of, _offered(scene, "begun"))
+
+
+def _offered(scene: Scene, how: str) -> Iterator[Mechanism]:
+    """What the kinds of mechanism offer by a function of that name."""
     for name in plugin_names(_MECHANISMS):
-        module = plugin(_MECHANISMS, name)
-        yield from module.candidates(scene) if hasattr(module, "candidates") else ()
+        yield from getattr(plugin(_MECHANISMS, name), how, lambda scene: ())(scene)
 
 
-def windowed(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
-    """Those of every kind that may act for a while, each in its best window, and what else may act in that."""
-    modules = [plugin(_MECHANISMS, name) for name in plugin_names(_MECHANISMS)]
-    for module in modules:
-        for each in module.windowed(scene) if hasattr(module, "windowed") else ():
-            placed = best_window(scene.fitted, each, columns_of)
-            if placed is None:
-                continue
+def _placed(scene: Scene, columns_of: Columns, offered: Iterable[Mechanism]) -> Iterator[Mechanism]:
+    """Each in its best window, and what else may act in that."""
+    for each in offered:
+        placed = best_window(scene.fitted, each, columns_of)
+        if placed is not None:
             yield placed
-            for other in modules:
-                yield from other.beside(scene, placed) if hasattr(other, "beside") else ()
+            for name in plugin_names(_MECHANISMS):
+                beside = getattr(plugin(_MECHANISMS, name), "beside", None)
+                yield from () if beside is None else beside(scene, placed)
 
 
-def screen(scene: Scene, windows: bool) -> list[Screened]:
-    """Candidates by what they would leave on held-out blocks, to first order; best first."""
+def screen(scene: Scene, offered: Offered) -> list[Screened]:
+    """Candidates of ``offered`` by what they would leave on held-out blocks, to first order; best first."""
     fitted = scene.fitted
     bases = [_base(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
 
@@ -131,12 +165,11 @@ def screen(scene: Scene, windows: bool) -> list[Screened]:
         )
 
     result = []
-    offered = list(candidates(scene))
-    for each in [*offered, *(windowed(scene, columns_of) if windows else ())]:
+    for each in offered(scene, columns_of):
         columns = columns_of(each)
         if not np.isfinite(columns).all() or not columns.any():
             continue
-        amounts, squares = _scored(fitted, columns)
+        amounts, squares = _scored(fitted, columns, each.lasts)
         started = each.started([float(amount) for amount in amounts])
         if started is not None and np.isfinite(squares):
             result.append(Screened(started, squares, fitted))
@@ -154,25 +187,32 @@ def _effect(model: GreyBox, record: Record, start: Array, base: tuple[Array, Arr
     """What each probe of a mechanism adds to the sensors, (M, k)."""
     nodes, read = base
     probes = np.array(mechanism.probes(), dtype=float)
-    network = model.network(record, np.repeat(model.z()[None], len(probes), axis=0), [(mechanism, probes)])
+    network = model.network(record, np.repeat(model.z()[None], len(probes), axis=0))
     network.frozen(nodes)
+    mechanism.apply(network, probes, record)
     first = np.full((len(probes), len(network.nodes)), start[network.reads].mean())
     first[:, : len(start)] = start
     valid = np.isfinite(record.sensors)
-    return np.asarray((network.simulate(first) - read)[:, valid].T)
+    return np.asarray((record.weights * (network.simulate(first) - read))[:, valid].T)
 
 
-def _scored(fitted: Fitted, S: Array) -> tuple[Array, float]:
-    """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them."""
-    J, r = fitted.slopes, fitted.residual
-    size = np.sqrt((S**2).sum(axis=0)) + 1e-300
-    full = np.column_stack([J, S / size])
-    ridge = np.concatenate([fitted.ridge(), np.full(S.shape[1], 1e-9)])
-    solution = np.linalg.lstsq(full.T @ full + np.diag(ridge), full.T @ r, rcond=1e-12)[0]
-    amounts = solution[J.shape[1] :] / size
+def _scored(fitted: Fitted, S: Array, lasts: bool) -> tuple[Array, float]:
+    """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them.
+
+    What acts for a while is left out in short stretches, and its gain on them is taken for that on folds.
+    """
+    parts, left_out = (fitted.by_fold, LEFT_OUT) if lasts else (fitted.by_comb, EACH)
+    full = parts.beside(S)
+    own = full.H.shape[1] - S.shape[1]
+    size = np.concatenate([np.ones(own), 1.0 / (np.sqrt((S**2).sum(axis=0)) + 1e-300)])
+    ridge = block_diag(fitted.ridge(), 1e-9 * np.eye(S.shape[1]))
+    sized = full.scaled(size)
+    solution = np.linalg.lstsq(sized.H.sum(axis=0) + ridge, sized.g.sum(axis=0), rcond=1e-12)[0]
+    amounts = (solution * size)[own:]
     # the candidate's own coordinate is its amount: a fold that is left out may change it as much as it likes
-    scaled = np.column_stack([J, S * np.abs(amounts)])
-    return amounts, float(held_out(scaled, r - full @ solution, fitted.fold, ridge).sum())
+    scaled = sized.moved(solution).scaled(np.concatenate([np.ones(own), np.abs(amounts) / size[own:]]))
+    squares = float(scaled.held_out(ridge, left_out).sum())
+    return amounts, squares if lasts else squares * float(fitted.held_out.sum() / fitted.combed.sum())
 
 
 def shortlist(screened: Sequence[Screened]) -> list[Screened]:
@@ -189,7 +229,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     started: dict[tuple[object, ...], int] = {}
     for each in ordered:
         cause, _, driver = each.mechanism.key
-        windowed = (each.mechanism.onset_s, each.mechanism.end_s) != (None, None)
+        windowed = not each.mechanism.lasts
         kinds: list[tuple[str, object]] = [
             ("cause", (windowed, type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))
         ]
@@ -199,8 +239,9 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
             started[shape] = started.get(shape, 0) + 1
             chosen.append(each)
-        if driver and "*" not in driver and len([key for key in seen if key[0] == "driver"]) < _DRIVERS:
-            kinds.append(("driver", (cause, driver)))
+        spread = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
+        if driver and "*" not in driver and len([key for key in seen if key[0] == spread]) < _DRIVERS:
+            kinds.append((spread, (cause, driver)))
         for kind in kinds:
             seen[kind] = seen.get(kind, 0) + 1
             if seen[kind] == 1:
@@ -234,7 +275,7 @@ def _side_by_side(
     function: Callable[..., Fitted | None], tasks: Sequence[tuple[GreyBox, Fitted]], most: int
 ) -> Iterator[Fitted | None]:
     calls = (
-        delayed(function)(model, near.records, [run.start for run in near.runs], near.prior_z, most)
+        delayed(function)(model, near.records, [run.start for run in near.runs], near.prior, most)
         for model, near in tasks
     )
     results: Iterator[Fitted | None] = Parallel(return_as="generator", max_nbytes=None)(calls)
@@ -242,13 +283,13 @@ def _side_by_side(
 
 
 def _refit(
-    model: GreyBox, records: Sequence[Record], starts: Sequence[Array], prior_z: Array, most: int
+    model: GreyBox, records: Sequence[Record], starts: Sequence[Array], prior: Prior, most: int
 ) -> Fitted | None:
     linear = not model.network(records[0], model.z()[None]).nonlinear
     with threadpool_limits(1):
         # without a loop over samples steps cost little, and valleys are followed to their ends
         most, tolerance = (4 * most, 5e-4) if linear else (most, 3e-3)
-        return fit(model, records, starts, most=most, tolerance=tolerance, prior_z=prior_z)
+        return fit(model, records, starts, most=most, tolerance=tolerance, prior=prior)
 
 
 def _refit_and_validate(*given: Any) -> Fitted | None:
@@ -301,28 +342,45 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     for each in ordered:
         if each.mechanism.evident and _halves(before, each):
             return each
-    passing = [each for each in ordered if gains(before, each)]
+    passing = [each for each in ordered if gains(before, each) and each.identified]
     physical = [each for each in passing if not each.mechanism.instrument]
+    # what a logged driver explains may lie within one fold
+    driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
+    driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
     instruments = [each for each in passing if each.mechanism.instrument]
     for blamed in instruments[:1]:
-        better = not physical or blamed.rmse_degC * _INSTRUMENT < physical[0].rmse_degC
+        # a fault that comes and goes as it likes fits anything that grows for a while
+        every = [*physical, *driven]
+        rivals = [(each, _FITTING if each.lasting and not blamed.lasting else _INSTRUMENT) for each in every]
+        better = all(blamed.rmse_degC * ratio < each.rmse_degC for each, ratio in rivals)
         if better and _halves(before, blamed):
             return blamed
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
     if given and given[0].rmse_degC < _ANSWERS * physical[0].rmse_degC:
         physical = given
-    return _lasting(physical) if physical else None
+    return _lasting(physical, driven) if physical else None
 
 
-def _lasting(ordered: Sequence[Trial]) -> Trial:
-    """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure."""
+def _lasting(ordered: Sequence[Trial], driven: Sequence[Trial]) -> Trial:
+    """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure, or one
+    of ``driven`` acted at that time."""
     first = ordered[0]
     if first.lasting:
         return first
     error = float(np.sqrt(first.fitted.combed.sum()))
+    logged = (each for each in driven if _coincide(first, each))
     alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < _LASTING * error)
-    return next(alike, first)
+    return next(logged, next(alike, first))
+
+
+def _coincide(window: Trial, logged: Trial) -> bool:
+    """Whether a window in which nothing logged acts is about when a logged driver of the same cause acted."""
+    if (window.mechanism.cause, window.mechanism.places) != (logged.mechanism.cause, logged.mechanism.places):
+        return False
+    records = window.fitted.records
+    rows = [np.concatenate([each.mechanism.weight(record) for record in records]) for each in (window, logged)]
+    return bool(np.corrcoef(np.array(rows))[0, 1] > _COINCIDE)
 
 
 def _halves(before: Fitted, trial: Trial) -> bool:
@@ -348,33 +406,46 @@ def gains(before: Fitted, after: Trial) -> bool:
 
 
 def stepwise(
-    model: GreyBox, records: Sequence[Record], floor_degC: float = 0.0, progress: Progress | None = None
+    bare: Fitted,
+    beside: Sequence[Fitted] = (),
+    floor_degC: float = 0.0,
+    progress: Progress | None = None,
+    offered: Offered = every_candidate,
 ) -> Selection:
-    """The model with what it lacks; below ``floor_degC``, which a black box leaves, only large gains count."""
+    """The model with what it lacks.
+
+    The first candidates are screened at the points ``beside``, too. Below ``floor_degC``, which a black box leaves,
+    only large gains count.
+    """
     said = progress or (lambda stage, done, total: None)
-    fitted = bare = bare_fit(model, records)
+    fitted, given = bare, len(bare.model.mechanisms)
     steps: list[Step] = []
+    alone: Step | None = None
     while len(steps) < MOST_STEPS:
-        points = [fitted] if steps else [fitted, *anchors(model, records)]
-        step = _next(fitted, points, floor_degC, partial(_numbered, said, len(steps) + 1))
-        steps.append(step)
-        if step.chosen is None:
+        points = [fitted] if steps else [fitted, *beside]
+        step = _next(fitted, points, floor_degC, offered, partial(_numbered, said, len(steps) + 1))
+        alone = alone or step
+        pair = _pair(step, floor_degC, partial(_numbered, said, 1)) if beside and not steps else []
+        steps += pair or [step]
+        last = steps[-1].chosen
+        if last is None:
             break
-        _log.info("%s: %.3f -> %.3f", step.chosen.mechanism, fitted.held_out_rmse_degC, step.chosen.rmse_degC)
-        fitted = pruned(step.chosen.fitted, len(model.mechanisms))
-    return Selection(bare, fitted, tuple(steps))
+        _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
+        fitted = pruned(last.fitted, given)
+    assert alone is not None
+    return Selection(bare, fitted, tuple(steps), alone)
 
 
 def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:
     said(f"fit effect {number}: {stage}", done, total)
 
 
-def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Progress) -> Step:
+def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: Offered, said: Progress) -> Step:
     """One step from ``fitted``; candidates are screened beside each of ``points``."""
     screened: list[Screened] = []
     for index, point in enumerate(points):
         said("screen", index, len(points))
-        screened += screen(Scene(point), windows=index == 0)
+        screened += screen(Scene(point), lasting_candidates if index else offered)
     screened.sort(key=lambda each: each.held_out)
     trials = compared(fitted, shortlist(screened), partial(said, "try"))
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
@@ -386,6 +457,55 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, said: Pro
     return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
 
 
+def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
+    """Two steps at once where one alone gains little: heat and the mass that stores it show themselves together.
+
+    Each is then compared with the model that holds the other alone.
+    """
+    error = step.before.held_out_rmse_degC
+    single = error if step.chosen is None else step.chosen.rmse_degC
+    evident = step.chosen is not None and step.chosen.mechanism.evident
+    if evident or single < min(_LITTLE * error, _ABOVE_FLOOR * floor_degC):
+        return []
+    begun: dict[object, Trial] = {}
+    for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
+        if _stores_or_heats(each.mechanism):
+            begun.setdefault(each.mechanism.key, each)
+    alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
+    best: tuple[float, Trial, Trial] | None = None
+    for index, first in enumerate(list(begun.values())[:_PAIRED]):
+        said("try pairs", index, _PAIRED)
+        offered = [each for each in screen(Scene(first.fitted), lasting_candidates) if _stores_or_heats(each.mechanism)]
+        others = [each for each in offered if each.mechanism.key != first.mechanism.key]
+        for second in compared(first.fitted, shortlist(others), lambda done, total: None):
+            score = penalised(second) + PENALTY * complexity(first.mechanism)
+            sound = second.identified and not second.fitted.at_bounds
+            if sound and first is step.chosen:
+                # it is followed anyway
+                alone = min(alone, score)
+            elif sound and (best is None or score < best[0]):
+                best = score, first, second
+    if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2]):
+        return []
+    _, first, second = best
+    other = begun.get(second.mechanism.key)
+    without_first = step.before if other is None else other.fitted
+    together = replace(first, fitted=second.fitted, rmse_degC=second.rmse_degC)
+    steps = [
+        Step(without_first, together, step.trials, step.tried),
+        Step(first.fitted, second, step.trials, step.tried),
+    ]
+    # what is logged is named before what stores it
+    stored_first = first.mechanism.driver is None and second.mechanism.driver is not None
+    return steps[::-1] if stored_first else steps
+
+
+def _stores_or_heats(mechanism: Mechanism) -> bool:
+    """Whether it is heat by a driver or a mass, all the time."""
+    heat = mechanism.cause == "heat_source" and mechanism.driver is not None
+    return (heat or mechanism.cause == "thermal_mass") and mechanism.lasts
+
+
 def pruned(fitted: Fitted, given: int) -> Fitted:
     """The model without mechanisms that later ones have made needless; the first ``given`` are the circuit's own."""
     hidden = {place for each in fitted.model.mechanisms for place in each.places} - {
@@ -395,7 +515,7 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
         if any(each.startswith(place) for place in mechanism.places for each in hidden):
             continue
         starts = [None for _ in fitted.runs]
-        without = fit(fitted.model.without(index), fitted.records, starts, tolerance=1e-3)
+        without = fit(fitted.model.without(index), fitted.records, starts, tolerance=1e-3, prior=fitted.prior)
         if without is not None and without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
             _log.info("dropped %s", mechanism)
             return pruned(without, given)
@@ -405,7 +525,7 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
 def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:
     """The circuit as it is given and with time constants a factor of ten off, not fitted: where a cause that is missing
     drives the fit to absurd ones, candidates show themselves here."""
-    points = (fit(_slower(model, factor), records, most=0, prior_z=model.z()) for factor in (1.0, 10.0, 0.1))
+    points = (fit(_slower(model, factor), records, most=0, prior=Prior.of(model)) for factor in (1.0, 10.0, 0.1))
     return [each for each in points if each is not None]
 
 
@@ -419,5 +539,5 @@ def _slower(model: GreyBox, factor: float) -> GreyBox:
 
 def bare_fit(model: GreyBox, records: Sequence[Record]) -> Fitted:
     """The circuit itself at its least squares, from several starts."""
-    fits = (fit(_slower(model, factor), records, prior_z=model.z()) for factor in (1.0, 10.0, 0.1, 100.0))
+    fits = (fit(_slower(model, factor), records, prior=Prior.of(model)) for factor in (1.0, 10.0, 0.1, 100.0))
     return min((each for each in fits if each is not None), key=lambda each: each.rmse_degC).refitted()

@@ -25,7 +25,7 @@ Columns = Callable[[Mechanism], Array]
 def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mechanism | None:
     """``mechanism`` with the window in which one amount of it explains most; None where there is none."""
     record = max(fitted.records, key=lambda each: each.samples)
-    if record.samples < 4 * _COARSE or len(mechanism.numbers) != 1:
+    if record.samples < 4 * _COARSE or len(mechanism.probes()) != 1:
         return None
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
     step = (end - begin) / _COARSE

@@ -22,10 +22,11 @@ class Contact(Mechanism):
     """A conductance to a body, and the body's temperature, within a window."""
 
     cause = "contact"
+    noun = "the contact with a body of its own temperature"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        conductance = self.weight(record)[:, None, None] * values[:, :1]
-        network.vary([network.index(self.places[0])], conductance, values[:, 1:2])
+        conductance = values[:, :1, None] * self.weight(record)
+        network.vary([network.index(self.places[0])], conductance, values[:, 1:2, None])
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[1e-3 * self.numbers[0].value, self.numbers[1].value]]

@@ -27,19 +27,20 @@ class Coupling(Mechanism):
     """A relative change of the loss; one number for all places, or one of each."""
 
     cause = "ambient_coupling"
+    noun = "a changed resistance to the ambient"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
         air = network.boundary(AMBIENT)
         nodes, own = _with_bodies(network, self.places, air)
         shares = values[:, own if values.shape[1] > 1 else np.zeros_like(own)]
-        factor = np.maximum(1.0 + weight[:, None, None] * shares, _LEAST) - 1.0
-        mean = factor.mean(axis=0)
+        factor = np.maximum(1.0 + shares[:, :, None] * weight, _LEAST) - 1.0
+        mean = factor.mean(axis=2)
         conductance = network.loss[:, nodes, air]
         network.to_boundary[:, nodes, air] += conductance * mean
         if np.ptp(weight) == 0:
             return
-        network.vary(nodes.tolist(), conductance * (factor - mean), network.boundary_degC[air][:, None, None])
+        network.vary(nodes.tolist(), conductance[:, :, None] * (factor - mean[:, :, None]), network.boundary_degC[air])
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[_PROBE * each.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]
@@ -48,9 +49,18 @@ class Coupling(Mechanism):
         values = [np.clip(_PROBE * amount, -0.5, 2.0) * number.scale for amount, number in zip(amounts, self.numbers)]
         return self.with_values(values) if any(values) else None
 
+    @property
+    def _switched(self) -> bool:
+        return self.cause == "ambient_coupling" and (self.driver is None or self.driver.text.endswith("_on"))
+
+    def stated(self, value: float) -> float:
+        """What is switched by its resistance, what follows a driver by the loss."""
+        return 1.0 / max(1.0 + value, _LEAST) - 1.0 if self._switched else value
+
     def meaning(self, number: Number) -> str:
         place = number.name.removeprefix("change_") if number.name != "change" else " and ".join(self.places)
-        return f"relative change of the loss of {place}"
+        what = f"resistance from {place} to the ambient" if self._switched else f"loss of {place}"
+        return f"relative change of the {what}"
 
 
 def _with_bodies(network: Network, places: Sequence[str], air: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -70,6 +80,7 @@ class ZoneLoss(Coupling):
     """The loss differs between a hot and a cold ambient."""
 
     cause = "convection_law"
+    noun = "a loss that differs between a hot and a cold ambient"
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
@@ -97,5 +108,8 @@ def _coupling(
 ) -> Coupling:
     scale = 1.0 / scene.size(driver)
     names = ["change"] if shared else [f"change_{each}" for each in places]
-    numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale) for name in names)
+    # a loss goes down to nothing, not below
+    least, most = scene.extent(driver)
+    low, high = -_MOST_LESS / most if most > 0 else -np.inf, -_MOST_LESS / least if least < 0 else np.inf
+    numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale, low=low, high=high) for name in names)
     return kind(places, numbers, driver)

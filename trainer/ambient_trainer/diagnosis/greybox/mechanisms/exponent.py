@@ -10,13 +10,11 @@ import numpy as np
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
-from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.network import Network, PowerLoss
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
 _PROBE = 0.02
-_SMALLEST = 0.02
-"""Of the typical difference: below it the power is taken there."""
 
 
 @dataclass(frozen=True)
@@ -26,20 +24,16 @@ class Exponent(Mechanism):
     typical_degC: tuple[float, ...] = ()
 
     cause = "convection_law"
+    noun = "a loss that is not proportional to the difference to the ambient"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        nodes = np.array([network.index(each) for each in self.places])
+        self._bend(network, values, np.tile(np.array(self.typical_degC, dtype=float), (len(values), 1)))
+
+    def _bend(self, network: Network, exponents: Array, typical_degC: Array) -> None:
         air = network.boundary(AMBIENT)
-        air_degC = network.boundary_degC[air][:, None, None]
-        conductance = network.loss[:, nodes, air]
-        typical = np.array(self.typical_degC)
-
-        def term(degC: Array, index: int | slice, heat: Array) -> None:
-            away = air_degC[index] - degC[..., nodes]
-            share = np.log(np.maximum(np.abs(away) / typical, _SMALLEST))
-            heat[..., nodes] += conductance * np.expm1(np.clip(values * share, -5, 5)) * away
-
-        network.terms.append(term)
+        for place, typical, exponent in zip(self.places, typical_degC.T, exponents.T):
+            node = network.index(place)
+            network.powers.append(PowerLoss(node, air, network.loss[:, node, air], typical, exponent))
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[_PROBE if each is number else 0.0 for each in self.numbers] for number in self.numbers]
@@ -51,9 +45,36 @@ class Exponent(Mechanism):
         return self.with_values(values) if any(values) else None
 
 
+@dataclass(frozen=True)
+class ChangedExponent(Exponent):
+    """One exponent for all places, and the difference in K at which the loss is as it was."""
+
+    shaped = True
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        count = len(self.places)
+        self._bend(network, np.repeat(values[:, :1], count, axis=1), np.repeat(values[:, 1:], count, axis=1))
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        return [[_PROBE, self.numbers[1].value]]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        exponent = float(np.clip(_PROBE * amounts[0], self.numbers[0].low / 2, self.numbers[0].high / 2))
+        return self.with_values([exponent, self.numbers[1].value]) if exponent else None
+
+
+def changed(scene: Scene) -> Iterator[Mechanism]:
+    """A law that is another than it was, at each node and at all."""
+    for places in scene.groups([each for each in scene.nodes if scene.loss(each) > 0]):
+        for typical in (0.3, 1.0, 3.0):
+            size = typical * float(np.mean([scene.difference_degC(each) for each in places]))
+            same = Number("same_at", "K", size, log=True, low=0.1, high=200.0)
+            yield ChangedExponent(places, (Number("exponent", "1", 0.0, low=-0.5, high=1.2), same))
+
+
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node that is joined to the ambient, and all of them."""
     joined = [each for each in scene.nodes if scene.loss(each) > 0]
     for places in scene.groups(joined):
-        numbers = tuple(Number(f"exponent_{each}", "1", 0.0, low=-0.3, high=0.8) for each in places)
+        numbers = tuple(Number(f"exponent_{each}", "1", 0.0, low=-0.5, high=1.2) for each in places)
         yield Exponent(places, numbers, typical_degC=tuple(scene.difference_degC(each) for each in places))

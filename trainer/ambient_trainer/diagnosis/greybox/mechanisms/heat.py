@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,9 @@ from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.words import share
 
-_REFERENCE_DEGC = 25.0
+_REFERENCE_DEGC, _GROWTH_PER_K = 25.0, 0.02
+_LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
+"""A metal's resistance grows by 0.4 % per K, a cell's falls by several."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Heat(Mechanism):
     """q_i = k_i w(t): a number of each place."""
 
     cause = "heat_source"
+    noun = "heat that the circuit does not know"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
@@ -42,7 +45,7 @@ class Heat(Mechanism):
 
     def native(self, circuit: Circuit) -> Circuit | None:
         driver = self.driver
-        if driver is None or driver.columns != (driver.text,) or (self.onset_s, self.end_s) != (None, None):
+        if driver is None or driver.columns != (driver.text,):
             return None
         for place, number in zip(self.places, self.numbers):
             circuit = with_source(circuit, place, driver.text, number.value, number.unit)
@@ -54,23 +57,32 @@ class Heat(Mechanism):
 
 @dataclass(frozen=True)
 class HeatInTheCold(Heat):
-    """q_i = w(t) (k + g (T0 - T_i)): a resistance that grows as its node gets colder."""
+    """q_i = k w(t) (1 + g (T0 - T_i)): a resistance that changes with its node's temperature."""
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         super().apply(network, values[:, :1], record)
-        growth = self.weight(record)[:, None, None] * values[:, 1:2]
-        network.vary([network.index(self.places[0])], growth, np.full(record.samples, _REFERENCE_DEGC)[:, None, None])
+        growth = (values[:, 0] * values[:, 1])[:, None, None] * self.weight(record)
+        network.vary([network.index(self.places[0])], growth, np.array(_REFERENCE_DEGC))
+
+    def probes(self) -> Sequence[Sequence[float]]:
+        scale = self.numbers[0].scale
+        return [[scale, 0.0], [scale, _GROWTH_PER_K]]
+
+    def started(self, amounts: Sequence[float]) -> Mechanism | None:
+        heat, growth = self.numbers
+        whole = max(amounts[0] + amounts[1], 0.1)
+        return self.with_values(
+            [whole * heat.scale, float(np.clip(_GROWTH_PER_K * amounts[1] / whole, growth.low / 2, growth.high / 2))]
+        )
 
     def native(self, circuit: Circuit) -> Circuit | None:
         return None
 
     def sentence_tail(self) -> str:
-        """How it grows."""
-        return f"growing in the cold by {share(self.further()['growth_per_K'][0])} per K"
-
-    def further(self) -> dict[str, tuple[float, str]]:
-        heat, growth = (each.value for each in self.numbers)
-        return {"growth_per_K": (growth / heat if heat else np.inf, "1/K")}
+        growth = self.numbers[1].value
+        return (
+            f"{'growing in the cold' if growth > 0 else 'growing with the temperature'} by {share(abs(growth))} per K"
+        )
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
@@ -86,10 +98,13 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
             yield _heat(scene, places, driver)
             if driver.text.endswith("_A^2") and len(places) == 1:
                 plain = _heat(scene, places, driver)
-                growth = replace(
-                    plain.numbers[0], name=f"growth_{places[0]}", scale=plain.numbers[0].scale / 20.0, low=-np.inf
+                growth = Number(
+                    f"growth_{places[0]}", "1/K", 0.0, scale=_MOST_PER_K, low=_LEAST_PER_K, high=_MOST_PER_K
                 )
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
+    for node in scene.hidden_nodes:
+        for driver in scene.drivers:
+            yield _heat(scene, (node,), driver)
 
 
 def _heat(scene: Scene, places: tuple[str, ...], driver: Expression | None) -> Heat:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number, unused
-from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.network import Network, PhaseChange
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
@@ -30,23 +30,16 @@ class Latent(Mechanism):
     melts: bool = False
 
     cause = "latent_heat"
+    noun = "a body that freezes or melts"
     adds_nodes = True
     shaped = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         node = network.index(self.places[0])
         conductance, lag, fusion = values.T
-        point = self.melting_degC
         body = network.add_node(unused(network, f"{self.places[0]}_phase"), conductance * lag)
         network.join(node, body, conductance)
-        sign = -1.0 if self.melts else 1.0
-
-        def term(degC: Array, index: int | slice, heat: Array) -> None:
-            held = sign * conductance * np.clip(sign * (point - degC[..., body]), 0.0, fusion)
-            heat[..., node] += held
-            heat[..., body] -= held
-
-        network.terms.append(term)
+        network.phases.append(PhaseChange(node, body, conductance, fusion, self.melting_degC, self.melts))
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[_PROBE * self.numbers[0].value, *(each.value for each in self.numbers[1:])]]

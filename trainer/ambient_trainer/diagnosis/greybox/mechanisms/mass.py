@@ -17,6 +17,10 @@ from ambient_trainer.diagnosis.record import Record
 
 _PROBE = 1e-3
 _LAGS = 6
+_AIRED_S = 300.0
+"""Time constant of a body that hangs in the air."""
+_SLOWEST = 30.0
+"""Times the record: beyond that a body is a boundary."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,11 @@ class HiddenMass(Mechanism):
     adds_nodes = True
     shaped = True
     cause = "thermal_mass"
+    noun = "a thermal mass that the circuit lacks"
+
+    @property
+    def structural(self) -> bool:
+        return self.sees_ambient or len(self.places) > 1
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         each = 3 if self.sees_ambient else 2
@@ -35,11 +44,22 @@ class HiddenMass(Mechanism):
             conductance, lag = values[:, each * index], values[:, each * index + 1]
             name = unused(network, f"{place}_mass")
             mass = network.add_node(name, conductance * lag)
-            network.join(mass, network.index(place), conductance)
+            if self.lasts:
+                network.join(mass, network.index(place), conductance)
+            else:
+                self._put(network, mass, network.index(place), values[:, each * index : each * index + 2], record)
             if self.sees_ambient:
                 air = network.boundary(AMBIENT)
                 network.to_boundary[:, mass, air] += values[:, each * index + 2]
                 network.loss[:, mass, air] += values[:, each * index + 2]
+
+    def _put(self, network: Network, mass: int, node: int, values: Array, record: Record) -> None:
+        """It holds on within the window, and follows the air before and after."""
+        conductance, weight = values[:, 0], self.weight(record)
+        network.pairs.append((mass, node, conductance[:, None] * weight))
+        if AMBIENT in network.boundaries:
+            loose = (conductance * values[:, 1] / _AIRED_S)[:, None, None] * (1.0 - weight)
+            network.vary([mass], loose, network.boundary_degC[network.boundary(AMBIENT)])
 
     def probes(self) -> Sequence[Sequence[float]]:
         each = 3 if self.sees_ambient else 2
@@ -76,6 +96,9 @@ class HiddenMass(Mechanism):
                 circuit = with_edge(circuit, body, AMBIENT, 1.0 / self.numbers[each * index + 2].value)
         return circuit
 
+    def product(self) -> tuple[str, str, tuple[int, int]]:
+        return f"heat capacity of the mass behind {self.places[0]}", "J/K", (0, 1)
+
     def meaning(self, number: Number) -> str:
         place = number.name.split("_", 1)[1].removesuffix("_ambient").removesuffix("_mass")
         if number.name.startswith("lag_"):
@@ -97,13 +120,20 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
             yield _mass(scene, (node,), float(lag), sees_ambient=False)
 
 
+def begun(scene: Scene) -> Iterator[Mechanism]:
+    """A body that is put to a node, and may be taken away."""
+    for node in scene.nodes:
+        for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 2):
+            yield _mass(scene, (node,), float(lag), sees_ambient=False)
+
+
 def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
     numbers: list[Number] = []
     for each in places:
         conductance = scene.conductance(each)
         numbers.append(Number(f"G_{each}_mass", "W/K", conductance, log=True))
         numbers.append(
-            Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=scene.longest_s / 3)
+            Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=_SLOWEST * scene.longest_s)
         )
         if sees_ambient:
             numbers.append(Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True))

@@ -26,16 +26,25 @@ class Path(Mechanism):
     logged: tuple[str, ...] = ()
 
     cause = "path"
+    noun = "a conduction path that the circuit lacks"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         one, other = self.ends
-        conductance = values[:, 0]
+        conductance, weight = values[:, 0], self.weight(record)
         if other in network.nodes:
-            network.join(network.index(one), network.index(other), conductance)
+            if self.lasts:
+                network.join(network.index(one), network.index(other), conductance)
+            else:
+                network.pairs.append((network.index(one), network.index(other), conductance[:, None] * weight))
             return
         if other not in network.boundaries:
             network.add_boundary(other, record.signals[f"{other}_degC"])
-        network.to_boundary[:, network.index(one), network.boundary(other)] += conductance
+        beyond = network.boundary(other)
+        if self.lasts:
+            network.to_boundary[:, network.index(one), beyond] += conductance
+        else:
+            varying = conductance[:, None, None] * weight
+            network.vary([network.index(one)], varying, network.boundary_degC[beyond])
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[_PROBE * self.numbers[0].value]]
@@ -65,3 +74,8 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 conductance = Number(f"G_{one}_{other}", "W/K", scene.conductance(one), log=True)
                 logged = (f"{other}_degC",) if other in scene.other_temperatures else ()
                 yield Path((f"{one}-{other}",), (conductance,), ends=(one, other), logged=logged)
+
+
+def begun(scene: Scene) -> Iterator[Mechanism]:
+    """The same for a while."""
+    return candidates(scene)

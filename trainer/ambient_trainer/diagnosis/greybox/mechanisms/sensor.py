@@ -40,6 +40,7 @@ class Bias(_Linear):
     """It reads too much by a constant."""
 
     cause = "sensor_bias"
+    noun = "an offset of a sensor"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
@@ -57,12 +58,13 @@ class Gain(_Linear):
     middle_degC: float = 25.0
 
     cause = "sensor_gain"
+    noun = "a wrong gain of a sensor"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor = self.sensor(network)
+        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
 
         def reading(read: Array) -> None:
-            read[:, sensor] += values[:, :1] * (read[:, sensor] - self.middle_degC)
+            read[:, sensor] += values[:, :1] * weight * (read[:, sensor] - self.middle_degC)
 
         network.readings.append(reading)
 
@@ -74,9 +76,11 @@ class Drift(_Linear):
     begin_s: float = 0.0
 
     cause = "sensor_drift"
+    noun = "the drift of a sensor"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor, since = self.sensor(network), record.time_s - self.begin_s
+        begin_s = self.begin_s if self.onset_s is None else self.onset_s
+        sensor, since = self.sensor(network), np.clip(record.time_s, begin_s, self.end_s) - begin_s
 
         def reading(read: Array) -> None:
             read[:, sensor] += values[:, :1] * since
@@ -89,14 +93,16 @@ class Lag(_Linear):
     """It follows with a lag."""
 
     cause = "sensor_lag"
+    noun = "the lag of a sensor"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor = self.sensor(network)
+        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
 
         def reading(read: Array) -> None:
             for lane, lag in enumerate(values[:, 0]):
                 if lag > 0:
-                    read[lane, sensor] = lagged(read[lane, sensor], float(lag), record.period_s)
+                    own = read[lane, sensor]
+                    read[lane, sensor] = own + weight * (lagged(own, float(lag), record.period_s) - own)
 
         network.readings.append(reading)
 
@@ -106,6 +112,7 @@ class Clock(_Linear):
     """The reference's clock is ahead of the device's by so much: its true value comes later in the log."""
 
     cause = "clock_offset"
+    noun = "a clock offset between the reference and the device"
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         air = network.boundary(AMBIENT)
@@ -119,6 +126,7 @@ class Stuck(_Linear):
     """It reads the same whatever happens."""
 
     cause = "sensor_stuck"
+    noun = "a sensor that stands still"
     evident = True
     shaped = True
 
@@ -139,7 +147,24 @@ class Stuck(_Linear):
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
     """A reading that is off for a while."""
-    return (Bias((each,), (Number(f"bias_{each}", "K", 0.0),)) for each in scene.sensors)
+    return (_bias(sensor) for sensor in scene.sensors)
+
+
+def begun(scene: Scene) -> Iterator[Mechanism]:
+    """A sensor that had been good has another gain, drifts or lags."""
+    return (each for sensor in scene.sensors for each in _slow_faults(scene, sensor))
+
+
+def _bias(sensor: str) -> Mechanism:
+    return Bias((sensor,), (Number(f"bias_{sensor}", "K", 0.0),))
+
+
+def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
+    place, span_s = (sensor,), scene.duration_s
+    gain = Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5)
+    yield Gain(place, (gain,), middle_degC=scene.mean_degC(sensor))
+    yield Drift(place, (Number(f"drift_{sensor}", "K/s", 0.0, scale=1.0 / span_s),), begin_s=scene.begin_s)
+    yield Lag(place, (Number(f"lag_{sensor}", "s", 0.0, scale=scene.period_s / 2, low=0.0, high=span_s / 20),))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
@@ -149,13 +174,8 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
         if still is not None:
             value, onset_s, end_s = still
             yield Stuck((sensor,), (Number(f"stuck_{sensor}", "degC", value),), None, onset_s, end_s)
-        yield Bias((sensor,), (Number(f"bias_{sensor}", "K", 0.0),))
-        middle = scene.mean_degC(sensor)
-        yield Gain((sensor,), (Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5),), middle_degC=middle)
-        drift = Number(f"drift_{sensor}", "K/s", 0.0, scale=1.0 / scene.duration_s)
-        yield Drift((sensor,), (drift,), begin_s=scene.begin_s)
-        lag = Number(f"lag_{sensor}", "s", 0.0, scale=scene.period_s / 2, low=0.0, high=scene.duration_s / 20)
-        yield Lag((sensor,), (lag,))
+        yield _bias(sensor)
+        yield from _slow_faults(scene, sensor)
     limit = scene.duration_s / 20
     if scene.ambient_varies:
         yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
+from scipy.signal import lsim
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
@@ -31,36 +31,35 @@ def test_a_trace_about_as_coarse_is_left_alone() -> None:
     assert means(trace, 20.0) is not trace
 
 
-def test_averaging_commutes_with_a_linear_circuit(chain) -> None:
+def _simulated(inputs: np.ndarray, period_s: float, held: bool = False) -> np.ndarray:
+    """A chip on a board in the air, (2, N), under the air and a heater's watts, from rest; held, or straight lines."""
+    A = np.array([[-1 / 80, 1 / 80], [1 / 200, -1 / 200 - 1 / 750]])
+    B = np.array([[0, 1 / 10], [1 / 750, 0]])
+    rest = np.linalg.solve(A, -B @ inputs[:, 0])
+    time_s = period_s * np.arange(inputs.shape[1])
+    return lsim((A, B, np.eye(2), np.zeros((2, 2))), inputs.T, time_s, rest, interp=not held)[1].T
+
+
+INPUTS, SENSORS = ("ambient_degC", "heater_W"), ["chip_degC", "board_degC"]
+
+
+def test_averaging_commutes_with_a_linear_circuit() -> None:
     """The record of a finely simulated run is what the coarse circuit simulates from the record's inputs."""
-    fine, factor, samples = 1.0, 10, 12000
-    time_s = fine * np.arange(samples)
-    random = np.random.default_rng(4)
-    bursts = 3.0 * (random.random(samples) < 0.1)  # shorter than the record's period
-    air = 20 + 3 * np.sin(time_s / 900)
-    fine_chain = type(chain)(chain.circuit, fine)
-    inputs = np.stack([air, bursts])
-    rest = np.linalg.solve(chain.plant().A, -chain.plant().B @ inputs[:, 0])
-    plant = fine_chain.plant()
-    nodes = plant.forced(inputs) + np.einsum("i,ink->nk", rest, plant.decays(samples))
-    columns = {"ambient_degC": air, "heater_W": bursts}
-    columns.update({f"{name}_degC": row for name, row in zip(("chip", "board", "shell"), nodes)})
-    (record,) = records(
-        _trace(time_s, **columns), chain.circuit.inputs, ["chip_degC", "board_degC", "shell_degC"], 10.0
-    )
+    factor, samples = 10, 12000
+    time_s = np.arange(float(samples))
+    bursts = 3.0 * (np.random.default_rng(4).random(samples) < 0.1)  # shorter than the record's period
+    inputs = np.stack([20 + 3 * np.sin(time_s / 900), bursts])
+    nodes = _simulated(inputs, 1.0)
+    trace = _trace(time_s, **dict(zip(INPUTS, inputs)), **dict(zip(SENSORS, nodes)))
+    (record,) = records(trace, INPUTS, SENSORS, 10.0)
     assert record.samples == samples // factor
     np.testing.assert_allclose(record.inputs[1], bursts.reshape(-1, factor).mean(axis=1))
-    coarse = chain.plant()
-    simulated = coarse.forced(record.inputs)
-    decays = coarse.decays(record.samples)[:, coarse.reads]
-    left = record.sensors - simulated
-    start, *_ = np.linalg.lstsq(decays.reshape(3, -1).T, left.reshape(-1), rcond=None)
-    off = left - np.einsum("i,isk->sk", start, decays)
-    sampled = np.stack([air[::factor], bursts[::factor]])
-    worse = nodes[:, ::factor] - coarse.forced(sampled) - np.einsum("i,ink->nk", rest, coarse.decays(samples // factor))
+    settled = slice(samples // factor // 3, None)
+    averaged = record.sensors - _simulated(record.inputs, 10.0)
+    taken = nodes[:, ::factor] - _simulated(inputs[:, ::factor], 10.0)
     # the chip feels where in its period a burst lay, the board hardly; sampling loses most bursts altogether
-    averaged, taken = (np.sqrt(np.mean(each[:, 1:] ** 2, axis=1)) for each in (off, worse))
-    assert (averaged < [0.15, 0.02, 0.005]).all()
+    averaged, taken = (np.sqrt(np.mean(each[:, settled] ** 2, axis=1)) for each in (averaged, taken))
+    assert (averaged < [0.15, 0.08]).all()
     assert (taken > 10 * averaged).all()
 
 
@@ -123,28 +122,19 @@ def test_the_slowest_trace_sets_the_period() -> None:
 
 
 @pytest.mark.parametrize("period_s", [20.0, 100.0])
-def test_inputs_that_are_held_act_half_a_sample_later(chain, period_s: float) -> None:
+def test_inputs_that_are_held_act_half_a_sample_later(period_s: float) -> None:
     """Kirchhoff's law under steps is told by a record of held inputs, and badly by one of straight lines."""
     count, own = 2000, 20.0
-    inputs = np.repeat(chain.inputs(count // 4, seed=3), 4, axis=1)
-    held = type(chain)(chain.circuit, own)
-    plant = held.plant()
-    step, steady = expm(own * plant.A), -np.linalg.solve(plant.A, plant.B @ inputs)
-    nodes = np.empty((3, count))
-    nodes[:, 0] = steady[:, 0]
-    for k in range(count - 1):
-        nodes[:, k + 1] = steady[:, k] + step @ (nodes[:, k] - steady[:, k])
-    columns = {"ambient_degC": inputs[0], "heater_W": inputs[1], "camera_on": inputs[1]}
-    columns.update({f"{name}_degC": row for name, row in zip(("chip", "board", "shell"), nodes)})
-    trace, sensors = _trace(own * np.arange(count), **columns), ["chip_degC", "board_degC", "shell_degC"]
-    coarse = type(chain)(chain.circuit, period_s).plant()
+    draw = np.random.default_rng(3)
+    inputs = np.repeat([20 + draw.normal(0, 2, count // 40), draw.uniform(0, 2.5, count // 40)], 40, axis=1)
+    nodes = _simulated(inputs, own, held=True)
+    trace = _trace(own * np.arange(count), **dict(zip(INPUTS, inputs)), **dict(zip(SENSORS, nodes)))
     off = {}
     for hold in ("zero-order", "first-order"):
-        (record,) = records(trace, chain.circuit.inputs, sensors, period_s, hold)
-        left = (record.sensors - coarse.forced(record.inputs))[:, record.samples // 4 :]
+        (record,) = records(trace, INPUTS, SENSORS, period_s, hold)
+        left = (record.sensors - _simulated(record.inputs, period_s))[:, record.samples // 4 :]
         off[hold] = np.sqrt(np.mean(left**2, axis=1))
-        np.testing.assert_array_equal(record.signals["camera_on"], record.inputs[1])
-    assert (off["zero-order"] < 0.4 * off["first-order"]).all()
+    assert (off["zero-order"] < 0.5 * off["first-order"]).all()
 
 
 def test_a_held_value_after_a_gap_stands_alone() -> None:

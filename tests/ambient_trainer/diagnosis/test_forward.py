@@ -13,7 +13,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.forward import forward
 
-RISE = Path(__file__).parents[3] / "data" / "circuits" / "two_beside_one.yaml"
+RISE = Path(__file__).parents[2] / "data" / "circuits" / "two_beside_one.yaml"
 
 
 def test_rise_circuit_turned_round() -> None:

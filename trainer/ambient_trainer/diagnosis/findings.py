@@ -1,0 +1,189 @@
+"""What a selection of mechanisms says: steps with cause, size, gain and confidence; the ranking of all candidates."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.stats import norm, wilcoxon
+
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, Trial, penalised
+from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
+from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
+from ambient_trainer.diagnosis.words import digits, window
+
+_ALIKE = 0.04
+"""Of the penalised logarithm of held-out errors: rivals that are closer are not distinguishable."""
+_EVIDENT, _RESAMPLED = 0.95, 400
+_EVERYWHERE = ("ambient_coupling", "convection_law")
+"""Without a location they are those of all nodes."""
+_CENTRE, _SLOPE = 0.1, 8.0
+"""Of the margin over the closest other cause, in the logarithm of the held-out error."""
+
+
+def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
+    """The steps whose mechanisms the final model holds; numbers are those of the final model."""
+    final = selection.final
+    result = []
+    held = list(range(len(selection.bare.model.mechanisms), len(final.model.mechanisms)))
+    for step in selection.steps:
+        chosen = step.chosen
+        same = [each for each in held if chosen and final.model.mechanisms[each].key == chosen.mechanism.key]
+        if chosen is None or not same:
+            continue
+        index = same[0]
+        held.remove(index)
+        mechanism = final.model.mechanisms[index]
+        gain = _gain(step, chosen)
+        magnitude, parameters = _numbers(final, index)
+        rivals = [each for each in step.trials if _rival(each, chosen)]
+        name = cause_of(mechanism, final.model.circuit)
+        sentence = (
+            f"{name}: {magnitude.meaning} {digits(magnitude.value)} {magnitude.unit} ({digits(magnitude.ci95[0])} to"
+            f" {digits(magnitude.ci95[1])}), {''.join(f'{each}, ' for each in [magnitude.qualifier] if each)}"
+            f"{window(mechanism.onset_s, mechanism.end_s)}; on held-out data"
+            f" {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
+        )
+        result.append(
+            Step(
+                cause=cause_of(mechanism, final.model.circuit),
+                onset_s=mechanism.onset_s,
+                end_s=mechanism.end_s,
+                magnitude=magnitude,
+                confidence=_confidence(step, chosen, gain),
+                gain=gain,
+                indistinguishable_from=tuple(
+                    dict.fromkeys(cause_of(each.mechanism, final.model.circuit) for each in rivals)
+                ),
+                sentence=sentence,
+                parameters=parameters,
+                residual_degC=chosen.fitted.residual_degC(longest),
+            )
+        )
+    return tuple(result)
+
+
+def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:
+    """Its name, place and driver, as a diagnosis gives them."""
+    places = mechanism.places
+    location: str | tuple[str, ...] | None = places[0] if len(places) == 1 else places or None
+    joined = {each for each, _ in circuit.to_ambient(circuit.states)}
+    if len(places) > 1 and mechanism.cause in _EVERYWHERE and joined == set(places):
+        location = None
+    return Cause(mechanism.cause, location, None if mechanism.driver is None else mechanism.driver.text)
+
+
+def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[float, str]]]:
+    mechanism = final.model.mechanisms[index]
+    first = len(final.model.own) + sum(len(each.numbers) for each in final.model.mechanisms[:index])
+    parameters = {}
+    intervals = []
+    for offset, number in enumerate(mechanism.numbers):
+        error = 1.96 * math.sqrt(max(final.covariance[first + offset, first + offset], 0.0))
+        ends = (float(number.natural(np.float64(number.z + sign * error))) for sign in (-1.0, 1.0))
+        low, high = sorted(mechanism.stated(each) for each in ends)
+        parameters[number.name] = (number.value, number.unit)
+        intervals.append((low, high))
+    if (whole := mechanism.product()) is not None:
+        magnitude = _product(mechanism, whole, final.covariance[first:, first:])
+        parameters[magnitude.meaning.replace(" ", "_")] = (magnitude.value, magnitude.unit)
+        return magnitude, parameters
+    largest = max(
+        range(len(intervals)), key=lambda each: abs(mechanism.numbers[each].z) * (not mechanism.numbers[each].log)
+    )
+    main = mechanism.numbers[largest]
+    value = mechanism.stated(main.value)
+    magnitude = Magnitude(value, main.unit, mechanism.meaning(main), intervals[largest], mechanism.sentence_tail())
+    return magnitude, {**parameters, **mechanism.further()}
+
+
+def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], covariance: Array) -> Magnitude:
+    meaning, unit, both = whole
+    z = sum(mechanism.numbers[each].z for each in both)
+    error = 1.96 * math.sqrt(max(float(covariance[np.ix_(both, both)].sum()), 0.0))
+    low, high = (math.exp(min(z + sign * error, 60.0)) for sign in (-1.0, 1.0))
+    return Magnitude(math.exp(z), unit, meaning, (low, high), mechanism.sentence_tail())
+
+
+def _gain(step: Chosen, trial: Trial) -> Gain:
+    """The held-out errors, with the interval of their difference by resampling blocks of time."""
+    before, after = _blocks(step.before), _blocks(trial.fitted)
+    error = step.before.held_out_rmse_degC, trial.fitted.held_out_rmse_degC
+    gain = error[0] - error[1]
+    p_value = 1.0
+    if np.any(before != after):
+        p_value = min(1.0, float(wilcoxon(before, after, alternative="greater").pvalue) * max(step.tried, 1))
+    drawn = np.random.default_rng(0).integers(len(before), size=(_RESAMPLED, len(before)))
+    gains = np.sqrt(before[drawn].mean(axis=1)) - np.sqrt(after[drawn].mean(axis=1))
+    middle = float(np.sqrt(before.mean()) - np.sqrt(after.mean()))
+    low, high = (gain + float(each) - middle for each in np.quantile(gains, [0.025, 0.975]))
+    return Gain(*error, (low, high), p_value)
+
+
+def _blocks(fitted: Fitted) -> Array:
+    """The mean square of each block of time."""
+    residual, block = fitted.residual, fitted.block
+    return np.array([np.mean(residual[block == each] ** 2) for each in np.unique(block)])
+
+
+def _rival(trial: Trial, chosen: Trial) -> bool:
+    if chosen.mechanism.evident:
+        return False
+    other = trial.mechanism.key != chosen.mechanism.key and trial.mechanism.cause != chosen.mechanism.cause
+    kind = (trial.mechanism.instrument, trial.mechanism.responds)
+    same = kind == (chosen.mechanism.instrument, chosen.mechanism.responds)
+    return other and same and not trial.fitted.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
+
+
+def _confidence(step: Chosen, chosen: Trial, gain: Gain) -> float:
+    """The probability that the cause, its place and its driver are right, by the margin over the closest other."""
+    if chosen.mechanism.evident:
+        return _EVIDENT
+    others = [each for each in step.trials if each.mechanism.key != chosen.mechanism.key and not each.fitted.at_bounds]
+    margin = min((penalised(each) - penalised(chosen) for each in others), default=1.0)
+    total = math.log(gain.rmse_before_degC / gain.rmse_after_degC)
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
+    return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def ranking_of(selection: Selection) -> tuple[Ranked, ...]:
+    """Every candidate for the first step, each compared by itself."""
+    taken = {each.chosen.mechanism.key for each in selection.steps[:1] if each.chosen is not None}
+    return tuple(
+        _ranked(selection.compared, trial, trial.mechanism.key in taken) for trial in selection.compared.trials
+    )
+
+
+def _ranked(step: Chosen, trial: Trial, taken: bool) -> Ranked:
+    mechanism = trial.mechanism
+    magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
+    gain = _gain(step, trial)
+    if taken:
+        remark = "taken"
+    elif trial.fitted.at_bounds:
+        remark = "a number ends at a physical bound"
+    elif step.chosen is not None and _rival(trial, step.chosen):
+        remark = "not distinguishable from the one taken"
+    elif gain.rmse_after_degC > gain.rmse_before_degC * 0.95:
+        remark = "no sure gain on held-out data"
+    elif mechanism.responds:
+        remark = "a temperature that may answer to the same cause"
+    elif mechanism.instrument:
+        remark = "an instrument, where physics does about as well"
+    else:
+        remark = "gains less on held-out data" if step.chosen else "gains too little to matter"
+    return Ranked(
+        cause_of(mechanism, trial.fitted.model.circuit), mechanism.onset_s, mechanism.end_s, magnitude, gain, remark
+    )
+
+
+def unknown_step(bare: Fitted, longest: int) -> Step:
+    """The step of a misfit that nothing explains."""
+    error = bare.held_out_rmse_degC
+    gain = Gain(error, error, (0.0, 0.0), 1.0)
+    sentence = f"The simulation is {error:.2f} degC off."
+    return Step(Cause(UNKNOWN), None, None, None, 0.0, gain, (), sentence, {}, bare.residual_degC(longest))
