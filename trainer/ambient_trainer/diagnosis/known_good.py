@@ -61,7 +61,7 @@ class KnownGood:
 def train_on_baselines(
     circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None = None
 ) -> KnownGood:
-    """What known-good traces teach of a forward ``circuit``."""
+    """A forward ``circuit`` fitted to known-good traces, with what they need besides."""
     good = [each for trace in traces for each in records_of(circuit, trace, period_s)]
     bare = bare_fit(greybox_of(circuit), good)
     final = stepwise(bare, progress=progress, offered=lasting_candidates).final

@@ -67,7 +67,7 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
     name = "nothing is missing" if rival is None else str(cause_of(rival.mechanism, other.model.circuit))
     found = _largest(taken, other)
     if found is None or found.sigmas < _SURE:
-        return f"No step of one logged input tells {steps[0].cause} from this: {name}. Log twice as long, and more."
+        return f"No step of one logged input separates {steps[0].cause} from this: {name}. Log twice as long, and more."
     switch = found.switch
     sd = f"(standard deviation {digits(found.sd_degC, 2)} degC)"
     return (

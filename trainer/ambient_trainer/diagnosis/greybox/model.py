@@ -85,6 +85,8 @@ class Mechanism:
         """Whether it is of how a device is built: known-good records would have shown it."""
         return False
 
+    assumes = 0.0
+    """What it takes for granted besides its numbers."""
     adds_nodes = False
     """It comes before what acts on nodes."""
     evident = False

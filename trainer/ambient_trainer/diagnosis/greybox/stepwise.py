@@ -71,14 +71,8 @@ class Trial:
 
     @property
     def identified(self) -> bool:
-        """Whether one of its amounts is surely not zero, of heat each, or its conductance is known within a factor of a
-        hundred."""
-        count = len(self.mechanism.numbers)
-        deviations = np.sqrt(np.maximum(np.diag(self.fitted.covariance)[-count:], 0.0))
-        amounts = [abs(n.z) > _SURELY * sd for n, sd in zip(self.mechanism.numbers, deviations) if not n.log]
-        if self.mechanism.cause == "heat_source":
-            return all(amounts)
-        return any(amounts) or (self.mechanism.numbers[0].log and bool(_SURELY * deviations[0] < np.log(_WITHIN)))
+        """Whether its numbers are."""
+        return identified(self.fitted, len(self.fitted.model.mechanisms) - 1)
 
     @staticmethod
     def of(before: Fitted, after: Fitted) -> Trial:
@@ -87,6 +81,19 @@ class Trial:
         if not mechanism.lasts:
             error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
         return Trial(mechanism, after, error)
+
+
+def identified(fitted: Fitted, index: int) -> bool:
+    """Whether an amount of a mechanism is surely not zero, of heat each, or its conductance is known within a factor of
+    a hundred."""
+    mechanism = fitted.model.mechanisms[index]
+    first = len(fitted.model.own) + sum(len(each.numbers) for each in fitted.model.mechanisms[:index])
+    variance = np.diag(fitted.covariance)[first : first + len(mechanism.numbers)]
+    deviations = np.sqrt(np.maximum(variance, 0.0))
+    amounts = [abs(n.z) > _SURELY * sd for n, sd in zip(mechanism.numbers, deviations) if not n.log]
+    if mechanism.cause == "heat_source":
+        return all(amounts)
+    return any(amounts) or (mechanism.numbers[0].log and bool(_SURELY * deviations[0] < np.log(_WITHIN)))
 
 
 @dataclass(frozen=True)
@@ -239,9 +246,9 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
             started[shape] = started.get(shape, 0) + 1
             chosen.append(each)
-        spread = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
-        if driver and "*" not in driver and len([key for key in seen if key[0] == spread]) < _DRIVERS:
-            kinds.append((spread, (cause, driver)))
+        scope = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
+        if driver and "*" not in driver and len([key for key in seen if key[0] == scope]) < _DRIVERS:
+            kinds.append((scope, (cause, driver)))
         for kind in kinds:
             seen[kind] = seen.get(kind, 0) + 1
             if seen[kind] == 1:
@@ -318,6 +325,7 @@ def complexity(mechanism: Mechanism) -> float:
     driver = (
         0.5 * bool(text)
         + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)
+        + 1.0 * (mechanism.cause == "heat_source") * (len(mechanism.places) - 1)
         + 3.0 * (text.endswith("_A") and mechanism.cause == "heat_source")
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
@@ -325,7 +333,7 @@ def complexity(mechanism: Mechanism) -> float:
     )
     electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
     bounds = 2.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))
-    return 0.5 + 0.5 * len(mechanism.numbers) + driver + electric + bounds
+    return 0.5 + mechanism.assumes + 0.5 * len(mechanism.numbers) + driver + electric + bounds
 
 
 def penalised(trial: Trial) -> float:
@@ -479,7 +487,8 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
         others = [each for each in offered if each.mechanism.key != first.mechanism.key]
         for second in compared(first.fitted, shortlist(others), lambda done, total: None):
             score = penalised(second) + PENALTY * complexity(first.mechanism)
-            sound = second.identified and not second.fitted.at_bounds
+            before = len(second.fitted.model.mechanisms) - 2
+            sound = second.identified and identified(second.fitted, before) and not second.fitted.at_bounds
             if sound and first is step.chosen:
                 # it is followed anyway
                 alone = min(alone, score)

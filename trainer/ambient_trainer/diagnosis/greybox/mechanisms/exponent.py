@@ -50,6 +50,8 @@ class ChangedExponent(Exponent):
     """One exponent for all places, and the difference in K at which the loss is as it was."""
 
     shaped = True
+    assumes = 2.0
+    """A loss changes more often than its law does."""
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         count = len(self.places)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class HiddenMass(Mechanism):
 
     @property
     def structural(self) -> bool:
-        return self.sees_ambient or len(self.places) > 1
+        return self.lasts or self.sees_ambient or len(self.places) > 1
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         each = 3 if self.sees_ambient else 2
@@ -121,10 +121,12 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
-    """A body that is put to a node, and may be taken away."""
+    """A body that is put to a node, and may be taken away; one that is slower than the record is a loss."""
     for node in scene.nodes:
         for lag in np.geomspace(10 * scene.period_s, scene.longest_s / 12, 2):
-            yield _mass(scene, (node,), float(lag), sees_ambient=False)
+            mass = _mass(scene, (node,), float(lag), sees_ambient=False)
+            conductance, behind = mass.numbers
+            yield replace(mass, numbers=(conductance, replace(behind, high=scene.longest_s / 3)))
 
 
 def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
