@@ -484,7 +484,10 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
     for index, first in enumerate(list(begun.values())[:_PAIRED]):
         said("try pairs", index, _PAIRED)
         offered = [each for each in screen(Scene(first.fitted), lasting_candidates) if _stores_or_heats(each.mechanism)]
+        # of two heats each shows itself alone
+        heats = first.mechanism.cause == "heat_source"
         others = [each for each in offered if each.mechanism.key != first.mechanism.key]
+        others = [each for each in others if not heats or each.mechanism.cause != "heat_source"]
         for second in compared(first.fitted, shortlist(others), lambda done, total: None):
             score = penalised(second) + PENALTY * complexity(first.mechanism)
             before = len(second.fitted.model.mechanisms) - 2
