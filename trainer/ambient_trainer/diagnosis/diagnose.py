@@ -42,7 +42,11 @@ _ROUNDING_DEGC = 0.051
 _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
-_SMALL_DEGC, _UNDESCRIBED, _MOSTLY = 0.3, 0.5, 0.5
+_SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL = 0.3, 0.5, 0.5, 0.9, 0.45
+_MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
+"""Times what known-good records leave: below the one a change is described, beyond the other it is not."""
+_SLOW = 1.0 / 3.0
+"""Of the record: a mass that is slower is a boundary of unknown temperature."""
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 _PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
@@ -116,7 +120,9 @@ def diagnose_changed(
     own = _long_enough(known.records(traces))
     bare = known.bare_fit(own)
     selection = stepwise(bare, floor_degC=known.rmse_degC, progress=progress, offered=changed_candidates)
-    return _diagnosis(circuit, traces, selection, None, baselines)
+    before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
+    most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / known.rmse_degC, _MOST_OF_A_LARGE_MISFIT))
+    return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
 
 
 def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float | None, progress: Progress | None) -> Diagnosis:
@@ -133,7 +139,12 @@ def _long_enough(records: list[Record]) -> list[Record]:
 
 
 def _diagnosis(
-    circuit: Circuit, traces: Sequence[Trace], selection: Selection, floor_degC: float | None, baselines: Sequence[str]
+    circuit: Circuit,
+    traces: Sequence[Trace],
+    selection: Selection,
+    floor_degC: float | None,
+    baselines: Sequence[str],
+    described: bool = True,
 ) -> Diagnosis:
     bare, final = selection.bare, selection.final
     longest = max(range(len(bare.records)), key=lambda index: bare.records[index].samples)
@@ -141,7 +152,7 @@ def _diagnosis(
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
-    if nothing or ((share or 0.0) < _MOSTLY and _undescribed(final)) or _confounded(selection):
+    if nothing or not described or _undescribed(final, share) or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
     fitted = extended_circuit(circuit, bare.model) if bare.model.mechanisms else _fitted(circuit, bare)
     record = bare.records[longest]
@@ -210,28 +221,36 @@ def _floor_degC(own: Sequence[Record]) -> float:
 
 def _misfits(bare: Fitted, floor_degC: float) -> bool:
     """Whether what the circuit leaves is large, beside what its sensors do and what could be explained."""
-    if _undescribed(bare):
+    if _undescribed(bare, None):
         return True
     deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in bare.records]))
     large = bare.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
     return bool(large and floor_degC < (1.0 - _EXPLAINABLE) * bare.held_out_rmse_degC)
 
 
-def _undescribed(fitted: Fitted) -> bool:
-    """Whether a sensor is left with more than half of its own deviation: the model does not describe the data."""
+def _undescribed(fitted: Fitted, share: float | None) -> bool:
+    """Whether much is left beside the deviation of what was read: of a sensor, of one more than nine tenths, or of all;
+    or more than half of one where most of what can be explained is not."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
     left = np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
-    share = np.nanmean(left**2, axis=1) / np.maximum(np.nanvar(read, axis=1), _SMALL_DEGC**2)
-    return bool(share.max() > _UNDESCRIBED**2)
+    square, variance = np.nanmean(left**2, axis=1), np.nanvar(read, axis=1)
+    worst = np.sqrt(np.max(square / np.maximum(variance, _SMALL_DEGC**2)))
+    overall = np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2))
+    little = share is None or share < _MOSTLY
+    return bool(worst > _NOTHING or overall > _MUCH_OF_ALL or (little and worst > _UNDESCRIBED))
 
 
 def _confounded(selection: Selection) -> bool:
-    """Whether heat that nothing logged drives comes first, beside a reference that never moves: a warmer ambient and
-    such heat are the same term."""
-    given = len(selection.bare.model.mechanisms)
-    first = selection.final.model.mechanisms[given : given + 1]
-    constant = all(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) == 0 for record in selection.final.records)
-    return constant and any(each.cause == "heat_source" and each.driver is None for each in first)
+    """Whether the first step is heat that nothing logged drives, or a body slower than the record, beside a reference
+    that never moves: a warmer ambient does the same."""
+    given, final = len(selection.bare.model.mechanisms), selection.final
+    if any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
+        return False
+    longest_s = max(record.samples * record.period_s for record in final.records)
+    for first in final.model.mechanisms[given : given + 1]:
+        slow = first.cause == "thermal_mass" and first.numbers[1].value > _SLOW * longest_s
+        return slow or (first.cause == "heat_source" and first.driver is None)
+    return False
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:

@@ -19,7 +19,8 @@ from ambient_trainer.diagnosis.record import Record
 _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _PROBE = 0.02
-_MOST_LESS = 0.97
+_MOST_LESS, _MOST_MORE = 0.97, 19.0
+"""A loss goes down to next to nothing, and up to what a storm or water takes from still air's."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
     """A change of the loss of each node, and of all, that nothing logged shows."""
     joined = [each for each in scene.nodes if scene.loss(each) > 0]
     for places in scene.groups(joined):
-        yield Coupling(places, (Number("change", "1", 0.0, low=-_MOST_LESS),))
+        yield Coupling(places, (Number("change", "1", 0.0, low=-_MOST_LESS, high=_MOST_MORE),))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
@@ -108,8 +109,8 @@ def _coupling(
 ) -> Coupling:
     scale = 1.0 / scene.size(driver)
     names = ["change"] if shared else [f"change_{each}" for each in places]
-    # a loss goes down to nothing, not below
     least, most = scene.extent(driver)
-    low, high = -_MOST_LESS / most if most > 0 else -np.inf, -_MOST_LESS / least if least < 0 else np.inf
+    low = max(-_MOST_LESS / most if most > 0 else -np.inf, _MOST_MORE / least if least < 0 else -np.inf)
+    high = min(_MOST_MORE / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
     numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale, low=low, high=high) for name in names)
     return kind(places, numbers, driver)
