@@ -112,7 +112,7 @@ def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], cova
 def _gain(step: Chosen, trial: Trial) -> Gain:
     """The held-out errors, with the interval of their difference by resampling blocks of time."""
     before, after = _blocks(step.before), _blocks(trial.fitted)
-    error = step.before.held_out_rmse_degC, trial.fitted.held_out_rmse_degC
+    error = step.before.held_out_rmse_degC, trial.rmse_degC
     gain = error[0] - error[1]
     p_value = 1.0
     if np.any(before != after):

@@ -44,7 +44,7 @@ MECHANISMS = {
     "Contact": Contact(PLACE, (number(0.5, True), Number("body", "degC", 33.0)), None, 6000.0, 12000.0),
     "Bias": Bias(PLACE, (number(0.5),), None, 6000.0, None),
     "Gain": Gain(PLACE, (number(0.05),), middle_degC=25.0),
-    "Drift": Drift(PLACE, (number(1e-5),), begin_s=0.0),
+    "Drift": Drift(PLACE, (number(0.05),), begin_s=0.0),
     "Lag": Lag(PLACE, (number(40.0),)),
     "Stuck": Stuck(PLACE, (number(25.0),), None, 6000.0, 9000.0),
     "Clock": Clock((), (number(75.0),)),

@@ -15,6 +15,8 @@ from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.lti.lag import lagged
 
+_HOUR_S = 3600.0
+
 
 @dataclass(frozen=True)
 class _Linear(Mechanism):
@@ -80,7 +82,7 @@ class Drift(_Linear):
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         begin_s = self.begin_s if self.onset_s is None else self.onset_s
-        sensor, since = self.sensor(network), np.clip(record.time_s, begin_s, self.end_s) - begin_s
+        sensor, since = self.sensor(network), (np.clip(record.time_s, begin_s, self.end_s) - begin_s) / _HOUR_S
 
         def reading(read: Array) -> None:
             read[:, sensor] += values[:, :1] * since
@@ -156,14 +158,14 @@ def begun(scene: Scene) -> Iterator[Mechanism]:
 
 
 def _bias(sensor: str) -> Mechanism:
-    return Bias((sensor,), (Number(f"bias_{sensor}", "K", 0.0),))
+    return Bias((sensor,), (Number(f"bias_{sensor}", "degC", 0.0),))
 
 
 def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
     place, span_s = (sensor,), scene.duration_s
     gain = Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5)
     yield Gain(place, (gain,), middle_degC=scene.mean_degC(sensor))
-    yield Drift(place, (Number(f"drift_{sensor}", "K/s", 0.0, scale=1.0 / span_s),), begin_s=scene.begin_s)
+    yield Drift(place, (Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / span_s),), begin_s=scene.begin_s)
     yield Lag(place, (Number(f"lag_{sensor}", "s", 0.0, scale=scene.period_s / 2, low=0.0, high=span_s / 20),))
 
 
