@@ -247,10 +247,11 @@ def _confounded(selection: Selection) -> bool:
     if any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
         return False
     longest_s = max(record.samples * record.period_s for record in final.records)
-    for first in final.model.mechanisms[given : given + 1]:
-        slow = first.cause == "thermal_mass" and first.numbers[1].value > _SLOW * longest_s
-        return slow or (first.cause == "heat_source" and first.driver is None)
-    return False
+    first = next(iter(final.model.mechanisms[given:]), None)
+    if first is None:
+        return False
+    slow = first.cause == "thermal_mass" and first.numbers[1].value > _SLOW * longest_s
+    return slow or (first.cause == "heat_source" and first.driver is None)
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:

@@ -98,7 +98,7 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
     main = mechanism.numbers[largest]
     value = mechanism.stated(main.value)
     magnitude = Magnitude(value, main.unit, mechanism.meaning(main), intervals[largest], mechanism.sentence_tail())
-    return magnitude, {**parameters, **mechanism.further()}
+    return magnitude, parameters
 
 
 def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], covariance: Array) -> Magnitude:
