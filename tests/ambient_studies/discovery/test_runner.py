@@ -26,10 +26,12 @@ def test_workers_find_what_is_hidden(done, cases):
     assert nothing.true == ()
     assert nothing.correct == (nothing.found == ())
     assert bias.true == (BIAS,)
-    # a circuit of two nodes says where, and hardly whether it is the sensor
-    assert any(each.location in ("display", None) for each in bias.found), bias.found
+    assert bias.correct
+    assert done[1].scored.onset_right
+    assert done[1].scored.magnitude_right
     assert bias.gain_ci is not None
     assert bias.gain_ci[0] > 0.0
+    assert "sensor_bias at display" in done[1].sentences[0]
 
 
 def test_one_process_says_the_same_and_never_sees_the_truth(bench, cases, done, monkeypatch):

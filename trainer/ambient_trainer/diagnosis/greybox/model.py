@@ -87,6 +87,8 @@ class Mechanism:
 
     assumes = 0.0
     """What it takes for granted besides its numbers."""
+    stops = True
+    """Whether what has begun may end: a drift that stops is a step."""
     adds_nodes = False
     """It comes before what acts on nodes."""
     evident = False
@@ -130,10 +132,6 @@ class Mechanism:
     def sentence_tail(self) -> str:
         """A clause on how it varies; empty where it does not."""
         return ""
-
-    def further(self) -> dict[str, tuple[float, str]]:
-        """Numbers that follow from its own, with their units."""
-        return {}
 
     def with_values(self, values: Sequence[float]) -> Mechanism:
         """It with other numbers."""

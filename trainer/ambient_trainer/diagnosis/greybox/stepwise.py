@@ -31,7 +31,7 @@ _MECHANISMS = f"{__package__}.mechanisms"
 
 LEAST_GAIN, PENALTY = 0.05, 0.04
 """Of the held-out error's logarithm, altogether and by complexity: a step that gains less is curve fitting."""
-_INSTRUMENT, _FITTING, _HALF = 1.3, 3.0, 0.5
+_INSTRUMENT, _HALF = 1.3, 0.5
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
 _FEW, _MANY, _FINALISTS = 5, 25, 4
 _HOPELESS = 0.25
@@ -357,10 +357,7 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
     instruments = [each for each in passing if each.mechanism.instrument]
     for blamed in instruments[:1]:
-        # a fault that comes and goes as it likes fits anything that grows for a while
-        every = [*physical, *driven]
-        rivals = [(each, _FITTING if each.lasting and not blamed.lasting else _INSTRUMENT) for each in every]
-        better = all(blamed.rmse_degC * ratio < each.rmse_degC for each, ratio in rivals)
+        better = all(blamed.rmse_degC * _INSTRUMENT < each.rmse_degC for each in [*physical, *driven])
         if better and _halves(before, blamed):
             return blamed
     # another temperature that is logged may answer to the same cause: it has to explain much more

@@ -37,7 +37,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mecha
     for _ in range(_ROUNDS + 1):
         times = np.unique(np.concatenate([on, off]))
         acting = {at: project(columns(replace(mechanism, onset_s=None if at <= begin else float(at)))) for at in times}
-        found = _best(acting, on, off, project(fitted.residual), shortest, begin)
+        found = _best(acting, on, off if mechanism.stops else off[:0], project(fitted.residual), shortest, begin)
         if found is None:
             break
         best = found

@@ -24,10 +24,6 @@ class _Linear(Mechanism):
 
     instrument = True
 
-    def sensor(self, network: Network) -> int:
-        """The number of the sensor."""
-        return network.sensors.index(self.places[0])
-
     def probes(self) -> Sequence[Sequence[float]]:
         return [[self.numbers[0].scale]]
 
@@ -38,23 +34,35 @@ class _Linear(Mechanism):
 
 
 @dataclass(frozen=True)
-class Bias(_Linear):
+class _Fault(_Linear):
+    """What a sensor reads is off within a window."""
+
+    def apply(self, network: Network, values: Array, record: Record) -> None:
+        sensor, weight = network.sensors.index(self.places[0]), window(record, self.onset_s, self.end_s)
+
+        def reading(read: Array) -> None:
+            read[:, sensor] += weight * self.error(read[:, sensor], values[:, :1], record)
+
+        network.readings.append(reading)
+
+    def error(self, own: Array, value: Array, record: Record) -> Array:
+        """By how much it is off (P, N) where it should read ``own`` (P, N); ``value`` (P, 1) is its number."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Bias(_Fault):
     """It reads too much by a constant."""
 
     cause = "sensor_bias"
     noun = "an offset of a sensor"
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
-
-        def reading(read: Array) -> None:
-            read[:, sensor] += values[:, :1] * weight
-
-        network.readings.append(reading)
+    def error(self, own: Array, value: Array, record: Record) -> Array:
+        return value
 
 
 @dataclass(frozen=True)
-class Gain(_Linear):
+class Gain(_Fault):
     """It reads too much in proportion."""
 
     middle_degC: float = 25.0
@@ -62,51 +70,35 @@ class Gain(_Linear):
     cause = "sensor_gain"
     noun = "a wrong gain of a sensor"
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
-
-        def reading(read: Array) -> None:
-            read[:, sensor] += values[:, :1] * weight * (read[:, sensor] - self.middle_degC)
-
-        network.readings.append(reading)
+    def error(self, own: Array, value: Array, record: Record) -> Array:
+        return np.asarray(value * (own - self.middle_degC))
 
 
 @dataclass(frozen=True)
-class Drift(_Linear):
+class Drift(_Fault):
     """It reads ever more."""
 
     begin_s: float = 0.0
 
+    stops = False
     cause = "sensor_drift"
     noun = "the drift of a sensor"
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
+    def error(self, own: Array, value: Array, record: Record) -> Array:
         begin_s = self.begin_s if self.onset_s is None else self.onset_s
-        sensor, since = self.sensor(network), (np.clip(record.time_s, begin_s, self.end_s) - begin_s) / _HOUR_S
-
-        def reading(read: Array) -> None:
-            read[:, sensor] += values[:, :1] * since
-
-        network.readings.append(reading)
+        return np.asarray(value * (record.time_s - begin_s) / _HOUR_S)
 
 
 @dataclass(frozen=True)
-class Lag(_Linear):
+class Lag(_Fault):
     """It follows with a lag."""
 
     cause = "sensor_lag"
     noun = "the lag of a sensor"
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
-
-        def reading(read: Array) -> None:
-            for lane, lag in enumerate(values[:, 0]):
-                if lag > 0:
-                    own = read[lane, sensor]
-                    read[lane, sensor] = own + weight * (lagged(own, float(lag), record.period_s) - own)
-
-        network.readings.append(reading)
+    def error(self, own: Array, value: Array, record: Record) -> Array:
+        behind = [lagged(row, float(lag), record.period_s) if lag > 0 else row for row, lag in zip(own, value[:, 0])]
+        return np.asarray(behind - own)
 
 
 @dataclass(frozen=True)
@@ -124,7 +116,7 @@ class Clock(_Linear):
 
 
 @dataclass(frozen=True)
-class Stuck(_Linear):
+class Stuck(_Fault):
     """It reads the same whatever happens."""
 
     cause = "sensor_stuck"
@@ -132,13 +124,8 @@ class Stuck(_Linear):
     evident = True
     shaped = True
 
-    def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor, weight = self.sensor(network), window(record, self.onset_s, self.end_s)
-
-        def reading(read: Array) -> None:
-            read[:, sensor] += weight * (values[:, :1] - read[:, sensor])
-
-        network.readings.append(reading)
+    def error(self, own: Array, value: Array, record: Record) -> Array:
+        return np.asarray(value - own)
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[self.numbers[0].value]]
