@@ -473,16 +473,16 @@ class Validation:
                     stuck.append(i)
                     longest = max(longest, share)
         # two at once are as unlikely after half the time
-        if longest * len(stuck) <= 1:
-            return
+        long = longest * len(stuck) > 1
         apart = self._apart.union(stuck)
         for i in stuck:
             expectation = self._expectation(apart, i)
             moved = sum(map(mul, expectation.weights, z)) - sum(map(mul, expectation.weights, self._still[i][2]))
             gate = self._expectation(self._apart, i).gate
-            if abs(moved) > gate:
+            # no step is read where many are due: doubted before its difference is as large as heat may make it
+            if abs(moved) > max(gate / 2, expectation.std):
                 self._doubt_degC2, self._doubt_s = (self._gains[i] * moved) ** 2, self._time_s
-            if abs(moved) > max(gate, 2 * expectation.std):
+            if long and abs(moved) > max(gate, 2 * expectation.std):
                 self._refuse([i], readings)
                 self.refused[i].used += moved
 

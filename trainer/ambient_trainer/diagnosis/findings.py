@@ -110,8 +110,11 @@ def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], cova
 
 
 def _gain(step: Chosen, trial: Trial) -> Gain:
-    """The held-out errors, with the interval of their difference by resampling blocks of time."""
-    before, after = _blocks(step.before), _blocks(trial.fitted)
+    """The held-out errors, with the interval of their difference by resampling blocks of time.
+
+    What acts for a while is resampled by stretches that are short beside it: each gains its share.
+    """
+    before, after = (_squares(each, trial.lasting) for each in (step.before, trial.fitted))
     error = step.before.held_out_rmse_degC, trial.rmse_degC
     gain = error[0] - error[1]
     p_value = 1.0
@@ -124,8 +127,10 @@ def _gain(step: Chosen, trial: Trial) -> Gain:
     return Gain(*error, (low, high), p_value)
 
 
-def _blocks(fitted: Fitted) -> Array:
-    """The mean square of each block of time."""
+def _squares(fitted: Fitted, by_block: bool) -> Array:
+    """The mean square of each block of time, or of each fold of short stretches."""
+    if not by_block:
+        return np.array([np.mean(left**2) for left in fitted.by_comb.left])
     residual, block = fitted.residual, fitted.block
     return np.array([np.mean(residual[block == each] ** 2) for each in np.unique(block)])
 

@@ -67,7 +67,7 @@ class ChangedExponent(Exponent):
 
 def changed(scene: Scene) -> Iterator[Mechanism]:
     """A law that is another than it was, at each node and at all."""
-    for places in scene.groups([each for each in scene.nodes if scene.loss(each) > 0]):
+    for places in scene.groups(_unchanged(scene)):
         for typical in (0.3, 1.0, 3.0):
             size = typical * float(np.mean([scene.difference_degC(each) for each in places]))
             same = Number("same_at", "K", size, log=True, low=0.1, high=200.0)
@@ -76,7 +76,14 @@ def changed(scene: Scene) -> Iterator[Mechanism]:
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node that is joined to the ambient, and all of them."""
-    joined = [each for each in scene.nodes if scene.loss(each) > 0]
-    for places in scene.groups(joined):
+    for places in scene.groups(_unchanged(scene)):
         numbers = tuple(Number(f"exponent_{each}", "1", 0.0, low=-0.5, high=1.2) for each in places)
         yield Exponent(places, numbers, typical_degC=tuple(scene.difference_degC(each) for each in places))
+
+
+def _unchanged(scene: Scene) -> list[str]:
+    """Nodes with a loss to the ambient of which nothing else is known: what changes it hides its law."""
+    changed = {
+        place for held in scene.fitted.model.mechanisms if held.cause == "ambient_coupling" for place in held.places
+    }
+    return [each for each in scene.nodes if scene.loss(each) > 0 and each not in changed]
