@@ -18,7 +18,6 @@ from ambientd.config import Settings
 from ambientd.consumers import followed
 from ambientd.publish.proof import created, name_of, prove
 from ambientd.sources.assign import assigned_sensors, location_of
-from ambientd.sources.reader import Reader
 from ambientd.sources.sensors import values_of
 from ambientd.sources.supervision import outside, wrong_unit
 
@@ -92,11 +91,10 @@ def _interval(model: Model, level_percent: int) -> str:
 def check_sensors(settings: Settings) -> None:
     """Print what each input's sensor reads now; raises :class:`Refused` where one has no usable value."""
     faults = []
-    reader = Reader()
     sensors = assigned_sensors(settings, load_model(settings.model))
     for sensor in sensors:
         sensor.open()
-    values = values_of(sensors, reader)
+    values = values_of(sensors)
     for sensor in sensors:
         sensor.close()
     temperatures = [value for each, value in zip(sensors, values) if each.given.unit == "degC" and value is not None]

@@ -25,15 +25,16 @@ class Notice:
     """Whether a change is reported: at most 6 in ten minutes are."""
 
     def __init__(self) -> None:
-        self._wrong = False
+        self.wrong = False
+        """What was last reported."""
         self._reported_s: list[float] = []
 
     def changed(self, now_s: float, wrong: bool) -> bool:
         """True where ``wrong`` is not what was last reported, and is to be reported now."""
-        if wrong == self._wrong:
+        if wrong == self.wrong:
             return False
         if len(self._reported_s) == _MOST and now_s - self._reported_s[0] < _WITHIN_S:
             return False
-        self._wrong = wrong
+        self.wrong = wrong
         self._reported_s = [*self._reported_s, now_s][-_MOST:]
         return True

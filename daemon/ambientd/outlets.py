@@ -29,7 +29,8 @@ class Outlets:
         self._patience_ms = patience_ms
         self._note = note
         self._open: dict[Spec, tuple[Publisher, Notice]] = {}
-        self._published: set[Spec] = set()
+        self._unpublished: set[Spec] = set()
+        self._closed = False
         self._claims = Claims()
         self._paths: set[str] = set()
         """The files among what is published, and the state: no other daemon may write them."""
@@ -37,7 +38,7 @@ class Outlets:
     @property
     def unpublished(self) -> list[str]:
         """The names of those that have published nothing yet."""
-        return [str(spec) for spec in self._open if spec not in self._published]
+        return [str(spec) for spec in self._open if spec in self._unpublished]
 
     def become(self, specs: Sequence[Spec], state: "StateSpec | None" = None, proved: bool = False) -> None:
         """Open what is new in ``specs``, close what is no longer there, adapt what stays; ``state`` is claimed, too.
@@ -70,12 +71,14 @@ class Outlets:
             if before is not None:
                 opened[spec] = self._open.pop(before)
                 self._adapt(before, spec, opened[spec][0])
-            elif (descriptor := opened[spec][0].descriptor()) is not None:
+                continue
+            self._unpublished.add(spec)
+            if (descriptor := opened[spec][0].descriptor()) is not None:
                 self._waiter.serve(descriptor, opened[spec][0].serve)
         for spec, (publisher, _) in self._open.items():
             if (descriptor := publisher.descriptor()) is not None:
                 self._waiter.forget(descriptor)
-            self._published.discard(spec)
+            self._unpublished.discard(spec)
             self._close(spec, publisher)
         self._open = {spec: opened[spec] for spec in sorted(specs, key=lambda spec: opened[spec][0].last)}
         self._paths = paths
@@ -98,28 +101,32 @@ class Outlets:
     def _adapt(self, before: Spec, spec: Spec, publisher: Publisher) -> None:
         if before != spec:
             publisher.adapt(spec)
-            if before in self._published:
-                self._published.remove(before)
-                self._published.add(spec)
+            if before in self._unpublished:
+                self._unpublished.remove(before)
+                self._unpublished.add(spec)
 
     def publish(self, report: Report) -> None:
         """Take ``report`` to each."""
         for spec, (publisher, notice) in self._open.items():
+            if self._closed:  # while this thread hung
+                return
             problem = ""
             try:
-                if spec.path in self._paths:
+                if spec.path in self._paths and spec.path not in self._claims.held:
                     self._claims.take(spec.path)
                 publisher.publish(report)
-                self._published.add(spec)
+                if self._unpublished:
+                    self._unpublished.discard(spec)
             except Refused as refused:
                 problem = refused.faults[0].problem
             except OSError as error:
                 problem = error.strerror or str(error)
-            if notice.changed(report.time_s, bool(problem)):
+            if (problem or notice.wrong) and notice.changed(report.time_s, bool(problem)):
                 self._note(f"{spec}: {f'cannot be written ({problem}); the others go on' if problem else 'is back'}")
 
     def close(self) -> None:
         """Close all: no value stays behind."""
+        self._closed = True
         for spec, (publisher, _) in self._open.items():
             self._close(spec, publisher)
         self._open = {}

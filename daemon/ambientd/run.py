@@ -53,16 +53,19 @@ def run_sensors(read_settings: Callable[[], Settings]) -> None:
         contextlib.closing(Outlets(waiter, 0, log)) as outlets,
         _manager() as notifier,
     ):
-        work = _prepared(read_settings())
+        work = _prepared(read_settings(), waiter)
         try:
             if work.state is not None:
                 work.state.take_back(work.tracker, clock_s())
             outlets.become(work.settings.publish, work.settings.state)
             log(str(work))
             service = Service(work.model, work.settings.level_percent, work.tracker, outlets.publish)
-            while _poll(work, service, notifier, waiter):
+            while True:
+                waiter.carry_out(_Poll(work, service, notifier, waiter).run, work.sensors.reader.leave)
+                if not waiter.paused() or waiter.ended:
+                    break
                 notifier.reloading()
-                work = _reloaded(work, read_settings, outlets)
+                work = _reloaded(work, read_settings, outlets, waiter)
                 service.take_over(work.model, work.settings.level_percent, work.tracker)
         finally:
             work.sensors.close()
@@ -70,7 +73,7 @@ def run_sensors(read_settings: Callable[[], Settings]) -> None:
                 work.state.close()
 
 
-def _prepared(settings: Settings) -> _Work:
+def _prepared(settings: Settings, waiter: Waiter) -> _Work:
     from ambientd.sources.assign import open_sensors
 
     model = load_model(settings.model)
@@ -80,14 +83,14 @@ def _prepared(settings: Settings) -> _Work:
         from ambientd.state import StateFile
 
         state = StateFile(settings.state, model, log)
-    return _Work(settings, model, tracker, open_sensors(settings, model, log), state)
+    return _Work(settings, model, tracker, open_sensors(settings, model, log, waiter.set_alarm), state)
 
 
-def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outlets) -> _Work:
+def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outlets, waiter: Waiter) -> _Work:
     """The new work, or where that is refused the old."""
     new = None
     try:
-        new = _prepared(read_settings())
+        new = _prepared(read_settings(), waiter)
         if faults := new.sensors.faults(_moved(work, new)):
             raise Refused(new.settings.source, faults)
         outlets.become(new.settings.publish, new.settings.state, proved=True)
@@ -116,29 +119,46 @@ def _moved(old: _Work, new: _Work) -> list[str]:
     return [name for name, _ in places(new) - places(old)]
 
 
-def _poll(work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> bool:
-    """Tick until a signal comes; True where it asks for a reload, not for the end."""
-    period_s = 1 / work.settings.rate_hz
-    notifier.expect(period_s)
-    report: Callable[[str], None] = notifier.ready
-    reported = ""
-    refused: dict[str, str] = {}
-    ticks = Ticks(period_s, waiter.until)
-    pace = _Pace(ticks, period_s)
-    for now_s in ticks:
-        estimate = service.tick((now_s, work.sensors.read(now_s)), ticks.missed, ticks.steps_back)
-        pace.ticked(now_s)
-        if work.tracker.refused.keys() != refused.keys():
-            _note_refused(refused, work.tracker.refused)
-            refused = work.tracker.refused
-        if estimate.status != reported:
-            reported = estimate.status
-            report(f"model '{work.model.name}': {reported}")
-            report = notifier.status
+class _Poll:
+    """Ticks of one configuration; :meth:`run` continues where another thread has hung."""
+
+    def __init__(self, work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> None:
+        self._work = work
+        self._tick = service.tick
+        self._notifier = notifier
+        period_s = 1 / work.settings.rate_hz
+        notifier.expect(period_s)
+        self._ticks = Ticks(period_s, waiter.until)
+        self._each = iter(self._ticks)
+        self._pace = _Pace(self._ticks, period_s)
+        self._unfinished_s: float | None = None
+        self._status = ""
+        self._refused: dict[str, str] = {}
+
+    def run(self) -> None:
+        """Tick until a signal comes."""
+        if self._unfinished_s is not None:
+            self._round(self._unfinished_s)
+        for now_s in self._each:
+            self._unfinished_s = now_s
+            self._round(now_s)
+
+    def _round(self, now_s: float) -> None:
+        work, notifier, ticks = self._work, self._notifier, self._ticks
+        estimate = self._tick((now_s, work.sensors.read(now_s)), ticks.missed, ticks.steps_back)
+        self._pace.ticked(now_s)
+        refused = work.tracker.refused
+        if refused or self._refused:
+            if refused.keys() != self._refused.keys():
+                _note_refused(self._refused, refused)
+            self._refused = refused
+        if estimate.status != self._status:
+            report = notifier.status if self._status else notifier.ready
+            self._status = estimate.status
+            report(f"model '{work.model.name}': {self._status}")
         notifier.ticked(now_s)
         if work.state is not None:
             work.state.ticked(work.tracker, now_s)
-    return waiter.paused() and not waiter.ended
 
 
 class _Pace:

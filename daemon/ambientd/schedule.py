@@ -1,7 +1,7 @@
 """Deadlines are absolute, on a clock that also counts suspend; missed ones are skipped; a signal ends it all."""
 
+import _thread
 import contextlib
-import functools
 import math
 import os
 import select
@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from types import FrameType, TracebackType
 
+from ambient_model.faults import refuse
 from ambientd.notices import log
 
 _CLOCK: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
@@ -18,8 +19,9 @@ _GRACE_S = 0.5
 """How long a reading or a writing that blocks may keep a daemon that is to end."""
 
 
-clock_s: Callable[[], float] = functools.partial(time.clock_gettime, _CLOCK)
-"""Seconds since boot, suspend included where the system counts it."""
+def clock_s(clock: Callable[[int], float] = time.clock_gettime) -> float:
+    """Seconds since boot, suspend included where the system counts it."""
+    return clock(_CLOCK)
 
 
 class _Overdue(BaseException):
@@ -39,6 +41,51 @@ class Waiter:
         self._pausing = pausing
         self._served: dict[int, Callable[[], None]] = {}
         self._watched: list[int] = []
+        self._hangs: Callable[[], None] | None = None
+
+    def carry_out(self, work: Callable[[], None], leave: Callable[[], bool]) -> None:
+        """Call ``work`` in a thread until it returns; raises what it raises.
+
+        This thread only takes signals, so that one is handled while ``work`` hangs. When the alarm comes and ``leave``
+        says that it hangs, ``work`` is called again in another thread, and the one that hangs has to end itself.
+        """
+        done = _thread.allocate_lock()
+        done.acquire()
+        errors: list[BaseException] = []
+
+        def attempt() -> None:
+            try:
+                work()
+            except SystemExit:  # it was left
+                return
+            except BaseException as error:
+                errors.append(error)
+            done.release()
+
+        def hangs() -> None:
+            if leave():
+                try:
+                    _thread.start_new_thread(attempt, ())
+                except RuntimeError:
+                    hint = "allow more (TasksMax=), or leave out that sensor"
+                    errors.append(refuse("sensors", "", "a reading hangs, and no thread is to spare", hint))
+                    done.release()
+
+        self._hangs = hangs
+        try:
+            _thread.start_new_thread(attempt, ())
+        except RuntimeError:  # none to spare: it has to do without
+            attempt()
+        done.acquire()
+        self._hangs = None
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        if errors:
+            raise errors[0]
+
+    def set_alarm(self, after_s: float) -> None:
+        """Look ``after_s`` from now whether the work hangs; 0 is never."""
+        if not self.ended:
+            signal.setitimer(signal.ITIMER_REAL, after_s)
 
     def serve(self, descriptor: int, call: Callable[[], None]) -> None:
         """Call ``call`` whenever ``descriptor`` is readable while a deadline is waited for."""
@@ -90,13 +137,22 @@ class Waiter:
     def _end(self, number: int, frame: FrameType | None) -> None:
         self.ended = True
         signal.setitimer(signal.ITIMER_REAL, _GRACE_S)
+        self._rouse()
 
     def _pause(self, number: int, frame: FrameType | None) -> None:
         self._paused = True
+        self._rouse()
+
+    def _rouse(self) -> None:
+        """End the wait of the thread that ticks, which the signal's own byte may have ended too early."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._awaken, b"\0")
 
     def _leave(self, number: int, frame: FrameType | None) -> None:
         if self.ended:
             raise _Overdue
+        if self._hangs is not None:
+            self._hangs()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -1,13 +1,16 @@
 """The daemon as a real process: zones in, publications out, a clean end."""
 
+import contextlib
 import json
 import os
 import signal
 import socket
+import threading
 
 import pytest
 
-from ambientd.schedule import Ticks
+from ambient_model.faults import Refused
+from ambientd.schedule import Ticks, Waiter
 from ambientd.service import Service
 
 
@@ -177,6 +180,37 @@ def test_ticks_come_at_absolute_times_through_work_and_suspend():
             break
         now[0] += lasting
     assert seen == [50.0, 51.0, 52.0, 55.0, 56.0, 3657.0, 3658.0, 3659.0]
+
+
+def none_left(*_):
+    raise RuntimeError("can't start new thread")
+
+
+@pytest.mark.parametrize("spare", [True, False])
+def test_where_the_work_hangs_another_thread_goes_on_or_it_is_refused(spare, monkeypatch):
+    begun, returned = [], threading.Event()
+
+    def work():
+        begun.append(threading.get_ident())
+        if len(begun) == 1:
+            if not spare:
+                monkeypatch.setattr("_thread.start_new_thread", none_left)
+            waiter.set_alarm(0.01)
+            returned.wait(10)
+            raise SystemExit
+
+    with Waiter() as waiter, contextlib.nullcontext() if spare else pytest.raises(Refused, match="TasksMax"):
+        waiter.carry_out(work, lambda: True)
+    returned.set()
+    assert len(set(begun)) == 1 + spare
+
+
+def test_without_a_thread_to_spare_the_work_is_done_all_the_same(monkeypatch):
+    monkeypatch.setattr("_thread.start_new_thread", none_left)
+    done = []
+    with Waiter() as waiter:
+        waiter.carry_out(lambda: done.append(1), lambda: False)
+    assert done == [1]
 
 
 def test_age_grows_while_the_estimate_rests_on_memory(make_model):

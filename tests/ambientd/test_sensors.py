@@ -76,14 +76,6 @@ def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, make_sensors, n
     assert notes == ["sensor usb: no value (Illegal seek)"]
 
 
-def test_without_a_thread_to_spare_it_reads_by_itself(sensors, monkeypatch):
-    def none_left(*_):
-        raise RuntimeError("can't start new thread")
-
-    monkeypatch.setattr("_thread.start_new_thread", none_left)
-    assert [sensors.read(float(k)) for k in range(3)] == [[30.0, 25.0]] * 3
-
-
 def test_a_flapping_sensor_does_not_flood_the_log():
     notice = Notice()
     told = [k for k in range(1200) if notice.changed(float(k), k % 2 == 0)]

@@ -95,7 +95,7 @@ def test_a_width_without_a_time_says_nothing():
 def test_the_rules_of_a_configuration_are_kept(phone, make_model):
     taken = settings_for_model("m")._replace(sysfs_root=str(phone.root), supervision=Rules(jump_K_per_s=5.0))
     notes = []
-    sensors = open_sensors(taken, make_model(), notes.append)
+    sensors = open_sensors(taken, make_model(), notes.append, lambda after_s: None)
     sensors.read(0.0)
     (phone.root / "class/thermal/thermal_zone3/temp").write_text("50000\n")
     assert sensors.read(1.0) == [30.0, None]

@@ -15,38 +15,39 @@ _ANOTHER = "stop the other first, or choose another path"
 
 
 class Claims:
-    """The paths that are claimed, each with the descriptor of its lock."""
+    """The paths that are claimed."""
 
     def __init__(self) -> None:
-        self._held: dict[str, int] = {}
+        self.held: dict[str, int] = {}
+        """The descriptor of each path's lock."""
 
     def take(self, path: str) -> None:
         """Claim ``path``; again is once.
 
         Raises :class:`~ambient_model.faults.Refused` where it is another's, and OSError where no lock can be made.
         """
-        while path not in self._held:
+        while path not in self.held:
             _refuse_foreign(path)
             _refuse_foreign(f"{path}.lock")
             descriptor = os.open(f"{path}.lock", _LOCK, 0o600)
             try:
                 os.lockf(descriptor, os.F_TLOCK, 0)
                 if os.path.samestat(os.fstat(descriptor), os.stat(f"{path}.lock")):
-                    self._held[path] = descriptor
+                    self.held[path] = descriptor
             except FileNotFoundError:  # removed by who has just released it
                 continue
             except (BlockingIOError, PermissionError):
                 raise refuse(path, "", "another daemon publishes there", _ANOTHER) from None
             finally:
-                if path not in self._held:
+                if path not in self.held:
                     os.close(descriptor)
 
     def keep(self, paths: Iterable[str]) -> None:
         """Release all others."""
-        for path in self._held.keys() - set(paths):
+        for path in self.held.keys() - set(paths):
             with contextlib.suppress(OSError):
                 os.unlink(f"{path}.lock")
-            os.close(self._held.pop(path))
+            os.close(self.held.pop(path))
 
 
 def _refuse_foreign(path: str) -> None:

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from ambientd.publish import Quiet
 from ambientd.publish.claims import open_own
 from ambientd.publish.spec import Spec
-from ambientd.publish.swap import remove, swap_in, sweep
+from ambientd.publish.swap import give_up, remove, swap_in, sweep
 from ambientd.report import Report
 
 KEYS = ("mode", "poison_millidegC", "offset_millidegC", "at_exit")
@@ -148,4 +148,5 @@ class RenamedFile(Quiet):
 
     def close(self) -> None:
         """Remove the file, or leave the poison in it; raises OSError."""
+        give_up(self._spec.path)
         self._become(poison(self._spec) if options_of(self._spec).at_exit == "poison" else None)

@@ -19,7 +19,7 @@ def put(path: str, content: bytes, access: Access) -> int:
 
     Raises OSError, and then leaves the old file as it was.
     """
-    temporary = f"{path}.{os.getpid()}.part"
+    temporary = _part(path)
     descriptor = -1
     try:
         descriptor = _created(temporary, 0o644 if access.mode is None else 0o600)
@@ -34,6 +34,15 @@ def put(path: str, content: bytes, access: Access) -> int:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
+
+
+def _part(path: str) -> str:
+    return f"{path}.{os.getpid()}.part"
+
+
+def give_up(path: str) -> None:
+    """Remove the neighbour that a thread which hangs in :func:`put` would rename later."""
+    remove(_part(path))
 
 
 def _created(path: str, mode: int) -> int:
@@ -52,7 +61,7 @@ def swap_in(path: str, content: bytes, access: Access) -> None:
 
 def trial(path: str, access: Access) -> str:
     """Make the neighbour that :func:`put` would rename, and remove it: its mode and owner; raises OSError."""
-    temporary = f"{path}.{os.getpid()}.part"
+    temporary = _part(path)
     try:
         os.close(_created(temporary, 0o644 if access.mode is None else 0o600))
         grant(temporary, access)

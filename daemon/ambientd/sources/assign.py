@@ -11,12 +11,14 @@ from ambientd.sources.spec import Location
 from ambientd.sources.zone import Zone
 
 
-def open_sensors(settings: Settings, model: Model, note: Callable[[str], None]) -> Sensors:
+def open_sensors(
+    settings: Settings, model: Model, note: Callable[[str], None], set_alarm: Callable[[float], None]
+) -> Sensors:
     """The sensors of the model's inputs, ready to be read; raises :class:`Refused` as :func:`assigned_sensors` does.
 
-    ``note`` takes a message for each that fails or returns.
+    ``note`` and ``set_alarm`` are as :class:`Sensors` takes them.
     """
-    return Sensors(assigned_sensors(settings, model), settings.supervision, note)
+    return Sensors(assigned_sensors(settings, model), settings.supervision, note, set_alarm)
 
 
 def assigned_sensors(settings: Settings, model: Model) -> list[Sensor]:

@@ -1,13 +1,13 @@
-"""Sensors are read in a thread of their own: a read that hangs is abandoned with its thread and delays no tick.
+"""Sensors are read in the thread that ticks; where a read hangs, it is left behind with that thread.
 
-A driver may sleep uninterruptibly, where no signal ends the read.
+A driver may sleep uninterruptibly, where no signal ends the read. The alarm then calls :meth:`Reader.leave`, and
+another thread does the tick again without the sensor: see :meth:`ambientd.schedule.Waiter.carry_out`.
 """
 
 import _thread
-import contextlib
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ambientd.sources.quantities import BUFFER_BYTES
 
@@ -19,86 +19,46 @@ Content = bytes | OSError | None
 
 
 class Reader:
-    """Reads descriptors, one after the other."""
+    """Reads descriptors in turn. ``set_alarm`` takes the s after which to call :meth:`leave`; 0 is never."""
 
-    def __init__(self) -> None:
-        self._thread: _Thread | None = None
+    def __init__(self, set_alarm: Callable[[float], None]) -> None:
+        self._set_alarm = set_alarm
+        self._turn = 0
+        self._current = -1
+        """The descriptor that is being read, since:"""
+        self._since_s = 0.0
+        self._hung: set[int] = set()
 
     def read(self, descriptors: Sequence[int]) -> list[Content]:
-        """The content of each, in their order; None for one below 0."""
+        """The content of each, in their order; None for one that hung, or below 0."""
+        turn, hung, clock = self._turn, self._hung, time.monotonic
         contents: list[Content] = []
-        while len(contents) < len(descriptors):
-            if self._thread is None:
-                self._thread = _Thread()
-            found, hangs = self._thread.read(descriptors[len(contents) :])
-            contents += found
-            if hangs:
-                self._thread.leave()
-                self._thread = None
-                if len(contents) < len(descriptors):
-                    contents.append(None)
+        self._since_s = clock()
+        self._set_alarm(PATIENCE_S)
+        for descriptor in descriptors:
+            if descriptor < 0 or descriptor in hung:
+                contents.append(None)
+                continue
+            self._since_s, self._current = clock(), descriptor
+            try:
+                content: Content = os.pread(descriptor, BUFFER_BYTES, 0)
+            except OSError as error:
+                content = error
+            if turn != self._turn:  # another thread has taken over
+                _thread.exit()
+            contents.append(content)
+        self._current = -1
+        self._set_alarm(0)
+        hung.clear()
         return contents
 
-    def close(self) -> None:
-        """End the thread."""
-        if self._thread is not None:
-            self._thread.leave()
-            self._thread = None
-
-
-class _Thread:
-    """One thread that reads when it is asked to, until it is left."""
-
-    def __init__(self) -> None:
-        self._descriptors: Sequence[int] = ()
-        self._contents: list[Content] = []
-        self._since_s = 0.0
-        """When the current read began."""
-        self._left = False
-        self._asked = _thread.allocate_lock()
-        self._answered = _thread.allocate_lock()
-        self._asked.acquire()
-        self._answered.acquire()
-        try:
-            _thread.start_new_thread(self._serve, ())
-            self._alone = False
-        except RuntimeError:  # none to spare: the caller reads
-            self._alone = True
-
-    def read(self, descriptors: Sequence[int]) -> tuple[list[Content], bool]:
-        """The contents of the first of them, and whether the next one hangs: then the thread is to be left."""
-        self._descriptors, self._contents = descriptors, []
-        if self._alone:
-            self._read()
-            return self._contents, False
-        self._since_s = time.monotonic()
-        self._asked.release()
-        wait_s = PATIENCE_S
-        while not self._answered.acquire(True, wait_s):
-            wait_s = self._since_s + PATIENCE_S - time.monotonic()
-            if wait_s <= 0:
-                return self._contents[:], True
-        return self._contents, False
-
-    def leave(self) -> None:
-        """Let it end, at once or when what it reads has returned."""
-        self._left = True
-        if not self._alone:
-            with contextlib.suppress(RuntimeError):  # it has not begun
-                self._asked.release()
-
-    def _serve(self) -> None:
-        while self._asked.acquire() and not self._left:
-            self._read()
-            self._answered.release()
-
-    def _read(self) -> None:
-        contents = self._contents
-        for descriptor in self._descriptors:
-            if self._left:  # the rest belongs to another thread
-                return
-            self._since_s = time.monotonic()
-            try:
-                contents.append(os.pread(descriptor, BUFFER_BYTES, 0) if descriptor >= 0 else None)
-            except OSError as error:
-                contents.append(error)
+    def leave(self) -> bool:
+        """Whether the current read hangs: then its thread ends when it returns. Else the alarm is set again."""
+        left_s = self._since_s + PATIENCE_S - time.monotonic()
+        if self._current < 0 or left_s > 0:
+            self._set_alarm(max(left_s, 0.001) if self._current >= 0 else 0)
+            return False
+        self._hung.add(self._current)
+        self._current = -1
+        self._turn += 1
+        return True

@@ -8,7 +8,8 @@ import os
 from typing import Protocol
 
 from ambient_model.model import Input
-from ambientd.sources.reader import PATIENCE_S, Content
+from ambientd.sources import reader
+from ambientd.sources.reader import Content
 from ambientd.sources.trial import Trial, open_attribute
 
 _PASSING = (errno.EAGAIN, errno.EINTR, errno.ENODATA, errno.EBUSY)
@@ -46,6 +47,9 @@ class Sensor:
         """Why the last reading gave no value."""
         self.descriptor = -1
         """What is to be read; below 0 where there is nothing."""
+        self._content: Content = None
+        """What was last read that holds a value."""
+        self._value = 0.0
         self._slow = False
         self._trial: Trial | None = None
 
@@ -70,7 +74,7 @@ class Sensor:
         if self._trial is not None:
             if self._trial.took_s is None:
                 return False  # it is still reading
-            if self._trial.took_s <= PATIENCE_S:
+            if self._trial.took_s <= reader.PATIENCE_S:
                 self._slow, self._trial = False, None
                 return True
         self._trial = Trial(self.paths[0])
@@ -78,10 +82,12 @@ class Sensor:
 
     def take(self, content: Content) -> float | None:
         """The value in the source's unit from what was read of ``descriptor``, or None where there is none now."""
+        if content is not None and content == self._content:
+            return self._value
         if self.descriptor < 0:
             return None
         if content is None:
-            self.trouble = f"a reading takes more than {PATIENCE_S:g} s"
+            self.trouble = f"a reading takes more than {reader.PATIENCE_S:g} s"
             self._slow = True
             self.close()
             return None
@@ -93,6 +99,8 @@ class Sensor:
         value = self.source.value(content)
         if value is None:
             self.trouble = f"its content is {content!r}"
+        else:
+            self._content, self._value = content, value
         return value
 
     def close(self) -> None:

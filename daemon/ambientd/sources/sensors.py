@@ -7,19 +7,30 @@ from collections.abc import Callable, Collection, Sequence
 
 from ambient_model.faults import Fault
 from ambientd.notices import Notice
+from ambientd.sources import reader
 from ambientd.sources.reader import Reader
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
+from ambientd.sources.trial import Trial, finished
 
 
 class Sensors:
-    """Some sensors, in their order. ``note`` takes a message for each that fails or returns."""
+    """Some sensors, in their order. ``note`` takes a message for each that fails or returns.
 
-    def __init__(self, sensors: Sequence[Sensor], rules: Rules, note: Callable[[str], None]) -> None:
+    ``set_alarm`` is :class:`Reader`'s; without it, one that hangs delays the others.
+    """
+
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        rules: Rules,
+        note: Callable[[str], None],
+        set_alarm: Callable[[float], None] = lambda after_s: None,
+    ) -> None:
         self._sensors = sensors
         self._back_offs = [BackOff() for _ in sensors]
-        self._notices = [Notice() for _ in sensors]
-        self._reader = Reader()
+        self._watched = [(each, Notice(), each.given.min, each.given.max) for each in sensors]
+        self.reader = Reader(set_alarm)
         self._supervision = Supervision([each.given for each in sensors], rules)
         self._note = note
         for sensor in sensors:
@@ -33,16 +44,17 @@ class Sensors:
         A value outside its input's range is reported and returned, so that it is published as read; no estimate uses
         it.
         """
-        values = values_of(self._sensors, self._reader)
+        values = self._values(self._sensors)
         if None in values:
             self._try_again(now_s, values)
         doubts = self._supervision.doubts(now_s, values)
-        for index, (sensor, notice) in enumerate(zip(self._sensors, self._notices)):
-            value = values[index]
+        for value, (sensor, notice, low, high) in zip(values, self._watched):
+            if value is not None and low <= value <= high and not (doubts or notice.wrong):
+                continue
             if value is None:
                 trouble = f"no value ({sensor.trouble})"
             else:
-                doubt = doubts.get(index) or outside(sensor.given, value)
+                doubt = doubts.get(self._sensors.index(sensor)) or outside(sensor.given, value)
                 trouble = f"set aside ({doubt})" if doubt else ""
             if notice.changed(now_s, bool(trouble)):
                 self._note(f"sensor {sensor.name}: {trouble or 'is back'}")
@@ -50,13 +62,17 @@ class Sensors:
             values[index] = None
         return values
 
+    def _values(self, sensors: Sequence[Sensor]) -> list[float | None]:
+        contents = self.reader.read([sensor.descriptor for sensor in sensors])
+        return [sensor.take(content) for sensor, content in zip(sensors, contents)]
+
     def faults(self, names: Collection[str]) -> list[Fault]:
         """What is wrong with those of ``names`` that give no value now."""
-        values = values_of(self._sensors, self._reader) if names else []
+        sensors = [each for each in self._sensors if each.name in names]
         return [
             Fault(f"sensor {sensor.name}", sensor.trouble, sensor.source.hint())
-            for sensor, value in zip(self._sensors, values)
-            if value is None and sensor.name in names
+            for sensor, value in zip(sensors, values_of(sensors))
+            if value is None
         ]
 
     def _try_again(self, now_s: float, values: list[float | None]) -> None:
@@ -65,17 +81,17 @@ class Sensors:
         sensors = [self._sensors[place] for place in places]
         for sensor in sensors:
             sensor.open()
-        for place, value in zip(places, values_of(sensors, self._reader)):
+        for place, value in zip(places, self._values(sensors)):
             values[place] = value
 
     def close(self) -> None:
         """Close all descriptors."""
-        self._reader.close()
         for sensor in self._sensors:
             sensor.close()
 
 
-def values_of(sensors: Sequence[Sensor], reader: Reader) -> list[float | None]:
-    """One value per sensor, None where it has none now."""
-    contents = reader.read([sensor.descriptor for sensor in sensors])
-    return [sensor.take(content) for sensor, content in zip(sensors, contents)]
+def values_of(sensors: Sequence[Sensor]) -> list[float | None]:
+    """One value per sensor, None where it has none now or does not answer in time; each is read in a thread."""
+    trials = [Trial(sensor.paths[0]) if sensor.descriptor >= 0 else None for sensor in sensors]
+    finished([trial for trial in trials if trial is not None], reader.PATIENCE_S)
+    return [sensor.take(None if trial is None else trial.content) for sensor, trial in zip(sensors, trials)]

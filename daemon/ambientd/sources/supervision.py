@@ -88,6 +88,8 @@ class Supervision:
     def doubts(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
         """Why some of ``values`` (one per input, None where missing) are implausible, per index."""
         reasons: dict[int, str] = {}
+        if self._stuck is None and not self._jumps:
+            return reasons
         for index, jump in zip(self._temperatures, self._jumps):
             reason = jump.reason(now_s, values[index])
             if reason:
