@@ -111,6 +111,26 @@ def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
             assert abs(one.value - other.value) < 3 * other.standard_error
 
 
+def test_gaps_in_transients_cost_a_filter_of_the_reference_little(rise, simulated, at_rest):
+    """Every other minute is missing: after a gap a device is anywhere, but not in equilibrium."""
+    random, time_s = np.random.default_rng(4), np.arange(9000.0)
+    discrete = discretised(
+        assemble(rise, {each.name: each.initial for each in rise.parameters}).value, 1.0, "first-order"
+    )
+
+    def log(phase):
+        u = np.array([30.0 + 8.0 * np.sin(time_s / each_s + phase) for each_s in (170.0, 290.0, 410.0)])
+        u += 5.0 * np.sin(time_s / 1700.0 + np.arange(3)[:, None] * phase)
+        y = simulated(discrete, u, at_rest(discrete, u[:, 0]))[0] + random.normal(size=len(time_s)) * 0.1
+        return dict(zip(("board_degC", "shell_degC", "chip_degC", "ambient_degC"), [*u, y]))
+
+    kept = time_s % 120.0 < 60.0
+    holed = Trace("holed.csv", time_s[kept], {name: values[kept] for name, values in log(0.0).items()})
+    other = Trace("other.csv", time_s, log(1.0))
+    error = FreeFilterEstimator(2).fit([holed], ONE).estimate_degC(other) - other.reference
+    assert np.sqrt(np.mean(error**2)) < 0.7  # 0.44; 2.6 where each stretch starts from equilibrium
+
+
 def test_two_traces_tell_more_than_one(rise, logged):
     one, both = CircuitEstimator(rise).fit([logged(0)], ONE), CircuitEstimator(rise).fit([logged(0), logged(1)], ONE)
     _assert_true(both, rise)

@@ -2,6 +2,7 @@
 
 A sample belongs to the grid point that its time rounds to. Missing inputs are drawn as straight lines between their
 neighbours where the gap is short enough to be bridged; a longer one ends the segment. A missing output stays missing.
+A fit may bridge longer ones, in which no output is compared: what follows a gap is no thermal equilibrium.
 """
 
 from __future__ import annotations
@@ -50,10 +51,11 @@ def sampling_period_s(time_s: Array) -> float:
 
 
 def segments(
-    trace: Trace, inputs: Sequence[str], outputs: Sequence[str], period_s: float | None = None
+    trace: Trace, inputs: Sequence[str], outputs: Sequence[str], period_s: float | None = None, bridged_s: float = 0.0
 ) -> list[Segment]:
     """The uniform segments of ``trace`` with these columns; ``period_s`` defaults to the trace's own.
 
+    Gaps of up to ``bridged_s`` end no segment; in one that the device does not bridge, outputs are missing.
     Raises :class:`Refused` where a column is missing or no stretch holds every input.
     """
     period = sampling_period_s(trace.time_s) if period_s is None else period_s
@@ -61,13 +63,16 @@ def segments(
     y = np.vstack([trace.column(name) for name in outputs]) if outputs else np.empty((0, u.shape[1]))
     complete = np.flatnonzero(~np.isnan(u).any(axis=0))
     limit = round(bridge_limit_s(period) / period)
+    longest = max(limit, round(bridged_s / period))
     found = []
     while len(complete):
         # the grid of a stretch starts at its own first sample, as on the device
         step = _steps(trace.time_s[complete], period)
-        breaks = np.flatnonzero(np.diff(step) > limit)
+        breaks = np.flatnonzero(np.diff(step) > longest)
         stop = breaks[0] + 1 if len(breaks) else len(complete)
         first, last = complete[0], complete[stop - 1]
+        for gap in np.flatnonzero(np.diff(step[:stop]) > limit):
+            y[:, complete[gap] + 1 : complete[gap + 1]] = np.nan
         stretch = slice(first, last + 1)
         if step[stop - 1] + 1 >= _SHORTEST:
             found.append(_laid_on_grid(trace.time_s[stretch], u[:, stretch], y[:, stretch], period))

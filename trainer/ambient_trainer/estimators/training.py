@@ -15,6 +15,8 @@ from ambient_trainer.estimation.structure import Structure
 
 _NO_SENSOR = 1e9
 """No quantity of a device is as large in any of a trace's units: such a value is an error code."""
+_BRIDGED_S = 120.0
+"""Chosen on simulated nights with gaps: over longer ones a straight line misses more than a start in equilibrium."""
 
 
 def source_of(traces: Sequence[Trace]) -> str:
@@ -38,9 +40,14 @@ def slowest_period_s(traces: Sequence[Trace]) -> float:
 def training_segments(
     traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None, pieces: int
 ) -> list[Segment]:
-    """The grids that a fit works on, each trace in so many pieces."""
+    """The grids that a fit works on, each trace in so many pieces.
+
+    A filter of the reference starts from equilibrium, where no device is after a short gap: so those are bridged.
+    A prediction of nodes starts anywhere.
+    """
     require_informative(traces, inputs, outputs)
-    whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s)]
+    bridged_s = _BRIDGED_S if tuple(outputs) == (REFERENCE,) else 0.0
+    whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s, bridged_s)]
     return [piece for segment in whole for piece in segment.pieces(pieces)]
 
 
