@@ -19,6 +19,7 @@ import re
 import select
 import socket
 import subprocess
+import termios
 import threading
 import time
 import tty
@@ -35,7 +36,7 @@ from ambient_trainer.laboratory.collect import Job, collect, resume
 from ambient_trainer.laboratory.instruments import ChamberLimits, agilent_34970a, greisinger_easybus, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Settings
 from ambient_trainer.laboratory.journal import read_journal
-from ambient_trainer.laboratory.messages import Clock, InstrumentError
+from ambient_trainer.laboratory.messages import MULTIPLEXER, Clock, InstrumentError
 from ambient_trainer.laboratory.run import Ending, Supervision
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 from ambient_trainer.laboratory.watchdog import Watchdog
@@ -328,6 +329,35 @@ def test_another_layout_than_the_one_given_or_seen_is_no_state(chamber):
             Settings(kind="voetsch-vt4004", port="/dev/a", **values)
 
 
+@pytest.mark.parametrize("answer", [None, "0", "'$01F' is an unknown command."])
+def test_a_chamber_that_is_not_asked_for_faults_need_not_know_the_question(chamber, answer):
+    made = chamber()
+    known = made.reply
+    made.reply = lambda command: answer if command.endswith("F") else known(command)
+    limits = ChamberLimits(low_degC=-20.0, high_degC=60.0)
+    asked, not_asked = (Driver(given(made.port, alarms=each), Clock(), limits) for each in (True, False))
+    with pytest.raises(InstrumentError, match="alarms: false"):
+        asked.read()
+    asked.close()
+    assert not_asked.read().values["chamber_set_degC"] == 20.0
+    not_asked.close()
+
+
+@pytest.mark.parametrize("baud", [9600, 57600])
+def test_a_multiplexers_line_has_the_speed_that_the_campaign_gives(chamber, baud):
+    made = chamber(Multiplexer)
+    driver = agilent_34970a.Driver(settings("agilent-34970a", port=made.port, probes={"a": 101}, baud=baud), Clock())
+    assert driver.read().values == {"probe_a_degC": 21.0}
+    assert termios.tcgetattr(made.far)[4] == getattr(termios, f"B{baud}")
+    driver.close()
+
+
+@pytest.mark.parametrize(("port", "part"), [("socket://127.0.0.1:1", "network"), ("/nowhere", "plug it in")])
+def test_a_hint_speaks_of_the_line_at_hand(port, part):
+    with pytest.raises(InstrumentError, match=part):
+        agilent_34970a.Driver(settings("agilent-34970a", port=port, probes={"a": 101}), Clock()).read()
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_each_multiplexer_scans_the_sensors_of_each_channel(chamber, model):
     probes = {"a": 102, "b": {"channel": 101, "sensor": "Pt100"}, "c": {"channel": 205, "sensor": "Pt100-4w"}}
@@ -414,6 +444,7 @@ class Night:
         self, campaign_file, tmp_path, made, steps, stop_s=None, chamber=None, others=None, speed=SPEED, **safety
     ):
         changes = {f"safety.{key}": value for key, value in {"ambient_lost_s": 1e5, **safety}.items()}
+        changes["device.timeout_s"] = 5.0 * speed  # what runs beside is a shell of this machine
         loaded = load_campaign(campaign_file(steps, changes), ports=False)
         self.events, self.stopped, self.stop_s, self.began, self.over_s = [], None, stop_s, (), 0.0
         self.output = str(tmp_path / "trace.csv")
@@ -622,7 +653,10 @@ def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_sa
     assert min(checked.values()) > 3
     trace = load_trace(night.output)
     rows = np.flatnonzero(np.isfinite(trace.reference))
-    assert 0 < len(rows) < 60
+    scans = [each for each in read_journal(str(tmp_path / "kept")).samples if each.source == MULTIPLEXER]
+    known = {int(each.at_s + 1e-6) for each in scans if each.answered_s - each.asked_s <= 2.0}
+    assert set(rows) == {second for second in known if second < len(trace.time_s)}, "gaps are empty cells"
+    assert len(rows) > 0
     for row in rows:
         low_degC, high_degC = held(night, trace.time_s[row] - 1.0, trace.time_s[row] + 2.0)
         assert low_degC - 0.01 <= trace.reference[row] - 4.0 <= high_degC + 0.01

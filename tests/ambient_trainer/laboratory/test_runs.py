@@ -1,6 +1,8 @@
 """Whole runs in the simulated laboratory, in fast time: how they end, and what they leave."""
 
+import errno
 import os
+import re
 import threading
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect, laboratory_path, resume
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.messages import Clock
+from ambient_trainer.laboratory.report import problems_of
 from ambient_trainer.laboratory.run import Ending, Supervision
 from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
@@ -278,6 +281,28 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
         assert fault.startswith(f"{source} on ")
         assert part in fault
     assert (len(faults), lab.held_degC, lab.part.exists()) == (3, None, False)
+
+
+def test_a_period_that_an_instrument_cannot_hold_is_said_before_the_run_and_while_it_lasts(night):
+    lab = night(minutes((1, 22)), {"instruments.multiplexer.period_s": 0.1})
+    said = [text for text in lab.run().events if text.startswith("multiplexer takes")]
+    assert len(said) == 2
+    assert all(re.search(r"'period_s' is 0\.1: give it [1-9]", text) for text in said)
+
+
+def test_after_a_full_disk_the_run_is_resumed(night):
+    class Full(Recorder):
+        def update(self, run):
+            if run.clock.now_s() > 40.0:
+                run.journal.failure = OSError(errno.ENOSPC, "No space left on device")
+
+    lab = night(minutes((2, 22)))
+    lab.run(monitor=Full)
+    assert (lab.outcome.ending, lab.outcome.safe, lab.held_degC) == (Ending.FAILED, True, 20.0)
+    assert "No space left" in lab.outcome.why
+    assert any("--resume" in text for text in problems_of(lab.outcome, Job(lab.loaded, lab.output)))
+    lab.run(work=resume)
+    assert (lab.outcome.ending, lab.trace.notes["complete"]) == (Ending.FINISHED, "yes")
 
 
 def test_on_a_desk_there_is_no_chamber(tmp_path):
