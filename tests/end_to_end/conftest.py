@@ -33,6 +33,18 @@ def call(capsys, monkeypatch):
     return run
 
 
+@pytest.fixture
+def command(call):
+    """As ``process``, in this one."""
+
+    def run(module, *arguments):
+        status, printed, said = call(module.replace("_", "-"), *arguments)
+        assert status == 0, said
+        return printed
+
+    return run
+
+
 @pytest.fixture(scope="session")
 def process():
     """Run a command line as a process of its own; fails the test where it does."""

@@ -5,9 +5,9 @@ import json
 from ambient_model.codec import load_model
 
 
-def test_ctrl_c_leaves_the_best_model_so_far(process, interrupted, tmp_path):
+def test_ctrl_c_leaves_the_best_model_so_far(call, interrupted, tmp_path):
     trace, model = tmp_path / "trace.csv", tmp_path / "model.json"
-    process("ambient_trainer", "simulate", "2.1", "--period", "5", "-o", trace)
+    assert call("ambient-trainer", "simulate", "2.1", "--period", "5", "-o", trace)[0] == 0
     status, printed, _ = interrupted("best", "fit", trace, "--circuit", "free-4", "--starts", "1000", "-o", model)
     assert status == 1
     assert "Stopped before the search was over" in printed

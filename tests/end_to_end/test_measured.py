@@ -45,21 +45,20 @@ def compare(process, trace, split_s, *arguments):
     return printed, {each["circuit"]: each for each in json.loads(out.read_text())["contenders"]}
 
 
-@pytest.fixture(scope="module")
-def chamber(process, chamber_log, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("chamber")
-    return import_chamber(process, chamber_log, folder, {channel: f"ch{channel}" for channel in CHANNELS})
+@pytest.fixture
+def chamber(command, chamber_log, tmp_path):
+    return import_chamber(command, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in CHANNELS})
 
 
-def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(process, chamber, tmp_path):
+def test_the_daemon_is_within_0_75_degC_on_what_it_never_saw(command, chamber, tmp_path):
     split_s = split_of(chamber)
     model = tmp_path / "model.json"
-    process("ambient_trainer", "fit", chamber, "--circuit", "free-3", "--to", split_s, "-o", model)
+    command("ambient_trainer", "fit", chamber, "--circuit", "free-3", "--to", split_s, "-o", model)
     assert len(json.loads(model.read_text())["states"]) <= 4
 
-    error_degC = rmse(*replayed(process, tmp_path, chamber, model, split_s)[:2])
+    error_degC = rmse(*replayed(command, tmp_path, chamber, model, split_s)[:2])
     figures = tmp_path / "figures.json"
-    process("ambient_trainer", "evaluate", model, chamber, "--from", split_s, "--run-in", "--json", figures)
+    command("ambient_trainer", "evaluate", model, chamber, "--from", split_s, "--run-in", "--json", figures)
     (held_out,) = json.loads(figures.read_text())["traces"]
     print(f"replayed {error_degC:.3f} degC, static linear {held_out['baseline']['rmse_degC']:.3f} degC")
     assert error_degC <= 0.75

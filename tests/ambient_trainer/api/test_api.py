@@ -68,8 +68,8 @@ def test_the_examples_run(module: str, tmp_path: Path, monkeypatch: pytest.Monke
     assert failed == 0
 
 
-def test_a_file_its_frame_and_a_trace_give_the_same_model(log: pd.DataFrame, tmp_path: Path) -> None:
-    path = at.simulate("3", period_s=10.0).save(tmp_path / "run.csv")
+def test_a_file_its_frame_and_a_trace_give_the_same_model(tmp_path: Path) -> None:
+    path = at.simulate("2.5", period_s=10.0).save(tmp_path / "run.csv")
     frame = at.load_trace(path)
     trace = Trace(path, frame.index.to_numpy(), {name: frame[name].to_numpy() for name in frame})
     fits = [at.fit(each, "linear_usb", effort=ONE) for each in (path, Path(path), frame, trace)]
@@ -80,20 +80,20 @@ def test_a_file_its_frame_and_a_trace_give_the_same_model(log: pd.DataFrame, tmp
     assert several.fitted.samples == 2 * fits[0].fitted.samples
 
 
-def test_a_frame_is_known_by_its_content(log: pd.DataFrame, tmp_path: Path) -> None:
-    path = at.simulate("3", period_s=10.0).save(tmp_path / "run.csv")
+def test_a_frame_is_known_by_its_content(tmp_path: Path) -> None:
+    path = at.simulate("2.5", period_s=10.0).save(tmp_path / "run.csv")
     frame = at.load_trace(path)
-    model = at.fit(frame, "linear_usb", to_s=3_000, effort=ONE).model
+    model = at.fit(frame, "linear_usb", to_s=500, effort=ONE).model
     changed = frame.copy()
     changed["usb_degC"] += 1.0
     for data, overlaps in ((path, True), (frame, True), (changed, False)):
         assert at.evaluate(model, data).metrics["overlaps_training"].iloc[0] == overlaps
-    assert not at.evaluate(model, frame, from_s=3_000).metrics["overlaps_training"].iloc[0]
+    assert not at.evaluate(model, frame, from_s=500).metrics["overlaps_training"].iloc[0]
     [training] = at.fit(changed, "linear_usb", effort=ONE).model.provenance["training"]
     assert training["trace"] == "DataFrame"
 
 
-def test_a_fit_has_its_tables(fitted: at.FitResult, tmp_path: Path) -> None:
+def test_a_fit_has_its_tables(fitted: at.FitResult, log: pd.DataFrame, tmp_path: Path) -> None:
     assert list(fitted.parameters.index) == [each.name for each in fitted.fitted.parameters]
     random = np.random.default_rng(1)
     usb = 25 + random.normal(size=500).cumsum()
@@ -106,7 +106,7 @@ def test_a_fit_has_its_tables(fitted: at.FitResult, tmp_path: Path) -> None:
     assert fitted.inputs["dc_gain"].tolist() == list(fitted.fitted.dc_gains)
     assert np.sqrt(np.mean(fitted.errors["ambient"] ** 2)) == pytest.approx(fitted.rmse_degC)
     assert at.load_model(fitted.save(tmp_path / "model.json")) == fitted.model
-    observer = at.fit(at.simulate("3", period_s=60.0).trace, "circuit_observer", sensors=["usb", "flash"], effort=ONE)
+    observer = at.fit(log.iloc[::6], "circuit_observer", sensors=["usb", "flash"], effort=ONE)
     assert (observer.inputs["rmse_without_degC"] > 0).all()
 
 

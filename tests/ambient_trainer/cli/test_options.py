@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import importlib
-import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from ambient_model.codec import load_model
 from ambient_trainer.cli.main import COMMANDS, STUDIES, trainer
 from ambient_trainer.cli.options import sensor_columns, sensor_names
 from ambient_trainer.data.plugins import plugin_names
-from ambient_trainer.estimators.registry import LIBRARY
+from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names
 
 
 @pytest.mark.parametrize(
@@ -88,35 +87,30 @@ def command():
 """
 
 
-def test_another_package_adds_a_command_and_an_estimator(tmp_path: Path) -> None:
+@pytest.fixture
+def no_plugins_remembered() -> Iterator[None]:
+    plugin_names.cache_clear()
+    yield
+    plugin_names.cache_clear()
+
+
+@pytest.mark.usefixtures("no_plugins_remembered")
+def test_another_package_adds_a_command_and_an_estimator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "mine.py").write_text(PLUG_IN)
     described = tmp_path / "mine-1.dist-info"
     described.mkdir()
     (described / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1\n")
     (described / "entry_points.txt").write_text(f"[{COMMANDS}]\nhello = mine\n[{LIBRARY}]\nmine = mine\n")
-    samples = "".join(f"{k},{20 + k % 7},{18 + k % 5}\n" for k in range(400))
-    (tmp_path / "t.csv").write_text("time_s,usb_degC,ambient_degC\n" + samples)
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-
-    def run(*words: str) -> str:
-        call = [sys.executable, "-m", "ambient_trainer", *words]
-        environment = {**os.environ, "PYTHONPATH": path}
-        done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, timeout=100, env=environment)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    assert re.search(r"hello +Say hello", run("--help"))
-    assert run("hello") == "hello\n"
-    run("fit", "t.csv", "--circuit", "mine", "--starts", "1", "-o", "model.json")
-    assert load_model(str(tmp_path / "model.json")).main.states == ("mode1",)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert re.search(r"hello +Say hello", CliRunner().invoke(trainer, ["--help"]).output)
+    assert CliRunner().invoke(trainer, ["hello"]).output == "hello\n"
+    assert "mine" in estimator_names()
+    assert estimator("mine").name == "free-1"
 
 
+@pytest.mark.usefixtures("no_plugins_remembered")
 def test_a_new_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "greet.py").write_text(PLUG_IN)
     package = importlib.import_module(COMMANDS)
     monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
-    plugin_names.cache_clear()
-    try:
-        assert CliRunner().invoke(trainer, ["greet"]).output == "hello\n"
-    finally:
-        plugin_names.cache_clear()
+    assert CliRunner().invoke(trainer, ["greet"]).output == "hello\n"

@@ -14,7 +14,7 @@ from .conftest import AGAIN, found_in, made_up
 
 @cache
 def samples() -> dict[str, Report]:
-    found = found_in(made_up(), 1, [AGAIN])
+    found = found_in(made_up(count=750), 1, [AGAIN])
     left_out = (LeftOut("skin_degC", "constant: 25.5 degC all the time"),)
     return {
         "search": report_of(replace(found, left_out=left_out)),

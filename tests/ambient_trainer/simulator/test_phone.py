@@ -89,15 +89,6 @@ def test_the_trace_keeps_to_the_contract(tmp_path):
         assert tenths == pytest.approx(np.round(tenths), abs=1e-9)
 
 
-def test_a_seed_gives_its_own_bytes_again(tmp_path):
-    def written(name, seed):
-        save_trace(str(tmp_path / name), simulate("2.5", seed=seed, period_s=5.0).trace)
-        return (tmp_path / name).read_bytes()
-
-    assert written("a", 1) == written("b", 1)
-    assert written("a", 1) != written("c", 2)
-
-
 def test_a_period_that_divides_nothing_covers_the_scenario():
     trace = simulate("2.5", period_s=7.0).trace
     assert len(trace.time_s) == 129  # 900 s / 7 s, rounded up

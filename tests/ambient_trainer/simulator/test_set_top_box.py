@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +63,7 @@ def test_hidden_heat_is_found_in_it():
     assert first.onset_s == pytest.approx(5400.0, abs=300.0)
 
 
-def test_a_user_s_device_and_scenario_are_one_file_each(tmp_path):
+def test_a_user_s_device_and_scenario_are_one_file_each(trainer, tmp_path):
     brick = tmp_path / "brick.yaml"
     brick.write_text(
         "about: A block with a heater\n"
@@ -84,8 +82,8 @@ def test_a_user_s_device_and_scenario_are_one_file_each(tmp_path):
         "  - {duration_min: 60, chamber_degC: 40, gradient_K_min: 0.5, load: [heated]}\n"
     )
     out, truth = tmp_path / "t.csv", tmp_path / "t.json"
-    call = [sys.executable, "-m", "ambient_trainer", "simulate", scenario, "--device", brick, "--period", "20"]
-    subprocess.run([*call, "--hide", "heat_source:core:2W:from=30min", "-o", out, "--truth", truth], check=True)
+    hidden = ("--hide", "heat_source:core:2W:from=30min", "--truth", truth)
+    assert trainer("simulate", scenario, "--device", brick, "--period", 20, *hidden, "-o", out)[0] == 0
     (told,) = json.loads(truth.read_text())["effects"]
     assert (told["cause"], told["sensor_location"], told["worst"]) == ("heat_source", "core", "core_degC")
     trace = simulate(str(scenario), str(brick), period_s=20.0).trace

@@ -28,6 +28,8 @@ def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(monkeypatch, ca
     finished = subprocess.run(call, capture_output=True, text=True, check=True)
     assert finished.stderr == ""
     assert here.read_bytes() == there.read_bytes()
+    assert _run(monkeypatch, *wanted, str(there), "--seed", "5") == 0
+    assert here.read_bytes() != there.read_bytes()
     notes, header = here.read_text().splitlines()[:3], here.read_text().splitlines()[3]
     assert notes == ["# simulated: yes", "# scenario: 2.5", "# seed: 4"]
     assert header.count("_degC") > 48

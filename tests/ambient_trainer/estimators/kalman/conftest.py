@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Trace
 
@@ -27,16 +28,18 @@ def walked(
     """Sensors a, b, c over an ambient that walks at random; Euler-Maruyama, half a second a step."""
     random = np.random.default_rng(seed)
     dt, n = SUBSTEP_S, len(tau_s)
-    rate = 1 / np.array(tau_s)
-    ambient, nodes = 20.0, np.full(n, 20.0)
-    seen, truth = np.empty((n, samples)), np.empty(samples)
-    for k in range(samples):
-        seen[:, k], truth[k] = nodes, ambient
-        for kick in random.standard_normal((round(period_s / dt), n + 1)) * np.sqrt(dt):
-            flow = rate * (ambient - nodes) + exchange * (nodes.sum() - n * nodes)
-            nodes = nodes + dt * flow + node_walk * kick[:n]
-            ambient += walk * kick[n]
-    seen += noise_degC * random.standard_normal(seen.shape)
+    every = round(period_s / dt)
+    kicks = random.standard_normal((samples * every, n + 1)) * np.sqrt(dt)
+    M = np.eye(n + 1)
+    M[:n, :n] += dt * (exchange - np.diag(1 / np.array(tau_s) + n * exchange))
+    M[:n, n] = dt / np.array(tau_s)
+    rates, modes = np.linalg.eig(M)
+    driven = np.linalg.solve(modes, (kicks * ([node_walk] * n + [walk])).T)
+    before = np.roll(driven, 1, axis=1)
+    before[:, 0] = 0.0
+    states = 20.0 + modes @ np.array([lfilter([1.0], [1.0, -rate], row) for rate, row in zip(rates, before)])
+    seen, truth = states[:n, ::every], states[n, ::every]
+    seen = seen + noise_degC * random.standard_normal(seen.shape)
     columns = {f"{name}_degC": row for name, row in zip("abc", seen)}
     return Trace(f"walked {seed}", np.arange(samples) * period_s, {**columns, "ambient_degC": truth})
 

@@ -22,7 +22,7 @@ ONE = Effort(starts=1)
 
 @pytest.fixture(scope="module")
 def fit(simulated):
-    return FreeObserver().fit([simulated(1, samples=2000)], ONE)
+    return FreeObserver().fit([simulated(1, samples=1000)], ONE)
 
 
 def test_its_gains_at_rest_add_up_to_one(fit):
@@ -33,7 +33,7 @@ def test_its_gains_at_rest_add_up_to_one(fit):
 
 def test_it_does_as_well_as_one_without_demands(fit, simulated):
     held_out = simulated(2)
-    unconstrained = FreeFilterEstimator(len(fit.states)).fit([simulated(1, samples=2000)], ONE)
+    unconstrained = FreeFilterEstimator(len(fit.states)).fit([simulated(1, samples=1000)], ONE)
     ours, theirs = (evaluate_trace(model_of(each, [], {}), held_out).metrics.rmse_degC for each in (fit, unconstrained))
     assert ours < 1.02 * theirs
 
