@@ -112,14 +112,6 @@ def test_readings_of_other_channels_are_refused(driver, simulated) -> None:
     assert "(@101,102)" in caught.value.expected
 
 
-def test_another_maker_is_refused(driver, simulated) -> None:
-    simulated.distort(lambda reply: [(0.0, reply)])  # of the synchronisation
-    simulated.distort(lambda reply: [(0.0, b"KEITHLEY,2700,1,A1\r\n")])
-    with pytest.raises(InstrumentError) as caught:
-        driver({"a": 101}).read()
-    assert ("34970A" in caught.value.expected, "KEITHLEY 2700" in caught.value.got) == (True, True)
-
-
 @pytest.mark.parametrize(
     ("values", "parts"),
     [

@@ -63,7 +63,7 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
         made: dict[str, Any] = dict.fromkeys(ROLES)
         if named.chamber is not None:
             made["chamber"] = simulated(named.chamber, stream(seed, "wobble"), first.chamber_degC)
-        air_degC = made["chamber"].air_degC if made["chamber"] else _room(seed)
+        air_degC = made["chamber"].air_degC if made["chamber"] else room_air(seed)
         if named.multiplexer is not None:
             channels = {name: str(probe) for name, probe in named.multiplexer.probes.items()}
             probes = sorted(channels, key=channels.__getitem__)
@@ -81,7 +81,7 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
         yield SimulatedLaboratory(there, phone.environment, **made, air_degC=air_degC, phone=phone)
 
 
-def _room(seed: int) -> Callable[[float], float]:
+def room_air(seed: int) -> Callable[[float], float]:
     """A room's air in degC over time: the day's swing, the heating's, and a window now and then."""
     phases = stream(seed, "room").uniform(0.0, 2.0 * math.pi, len(_ROOM_SWINGS))
 
