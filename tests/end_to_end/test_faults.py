@@ -75,27 +75,6 @@ def test_a_model_that_is_broken_or_of_another_trace(call, good, tmp_path, fault)
         assert out.read_text() == OLD
 
 
-WRITERS = {
-    "fit": ("ambient-trainer", "fit", "TRACE", "--circuit", "free-1", "-o", "OUT"),
-    "evaluate --report": ("ambient-trainer", "evaluate", "MODEL", "TRACE", "--report", "OUT"),
-    "simulate": ("ambient-trainer", "simulate", "1", "-o", "OUT"),
-    "replay": ("ambientd", "replay", "MODEL", "TRACE", "-o", "OUT"),
-}
-
-
-def writer(name, good, out):
-    return [{"TRACE": good[0], "MODEL": good[1], "OUT": out}.get(word, word) for word in WRITERS[name]]
-
-
-@pytest.mark.parametrize("name", WRITERS)
-def test_an_output_that_cannot_be_written(call, good, tmp_path, name):
-    (tmp_path / "file").write_text("no folder")
-    status, _, said = call(*writer(name, good, tmp_path / "file" / "out"))
-    assert status in (1, 2)
-    assert str(tmp_path / "file") in said
-    assert "Traceback" not in said
-
-
 def test_no_output_takes_the_place_of_another_file(call, good, tmp_path):
     trace, model = good
     old = tmp_path / "old.json"
@@ -117,25 +96,3 @@ def test_a_link_keeps_leading_where_it_led(call, good, tmp_path):
     assert call("ambient-trainer", "fit", good[0], "--circuit", "free-1", "-o", tmp_path / "link.json")[0] == 0
     assert (tmp_path / "link.json").is_symlink()
     assert json.loads((tmp_path / "real.json").read_text())["name"] == "free-1"
-
-
-MISUSE = """
-ambient-trainer fit
-ambient-trainer fit trace.csv --circuit free-1
-ambient-trainer fit trace.csv --circuit free-1 -o m.json --starts 0
-ambient-trainer simulate 7 -o x.csv
-ambient-trainer evaluate m.json t.csv --from 9 --to 3
-ambient-trainer evaluate m.json t.csv --run-in
-ambient-trainer compare t.csv --circuit free-1
-ambient-trainer compare t.csv --circuit free-1 --held-out t.csv
-ambient-trainer nonsense
-ambientd nonsense
-"""
-
-
-@pytest.mark.parametrize("command", MISUSE.strip().splitlines())
-def test_a_wrong_call_is_status_2(call, command):
-    status, _, said = call(*command.split())
-    assert status == 2
-    assert said.strip()
-    assert "Traceback" not in said

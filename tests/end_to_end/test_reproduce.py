@@ -61,11 +61,3 @@ def our_observers_halve_the_error_of_the_best(rows):
         if row["scenario"] == "4" and row["variant"] == "corrected" and row["model"] not in RELATED
     )
     assert all(ours[model, "4"]["rmse_degC"] < 0.5 * best for model in OURS)
-
-
-def test_ctrl_c_stops_it_without_a_traceback(interrupted, tmp_path):
-    status, printed, shown = interrupted("simulating", "reproduce", "--json", tmp_path / "found.json")
-    assert (status, printed) == (1, "")
-    assert "stopped" in shown
-    assert "Traceback" not in shown
-    assert not (tmp_path / "found.json").exists()

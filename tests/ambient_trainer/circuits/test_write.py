@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 import yaml
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
-from ambient_trainer.circuits.write import save_circuit, write_circuit
+from ambient_trainer.circuits.write import write_circuit
 
 NAMES = ("on", "no", "null", "nan", "e5", "y", "board", "Shell_2", "x", "true", "INF", "k_board_cpu_power_W")
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=30)
@@ -127,12 +125,3 @@ def test_one_line_stands_for_each_part():
     assert "  q_e: {unit: W, initial: 1.0, free: false}" in lines
     assert "    inputs: parallel" in lines
     assert "    heat: q_e" in lines
-
-
-def test_a_file_is_replaced_whole(tmp_path):
-    path = tmp_path / "circuit.yaml"
-    path.write_text("old")
-    circuit = load_circuit("model2_ss")
-    save_circuit(str(path), circuit)
-    assert load_circuit(str(path)) == circuit
-    assert os.listdir(tmp_path) == ["circuit.yaml"]

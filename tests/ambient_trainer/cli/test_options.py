@@ -27,9 +27,16 @@ from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_na
         ("mitigate x.json --limit nan", ("--limit", "nan")),
         ("evaluate x.json x.csv --from 20 --to 10", ("--from 20", "--to 10")),
         ("limit x.json --seeds 1,-2", ("--seeds", "1,-2")),
+        ("fit", ("TRACE",)),
+        ("fit t.csv --circuit free-1", ("-o",)),
+        ("fit t.csv --circuit free-1 -o m.json --starts 0", ("--starts", "0")),
+        ("evaluate m.json t.csv --run-in", ("--run-in", "--from")),
+        ("compare t.csv --circuit free-1", ("--split", "--held-out")),
+        ("compare t.csv --circuit free-1 --held-out t.csv", ("t.csv",)),
+        ("nonsense", ("nonsense",)),
     ],
 )
-def test_a_number_that_makes_no_sense_is_named(call: str, named: tuple[str, ...]) -> None:
+def test_a_call_that_makes_no_sense_is_named(call: str, named: tuple[str, ...]) -> None:
     done = CliRunner().invoke(trainer, call.split())
     assert done.exit_code == 2
     for part in named:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 import subprocess
 import sys
@@ -40,13 +39,6 @@ def test_what_was_left_out_and_what_is_assumed_is_said(run, write, tmp_path):
         "assumed ambient_degC = 22 (not logged)",
         f"wrote {out}",
     ]
-
-
-def test_gz_compresses(run, write, tmp_path):
-    out = str(tmp_path / "o.csv.gz")
-    assert run(write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)[0] == 0
-    with gzip.open(out, "rt") as stream:
-        assert stream.readline() == "# source: a.csv\n"
 
 
 def test_a_failure_leaves_the_output_as_it_was(run, write, tmp_path):

@@ -71,10 +71,9 @@ def _assert_within_intervals(structure, best, truth):
     assert (off < known.quantile).all()
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_forward_circuit_is_recovered_from_a_start_up_to_3x_off(forward, forward_data, seed):
+def test_a_forward_circuit_is_recovered_from_a_start_up_to_3x_off(forward, forward_data):
     truth, segment = forward_data
-    structure = CircuitStructure(_off(forward, np.random.default_rng(seed)), [segment], free_start=True)
+    structure = CircuitStructure(_off(forward, np.random.default_rng(0)), [segment], free_start=True)
     best = search(structure, 1, 0).best
     assert best.converged
     assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.05, rel=0.03)
@@ -85,11 +84,10 @@ def test_a_forward_circuit_is_recovered_from_a_start_up_to_3x_off(forward, forwa
     np.testing.assert_allclose(rest + best.beta, [30, 25, 22], atol=0.2)
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_rise_circuit_is_recovered_from_a_start_up_to_3x_off(rise, rise_data, seed):
+def test_a_rise_circuit_is_recovered_from_a_start_up_to_3x_off(rise, rise_data):
     truth, segment = rise_data
-    structure = CircuitStructure(_off(rise, np.random.default_rng(seed)), [segment])
-    best = search(structure, 3, seed).best
+    structure = CircuitStructure(_off(rise, np.random.default_rng(0)), [segment])
+    best = search(structure, 3, 0).best
     assert best.converged
     assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.1, rel=0.03)
     _assert_within_intervals(structure, best, truth)

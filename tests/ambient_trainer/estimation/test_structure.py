@@ -296,12 +296,7 @@ def test_a_time_constant_beyond_all_data_is_penalised():
     np.testing.assert_allclose(np.sort(penalty[:3]), np.sort(np.maximum(slow, 0)), atol=1e-9)
     np.testing.assert_allclose(np.sort(penalty[3:]), np.sort(np.maximum(fast, 0)), atol=1e-9)
     assert (np.count_nonzero(penalty[:3]), np.count_nonzero(penalty[3:])) == (2, 1)
-    h = 1e-6
-    moved = [
-        (structure.penalty(theta + h * e)[0] - structure.penalty(theta - h * e)[0]) / (2 * h)
-        for e in np.eye(len(theta))
-    ]
-    np.testing.assert_allclose(slope, np.array(moved).T, atol=1e-8)
+    np.testing.assert_allclose(slope, _slope_by_differences(structure, theta, 1e-6), atol=1e-8)
 
 
 def test_a_mode_of_two_nodes_that_lose_nothing_together_is_penalised():
@@ -314,12 +309,7 @@ def test_a_mode_of_two_nodes_that_lose_nothing_together_is_penalised():
     (slow,) = penalty[:3][penalty[:3] > 0]
     rate = -np.linalg.eigvals(structure.system(theta, np.zeros(0)).A).real.max()
     assert slow == pytest.approx(-np.log(rate * 120), abs=1e-6)
-    h = 1e-5
-    moved = [
-        (structure.penalty(theta + h * e)[0] - structure.penalty(theta - h * e)[0]) / (2 * h)
-        for e in np.eye(len(theta))
-    ]
-    np.testing.assert_allclose(slope, np.array(moved).T, atol=1e-4)
+    np.testing.assert_allclose(slope, _slope_by_differences(structure, theta, 1e-5), atol=1e-4)
 
 
 def test_random_starts_differ_and_stay_in_the_box(forward):

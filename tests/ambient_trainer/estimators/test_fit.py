@@ -189,23 +189,6 @@ def test_a_static_line_has_no_state(logged):
     assert fit.rmse_degC == pytest.approx(fit.baseline.rmse_degC)
 
 
-def test_a_cancelled_fit_is_marked(rise, logged):
-    start = replace(rise, parameters=tuple(
-        replace(each, initial=each.initial * 2) if each.unit == "K/W" else each for each in rise.parameters
-    ))  # fmt: skip
-
-    effort = Effort(starts=1)
-
-    def stop(number, evaluation, square):
-        if evaluation == 3:
-            effort.budget.cancel.cancel()
-
-    fit = CircuitEstimator(start).fit([logged()], effort, stop)
-    assert fit.stopped
-    assert not fit.converged
-    assert np.isfinite(fit.rmse_degC)
-
-
 def _with(trace, **columns):
     full = {f"{name}_degC": np.full(len(trace.time_s), values) for name, values in columns.items()}
     return replace(trace, columns={**trace.columns, **full})

@@ -81,7 +81,7 @@ def trace_of() -> Callable[..., Trace]:
 
 
 @pytest.fixture
-def saved(tmp_path: Path) -> Callable[..., tuple[str, str]]:
+def files(tmp_path: Path) -> Callable[..., tuple[str, str]]:
     """Writes a model and a trace and returns their paths."""
 
     def save(trace: Trace, provenance: dict[str, Any] | None = None) -> tuple[str, str]:

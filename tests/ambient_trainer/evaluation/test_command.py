@@ -3,37 +3,24 @@
 import hashlib
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
 from click.testing import CliRunner
 
 from ambient_trainer.cli.commands.evaluate import command
 from ambient_trainer.data.trace import Trace
 
-Saved = Callable[..., tuple[str, str]]
+Files = Callable[..., tuple[str, str]]
 TraceOf = Callable[..., Trace]
 
 BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "ambient_trainer", "evaluate", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-
-
-def test_the_terminal_shows_the_figures_of_the_json(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
+def test_the_terminal_shows_the_figures_of_the_json(files: Files, trace_of: TraceOf, tmp_path: Path) -> None:
     whole = trace_of(1200)
     whole.columns["usb_degC"][:7] = 95.0  # above the input's range
-    model, trace = saved(whole, {"baseline": BASELINE})
+    model, trace = files(whole, {"baseline": BASELINE})
     out = tmp_path / "out.json"
 
     result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
@@ -54,8 +41,8 @@ def test_the_terminal_shows_the_figures_of_the_json(saved: Saved, trace_of: Trac
     assert "7 more samples have no estimate" in result.output
 
 
-def test_the_title_counts_every_sample_once(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
-    model, trace = saved(trace_of(300))
+def test_the_title_counts_every_sample_once(files: Files, trace_of: TraceOf, tmp_path: Path) -> None:
+    model, trace = files(trace_of(300))
     other = str(tmp_path / "other.csv")
     os.link(trace, other)
 
@@ -66,10 +53,10 @@ def test_the_title_counts_every_sample_once(saved: Saved, trace_of: TraceOf, tmp
     assert "2 traces" in title
 
 
-def test_figures_on_training_data_are_called_so(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
-    _, trace = saved(trace_of(120))
+def test_figures_on_training_data_are_called_so(files: Files, trace_of: TraceOf, tmp_path: Path) -> None:
+    _, trace = files(trace_of(120))
     digest = hashlib.sha256(Path(trace).read_bytes()).hexdigest()
-    model, trace = saved(trace_of(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]})
+    model, trace = files(trace_of(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]})
     out, report = tmp_path / "out.json", tmp_path / "report"
 
     result = CliRunner().invoke(
@@ -80,29 +67,3 @@ def test_figures_on_training_data_are_called_so(saved: Saved, trace_of: TraceOf,
     assert "Not held out: the model was trained on samples of trace.csv" in result.output
     assert "trace.csv (training data)" in result.output
     assert "Not held out: the model was trained on samples of trace.csv" in (report / "index.html").read_text()
-
-
-def test_a_process_ends_with_0_and_says_where_the_report_is(saved: Saved, trace_of: TraceOf, tmp_path: Path) -> None:
-    model, trace = saved(trace_of(60))
-
-    done = run(model, trace, "--from", "10", "--to", "50", "--report", str(tmp_path / "new" / "report"))
-
-    assert (done.returncode, done.stderr.strip()) == (0, "")
-    assert done.stdout.splitlines()[-1] == f"Report: {tmp_path}/new/report/index.html"
-    assert "40 samples" in done.stdout.splitlines()[0]
-    assert sorted(os.listdir(tmp_path / "new" / "report")) == ["index.html", "plotly.min.js"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["model.json"], "Missing argument 'TRACE...'"),
-        (["model.json", "a.csv", "--from", "5", "--to", "5"], "--from 5 does not come before --to 5"),
-        (["model.json", "a.csv", "--from", "soon"], "'soon' is not a valid float"),
-    ],
-)
-def test_a_wrong_call_ends_with_2(arguments: list[str], message: str) -> None:
-    result = CliRunner().invoke(command, arguments)
-
-    assert result.exit_code == 2
-    assert message in result.output

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_model.codec import decode, encode, load_model, save_model
+from ambient_model.codec import decode, encode, load_model
 from ambient_model.conformance import conformance_of, worst_difference_degC
 from ambient_model.faults import Refused
 from ambient_model.model import Discrete, Estimator, Input, Model, Secondary
@@ -51,16 +51,6 @@ def known_trace(ambient_degC: float = 21.0, samples: int = 400, seed: int = 0) -
         "ambient_degC": np.full(samples, ambient_degC),
     }
     return Trace("known.csv", np.arange(samples) * 1.0, columns)
-
-
-@pytest.fixture
-def saved(tmp_path):
-    def save(model):
-        path = str(tmp_path / "model.json")
-        save_model(path, model)
-        return path
-
-    return save
 
 
 SOURCE = {"trace": "known.csv", "sha256": "0" * 64, "from_s": None, "to_s": None}

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_model.model import Discrete, Estimator, Input
@@ -16,7 +14,6 @@ from ambient_model.tracking import Tracker
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.lti.discretise import first_order_hold
-from ambient_trainer.lti.response import states
 from ambient_trainer.lti.statespace import StateSpace
 
 INPUTS = ("usb_degC", "battery_degC")
@@ -67,20 +64,6 @@ def test_gaps_and_missing_values(trace_of: Callable[..., Trace]) -> None:
         np.testing.assert_allclose(found, by_tracker(SYSTEM, each, 1.0), rtol=0, atol=1e-9)
         assert np.isnan(found[0])
         assert np.isfinite(found[50])
-
-
-@given(st.integers(0, 3), st.integers(1, 70), st.floats(-1.05, 1.05), st.integers(0, 2**32 - 1))
-@settings(max_examples=50)
-def test_states_are_the_recursion(n: int, count: int, radius: float, seed: int) -> None:
-    random = np.random.default_rng(seed)
-    A = random.normal(size=(n, n))
-    A *= radius / max(np.abs(np.linalg.eigvals(A)).max(initial=0), 1e-9)
-    drive, start = random.normal(size=(n, count)), random.normal(size=n)
-    wanted = [start]
-    for k in range(count - 1):
-        wanted.append(A @ wanted[-1] + drive[:, k])
-    scale = max(np.abs(wanted).max(initial=0), 1)
-    np.testing.assert_allclose(states(A, drive, start), np.array(wanted).T, rtol=0, atol=1e-11 * scale)
 
 
 def test_an_unstable_system_ends_in_no_estimate(trace_of: Callable[..., Trace]) -> None:

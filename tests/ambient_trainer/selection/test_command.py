@@ -12,8 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.cli.commands.search import command
 from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import CircuitEstimator
@@ -37,11 +39,10 @@ def trace(tmp_path_factory):
 def whole(trace, tmp_path_factory):
     """The output of a search that nobody interrupts, and its folder."""
     folder = tmp_path_factory.mktemp("whole")
-    outputs = ("--jobs", "1", "--json", "out.json", "--circuits", "circuits", "--report", "page")
-    done = subprocess.run(
-        [*COMMAND, trace, *OPTIONS, *outputs], cwd=folder, capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stderr == ""
+    outputs = {"--json": "out.json", "--circuits": "circuits", "--report": "page"}
+    written = [word for option, name in outputs.items() for word in (option, str(folder / name))]
+    done = CliRunner().invoke(command, [trace, *OPTIONS, "--jobs", "1", *written], catch_exceptions=False)
+    assert (done.exit_code, done.stderr) == (0, "")
     return done.stdout, folder
 
 

@@ -3,16 +3,6 @@
 from __future__ import annotations
 
 from ambient_trainer.selection.floating import best_sets, swaps, thinned
-from ambient_trainer.selection.grams import gathered
-
-from .conftest import LONER, PAIR, Small, made_up
-
-
-def test_what_is_best_alone_is_left_for_the_pair(small):
-    grams = gathered(small.segments, small.blocks, small.sensors, (5.0, 50.0), 0.05)
-    found = best_sets(range(5), 2, lambda sets: grams.squares(sets).sum(axis=1).tolist() if sets else [])
-    assert found[0] == small.places(LONER)
-    assert found[1] == small.places(*PAIR)
 
 
 def test_a_swap_reaches_what_no_growth_of_a_beam_does():
@@ -47,11 +37,3 @@ def test_more_is_not_asked_for_than_there_is():
 def test_swaps_and_thinning_by_hand():
     assert swaps((1, 3), [1, 2, 3]) == [(1, 2, (2, 3)), (3, 2, (1, 2))]
     assert thinned([(1, 2, 3)]) == {(1, 2), (1, 3), (2, 3)}
-
-
-def test_another_draw_of_the_device_chooses_the_same_pair():
-    for seed in (1, 2):
-        other = Small(made_up(seed))
-        grams = gathered(other.segments, other.blocks, other.sensors, (5.0, 50.0), 0.05)
-        found = best_sets(range(5), 2, lambda sets, of=grams: of.squares(sets).sum(axis=1).tolist() if sets else [])
-        assert found[1] == other.places(*PAIR)

@@ -45,9 +45,8 @@ def walked(sensors, most_states, seed, steps=40):
     return list(dict.fromkeys(passed))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_every_step_leads_to_a_circuit_that_a_file_can_hold(seed):
-    for topology in walked(SENSORS, 3, seed):
+def test_every_step_leads_to_a_circuit_that_a_file_can_hold():
+    for topology in walked(SENSORS, 3, 0):
         assert topology.complete
         assert 1 <= len(topology.states) <= 3
         circuit = circuit_of(topology, TAU_S, "searched", "by a search")

@@ -70,7 +70,7 @@ class HeatBalance:
 
     def governed_W(self, processor_degC: Array, demanded_W: Array) -> Array:
         """What the governors leave of the demanded power at those processor temperatures, shape (batch,)."""
-        way = np.clip((processor_degC - self._low) / self._band, 0.0, 1.0)
+        way = np.minimum(np.maximum((processor_degC - self._low) / self._band, 0.0), 1.0)
         # a smooth way down: a kink would cost the integration its order
         return demanded_W * (1.0 - self._cut * way * way * (3.0 - 2.0 * way))
 

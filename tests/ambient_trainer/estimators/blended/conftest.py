@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from threadpoolctl import threadpool_limits
 
 from ambient_trainer.data.trace import Trace
 
@@ -97,13 +96,6 @@ TRUTH = {
     "share_board": 0.8,
     "rho": 0.3,
 }
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _one_thread() -> Iterator[None]:
-    """Four BLAS threads make small algebra many times slower."""
-    with threadpool_limits(1):
-        yield
 
 
 def integrated(

@@ -116,7 +116,7 @@ odd = st.one_of(
 )
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(st.sampled_from(places(DATA)[1:]), odd)
 def test_whatever_stands_somewhere_is_read_or_refused(place, value):
     data = copy.deepcopy(DATA)
