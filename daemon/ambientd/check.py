@@ -14,9 +14,9 @@ from ambient_model.conformance import (
 )
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
-from ambientd.config import Settings
 from ambientd.consumers import followed
 from ambientd.publish.proof import created, name_of, prove
+from ambientd.settings import Settings
 from ambientd.sources.assign import assigned_sensors, location_of
 from ambientd.sources.sensors import values_of
 from ambientd.sources.supervision import outside, wrong_unit

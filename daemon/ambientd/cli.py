@@ -5,39 +5,30 @@ Each command imports what it needs when it runs: a replay pays neither memory no
 
 import argparse
 import os
-import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from ambient_model import __version__
-from ambient_model.faults import Refused
-from ambientd.config import RATE_RANGE_HZ, Settings, publishing_to
+from ambientd.__main__ import status_of
+from ambientd.config import RATE_RANGE_HZ, load_settings, publishing_to, settings_for_model
+from ambientd.handover import prepare
 from ambientd.publish.spec import Spec, kinds, parse
+from ambientd.settings import Prepared, Settings
 
 
 def call(arguments: Sequence[str]) -> int:
     """Run the command that ``arguments`` name; returns the exit status. Raises SystemExit(2) for a wrong call."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    try:
-        options.command(parser, options)
-        sys.stdout.flush()
-        return 0
-    except Refused as refused:
-        return _failed(str(refused))
-    except BrokenPipeError:
-        # what is still buffered has no reader: the interpreter's last flush goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except KeyboardInterrupt:
-        return _failed("stopped")
-    except OSError as error:
-        return _failed(f"{error.filename or 'output'}: {error.strerror or error}")
+    return status_of(lambda: options.command(parser, options))
 
 
-def _failed(message: str) -> int:
-    print(f"ambientd: {message}", file=sys.stderr)
-    return 1
+def prepared(arguments: Sequence[str]) -> Prepared:
+    """What ``run`` from the sensors needs of its files; raises SystemExit, and :class:`Refused`."""
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    _check_pace(parser, options)
+    return _prepared(options)
 
 
 class _Help(argparse.HelpFormatter):
@@ -164,34 +155,38 @@ def _spec(text: str) -> Spec:
 
 
 def _settings(options: argparse.Namespace) -> Settings:
-    from ambientd.config import load_settings, settings_for_model
-
     settings = load_settings(options.config) if options.config else settings_for_model(options.model)
     if options.sysfs_root is not None:
         settings = settings._replace(sysfs_root=options.sysfs_root)
     return settings
 
 
-def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+def _check_pace(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
     if options.speed is not None and options.replay is None:
         parser.error("--speed goes with --replay")
     if options.replay is None and options.rate is not None and options.rate > RATE_RANGE_HZ[1]:
         parser.error(f"argument --rate: {options.rate:g} is not between {RATE_RANGE_HZ[0]:g} and {RATE_RANGE_HZ[1]:g}")
+
+
+def _settings_to_run(options: argparse.Namespace) -> Settings:
+    """The configuration as it is now, with the call's overrides."""
+    settings = _settings(options)
+    return publishing_to(settings, options.publish) if options.publish else settings
+
+
+def _prepared(options: argparse.Namespace) -> Prepared:
+    settings = _settings_to_run(options)
+    return prepare(settings._replace(rate_hz=options.rate or settings.rate_hz))
+
+
+def _run(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    _check_pace(parser, options)
     from ambientd.run import run_replayed, run_sensors
 
-    def settings() -> Settings:
-        """The configuration as it is now, with the call's overrides."""
-        found = _settings(options)
-        return publishing_to(found, options.publish) if options.publish else found
-
-    def settings_at_rate() -> Settings:
-        found = settings()
-        return found._replace(rate_hz=options.rate or found.rate_hz)
-
-    if options.replay is not None:
-        run_replayed(settings(), options.replay, options.rate, 1.0 if options.speed is None else options.speed)
-    else:
-        run_sensors(settings_at_rate)
+    if options.replay is None:
+        return run_sensors(lambda: _prepared(options), lambda: _prepared(options))
+    speed = 1.0 if options.speed is None else options.speed
+    run_replayed(_settings_to_run(options), options.replay, options.rate, speed)
 
 
 def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
@@ -214,7 +209,6 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
 
 
 def _withdraw(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    from ambientd.config import load_settings
     from ambientd.run import withdraw
 
     withdraw(load_settings(options.config))

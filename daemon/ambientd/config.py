@@ -5,17 +5,16 @@ large honest one.
 """
 
 import os
-from collections.abc import Callable, Mapping, Sequence
-from types import MappingProxyType
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import LEVELS_PERCENT
 from ambientd.publish.access import Access, read_access
 from ambientd.publish.spec import Spec, kind_module, parse
+from ambientd.settings import Settings, StateSpec
 from ambientd.sources.spec import Location, read_location, read_rules
-from ambientd.sources.supervision import Rules
 
 RATE_RANGE_HZ = (0.1, 20.0)
 MAX_AGE_RANGE_S = (1.0, 3600.0)
@@ -41,40 +40,6 @@ _LONGEST_PROBLEM = 200
 _MOST_FAULTS = 100
 _MOST_PUBLISHERS = 32
 _STATE_KEYS = ("path", "max_age_s", "access")
-
-
-class StateSpec(NamedTuple):
-    """Where the state is kept over a restart."""
-
-    path: str
-    max_age_s: float = 30.0
-    """How old it may be; it also lapses with the model's own limit for a gap, whichever comes first."""
-    access: Access = Access()
-
-
-class Settings(NamedTuple):
-    """How the daemon is to run."""
-
-    source: str
-    """The file of this configuration, for messages."""
-    model: str
-    rate_hz: float = 1.0
-    sysfs_root: str = "/sys"
-    publish: tuple[Spec, ...] = (Spec("stdout"),)
-    level_percent: int = 90
-    """The interval that is published as low and high."""
-    zones: Mapping[str, str] = MappingProxyType({})
-    """Per input name the type of its thermal zone, where it is not the model's."""
-    coast_s: float | None = None
-    """How long an input may be missing without a fallback; None is as long as a gap is bridged."""
-    state: StateSpec | None = None
-    zones_by_name: str = "/dev/thermal/tz-by-name"
-    """A folder with a link per type to its zone, where there is one."""
-    sensors: Mapping[str, Location] = MappingProxyType({})
-    """Per input name where it is read, where that is not the model's zone."""
-    supervision: Rules = Rules()
-    access: Access = Access()
-    """Of all that is created, where a publication or the state has none of its own."""
 
 
 def settings_for_model(path: str) -> Settings:

@@ -4,7 +4,7 @@ What makes a module a kind is a function that its package names; the modules bes
 is an underscore in its module's name.
 """
 
-import importlib
+import sys
 from typing import Any
 
 
@@ -14,11 +14,12 @@ def module_of(package: str, kind: Any, function: str) -> Any | None:
     if not (name.isascii() and name.isidentifier()):
         return None
     try:
-        module = importlib.import_module(f"{package}.{name}")
+        __import__(f"{package}.{name}")
     except ModuleNotFoundError as error:
         if error.name == f"{package}.{name}":
             return None
         raise
+    module = sys.modules[f"{package}.{name}"]
     return module if hasattr(module, function) else None
 
 
@@ -26,6 +27,6 @@ def known(package: str, function: str) -> dict[str, Any]:
     """Every kind in ``package``, by name. It imports them all: for messages and help only."""
     import pkgutil  # a daemon with a valid configuration does without
 
-    names = [each.name for each in pkgutil.iter_modules(importlib.import_module(package).__path__)]
+    names = [each.name for each in pkgutil.iter_modules(__import__(package, fromlist=["*"]).__path__)]
     found = {name: module_of(package, name, function) for name in sorted(names)}
     return {name.replace("_", "-"): module for name, module in found.items() if module is not None}

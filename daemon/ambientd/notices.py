@@ -3,7 +3,6 @@
 A log that is full, gone or not read loses messages and delays nothing.
 """
 
-import contextlib
 import os
 import select
 
@@ -16,9 +15,11 @@ def log(message: str) -> None:
     """Write ``message`` to standard error, if there is room."""
     room = select.poll()
     room.register(_STDERR, select.POLLOUT)
-    with contextlib.suppress(OSError):
+    try:
         if room.poll(0):
             os.write(_STDERR, f"ambientd: {message}\n".encode(errors="backslashreplace"))
+    except OSError:
+        pass
 
 
 class Notice:

@@ -82,6 +82,13 @@ class Notifier:
         """It begins to end."""
         self._send({"STOPPING": "1", "STATUS": "stopping"})
 
+    def __enter__(self) -> "Notifier":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.stopping()
+        self.close()
+
     def close(self) -> None:
         """Close the socket."""
         if self._socket is not None:

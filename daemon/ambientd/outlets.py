@@ -1,6 +1,5 @@
 """Publishers at work. One that fails is reported once and affects no other; a new set takes over without a gap."""
 
-import contextlib
 import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from ambientd.report import Report
 from ambientd.schedule import Waiter
 
 if TYPE_CHECKING:
-    from ambientd.config import StateSpec
+    from ambientd.settings import StateSpec
 
 
 class Outlets:
@@ -51,8 +50,10 @@ class Outlets:
         paths = {each.path for each in created(specs, state) if is_file(each)}
         try:
             for path in paths:
-                with contextlib.suppress(OSError):  # without a folder, at the first tick that finds one
+                try:  # without a folder, at the first tick that finds one
                     self._claims.take(path)
+                except OSError:
+                    pass
             new = [spec for spec in specs if _place(spec) not in stay]
             if proved:
                 moved = [spec for spec in specs if spec not in new and stay[_place(spec)].access != spec.access]
@@ -123,6 +124,12 @@ class Outlets:
                 problem = error.strerror or str(error)
             if (problem or notice.wrong) and notice.changed(report.time_s, bool(problem)):
                 self._note(f"{spec}: {f'cannot be written ({problem}); the others go on' if problem else 'is back'}")
+
+    def __enter__(self) -> "Outlets":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Close all: no value stays behind."""

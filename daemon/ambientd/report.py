@@ -1,6 +1,5 @@
 """The report of one tick, and its JSON object."""
 
-import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -28,6 +27,8 @@ class Report(NamedTuple):
 
 def as_json(report: Report) -> str:
     """``report`` as one JSON object on one line, without the newline; what is not known is null."""
+    import json  # a daemon that publishes files alone does without
+
     estimate = report.estimate
     return json.dumps(
         {

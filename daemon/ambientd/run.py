@@ -1,25 +1,23 @@
 """``ambientd run``: the parts put together, put together anew on SIGHUP, and taken apart again whatever happens."""
 
-import contextlib
 import os
-import signal
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from ambient_model.codec import load_model
 from ambient_model.faults import Refused, refuse
 from ambient_model.model import Model
-from ambientd.config import Settings
 from ambientd.fallback import FallbackTracker
 from ambientd.notices import Notice, log
 from ambientd.notify import Notifier
 from ambientd.outlets import Outlets
-from ambientd.schedule import Ticks, Waiter, clock_s
+from ambientd.schedule import SIGHUP, Ticks, Waiter, clock_s
 from ambientd.service import Service
+from ambientd.settings import Prepared, Settings
+from ambientd.sources.assign import location_of, open_sensors
+from ambientd.sources.sensors import Sensors
 
 if TYPE_CHECKING:
     from ambientd.sources.replay import Sample
-    from ambientd.sources.sensors import Sensors
     from ambientd.state import StateFile
 
 _WINDOW_S = 5.0
@@ -33,7 +31,7 @@ class _Work(NamedTuple):
     settings: Settings
     model: Model
     tracker: FallbackTracker
-    sensors: "Sensors"
+    sensors: Sensors
     state: "StateFile | None"
 
     def __str__(self) -> str:
@@ -43,17 +41,17 @@ class _Work(NamedTuple):
         )
 
 
-def run_sensors(read_settings: Callable[[], Settings]) -> None:
+def run_sensors(first: Callable[[], Prepared], again: Callable[[], Prepared]) -> None:
     """Poll the sensors at ``rate_hz`` and publish, until a signal ends it. Raises :class:`Refused`.
 
-    SIGHUP calls ``read_settings`` again: the new settings and model take over, or are refused and change nothing.
+    SIGHUP calls ``again``: what it returns takes over, or is refused and changes nothing.
     """
     with (
-        Waiter(pausing=(signal.SIGHUP,)) as waiter,
-        contextlib.closing(Outlets(waiter, 0, log)) as outlets,
-        _manager() as notifier,
+        Waiter(pausing=(SIGHUP,)) as waiter,
+        Outlets(waiter, 0, log) as outlets,
+        Notifier(os.environ, log) as notifier,
     ):
-        work = _prepared(read_settings(), waiter)
+        work = _opened(first(), waiter)
         try:
             if work.state is not None:
                 work.state.take_back(work.tracker, clock_s())
@@ -65,7 +63,7 @@ def run_sensors(read_settings: Callable[[], Settings]) -> None:
                 if not waiter.paused() or waiter.ended:
                     break
                 notifier.reloading()
-                work = _reloaded(work, read_settings, outlets, waiter)
+                work = _reloaded(work, again, outlets, waiter)
                 service.take_over(work.model, work.settings.level_percent, work.tracker)
         finally:
             work.sensors.close()
@@ -73,24 +71,22 @@ def run_sensors(read_settings: Callable[[], Settings]) -> None:
                 work.state.close()
 
 
-def _prepared(settings: Settings, waiter: Waiter) -> _Work:
-    from ambientd.sources.assign import open_sensors
-
-    model = load_model(settings.model)
+def _opened(prepared: Prepared, waiter: Waiter) -> _Work:
+    settings, model, identity = prepared
     tracker = FallbackTracker(model, 1 / settings.rate_hz, settings.level_percent, settings.coast_s)
     state = None
     if settings.state is not None:
         from ambientd.state import StateFile
 
-        state = StateFile(settings.state, model, log)
+        state = StateFile(settings.state, identity, log)
     return _Work(settings, model, tracker, open_sensors(settings, model, log, waiter.set_alarm), state)
 
 
-def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outlets, waiter: Waiter) -> _Work:
+def _reloaded(work: _Work, again: Callable[[], Prepared], outlets: Outlets, waiter: Waiter) -> _Work:
     """The new work, or where that is refused the old."""
     new = None
     try:
-        new = _prepared(read_settings(), waiter)
+        new = _opened(again(), waiter)
         if faults := new.sensors.faults(_moved(work, new)):
             raise Refused(new.settings.source, faults)
         outlets.become(new.settings.publish, new.settings.state, proved=True)
@@ -100,8 +96,10 @@ def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outle
         log(f"not reloaded, the old configuration stays: {refused}")
         return work
     if new.model == work.model:
-        with contextlib.suppress(ValueError):  # another rate may be another period, which starts anew
+        try:  # another rate may be another period, which starts anew
             new.tracker.restore(work.tracker.snapshot())
+        except ValueError:
+            pass
     work.sensors.close()
     log(f"reloaded: {new}")
     return new
@@ -109,8 +107,6 @@ def _reloaded(work: _Work, read_settings: Callable[[], Settings], outlets: Outle
 
 def _moved(old: _Work, new: _Work) -> list[str]:
     """The inputs that the new configuration reads elsewhere, or the old model lacks."""
-
-    from ambientd.sources.assign import location_of
 
     def places(work: _Work) -> set[tuple[str, object]]:
         root = work.settings.sysfs_root, work.settings.zones_by_name
@@ -199,6 +195,7 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
     A row comes 1 / ``rate_hz`` s after the last, or, where that is None, as the trace's times log, ``speed`` times as
     fast; 0 is as fast as it goes.
     """
+    from ambient_model.codec import load_model
     from ambientd.sources.replay import TraceSource, tracker_for
 
     model = load_model(settings.model)
@@ -206,8 +203,8 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
     with (
         Waiter() as waiter,
         TraceSource(trace, model.main.inputs) as source,
-        contextlib.closing(Outlets(waiter, None if in_a_hurry else 0, log)) as outlets,
-        _manager() as notifier,
+        Outlets(waiter, None if in_a_hurry else 0, log) as outlets,
+        Notifier(os.environ, log) as notifier,
     ):
         tracker = tracker_for(model, source, settings.level_percent, settings.coast_s)
         outlets.become(settings.publish)
@@ -228,7 +225,7 @@ def run_replayed(settings: Settings, trace: str, rate_hz: float | None, speed: f
 
 def withdraw(settings: Settings) -> None:
     """Leave what the daemon's end leaves, after one that was killed. Raises :class:`Refused` where one is at work."""
-    with Waiter() as waiter, contextlib.closing(Outlets(waiter, 0, log)) as outlets:
+    with Waiter() as waiter, Outlets(waiter, 0, log) as outlets:
         outlets.become(settings.publish, settings.state)
 
 
@@ -251,14 +248,3 @@ def _paced(
         if not until(start_s + delay_s(index, sample[0] - first_s)):
             return
         yield sample
-
-
-@contextlib.contextmanager
-def _manager() -> Iterator[Notifier]:
-    """The service manager's notifier, which reports the end."""
-    notifier = Notifier(os.environ, log)
-    try:
-        yield notifier
-    finally:
-        notifier.stopping()
-        notifier.close()

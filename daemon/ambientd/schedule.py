@@ -1,18 +1,21 @@
 """Deadlines are absolute, on a clock that also counts suspend; missed ones are skipped; a signal ends it all."""
 
+import _signal as signal  # type: ignore[import-not-found]  # whose public name takes enum and functools along
 import _thread
-import contextlib
 import math
 import os
 import select
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from types import FrameType, TracebackType
+from typing import TYPE_CHECKING
 
 from ambient_model.faults import refuse
 from ambientd.notices import log
 
+if TYPE_CHECKING:
+    from types import FrameType, TracebackType
+
+SIGHUP: int = signal.SIGHUP
 _CLOCK: int = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 _NONE: tuple[int, ...] = ()
 _GRACE_S = 0.5
@@ -35,7 +38,7 @@ class Waiter:
     what still blocks half a second after one has ended the wait is abandoned, and with it the context.
     """
 
-    def __init__(self, pausing: Sequence[signal.Signals] = ()) -> None:
+    def __init__(self, pausing: Sequence[int] = ()) -> None:
         self.ended = False
         self._paused = False
         self._pausing = pausing
@@ -131,31 +134,35 @@ class Waiter:
         return self
 
     def _drain(self) -> None:
-        with contextlib.suppress(BlockingIOError):
+        try:
             os.read(self._wake, 4096)
+        except BlockingIOError:
+            pass
 
-    def _end(self, number: int, frame: FrameType | None) -> None:
+    def _end(self, number: int, frame: "FrameType | None") -> None:
         self.ended = True
         signal.setitimer(signal.ITIMER_REAL, _GRACE_S)
         self._rouse()
 
-    def _pause(self, number: int, frame: FrameType | None) -> None:
+    def _pause(self, number: int, frame: "FrameType | None") -> None:
         self._paused = True
         self._rouse()
 
     def _rouse(self) -> None:
         """End the wait of the thread that ticks, which the signal's own byte may have ended too early."""
-        with contextlib.suppress(BlockingIOError):
+        try:
             os.write(self._awaken, b"\0")
+        except BlockingIOError:
+            pass
 
-    def _leave(self, number: int, frame: FrameType | None) -> None:
+    def _leave(self, number: int, frame: "FrameType | None") -> None:
         if self.ended:
             raise _Overdue
         if self._hangs is not None:
             self._hangs()
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: "TracebackType | None"
     ) -> bool:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in self._before.items():

@@ -5,23 +5,21 @@ very model, and up to an age. Anything else is ignored with one line in the log.
 counts from boot and through suspend.
 """
 
-import importlib
 import json
 import math
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ambient_model.codec import encode as encode_model
 from ambient_model.faults import Refused
 from ambient_model.intake import read_whole
 from ambient_model.model import Model
 from ambient_model.tracking import Snapshot
-from ambientd.config import StateSpec
 from ambientd.fallback import FallbackState, FallbackTracker
 from ambientd.notices import Notice
 from ambientd.publish.claims import open_own
 from ambientd.publish.swap import swap_in, sweep
+from ambientd.settings import StateSpec
 
 if TYPE_CHECKING:
     from ambient_model.error_variance import VarianceState
@@ -48,6 +46,8 @@ class State(NamedTuple):
 
 def model_identity(model: Model) -> str:
     """The SHA-256 of the model's canonical text: layout and name of its file do not count."""
+    from ambient_model.codec import encode as encode_model
+
     return _sha256(encode_model(model).encode())
 
 
@@ -55,7 +55,7 @@ def _sha256(content: bytes) -> str:
     # hashlib brings OpenSSL's 4 MB into a process of 10 MB; the interpreter's own digest is the same
     for name in ("_sha2", "_sha256", "hashlib"):
         try:
-            digest: str = importlib.import_module(name).sha256(content).hexdigest()
+            digest: str = __import__(name).sha256(content).hexdigest()
         except ImportError:
             continue
         return digest
@@ -198,11 +198,11 @@ def take_back(state: State, tracker: FallbackTracker, model: str, boot: str, now
 
 
 class StateFile:
-    """The state of one model in one file. ``note`` takes a message where it is restored, or fails."""
+    """The state of the model ``identity`` in one file. ``note`` takes a message where it is restored, or fails."""
 
-    def __init__(self, spec: StateSpec, model: Model, note: Callable[[str], None]) -> None:
+    def __init__(self, spec: StateSpec, identity: str, note: Callable[[str], None]) -> None:
         self._path, self._max_age_s, self._access = spec
-        self._model = model_identity(model)
+        self._model = identity
         self._boot = boot_identity()
         self._note = note
         self._notice = Notice()

@@ -142,7 +142,7 @@ def test_what_has_no_end_is_no_model_configuration_or_state(kind, model_file, ma
         assert len(said.splitlines()) == 1
     notes = []
     model = make_model()
-    StateFile(StateSpec(str(path)), model, notes.append).take_back(FallbackTracker(model, 1.0), 0.0)
+    StateFile(StateSpec(str(path)), "", notes.append).take_back(FallbackTracker(model, 1.0), 0.0)
     assert len(notes) == 1
     assert notes[0].startswith(f"state {path}: ")
 

@@ -16,7 +16,7 @@ from ambient_model.observer import Background
 from ambient_model.tracking import Snapshot
 from ambientd.config import StateSpec
 from ambientd.fallback import FallbackState, FallbackTracker
-from ambientd.state import State, StateFile, decode, encode, take_back
+from ambientd.state import State, StateFile, decode, encode, model_identity, take_back
 
 
 def rows(count, start=0):
@@ -169,7 +169,8 @@ def test_a_state_of_any_numbers_makes_finite_estimates(make_model, x, u, start_s
 def state_file(make_model, tmp_path):
     notes = []
     model = make_model(fallbacks=True)
-    return StateFile(StateSpec(str(tmp_path / "state"), 30.0), model, notes.append), notes, tmp_path / "state"
+    path = tmp_path / "state"
+    return StateFile(StateSpec(str(path), 30.0), model_identity(model), notes.append), notes, path
 
 
 def test_a_tracker_that_never_began_leaves_no_state(state_file, make_model):

@@ -3,7 +3,6 @@
 The lock goes with the process, however that ends. Nobody else may open it, so that nobody else can hold it.
 """
 
-import contextlib
 import os
 import stat
 from collections.abc import Iterable
@@ -45,8 +44,10 @@ class Claims:
     def keep(self, paths: Iterable[str]) -> None:
         """Release all others."""
         for path in self.held.keys() - set(paths):
-            with contextlib.suppress(OSError):
+            try:
                 os.unlink(f"{path}.lock")
+            except OSError:
+                pass
             os.close(self.held.pop(path))
 
 

@@ -5,7 +5,6 @@ value that is no longer trusted does not stay: the file is removed, or holds the
 that cannot be replaced, or whose daemon ends. The status and the textfile are such files with other contents.
 """
 
-import contextlib
 import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -130,20 +129,24 @@ class RenamedFile(Quiet):
         try:
             swap_in(self._spec.path, value, self._spec.access)
         except OSError:
-            with contextlib.suppress(OSError):
+            try:
                 self._withdraw()
+            except OSError:
+                pass
             raise
 
     def _withdraw(self) -> None:
         """Remove the value that is there. Even a full disk has room for the poison in its place."""
         instead = poison(self._spec)
         if instead is not None:
-            with contextlib.suppress(OSError):
+            try:
                 descriptor = open_own(self._spec.path, self._spec.access.owner)
                 try:
                     return overwrite(descriptor, instead, os.fstat(descriptor).st_size)
                 finally:
                     os.close(descriptor)
+            except OSError:
+                pass
         os.unlink(self._spec.path)
 
     def close(self) -> None:

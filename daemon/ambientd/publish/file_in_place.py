@@ -1,6 +1,5 @@
 """A file like :mod:`ambientd.publish.file`, written in place in a single write: for readers that keep it open."""
 
-import contextlib
 import os
 
 from ambientd.publish import Quiet
@@ -45,8 +44,10 @@ class InPlaceFile(Quiet):
         try:
             self._write(value)
         except OSError:
-            with contextlib.suppress(OSError):
+            try:
                 self._remove()
+            except OSError:
+                pass
             raise
 
     def _write(self, value: bytes) -> None:
@@ -90,9 +91,11 @@ class InPlaceFile(Quiet):
         """Replace the last value by the poison, if any, for readers that keep the file open."""
         instead = poison(self._spec)
         if self._descriptor >= 0 and instead is not None:
-            with contextlib.suppress(OSError):
+            try:
                 overwrite(self._descriptor, instead, self._length)
                 self._length = len(instead)
+            except OSError:
+                pass
 
     def _release(self) -> None:
         if self._descriptor >= 0:

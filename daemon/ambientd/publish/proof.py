@@ -3,26 +3,25 @@
 import errno
 import os
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Union
+from typing import TYPE_CHECKING
 
 from ambient_model.faults import Fault
 from ambientd.publish.spec import Spec, kind_module
 from ambientd.publish.swap import trial
 
 if TYPE_CHECKING:
-    from ambientd.config import StateSpec
+    from ambientd.settings import StateSpec
+
+    Output = Spec | StateSpec
 
 
-Output = Union[Spec, "StateSpec"]
-
-
-def created(specs: Iterable[Spec], state: "StateSpec | None") -> list[Output]:
+def created(specs: Iterable[Spec], state: "StateSpec | None") -> "list[Output]":
     """All that lies somewhere."""
     outputs: list[Output] = [spec for spec in specs if spec.path]
     return [*outputs, state] if state else outputs
 
 
-def foreseen(output: Output) -> str:
+def foreseen(output: "Output") -> str:
     """Mode and owner of what would be made; raises OSError where it could not be."""
     own = getattr(kind_module(output.kind), "foreseen", None) if isinstance(output, Spec) else None
     if own is not None:
@@ -32,17 +31,17 @@ def foreseen(output: Output) -> str:
     return trial(output.path, output.access)
 
 
-def is_file(output: Output) -> bool:
+def is_file(output: "Output") -> bool:
     """Whether it is a plain file."""
     return not (isinstance(output, Spec) and hasattr(kind_module(output.kind), "foreseen"))
 
 
-def name_of(output: Output) -> str:
+def name_of(output: "Output") -> str:
     """As messages show it."""
     return str(output) if isinstance(output, Spec) else f"state:{output.path}"
 
 
-def prove(outputs: Iterable[Output], report: Callable[[str, str], None]) -> list[Fault]:
+def prove(outputs: "Iterable[Output]", report: Callable[[str, str], None]) -> list[Fault]:
     """What is wrong with each that could not be written; ``report`` takes name and :func:`foreseen` of the others."""
     faults = []
     for each in outputs:

@@ -5,7 +5,6 @@ out the flash. Until the rename it is a neighbour, ``PATH.PID.part``, which stay
 killed; :func:`sweep` removes it then.
 """
 
-import contextlib
 import errno
 import os
 
@@ -31,8 +30,10 @@ def put(path: str, content: bytes, access: Access) -> int:
     except BaseException:  # an alarm, too, that ends a write which blocks
         if descriptor >= 0:
             os.close(descriptor)
-        with contextlib.suppress(OSError):
+        try:
             os.unlink(temporary)
+        except OSError:
+            pass
         raise
 
 
@@ -72,18 +73,22 @@ def trial(path: str, access: Access) -> str:
 
 def remove(path: str) -> None:
     """Remove the file at ``path``, if it is there."""
-    with contextlib.suppress(FileNotFoundError):
+    try:
         os.unlink(path)
+    except FileNotFoundError:
+        pass
 
 
 def sweep(path: str) -> None:
     """Remove the unfinished neighbours of ``path`` whose processes are no more; what cannot be removed stays."""
     folder, name = os.path.split(path)
-    with contextlib.suppress(OSError):
+    try:
         for found in os.listdir(folder or "."):
             process = found.removeprefix(f"{name}.").removesuffix(".part")
             if found == f"{name}.{process}.part" and process.isascii() and process.isdigit() and not _lives(process):
                 os.unlink(os.path.join(folder, found))
+    except OSError:
+        pass
 
 
 def _lives(process: str) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.model import Input, Model
-from ambientd.config import Settings
+from ambientd.settings import Settings
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.sensors import Sensors
 from ambientd.sources.spec import Location

@@ -8,7 +8,7 @@ from ambientd.sources.quantities import degC_from_millidegrees
 from ambientd.sources.spec import NoteFault, read_texts
 
 if TYPE_CHECKING:
-    from ambientd.config import Settings
+    from ambientd.settings import Settings
 
 FORM = "{hwmon: CHIP, label: LABEL}"
 

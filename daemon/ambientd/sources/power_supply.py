@@ -7,7 +7,7 @@ from ambientd.sources.quantities import degC_from_tenths, from_micro
 from ambientd.sources.spec import NoteFault, read_texts
 
 if TYPE_CHECKING:
-    from ambientd.config import Settings
+    from ambientd.settings import Settings
 
 FORM = "{power_supply: NAME, property: PROPERTY}"
 _UNITS = {"temp": "degC", "current_now": "A", "voltage_now": "V"}

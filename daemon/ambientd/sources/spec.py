@@ -12,7 +12,7 @@ from ambientd.kinds import known, module_of
 from ambientd.sources.supervision import Rules
 
 if TYPE_CHECKING:
-    from ambientd.config import Settings
+    from ambientd.settings import Settings
     from ambientd.sources.sensor import Source
 
 _PACKAGE, _FUNCTION = "ambientd.sources", "location"

@@ -1,7 +1,6 @@
 """A reading in a thread of its own: whether an attribute answers in time, without waiting for one that hangs."""
 
 import _thread
-import contextlib
 import os
 import time
 from collections.abc import Sequence
@@ -26,8 +25,10 @@ class Trial:
         """What was read."""
         self._path = path
         # without a thread to spare it never finishes, and the attribute stays set aside
-        with contextlib.suppress(RuntimeError):
+        try:
             _thread.start_new_thread(self._read, ())
+        except RuntimeError:
+            pass
 
     def _read(self) -> None:
         start_s = time.monotonic()

@@ -1,0 +1,55 @@
+"""How the daemon is to run: what a configuration and its model file come to, once they are read and accepted."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from ambient_model.model import Model
+from ambientd.publish.access import Access
+from ambientd.publish.spec import Spec
+from ambientd.sources.spec import Location
+from ambientd.sources.supervision import Rules
+
+
+class StateSpec(NamedTuple):
+    """Where the state is kept over a restart."""
+
+    path: str
+    max_age_s: float = 30.0
+    """How old it may be; it also lapses with the model's own limit for a gap, whichever comes first."""
+    access: Access = Access()
+
+
+class Settings(NamedTuple):
+    """How the daemon is to run."""
+
+    source: str
+    """The file of this configuration, for messages."""
+    model: str
+    rate_hz: float = 1.0
+    sysfs_root: str = "/sys"
+    publish: tuple[Spec, ...] = (Spec("stdout"),)
+    level_percent: int = 90
+    """The interval that is published as low and high."""
+    zones: Mapping[str, str] = MappingProxyType({})
+    """Per input name the type of its thermal zone, where it is not the model's."""
+    coast_s: float | None = None
+    """How long an input may be missing without a fallback; None is as long as a gap is bridged."""
+    state: StateSpec | None = None
+    zones_by_name: str = "/dev/thermal/tz-by-name"
+    """A folder with a link per type to its zone, where there is one."""
+    sensors: Mapping[str, Location] = MappingProxyType({})
+    """Per input name where it is read, where that is not the model's zone."""
+    supervision: Rules = Rules()
+    access: Access = Access()
+    """Of all that is created, where a publication or the state has none of its own."""
+
+
+class Prepared(NamedTuple):
+    """All that a run needs of its files."""
+
+    settings: Settings
+    model: Model
+    """Without provenance and conformance, which no tick needs."""
+    identity: str
+    """The model's, where a state is kept: see :func:`ambientd.state.model_identity`."""
