@@ -65,10 +65,14 @@ class Waiter:
                 errors.append(error)
             done.release()
 
+        def apart() -> None:
+            signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # they have to wake the first thread
+            attempt()
+
         def hangs() -> None:
             if leave():
                 try:
-                    _thread.start_new_thread(attempt, ())
+                    _thread.start_new_thread(apart, ())
                 except RuntimeError:
                     hint = "allow more (TasksMax=), or leave out that sensor"
                     errors.append(refuse("sensors", "", "a reading hangs, and no thread is to spare", hint))
@@ -76,7 +80,7 @@ class Waiter:
 
         self._hangs = hangs
         try:
-            _thread.start_new_thread(attempt, ())
+            _thread.start_new_thread(apart, ())
         except RuntimeError:  # none to spare: it has to do without
             attempt()
         done.acquire()
