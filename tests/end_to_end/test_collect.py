@@ -203,6 +203,8 @@ def test_what_a_desk_leaves_is_fitted_as_well_as_what_a_chamber_leaves(
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(campaign))
     options = ("--simulate", "--speed", SPEED / 2, "-o", traces["desk"])
     process("ambient_trainer", "collect", tmp_path / "desk.yaml", *options)
+    if np.isfinite(load_trace(str(traces["desk"])).column("usb_degC")).mean() < 0.4:
+        pytest.skip("a loaded machine lost most of the samples")
     call("ambient-trainer", "simulate", tmp_path / "chamber.yaml", "--seed", 1, "-o", traces["chamber"])
     room = room_air(7)
     monkeypatch.setattr(
