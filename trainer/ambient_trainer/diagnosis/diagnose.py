@@ -229,15 +229,16 @@ def _misfits(bare: Fitted, floor_degC: float) -> bool:
 
 
 def _undescribed(fitted: Fitted, share: float | None) -> bool:
-    """Whether much is left beside the deviation of what was read: of a sensor, of one more than nine tenths, or of all;
-    or more than half of one where most of what can be explained is not."""
+    """Whether much is left beside the deviation of what was read: nine tenths of a sensor's; much of all, where a black
+    box does better; or more than half of one where most of what can be explained is not."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
     left = np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
     square, variance = np.nanmean(left**2, axis=1), np.nanvar(read, axis=1)
     worst = np.sqrt(np.max(square / np.maximum(variance, _SMALL_DEGC**2)))
     overall = np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2))
-    little = share is None or share < _MOSTLY
-    return bool(worst > _NOTHING or overall > _MUCH_OF_ALL or (little and worst > _UNDESCRIBED))
+    little, whole = share is None or share < _MOSTLY, share is not None and share >= 1.0
+    much = overall > _MUCH_OF_ALL and not whole
+    return bool(worst > _NOTHING or much or (little and worst > _UNDESCRIBED))
 
 
 def _confounded(selection: Selection) -> bool:

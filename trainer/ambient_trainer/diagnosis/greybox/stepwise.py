@@ -463,28 +463,32 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: 
 
 
 def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
-    """Two steps at once where one alone gains little: heat and the mass that stores it show themselves together.
+    """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it, or
+    heat by a driver and what is there without it, show themselves together.
 
     Each is then compared with the model that holds the other alone.
     """
     error = step.before.held_out_rmse_degC
     single = error if step.chosen is None else step.chosen.rmse_degC
-    evident = step.chosen is not None and step.chosen.mechanism.evident
-    if evident or single < min(_LITTLE * error, _ABOVE_FLOOR * floor_degC):
+    chosen = None if step.chosen is None else step.chosen.mechanism
+    enough = single < min(_LITTLE * error, _ABOVE_FLOOR * floor_degC)
+    if chosen is not None and (chosen.evident or (enough and chosen.driver is not None)):
         return []
+    # heat that nothing logged drives may stand for a driver and for what is there without it
+    unlogged = chosen is not None and chosen.cause == "heat_source" and chosen.driver is None
     begun: dict[object, Trial] = {}
     for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
-        if _stores_or_heats(each.mechanism):
+        if _stores_or_heats(each.mechanism, unlogged):
             begun.setdefault(each.mechanism.key, each)
     alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
     best: tuple[float, Trial, Trial] | None = None
     for index, first in enumerate(list(begun.values())[:_PAIRED]):
         said("try pairs", index, _PAIRED)
-        offered = [each for each in screen(Scene(first.fitted), lasting_candidates) if _stores_or_heats(each.mechanism)]
-        # of two heats each shows itself alone
-        heats = first.mechanism.cause == "heat_source"
+        offered = [each for each in screen(Scene(first.fitted), lasting_candidates) if _stores_or_heats(each.mechanism, unlogged)]
+        # of two heats by drivers each shows itself alone
+        driven = first.mechanism.driver is not None
         others = [each for each in offered if each.mechanism.key != first.mechanism.key]
-        others = [each for each in others if not heats or each.mechanism.cause != "heat_source"]
+        others = [each for each in others if not driven or each.mechanism.driver is None]
         for second in compared(first.fitted, shortlist(others), lambda done, total: None):
             score = penalised(second) + PENALTY * complexity(first.mechanism)
             before = len(second.fitted.model.mechanisms) - 2
@@ -509,9 +513,9 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
     return steps[::-1] if stored_first else steps
 
 
-def _stores_or_heats(mechanism: Mechanism) -> bool:
-    """Whether it is heat by a driver or a mass, all the time."""
-    heat = mechanism.cause == "heat_source" and mechanism.driver is not None
+def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
+    """Whether it is heat by a driver, or ``unlogged`` by none, or a mass, all the time."""
+    heat = mechanism.cause == "heat_source" and (unlogged or mechanism.driver is not None)
     return (heat or mechanism.cause == "thermal_mass") and mechanism.lasts
 
 

@@ -103,7 +103,8 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 )
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
     for node in scene.hidden_nodes:
-        for driver in scene.drivers:
+        # the rate of what heats a slow body is what heats a fast one
+        for driver in (each for each in scene.drivers if not each.text.startswith("d(")):
             yield _heat(scene, (node,), driver)
 
 
