@@ -484,7 +484,11 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
     best: tuple[float, Trial, Trial] | None = None
     for index, first in enumerate(list(begun.values())[:_PAIRED]):
         said("try pairs", index, _PAIRED)
-        offered = [each for each in screen(Scene(first.fitted), lasting_candidates) if _stores_or_heats(each.mechanism, unlogged)]
+        offered = [
+            each
+            for each in screen(Scene(first.fitted), lasting_candidates)
+            if _stores_or_heats(each.mechanism, unlogged)
+        ]
         # of two heats by drivers each shows itself alone
         driven = first.mechanism.driver is not None
         others = [each for each in offered if each.mechanism.key != first.mechanism.key]

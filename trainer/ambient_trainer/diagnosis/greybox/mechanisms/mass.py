@@ -19,8 +19,8 @@ _PROBE = 1e-3
 _LAGS = 6
 _AIRED_S = 300.0
 """Time constant of a body that hangs in the air."""
-_SLOWEST, _SLOWEST_IN_STILL_AIR = 30.0, 1.0 / 3.0
-"""Times the record: beyond that a body is a boundary, which beside an ambient that never moves nothing tells from it."""
+_SLOWEST = 30.0
+"""Times the record: beyond that a body is a boundary."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +131,12 @@ def begun(scene: Scene) -> Iterator[Mechanism]:
 
 def _mass(scene: Scene, places: tuple[str, ...], lag_s: float, sees_ambient: bool) -> HiddenMass:
     numbers: list[Number] = []
-    slowest_s = (_SLOWEST if scene.ambient_varies else _SLOWEST_IN_STILL_AIR) * scene.longest_s
     for each in places:
         conductance = scene.conductance(each)
         numbers.append(Number(f"G_{each}_mass", "W/K", conductance, log=True))
-        numbers.append(Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=slowest_s))
+        numbers.append(
+            Number(f"lag_{each}_mass", "s", lag_s, log=True, low=scene.period_s / 3, high=_SLOWEST * scene.longest_s)
+        )
         if sees_ambient:
             numbers.append(Number(f"G_{each}_mass_ambient", "W/K", conductance / 2, log=True))
     return HiddenMass(places, tuple(numbers), sees_ambient=sees_ambient)
