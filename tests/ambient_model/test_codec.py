@@ -255,12 +255,6 @@ def test_the_secondary_estimator_and_the_error_variance_come_alone_too() -> None
     assert alone.error_variance == GUARDED.error_variance._replace(terms=TERMS[:2])
 
 
-def test_each_top_level_key_is_needed() -> None:
-    for key in document():
-        if key not in ("format", "version"):
-            assert faults_of(edited(f"{key}="))[0][:2] == (key, "missing")
-
-
 @pytest.mark.parametrize(
     ("text", "shown"),
     [

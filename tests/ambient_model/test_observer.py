@@ -1,6 +1,5 @@
 """An observer is its two trackers and the two rules, whatever comes, and starts, coasts and ends as they do."""
 
-import itertools
 import math
 from collections.abc import Sequence
 
@@ -122,18 +121,6 @@ def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float 
             low, high = (end * sigma for end in model.error_variance.quantiles[90])
             width = sigma
         assert (said.low_degC, said.high_degC) == (ambient + low, ambient + high)
-
-
-def test_a_wide_interval_does_not_shrink_while_inputs_are_missing() -> None:
-    rows = moving(900)
-    lost: Rows = [(float(k), (None, 30.0)) for k in range(900, 930)]
-    observer = observer_of(phone())
-    before = fed(observer, rows)[-1]
-    coasted = fed(observer, lost)
-    widths = [(each.high_degC or 0) - (each.low_degC or 0) for each in [before, *coasted]]
-    assert {each.status for each in coasted} == {"coasting"}
-    assert all(b >= a - 1e-12 for a, b in itertools.pairwise(widths))
-    assert before.ambient_degC == pytest.approx(coasted[0].ambient_degC, abs=0.2)
 
 
 def test_after_a_gap_it_goes_on_from_the_last_whole_moment() -> None:

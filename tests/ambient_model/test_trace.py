@@ -179,22 +179,17 @@ def damaged(draw: st.DrawFn, content: bytes) -> bytes:
     return content
 
 
-@given(st.binary(max_size=200) | damaged(VALID))
-@example(b"time_s,a_K,b_K\n0, ,nan\n")
-@settings(max_examples=200)
-def test_arbitrary_bytes_are_rows_or_refused(folder: str, content: bytes) -> None:
-    path = os.path.join(folder, "any.csv")
-    with open(path, "wb") as stream:
-        stream.write(content)
-    assert_rows_or_refused(path)
+compressed = st.binary(max_size=60) | damaged(gzip.compress(VALID, mtime=0)) | damaged(VALID).map(gzip.compress)
+plain = st.binary(max_size=200) | damaged(VALID)
 
 
-@given(st.binary(max_size=60) | damaged(gzip.compress(VALID, mtime=0)) | damaged(VALID).map(gzip.compress))
-@settings(max_examples=150)
-def test_arbitrary_compressed_bytes_are_rows_or_refused(folder: str, content: bytes) -> None:
-    path = os.path.join(folder, "any.csv.gz")
+@given(st.tuples(plain, st.just("csv")) | st.tuples(compressed, st.just("csv.gz")))
+@example((b"time_s,a_K,b_K\n0, ,nan\n", "csv"))
+@settings(max_examples=300)
+def test_arbitrary_bytes_are_rows_or_refused(folder: str, file: tuple[bytes, str]) -> None:
+    path = os.path.join(folder, f"any.{file[1]}")
     with open(path, "wb") as stream:
-        stream.write(content)
+        stream.write(file[0])
     assert_rows_or_refused(path)
 
 

@@ -8,27 +8,17 @@ import sys
 
 import pytest
 
-from ambient_trainer.cli.main import main
 
-
-def _run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["ambient-trainer", "simulate", *arguments])
-    with pytest.raises(SystemExit) as stopped:
-        main()
-    return stopped.value.code
-
-
-def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(monkeypatch, capsys, tmp_path):
+def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(trainer, tmp_path):
     here, there = tmp_path / "here.csv", tmp_path / "there.csv"
     wanted = ["2.5", "--seed", "4", "--period", "20", "--zones", "-o"]
-    assert _run(monkeypatch, *wanted, str(here)) == 0
-    out, err = capsys.readouterr()
-    assert (str(here) in out, "45" in out, err) == (True, True, "")
+    status, out, err = trainer("simulate", *wanted, here)
+    assert (status, str(here) in out, "45" in out, err) == (0, True, True, "")
     call = [sys.executable, "-m", "ambient_trainer", "simulate", *wanted, str(there)]
     finished = subprocess.run(call, capture_output=True, text=True, check=True)
     assert finished.stderr == ""
     assert here.read_bytes() == there.read_bytes()
-    assert _run(monkeypatch, *wanted, str(there), "--seed", "5") == 0
+    assert trainer("simulate", *wanted, there, "--seed", 5)[0] == 0
     assert here.read_bytes() != there.read_bytes()
     notes, header = here.read_text().splitlines()[:3], here.read_text().splitlines()[3]
     assert notes == ["# simulated: yes", "# scenario: 2.5", "# seed: 4"]
@@ -46,22 +36,21 @@ def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(monkeypatch, ca
         (["1", "--truth", "nowhere/t.json"], "nowhere/t.json"),
     ],
 )
-def test_a_wrong_call_is_status_2(monkeypatch, capsys, tmp_path, arguments, message):
-    assert _run(monkeypatch, *arguments, "-o", str(tmp_path / "o.csv")) == 2
-    assert message in capsys.readouterr().err
+def test_a_wrong_call_is_status_2(trainer, tmp_path, arguments, message):
+    status, _, err = trainer("simulate", *arguments, "-o", tmp_path / "o.csv")
+    assert status == 2
+    assert message in err
     assert not list(tmp_path.iterdir())
 
 
-def test_an_effect_is_hidden_in_the_trace_and_described_elsewhere(monkeypatch, capsys, tmp_path):
+def test_an_effect_is_hidden_in_the_trace_and_described_elsewhere(trainer, tmp_path):
     clean, trace, truth = (tmp_path / name for name in ("clean.csv", "trace.csv", "truth.json"))
-    calm = ["2.3", "--period", "5", "-o"]
-    assert _run(monkeypatch, *calm, str(clean)) == 0
-    capsys.readouterr()
+    calm = ["simulate", "2.3", "--period", "5", "-o"]
+    assert trainer(*calm, clean)[0] == 0
     text = "sensor_bias:usb:2K:from=10min"
     hide = ["--hide", text, "--hide", "ambient_coupling:all:signal=fan_on", "--decoy", "wifi_on"]
-    assert _run(monkeypatch, *calm, str(trace), *hide, "--truth", str(truth)) == 0
-    out, err = capsys.readouterr()
-    assert (str(trace) in out, "2 hidden effects" in out, str(truth) in out, err) == (True, True, True, "")
+    status, out, err = trainer(*calm, trace, *hide, "--truth", truth)
+    assert (status, str(trace) in out, "2 hidden effects" in out, str(truth) in out, err) == (0, True, True, True, "")
     head = trace.read_text().splitlines()[:4]
     assert head[:3] == clean.read_text().splitlines()[:3]
     assert head[3] == clean.read_text().splitlines()[3] + ",fan_on,wifi_on"
