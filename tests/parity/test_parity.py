@@ -47,10 +47,16 @@ def _one_thread():
         yield
 
 
+STEPS = ((20, -10, ""), (10, -10, "cpu_100"), (30, 10, ""), (10, 30, "cpu_50"), (30, 30, ""))
+
+
 @pytest.fixture(scope="module")
-def trace():
-    """The thesis's training scenario, simulated at 1 Hz."""
-    return simulate("5", seed=1).trace
+def trace(tmp_path_factory):
+    """100 minutes of three ambients and two loads, simulated at 1 Hz."""
+    scenario = tmp_path_factory.mktemp("scenario") / "short.yaml"
+    steps = "".join(f"  - {{duration_min: {m}, chamber_degC: {T}, load: [{load}]}}\n" for m, T, load in STEPS)
+    scenario.write_text(f"about: Short\nsteps:\n{steps}")
+    return simulate(str(scenario), seed=1).trace
 
 
 @pytest.fixture(scope="module")
