@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import cont2discrete
 
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import TOLERANCE_DEGC, worst_difference_degC
@@ -68,24 +67,6 @@ def test_it_passes_its_own_conformance(model):
     assert set(back.conformance.outputs) == {0.1, 0.2, 0.5, 1.0, 2.0}
     assert len(back.conformance.inputs) >= 24
     assert all(np.ptp(np.array(back.conformance.inputs), axis=0) > 0)
-
-
-def test_every_period_has_the_response_of_the_fitted_system(fit, model):
-    """Markov parameters against scipy's first-order hold, whose state has other coordinates."""
-    for each in model.main.discrete:
-        A, B, C, D, _ = cont2discrete((fit.system.A, fit.system.B, fit.system.C, fit.system.D), each.period_s, "foh")
-        np.testing.assert_allclose(each.D, D, atol=1e-12)
-        x, wanted = np.array(each.B), B
-        for _ in range(5):
-            np.testing.assert_allclose(each.C @ x, C @ wanted, atol=1e-12)
-            x, wanted = each.A @ x, A @ wanted
-
-
-def test_the_initial_state_is_at_rest_at_every_period(fit, model):
-    X0 = np.array(model.main.initial)
-    np.testing.assert_allclose(X0, -np.linalg.inv(fit.system.A) @ fit.system.B, rtol=1e-12)
-    for each in model.main.discrete:
-        np.testing.assert_allclose(each.A @ X0 + each.B, X0, rtol=1e-9, atol=1e-12)
 
 
 def test_inputs_carry_name_unit_zone_and_range(trace, model):

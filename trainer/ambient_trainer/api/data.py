@@ -42,7 +42,7 @@ def load_trace(path: str | os.PathLike[str]) -> pd.DataFrame:
     Examples
     --------
     >>> import ambient_trainer as at
-    >>> at.simulate("3", period_s=60.0).save("run.csv")
+    >>> at.simulate("2.1", period_s=60.0).save("run.csv")
     'run.csv'
     >>> at.load_trace("run.csv").index.name
     'time_s'

@@ -119,7 +119,7 @@ def simulate(
     Examples
     --------
     >>> import ambient_trainer as at
-    >>> run = at.simulate("3", seed=1, period_s=60.0, hide=["sensor_bias:usb:2K"])
+    >>> run = at.simulate("2.1", seed=1, period_s=60.0, hide=["sensor_bias:usb:2K"])
     >>> run.trace.columns[0]
     'soc_degC'
     >>> run.truth["cause"].tolist()

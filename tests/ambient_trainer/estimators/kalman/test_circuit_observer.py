@@ -4,14 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from ambient_model.faults import Refused
-from ambient_model.recursion import advance, equilibrium, output
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.observer_structure import walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
 from ambient_trainer.estimators.model_file import model_of
@@ -57,26 +54,6 @@ def test_it_errs_like_the_filter_that_knows_the_truth(fit, simulated):
     scored = evaluate_trace(model_of(fit, [], {}), held_out)
     assert scored.metrics.rmse_degC < 1.05 * best
     assert scored.baseline.metrics.rmse_degC > 1.3 * best
-
-
-def test_the_file_runs_the_filter(fit, model, simulated):
-    """With three sensors nothing is reduced: the file's recursion is the filter along straight lines, to 1e-9."""
-    trace = simulated(1, samples=2500)
-    u = np.vstack([trace.columns[name] for name in fit.inputs])
-    walk = walk_of([Segment(10.0, u, trace.reference[None])])
-    found = RandomWalkAmbient(fit.inputs, walk).filter(np.log([each.value for each in fit.parameters]))
-    assert len(model.main.states) == 4
-    for discrete in model.main.discrete:
-        T = discrete.period_s
-        block = np.zeros((10, 10))
-        block[:4, :4], block[:4, 4:7], block[4:7, 7:] = found.A, found.B, np.eye(3)
-        step = expm(block * T)
-        x, z = np.linalg.solve(-found.A, found.B @ u[:, 0]), equilibrium(model.main.initial, u[:, 0])
-        for before, after in zip(u.T[:40], u.T[1:41]):
-            said = output(discrete, model.main.offset, z, before)
-            assert said == pytest.approx(x[3] + fit.system.offset[0], abs=1e-9)
-            x = step[:4] @ np.concatenate([x, before, (after - before) / T])
-            z = advance(discrete, z, before)
 
 
 def test_the_interval_covers_runs_that_the_fit_never_saw(model, simulated):
