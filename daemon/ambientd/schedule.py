@@ -52,9 +52,16 @@ class Waiter:
         This thread only takes signals, so that one is handled while ``work`` hangs. When the alarm comes and ``leave``
         says that it hangs, ``work`` is called again in another thread, and the one that hangs has to end itself.
         """
-        done = _thread.allocate_lock()
-        done.acquire()
-        errors: list[BaseException] = []
+        # a signal ends the read of this pipe, also one that comes before it; a lock would miss that one
+        here, there = os.pipe()
+        os.set_blocking(there, False)
+        before = signal.set_wakeup_fd(there)
+        over: list[BaseException | None] = []
+
+        def end(error: BaseException | None) -> None:
+            if not over:
+                over.append(error)
+                os.write(there, b"\0")
 
         def attempt() -> None:
             try:
@@ -62,8 +69,8 @@ class Waiter:
             except SystemExit:  # it was left
                 return
             except BaseException as error:
-                errors.append(error)
-            done.release()
+                return end(error)
+            end(None)
 
         def apart() -> None:
             signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())  # they have to wake the first thread
@@ -75,19 +82,25 @@ class Waiter:
                     _thread.start_new_thread(apart, ())
                 except RuntimeError:
                     hint = "allow more (TasksMax=), or leave out that sensor"
-                    errors.append(refuse("sensors", "", "a reading hangs, and no thread is to spare", hint))
-                    done.release()
+                    end(refuse("sensors", "", "a reading hangs, and no thread is to spare", hint))
 
         self._hangs = hangs
         try:
-            _thread.start_new_thread(apart, ())
-        except RuntimeError:  # none to spare: it has to do without
-            attempt()
-        done.acquire()
-        self._hangs = None
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        if errors:
-            raise errors[0]
+            try:
+                _thread.start_new_thread(apart, ())
+            except RuntimeError:  # none to spare: it has to do without
+                attempt()
+            while not over:
+                os.read(here, 4096)
+        finally:
+            over.append(None)  # a thread that hangs has nobody to report to
+            self._hangs = None
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.set_wakeup_fd(before)
+            os.close(here)
+            os.close(there)
+        if over[0] is not None:
+            raise over[0]
 
     def set_alarm(self, after_s: float) -> None:
         """Look ``after_s`` from now whether the work hangs; 0 is never."""
