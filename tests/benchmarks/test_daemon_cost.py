@@ -7,6 +7,7 @@ after the other. A tick's CPU time is what the process clock has moved by betwee
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import shutil
 import subprocess
@@ -67,12 +68,20 @@ def subjects(model: Model, folder: Path) -> dict[str, Command]:
         rest = ["run", "--model", str(folder / f"{name}.json"), "--sysfs-root", str(folder / "sys")]
         return lambda rate_hz, target: [*program, *rest, "--rate", str(rate_hz), "--publish", f"file:{target}"]
 
+    def with_all(rate_hz: float, target: str) -> list[str]:
+        outputs = [f"file:{target}", f"status:{target}.json", f"socket:{target}.socket"]
+        values = {"model": str(folder / "full.json"), "sysfs_root": str(folder / "sys"), "rate_hz": rate_hz}
+        config = Path(f"{target}.config.json")
+        config.write_text(json.dumps({**values, "publish": outputs, "state": {"path": f"{target}.state"}}))
+        return [*compiled, "run", "--config", str(config)]
+
     return {
         "bare loop": lambda rate_hz, target: [sys.executable, "-I", "-S", str(BARE), str(rate_hz), target, *zones],
         "one file, no fallbacks": daemon(packed, "plain"),
         "one file, 4 fallbacks": daemon(packed, "full"),
         "the same, guard and spread": daemon(packed, "blended"),
         "compiled, 4 fallbacks": daemon(compiled, "full"),
+        "the same with status, socket and state": with_all,
         "installed, 4 fallbacks": daemon(installed, "full"),
     }
 
