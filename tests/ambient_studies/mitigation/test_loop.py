@@ -17,6 +17,8 @@ from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.run import Run, integrate, stream
 
+pytestmark = pytest.mark.slow
+
 BRIEF = Setting(work_min=12.0, idle_min=1.0)
 
 

@@ -74,6 +74,7 @@ def test_a_perfect_candidate_has_no_residuals(shipped, monkeypatch):
     assert np.abs(residuals(shipped)).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_the_search_lowers_the_cost_of_its_guess_within_the_bounds():
     some = ("conductance_W_K.usb-frame", "activities.streaming.heat_W.soc", "chamber.wobble_degC")
     constants = {name: load_constants()[name] for name in some}  # the others stay as they are shipped

@@ -11,6 +11,8 @@ from ambient_studies.thesis.names import OURS, RELATED
 from ambient_studies.thesis.printed import PRINTED
 from ambient_studies.thesis.published import MODELS, NONCAUSAL
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def causal(methods):

@@ -86,6 +86,7 @@ def test_11_two_figures_for_one_error(figures):
     assert figures[11] == [0.90, 0.92, 6]
 
 
+@pytest.mark.slow
 def test_8_the_missing_term_measured(runs):
     found = {each.number: each for each in computed_errata(runs.training, runs.evaluated["3"])}
     assert list(found) == [1, 2, 3, 5, 6, 7, 8, 9, 10, 11]

@@ -48,6 +48,7 @@ def test_a_unit_is_scored_as_by_hand(done, free_model):
     assert [score.cased for score in scored.scores] == [False, True]
 
 
+@pytest.mark.slow
 def test_processes_change_nothing(done, free_model):
     assert study(free_model, PLAN, 2, lambda *_: None) == done
 

@@ -57,6 +57,7 @@ class World:
         return {(each.name, each.subject): each for each in self.tests() if each.significant}
 
 
+@pytest.mark.slow
 def test_residuals_that_only_remember_raise_few_alarms():
     memories = [(0.0, 0.0), (0.95, 0.0), (0.99, 0.0), (0.99, 0.1)]
     worlds = [World(seed, 400, *memories[seed % 4]) for seed in range(24)]
@@ -66,6 +67,7 @@ def test_residuals_that_only_remember_raise_few_alarms():
     assert sum(bool(names & WHITENESS) for names in found[::4]) <= 2
 
 
+@pytest.mark.slow
 def test_a_record_no_longer_than_its_memory_raises_few_alarms():
     """Half white noise, half with a memory of 100 samples: held to its likeliest memory, 17 of these had one."""
     found = [World(seed, 100, 0.99, 0.1).significant() for seed in range(30)]

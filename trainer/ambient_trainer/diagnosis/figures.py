@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ambient_model.trace import split_column
+from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
 from ambient_trainer.diagnosis.result import Array, Diagnosis, Step
 from ambient_trainer.diagnosis.words import chance
 from ambient_trainer.report.palette import (
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
 _SMOOTH_FRAC = 1 / 150
+_POINTS = 300
 
 
 def _shades(diagnosis: Diagnosis) -> list[Shade]:
@@ -84,6 +86,32 @@ def heat(diagnosis: Diagnosis) -> go.Figure:
             # a few spikes must not flatten what lasts
             figure.update_yaxes(range=_range(flow, window_samples), row=row, col=1)
     return figure
+
+
+def against_driver(diagnosis: Diagnosis) -> go.Figure | None:
+    """The residual heat at the place of the first heat by a driver, over that driver; None where there is none."""
+    misfit, time_s = diagnosis.misfit, diagnosis.time_s
+    for step in diagnosis.explained:
+        text, places = step.cause.signal, (step.cause.place or "").split(", ")
+        sensor = next((each for each in misfit.sensors if each in places), None)
+        if text is None or sensor is None or step.cause.name != "heat_source":
+            continue
+        driver = Expression(text)
+        if not set(driver.columns) <= set(diagnosis.signals):
+            continue
+        weight = driver.value(Samples(diagnosis.signals, float(np.median(np.diff(time_s)))))
+        flow = misfit.heat[misfit.sensors.index(sensor)]
+        known = np.isfinite(flow) & np.isfinite(weight)
+        stretches = np.array_split(np.flatnonzero(known), min(_POINTS, int(known.sum())))
+        x, y = (np.array([row[each].mean() for each in stretches if len(each)]) for row in (weight, flow))
+        slope, level = np.polyfit(x, y, 1) if np.ptp(x) > 0 else (0.0, 0.0)
+        ends = np.array([x.min(), x.max()])
+        unit = driver.per("").removeprefix(" per ")
+        figure = panel_figure(f"{text} [{unit}]", f"heat at {sensor} [{misfit.heat_unit}]", height_px=300)
+        figure.add_scatter(x=x, y=y, mode="markers", name="the heat that would explain", marker_color=BLUE)
+        figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name=f"by {text}", line_color=EXTENDED)
+        return figure
+    return None
 
 
 def driving(diagnosis: Diagnosis) -> list[str]:

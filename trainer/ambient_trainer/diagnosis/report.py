@@ -138,6 +138,9 @@ def _facts(diagnosis: Diagnosis) -> Facts:
         if step.magnitude is not None:
             pairs.append(("how much", f"{magnitude_text(step.magnitude)}: {step.magnitude.meaning}"))
         pairs.append(("confidence", f"{100 * step.confidence:.1f} %"))
+    if diagnosis.explained_share is not None:
+        floor = f"a black box with the same inputs leaves {_degrees(diagnosis.floor_degC or 0.0)} degC"
+        pairs.append(("explained", f"{100 * diagnosis.explained_share:.0f} % of what can be: {floor}"))
     return Facts(pairs)
 
 
@@ -163,6 +166,12 @@ def _causes(diagnosis: Diagnosis) -> Section | None:
     )
 
 
+_AGAINST = (
+    "Each point is a mean over a short stretch of time, the line a straight one through them: where points bend away "
+    "from it, the driver acts in another form."
+)
+
+
 def _plots(diagnosis: Diagnosis) -> list[Section]:
     misfit = diagnosis.misfit
     in_W = misfit.heat_unit == "W"
@@ -172,12 +181,14 @@ def _plots(diagnosis: Diagnosis) -> list[Section]:
     shaded = " A shaded stretch is when a cause acted." if diagnosis.explained else ""
     heat = "What flows into each node beyond the circuit's own flows, C dT/dt less every modelled flow, in "
     residual = "The residual, measured minus simulated, of the circuit as given and after each cause was added."
+    drawn = figures.against_driver(diagnosis)
     sections = [
         Section("Measured and simulated", [simulated + shaded, Figure(partial(figures.simulated, diagnosis))]),
         Section(
             "The heat that would explain the difference",
             [f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}.", Figure(partial(figures.heat, diagnosis))],
         ),
+        *([Section("The heat against its driver", [_AGAINST, Figure(lambda: drawn)])] if drawn is not None else []),
         Section("Residuals", [residual, Figure(partial(figures.residuals, diagnosis)), residuals_table(diagnosis)]),
     ]
     if misfit.ambient_error_degC is not None:

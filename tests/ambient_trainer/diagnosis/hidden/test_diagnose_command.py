@@ -120,10 +120,11 @@ def test_the_extended_circuit_fits_with_the_step(done, folder):
         ("day.csv --circuit lid.yaml --extended lid.yaml", 2, "lid.yaml"),
     ],
 )
-def test_a_wrong_call_names_what_is_wrong(folder, arguments, status, words):
+def test_a_wrong_call_names_what_is_wrong(trainer, monkeypatch, folder, arguments, status, words):
+    monkeypatch.chdir(folder)
     (folder / "renamed.csv").write_text((folder / "day.csv").read_text().replace("shell_degC", "lid_degC"))
     before = {each.name: each.read_bytes() for each in folder.glob("*.*") if each.is_file()}
-    returned, printed, errors = called("diagnose", *arguments.split(), folder=folder)
+    returned, printed, errors = trainer("diagnose", *arguments.split())
     assert returned == status
     assert words in errors
     assert printed == ""
