@@ -7,8 +7,11 @@ import pytest
 
 from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox.mechanisms import mass
 from ambient_trainer.diagnosis.greybox.model import GreyBox
-from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
+from ambient_trainer.diagnosis.greybox.regression import fit
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, changed_candidates, screen, stepwise
 
 HIDDEN = {
     "sun": {"heat_W": lambda now, degC: 0.004 * now["sun_W_m2"]},
@@ -52,3 +55,13 @@ def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated):
     assert lacking.steps[0].cause.signal == "wind_m_s", seed
     assert held.steps == (), seed
     assert np.sqrt(np.nanmean(held.misfit.residual_degC**2)) < 0.06, seed
+
+
+def test_a_body_that_is_put_there_for_a_while_is_no_place_for_others(circuit, simulated, recorded):
+    """Nothing joins it before and after: an amount there has no scale."""
+    records = recorded(simulated(1))
+    bare = fit(GreyBox.of(circuit), records)
+    put = replace(next(iter(mass.begun(Scene(bare)))), onset_s=9000.0, end_s=18000.0)
+    beside = fit(bare.model.with_mechanism(put), records, [None for _ in records], most=2)
+    for each in screen(Scene(beside), changed_candidates):
+        assert np.isfinite(beside.model.with_mechanism(each.mechanism).z()).all(), str(each.mechanism)

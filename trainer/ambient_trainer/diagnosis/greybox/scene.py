@@ -138,8 +138,8 @@ class Scene:
 
     @cached_property
     def hidden_nodes(self) -> list[str]:
-        """Nodes that mechanisms have added."""
-        return self.network.nodes[len(self.nodes) :]
+        """Nodes that mechanisms have added, and that something joins all the time."""
+        return [each for each in self.network.nodes[len(self.nodes) :] if self.conductance(each) > 0]
 
     @cached_property
     def ambient_varies(self) -> bool:
