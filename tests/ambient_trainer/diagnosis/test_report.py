@@ -130,6 +130,27 @@ def test_beneath_the_heat_is_what_drives_the_causes_or_all_that_varies(made):
     assert "charging_on" not in free
 
 
+def test_heat_in_proportion_to_its_driver_is_a_straight_line(made):
+    diagnosis = made()
+    driver = np.linspace(0.0, 4.0, len(diagnosis.time_s))
+    row = diagnosis.misfit.sensors.index("flash")
+
+    def with_heat(flow):
+        heat = diagnosis.misfit.heat.copy()
+        heat[row] = flow
+        signals = {**diagnosis.signals, "camera_on": driver}
+        return made(signals=signals, misfit=replace(diagnosis.misfit, heat=heat))
+
+    gone = np.arange(len(driver)) % 7 == 0
+    proportional = with_heat(np.where(gone, np.nan, 0.5 * driver - 0.2))
+    assert figures.heat_by_driver(proportional) == ("camera_on", "flash")
+    points, line = figures.against_driver(proportional, "camera_on", "flash").data
+    assert len(points.x) == 300
+    assert points.y == pytest.approx(0.5 * points.x - 0.2)
+    assert line.y == pytest.approx(0.5 * line.x - 0.2)
+    assert figures.heat_by_driver(with_heat(np.nan)) is None
+
+
 def test_a_window_is_shaded_in_every_plot_over_time(made):
     for draw in (figures.simulated, figures.heat, figures.residuals, figures.ambient):
         assert any((each.x0, each.x1) == (60.0, 90.0) for each in draw(made()).layout.shapes)  # in minutes

@@ -88,30 +88,32 @@ def heat(diagnosis: Diagnosis) -> go.Figure:
     return figure
 
 
-def against_driver(diagnosis: Diagnosis) -> go.Figure | None:
-    """The residual heat at the place of the first heat by a driver, over that driver; None where there is none."""
-    misfit, time_s = diagnosis.misfit, diagnosis.time_s
+def heat_by_driver(diagnosis: Diagnosis) -> tuple[str, str] | None:
+    """Driver and sensor of the first step that is heat by logged columns where a sensor is; None where none is."""
     for step in diagnosis.explained:
-        text, places = step.cause.signal, (step.cause.place or "").split(", ")
-        sensor = next((each for each in misfit.sensors if each in places), None)
-        if text is None or sensor is None or step.cause.name != "heat_source":
-            continue
-        driver = Expression(text)
-        if not set(driver.columns) <= set(diagnosis.signals):
-            continue
-        weight = driver.value(Samples(diagnosis.signals, float(np.median(np.diff(time_s)))))
-        flow = misfit.heat[misfit.sensors.index(sensor)]
-        known = np.isfinite(flow) & np.isfinite(weight)
-        stretches = np.array_split(np.flatnonzero(known), min(_POINTS, int(known.sum())))
-        x, y = (np.array([row[each].mean() for each in stretches if len(each)]) for row in (weight, flow))
-        slope, level = np.polyfit(x, y, 1) if np.ptp(x) > 0 else (0.0, 0.0)
-        ends = np.array([x.min(), x.max()])
-        unit = driver.per("").removeprefix(" per ")
-        figure = panel_figure(f"{text} [{unit}]", f"heat at {sensor} [{misfit.heat_unit}]", height_px=300)
-        figure.add_scatter(x=x, y=y, mode="markers", name="the heat that would explain", marker_color=BLUE)
-        figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name=f"by {text}", line_color=EXTENDED)
-        return figure
+        text, sensor = step.cause.signal, _sensor_of(step, diagnosis.misfit.sensors)
+        if step.cause.name == "heat_source" and text is not None and sensor is not None:
+            flow = diagnosis.misfit.heat[diagnosis.misfit.sensors.index(sensor)]
+            if np.isfinite(flow).any() and set(Expression(text).columns) <= set(diagnosis.signals):
+                return text, sensor
     return None
+
+
+def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> go.Figure:
+    """The residual heat at a sensor's node over its driver, by means of stretches, and a straight line through them."""
+    misfit, driver = diagnosis.misfit, Expression(text)
+    weight = driver.value(Samples(diagnosis.signals, float(np.median(np.diff(diagnosis.time_s)))))
+    flow = misfit.heat[misfit.sensors.index(sensor)]
+    known = np.flatnonzero(np.isfinite(flow) & np.isfinite(weight))
+    stretches = np.array_split(known, min(_POINTS, len(known)))
+    x, y = (np.array([row[each].mean() for each in stretches]) for row in (weight, flow))
+    slope, level = np.polyfit(x, y, 1)
+    ends = np.array([x.min(), x.max()])
+    unit = driver.per("").removeprefix(" per ")
+    figure = panel_figure(f"{text} [{unit}]" if unit else text, f"heat at {sensor} [{misfit.heat_unit}]", height_px=300)
+    figure.add_scatter(x=x, y=y, mode="markers", name="mean of a stretch", marker_color=BLUE)
+    figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name="straight line", line_color=EXTENDED)
+    return figure
 
 
 def driving(diagnosis: Diagnosis) -> list[str]:
@@ -177,7 +179,7 @@ def gains(diagnosis: Diagnosis) -> go.Figure:
 
 def _sensor_of(step: Step, sensors: tuple[str, ...]) -> str | None:
     """The sensor at the node where the step is, if it is at one."""
-    places = (step.cause.place or "").split("-")
+    places = (step.cause.place or "").replace(", ", "-").split("-")
     return next((sensor for sensor in sensors if sensor in places), None)
 
 

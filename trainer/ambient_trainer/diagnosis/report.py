@@ -181,16 +181,17 @@ def _plots(diagnosis: Diagnosis) -> list[Section]:
     shaded = " A shaded stretch is when a cause acted." if diagnosis.explained else ""
     heat = "What flows into each node beyond the circuit's own flows, C dT/dt less every modelled flow, in "
     residual = "The residual, measured minus simulated, of the circuit as given and after each cause was added."
-    drawn = figures.against_driver(diagnosis)
     sections = [
         Section("Measured and simulated", [simulated + shaded, Figure(partial(figures.simulated, diagnosis))]),
         Section(
             "The heat that would explain the difference",
             [f"{heat}{misfit.heat_unit}{scale}. Beneath it, {beneath}.", Figure(partial(figures.heat, diagnosis))],
         ),
-        *([Section("The heat against its driver", [_AGAINST, Figure(lambda: drawn)])] if drawn is not None else []),
         Section("Residuals", [residual, Figure(partial(figures.residuals, diagnosis)), residuals_table(diagnosis)]),
     ]
+    if (driven := figures.heat_by_driver(diagnosis)) is not None:
+        against = Figure(partial(figures.against_driver, diagnosis, *driven))
+        sections.insert(2, Section("The heat against its driver", [_AGAINST, against]))
     if misfit.ambient_error_degC is not None:
         backward = "Sensors in, ambient out: the effect of the misfit on the estimate of the ambient."
         sections.append(
