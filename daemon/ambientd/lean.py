@@ -1,4 +1,4 @@
-"""Small stand-ins for ``typing`` and ``collections``, which together take 2 MB of a process that needs 10 in all.
+"""Small stand-ins for ``typing`` and ``collections.abc``, which a process that only ticks can do without.
 
 Only ``ambientd run`` installs them, before it imports anything else; :func:`restore` lets other modules find the real
 ones. What is annotated is the same: type checkers never see this.

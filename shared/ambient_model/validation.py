@@ -12,6 +12,7 @@ z that belong to reading i and to the sensors that are set aside, and R the othe
 so that no reading takes part in its own expectation, neither now nor by its past. Its difference d to the expectation
 has a gate, and so has d low-pass filtered. Beyond one of them the readings are doubted: they are used, since heat that
 training lacks does the same, but the estimate is degraded and its variance grows by the square of d times the DC gain.
+So is a reading that stands still while its expectation moves by half its gate.
 Refused is what no heat does: a reading that jumps away from its expectation, that stands still to the last bit while
 its expectation given the moving others goes on, that comes back beyond its gate, or that at the start lies far outside
 it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
@@ -460,7 +461,7 @@ class Validation:
         self._set_apart(self._apart.union(self.refused))
 
     def _refuse_stuck(self, readings: Sequence[float | None], z: list[float]) -> None:
-        """Refuse what reads the same to the last bit for too long, while its expectation given the others moves."""
+        """Doubt, and after longer refuse, what reads the same to the last bit while its expectation moves."""
         stuck, longest = [], 0.0
         for i, (value, still) in enumerate(zip(readings, self._still)):
             if value is None or i in self._apart:
