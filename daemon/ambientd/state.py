@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ambient_model.validation import ValidationState
 
 FORMAT = "ambientd-state"
-VERSION = 1
+VERSION = 2
 _BOOT_ID = "/proc/sys/kernel/random/boot_id"
 _LARGEST_BYTES = 2**16
 _LARGEST_NUMBER = 1e12
@@ -81,15 +81,16 @@ def encode(state: State) -> bytes:
         "model": model,
         "boot": boot,
         "time_s": time_s,
-        "voices": [each and each._asdict() for each in snapshots],
-        "speaking": active,
+        "snapshots": [each and each._asdict() for each in snapshots],
+        "active": active,
         "difference_degC": difference_degC,
-        "said_degC": last_degC,
-        "said_s": last_s,
+        "last_degC": last_degC,
+        "last_s": last_s,
     }
     if background is not None:
         secondary, variance, validation = background
-        data["background"] = {"guard": secondary and secondary._asdict(), "unrest": variance and variance._asdict()}
+        held = {"secondary": secondary, "variance": variance}
+        data["background"] = {name: each and each._asdict() for name, each in held.items()}
         if validation is not None:
             data["background"]["readings"] = validation._asdict()
     line = json.dumps(data).encode()
@@ -110,13 +111,13 @@ def decode(content: bytes) -> State:
 def _state(data: Any) -> State:
     if (data.pop("format"), data.pop("version")) != (FORMAT, VERSION):
         raise ValueError
-    last_degC, background = data.pop("said_degC"), data.pop("background", None)
+    last_degC, background = data.pop("last_degC"), data.pop("background", None)
     tracker = FallbackState(
-        tuple([None if each is None else _snapshot(**each) for each in data.pop("voices")]),
-        _count(data.pop("speaking")),
+        tuple([None if each is None else _snapshot(**each) for each in data.pop("snapshots")]),
+        _count(data.pop("active")),
         _number(data.pop("difference_degC")),
         None if last_degC is None else _number(last_degC),
-        _number(data.pop("said_s")),
+        _number(data.pop("last_s")),
         None if background is None else _background(background),
     )
     state = State(_text(data.pop("model")), _text(data.pop("boot")), _number(data.pop("time_s")), tracker)
@@ -128,7 +129,7 @@ def _state(data: Any) -> State:
 def _background(data: Any) -> "Background":
     from ambient_model.observer import Background
 
-    secondary, variance, validation = data.pop("guard"), data.pop("unrest"), data.pop("readings", None)
+    secondary, variance, validation = data.pop("secondary"), data.pop("variance"), data.pop("readings", None)
     if data:
         raise ValueError
     return Background(
