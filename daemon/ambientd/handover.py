@@ -4,6 +4,7 @@ What the child makes of them comes back as plain data through a pipe, so that th
 neither argparse nor json nor any of the checks.
 """
 
+import _signal as signal  # type: ignore[import-not-found]  # whose public name takes enum and functools along
 import marshal
 import os
 import sys
@@ -37,12 +38,15 @@ class Child:
         self._process = os.fork()
         if self._process == 0:
             try:
+                signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches both: the parent answers it
                 os.close(self._pipe)
                 lean.restore()
                 content = marshal.dumps(_flat(_outcome(call)))
                 sys.stdout.flush()
                 while content:
                     content = content[os.write(there, content) :]
+            except (KeyboardInterrupt, BrokenPipeError):  # one that came before, or a parent that is gone
+                pass
             except BaseException:
                 sys.excepthook(*sys.exc_info())
             finally:

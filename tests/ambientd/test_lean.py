@@ -1,6 +1,7 @@
 """What ``run`` holds while it ticks: stand-ins for typing, and no module that only its configuration needs."""
 
 import os
+import signal
 import subprocess
 import sys
 import typing
@@ -78,3 +79,29 @@ def test_a_child_hands_over_records_refusals_and_exits():
 def test_a_child_that_is_killed_is_a_refusal():
     with pytest.raises(Refused, match="was ended"):
         Child(lambda: os.kill(os.getpid(), 9)).result()
+
+
+def test_ctrl_c_is_the_parents_to_answer():
+    script = """
+import signal, time
+from ambientd.handover import Child
+def call():
+    print("at work", flush=True)
+    time.sleep(1.0)
+    return 7
+child = Child(call)
+signal.signal(signal.SIGINT, lambda number, frame: print("taken"))
+print(child.result())
+"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", script],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "at work\n"
+    os.killpg(process.pid, signal.SIGINT)
+    printed, errors = process.communicate(timeout=30)
+    assert (printed.split(), errors, process.returncode) == (["taken", "7"], "", 0)
