@@ -5,14 +5,13 @@
 
 from __future__ import annotations
 
-import os
 import sys
 
 from ambientd import lean
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
 
 def main() -> int:
@@ -22,6 +21,8 @@ def main() -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     if arguments[:1] == ["run"] and not any([each.startswith("--re") for each in arguments]):  # --replay
         lean.install()
+        from ambientd.exit_status import status_of
+
         return status_of(lambda: _run(arguments))
     from ambientd.cli import call
 
@@ -31,44 +32,15 @@ def main() -> int:
 def _run(arguments: Sequence[str]) -> None:
     from ambientd.handover import Child
 
-    def begun() -> Child:
-        return Child(lambda: _prepared(arguments))
+    def prepared() -> object:
+        from ambientd import cli
 
-    child = begun()
+        return cli.prepared(arguments)
+
+    child = Child(prepared)
     from ambientd.run import run_sensors  # meanwhile
 
-    run_sensors(child.result, lambda: begun().result())
-
-
-def _prepared(arguments: Sequence[str]) -> object:
-    from ambientd.cli import prepared
-
-    return prepared(arguments)
-
-
-def status_of(work: Callable[[], None]) -> int:
-    """The exit status of ``work``; what is wrong is printed."""
-    from ambient_model.faults import Refused
-
-    try:
-        work()
-        sys.stdout.flush()
-        return 0
-    except Refused as refused:
-        return _failed(str(refused))
-    except BrokenPipeError:
-        # what is still buffered has no reader: the interpreter's last flush goes nowhere
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
-    except KeyboardInterrupt:
-        return _failed("stopped")
-    except OSError as error:
-        return _failed(f"{error.filename or 'output'}: {error.strerror or error}")
-
-
-def _failed(message: str) -> int:
-    print(f"ambientd: {message}", file=sys.stderr)
-    return 1
+    run_sensors(child.result, lambda: Child(prepared).result())
 
 
 if __name__ == "__main__":

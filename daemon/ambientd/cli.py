@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ambient_model import __version__
-from ambientd.__main__ import status_of
 from ambientd.config import RATE_RANGE_HZ, load_settings, publishing_to, settings_for_model
+from ambientd.exit_status import status_of
 from ambientd.handover import prepare
 from ambientd.publish.spec import Spec, kinds, parse
 from ambientd.settings import Prepared, Settings
