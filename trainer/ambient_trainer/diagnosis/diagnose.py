@@ -259,8 +259,9 @@ def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
     faults = []
     for trace in traces:
         if len(trace.time_s) < FEWEST_SAMPLES:
-            problem = f"{len(trace.time_s)} samples are too few for a diagnosis"
-            faults.append(Fault(trace.path, problem, f"log at least {FEWEST_SAMPLES}"))
+            problem = f"{len(trace.time_s)} of its samples are to be diagnosed"
+            hint = f"at least {FEWEST_SAMPLES} are needed: leave out less (--from, --to, --later), or log longer"
+            faults.append(Fault(trace.path, problem, hint))
         faults.extend(_empty(circuit, trace))
         for name in circuit.inputs:
             faults.extend(_same_as_a_sensor(circuit, trace, name))
