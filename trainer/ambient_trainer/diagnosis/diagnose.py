@@ -259,7 +259,7 @@ def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
     faults = []
     for trace in traces:
         if len(trace.time_s) < FEWEST_SAMPLES:
-            problem = f"{len(trace.time_s)} of its samples are to be diagnosed"
+            problem = f"{len(trace.time_s)} samples are too few for a diagnosis"
             hint = f"at least {FEWEST_SAMPLES} are needed: leave out less (--from, --to, --later), or log longer"
             faults.append(Fault(trace.path, problem, hint))
         faults.extend(_empty(circuit, trace))
