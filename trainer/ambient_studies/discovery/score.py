@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ambient_studies.discovery.outcome import Outcome
 from ambient_trainer.circuits import Circuit
@@ -38,7 +38,7 @@ def score(
 ) -> Scored:
     """What a diagnosis by ``circuit`` found of what was hidden."""
     true = tuple(_cause(truth, circuit) for truth in truths)
-    found = tuple(step.cause for step in diagnosis.steps)
+    found = tuple(_by_column(step.cause) for step in diagnosis.steps)
     named = [cause in found for cause in true]
     correct = all(named) and (bool(true) or not found)
     if len(true) == 1:
@@ -89,6 +89,11 @@ def _cause(truth: Truth, circuit: Circuit) -> Cause:
     places = [place_in(circuit, part) for part in truth.location.split("-")]
     places.sort(key=lambda place: order.index(place) if place in order else len(order))
     return Cause(truth.cause, "-".join(places), truth.signal)
+
+
+def _by_column(cause: Cause) -> Cause:
+    """With the logged column alone where the driver is a power of it: a truth names the column."""
+    return replace(cause, signal=cause.signal and cause.signal.partition("^")[0])
 
 
 def _gain(diagnosis: Diagnosis) -> tuple[float, float] | None:

@@ -356,7 +356,10 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
     driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
     instruments = [each for each in passing if each.mechanism.instrument]
-    for blamed in instruments[:1]:
+    for first in instruments[:1]:
+        # what is wrong with a sensor shows itself at that sensor alone
+        alike = [each for each in instruments if each.mechanism.places == first.mechanism.places]
+        blamed = min(alike, key=_penalised_at_its_sensor)
         better = all(blamed.rmse_degC * _INSTRUMENT < each.rmse_degC for each in [*physical, *driven])
         if better and _halves(before, blamed):
             return blamed
@@ -399,6 +402,10 @@ def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
     blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))
     left = np.concatenate([fitted.residual_degC(index)[blamed] for index in range(len(fitted.records))], axis=1)
     return float(np.sqrt(np.nanmean(left**2)))
+
+
+def _penalised_at_its_sensor(trial: Trial) -> float:
+    return float(np.log(sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
 
 
 def gains(before: Fitted, after: Trial) -> bool:

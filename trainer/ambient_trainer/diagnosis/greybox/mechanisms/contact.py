@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
-_BODY_DEGC = 33.0
-"""Of a hand."""
+_BODY_DEGC, _BODY_SD_K = 33.0, 5.0
+"""Of a hand: its skin, and how much skin differs and what is worn or laid beneath."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,18 @@ class Contact(Mechanism):
         return self.with_values([share * self.numbers[0].value, self.numbers[1].value])
 
 
+def begun(scene: Scene) -> Iterator[Mechanism]:
+    """A contact of each node: between a warm body and cold air heat changes its sign, so its window is its own."""
+    return (_contact(scene, each) for each in scene.nodes)
+
+
 def beside(scene: Scene, placed: Mechanism) -> Iterator[Mechanism]:
     """A contact in the window in which heat into one node explains something."""
-    if len(placed.places) != 1 or placed.cause != "heat_source":
-        return
-    place = placed.places[0]
-    conductance = Number(f"G_{place}_body", "W/K", scene.conductance(place), log=True)
-    body = Number(f"body_{place}", "degC", _BODY_DEGC, low=-60.0, high=150.0)
-    yield Contact((place,), (conductance, body), None, placed.onset_s, placed.end_s)
+    if len(placed.places) == 1 and placed.cause == "heat_source":
+        yield replace(_contact(scene, placed.places[0]), onset_s=placed.onset_s, end_s=placed.end_s)
+
+
+def _contact(scene: Scene, node: str) -> Contact:
+    conductance = Number(f"G_{node}_body", "W/K", scene.conductance(node), log=True)
+    body = Number(f"body_{node}", "degC", _BODY_DEGC, low=-60.0, high=150.0, prior_sd=_BODY_SD_K)
+    return Contact((node,), (conductance, body))
