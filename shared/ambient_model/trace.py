@@ -17,7 +17,7 @@ REFERENCE = "ambient_degC"
 LARGEST = 1e30
 """An open thermocouple reads 9.9e37, and sums of squares of larger numbers overflow."""
 _LONGEST_LINE = 2**20
-_UNITS_OF_TWO = ("kW_m2", "W_m2", "m_s", "kg_s", "l_min", "m3_h")
+_UNITS_OF_TWO = ("kW_m2", "W_m2", "m_s", "kg_s", "l_min", "l_s", "m3_h")
 
 _Read = TypeVar("_Read")
 

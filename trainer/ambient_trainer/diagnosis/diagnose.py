@@ -42,7 +42,7 @@ _ROUNDING_DEGC = 0.051
 _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it."""
-_SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL = 0.3, 0.5, 0.5, 0.9, 0.45
+_SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL, _HALF = 0.3, 0.5, 0.5, 0.9, 0.45, 0.5
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
 """Times what known-good records leave: below the one a change is described, beyond the other it is not."""
 _SLOW = 1.0 / 3.0
@@ -152,7 +152,8 @@ def _diagnosis(
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
-    if nothing or not described or _undescribed(final, share) or _confounded(selection):
+    much_left = _undescribed(final, share) and not _halved_by_a_log(selection)
+    if nothing or not described or much_left or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
     fitted = extended_circuit(circuit, bare.model) if bare.model.mechanisms else _fitted(circuit, bare)
     record = bare.records[longest]
@@ -239,6 +240,14 @@ def _undescribed(fitted: Fitted, share: float | None) -> bool:
     little, whole = share is None or share < _MOSTLY, share is not None and share >= 1.0
     much = overall > _MUCH_OF_ALL and not whole
     return bool(worst > _NOTHING or much or (little and worst > _UNDESCRIBED))
+
+
+def _halved_by_a_log(selection: Selection) -> bool:
+    """Whether heat by a logged driver, named first, takes more than half of the error: it is told, whatever is left."""
+    first = selection.steps[0].chosen
+    if first is None or first.mechanism.cause != "heat_source" or first.mechanism.driver is None:
+        return False
+    return first.rmse_degC < _HALF * selection.steps[0].before.held_out_rmse_degC
 
 
 def _confounded(selection: Selection) -> bool:

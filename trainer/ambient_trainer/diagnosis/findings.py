@@ -11,7 +11,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, Trial, penalised
+from ambient_trainer.diagnosis.greybox.stepwise import INSTRUMENT, Selection, Trial, penalised
 from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
 from ambient_trainer.diagnosis.words import digits, window
@@ -149,10 +149,15 @@ def _confidence(step: Chosen, chosen: Trial, gain: Gain) -> float:
     if chosen.mechanism.evident:
         return _EVIDENT
     others = [each for each in step.trials if each.mechanism.key != chosen.mechanism.key and not each.fitted.at_bounds]
-    margin = min((penalised(each) - penalised(chosen) for each in others), default=1.0)
+    margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = math.log(gain.rmse_before_degC / gain.rmse_after_degC)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def _handicap(other: Trial, chosen: Trial) -> float:
+    """An instrument has to do so much better than physics to be blamed."""
+    return math.log(INSTRUMENT) if other.mechanism.instrument and not chosen.mechanism.instrument else 0.0
 
 
 def ranking_of(selection: Selection) -> tuple[Ranked, ...]:

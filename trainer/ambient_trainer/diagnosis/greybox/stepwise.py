@@ -31,7 +31,7 @@ _MECHANISMS = f"{__package__}.mechanisms"
 
 LEAST_GAIN, PENALTY = 0.05, 0.04
 """Of the held-out error's logarithm, altogether and by complexity: a step that gains less is curve fitting."""
-_INSTRUMENT, _HALF = 1.3, 0.5
+INSTRUMENT, _HALF = 1.3, 0.5
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
 _FEW, _MANY, _FINALISTS = 5, 25, 4
 _HOPELESS = 0.25
@@ -80,7 +80,7 @@ class Trial:
         mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
         if not mechanism.lasts:
             error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
-        return Trial(mechanism, after, error)
+        return Trial(mechanism, after, error if np.isfinite(error) else float("inf"))
 
 
 def identified(fitted: Fitted, index: int) -> bool:
@@ -360,8 +360,11 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
         # what is wrong with a sensor shows itself at that sensor alone
         alike = [each for each in instruments if each.mechanism.places == first.mechanism.places]
         blamed = min(alike, key=_penalised_at_its_sensor)
-        better = all(blamed.rmse_degC * _INSTRUMENT < each.rmse_degC for each in [*physical, *driven])
-        if better and _halves(before, blamed):
+        # a clock that is off looks like nothing else: there it is enough to do better than all physics, sound or not
+        clock = not blamed.mechanism.places
+        rivals = [each for each in trials if not each.mechanism.instrument] if clock else [*physical, *driven]
+        better = all(blamed.rmse_degC * INSTRUMENT < each.rmse_degC for each in rivals)
+        if better and (clock or _halves(before, blamed)):
             return blamed
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
@@ -445,7 +448,17 @@ def stepwise(
         _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
         fitted = pruned(last.fitted, given)
     assert alone is not None
+    if [_logged(step) for step in steps[:2]] == [False, True]:
+        # what is logged is named before what is there without it
+        steps[:2] = steps[1::-1]
     return Selection(bare, fitted, tuple(steps), alone)
+
+
+def _logged(step: Step) -> bool | None:
+    """Whether heat that was chosen has a logged driver; None where something else or nothing was."""
+    if step.chosen is None or step.chosen.mechanism.cause != "heat_source" or not step.chosen.lasting:
+        return None
+    return step.chosen.mechanism.driver is not None
 
 
 def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:

@@ -49,9 +49,10 @@ class Exponent(Mechanism):
 class ChangedExponent(Exponent):
     """One exponent for all places, and the difference in K at which the loss is as it was."""
 
+    assumes: float = 2.0
+    """A loss changes more often than its law does, and a law holds for all that see the same air."""
+
     shaped = True
-    assumes = 2.0
-    """A loss changes more often than its law does."""
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         count = len(self.places)
@@ -67,11 +68,13 @@ class ChangedExponent(Exponent):
 
 def changed(scene: Scene) -> Iterator[Mechanism]:
     """A law that is another than it was, at each node and at all."""
-    for places in scene.groups(_unchanged(scene)):
+    every = _unchanged(scene)
+    for places in scene.groups(every):
+        assumes = 2.0 + (len(places) < len(every))
         for typical in (0.3, 1.0, 3.0):
             size = typical * float(np.mean([scene.difference_degC(each) for each in places]))
             same = Number("same_at", "K", size, log=True, low=0.1, high=200.0)
-            yield ChangedExponent(places, (Number("exponent", "1", 0.0, low=-0.5, high=1.2), same))
+            yield ChangedExponent(places, (Number("exponent", "1", 0.0, low=-0.5, high=1.2), same), assumes=assumes)
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
