@@ -59,7 +59,7 @@ def run(seed: int, heat_W=0.0, conductance_W_K=0.4, noise_degC=0.03, capacitance
     time_s = PERIOD_S * np.arange(SAMPLES)
 
     def at(now: float) -> dict[str, float]:
-        return {name: float(np.interp(now, time_s, row)) for name, row in columns.items()}
+        return {"time_s": now, **{name: float(np.interp(now, time_s, row)) for name, row in columns.items()}}
 
     def value(what, now: dict[str, float], degC: float) -> float:
         return what(now, degC) if callable(what) else what

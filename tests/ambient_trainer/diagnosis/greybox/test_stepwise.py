@@ -12,6 +12,7 @@ from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, changed_candidates, screen, stepwise
+from ambient_trainer.diagnosis.result import Cause
 
 HIDDEN = {
     "sun": {"heat_W": lambda now, degC: 0.004 * now["sun_W_m2"]},
@@ -55,6 +56,43 @@ def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated):
     assert lacking.steps[0].cause.signal == "wind_m_s", seed
     assert held.steps == (), seed
     assert np.sqrt(np.nanmean(held.misfit.residual_degC**2)) < 0.06, seed
+
+
+def held(now, degC, body_degC=26.0):
+    """Heat from a body that holds on from 3:00 to 6:00, in air that goes from colder to warmer than it."""
+    return 0.5 * (body_degC - degC) if 10800 < now["time_s"] < 21600 else 0.0
+
+
+def test_a_body_that_warms_and_cools_by_turns_is_a_contact(circuit, simulated):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    found = diagnose(circuit, [simulated(seed, heat_W=held)], [simulated(seed + 1)])
+    step = found.steps[0]
+    assert step.cause == Cause("contact", "board"), seed
+    assert step.onset_s == pytest.approx(10800, abs=300), seed
+    assert step.end_s == pytest.approx(21600, abs=300), seed
+    assert step.magnitude.ci95[0] - 1 < 26.0 < step.magnitude.ci95[1] + 1, seed
+
+
+def test_a_clock_is_named_where_noise_is_most_of_what_is_left(circuit, simulated):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    trace = simulated(seed, noise_degC=0.8)
+    late = np.interp(trace.time_s - 600.0, trace.time_s, trace.columns["ambient_degC"])
+    found = diagnose(circuit, [replace(trace, columns={**trace.columns, "ambient_degC": late})])
+    assert found.verdict_cause == Cause("clock_offset"), seed
+    assert found.verdict.magnitude.value == pytest.approx(600.0, abs=200.0), seed
+
+
+def openings(now, degC):
+    """A loss that nothing logged explains, beside a heater that is logged."""
+    return 20.0 if now["time_s"] % 7000 < 900 else 0.4
+
+
+def test_a_logged_heater_is_named_whatever_is_left(circuit, simulated):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    trace = simulated(seed, heat_W=lambda now, degC: 8.0 * now["current_A"], conductance_W_K=openings)
+    found = diagnose(circuit, [trace])
+    assert (found.verdict_cause.name, found.verdict_cause.location) == ("heat_source", "board"), seed
+    assert found.verdict_cause.signal.startswith("current_A"), seed
 
 
 def test_a_body_that_is_put_there_for_a_while_is_no_place_for_others(circuit, simulated, recorded):

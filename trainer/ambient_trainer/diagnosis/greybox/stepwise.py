@@ -23,7 +23,7 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.windows import Columns, best_window
+from ambient_trainer.diagnosis.greybox.windows import Columns, best_window, sharpened
 from ambient_trainer.diagnosis.record import Record
 
 _log = logging.getLogger(__name__)
@@ -479,6 +479,8 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: 
     small = chosen is not None and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
     if chosen is not None and described and (small or chosen.mechanism.instrument):
         chosen = None
+    if chosen is not None and not chosen.lasting and not chosen.mechanism.evident:
+        chosen = Trial.of(fitted, sharpened(chosen.fitted))
     return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
 
 

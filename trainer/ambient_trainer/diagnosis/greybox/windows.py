@@ -10,14 +10,16 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.model import Mechanism
-from ambient_trainer.diagnosis.greybox.regression import Fitted
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, simulate
 
 _COARSE, _FINE, _ROUNDS = 28, 4, 2
 _SHORTEST = 5
 """Samples that a window lasts at least."""
+_TRIED, _REFITTED = 10, 8
 
 Columns = Callable[[Mechanism], Array]
 
@@ -49,6 +51,44 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mecha
         return None
     _, first, last = best
     return replace(mechanism, onset_s=None if first <= begin else first, end_s=last)
+
+
+def sharpened(fitted: Fitted) -> Fitted:
+    """The same with the window of its last mechanism refined, each end by the simulation itself, and fitted again."""
+    record = max(fitted.records, key=lambda each: each.samples)
+    begin, end = float(record.time_s[0]), float(record.time_s[-1])
+    within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
+    last = fitted.model.mechanisms[-1]
+    if (on := last.onset_s) is not None:
+        low, high = max(on - within_s, begin), min(on + within_s, (last.end_s or end) - shortest)
+        last = _at_least(fitted, lambda at_s: replace(last, onset_s=at_s), low, high)
+    if (off := last.end_s) is not None:
+        low, high = max(off - within_s, (last.onset_s or begin) + shortest), min(off + within_s, end)
+        last = _at_least(fitted, lambda at_s: replace(last, end_s=at_s), low, high)
+    starts = [run.start for run in fitted.runs]
+    model = _with_last(fitted.model, last)
+    again = fit(model, fitted.records, starts, most=_REFITTED, tolerance=1e-3, prior=fitted.prior)
+    return fitted if again is None or again.rmse_degC > fitted.rmse_degC else again
+
+
+def _at_least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float, high_s: float) -> Mechanism:
+    """The last mechanism with the end that leaves least between two times; the numbers and starts are the fit's."""
+
+    def left(at_s: float) -> float:
+        model, total = _with_last(fitted.model, moved(at_s)), 0.0
+        for record, run in zip(fitted.records, fitted.runs):
+            read = simulate(model, record, model.z()[None], run.start[None])[0]
+            total += float(np.nansum((record.weights * (record.sensors - read)) ** 2))
+        return total
+
+    if low_s >= high_s:
+        return moved(low_s)
+    options = {"maxiter": _TRIED, "xatol": fitted.records[0].period_s / 10}
+    return moved(float(minimize_scalar(left, bounds=(low_s, high_s), method="bounded", options=options).x))
+
+
+def _with_last(model: GreyBox, last: Mechanism) -> GreyBox:
+    return replace(model, mechanisms=(*model.mechanisms[:-1], last))
 
 
 def _projector(fitted: Fitted) -> Callable[[Array], Array]:

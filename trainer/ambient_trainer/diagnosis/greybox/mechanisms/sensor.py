@@ -153,7 +153,9 @@ def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
     gain = Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5)
     yield Gain(place, (gain,), middle_degC=scene.mean_degC(sensor))
     yield Drift(place, (Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / span_s),), begin_s=scene.begin_s)
-    yield Lag(place, (Number(f"lag_{sensor}", "s", 0.0, scale=scene.period_s / 2, low=0.0, high=span_s / 20),))
+    # what a long lag does is not in proportion to what a short one does
+    for scale_s in (scene.period_s / 2, 5 * scene.period_s, 20 * scene.period_s):
+        yield Lag(place, (Number(f"lag_{sensor}", "s", 0.0, scale=scale_s, low=0.0, high=span_s / 20),))
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
