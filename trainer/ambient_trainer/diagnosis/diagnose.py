@@ -243,7 +243,7 @@ def _undescribed(fitted: Fitted, share: float | None) -> bool:
 
 
 def _halved_by_a_log(selection: Selection) -> bool:
-    """Whether heat by a logged driver, named first, takes more than half of the error: it is told, whatever is left."""
+    """Whether heat by a logged driver, named first, takes more than half of the error: that holds whatever is left."""
     first = selection.steps[0].chosen
     if first is None or first.mechanism.cause != "heat_source" or first.mechanism.driver is None:
         return False

@@ -54,7 +54,19 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mecha
 
 
 def sharpened(fitted: Fitted) -> Fitted:
-    """The same with the window of its last mechanism refined, each end by the simulation itself, and fitted again."""
+    """The same with the window of its last mechanism refined by the simulation itself, and fitted again, twice."""
+    for _ in range(2):
+        model = _with_last(fitted.model, _refined(fitted))
+        starts = [run.start for run in fitted.runs]
+        again = fit(model, fitted.records, starts, most=_REFITTED, tolerance=1e-3, prior=fitted.prior)
+        if again is None or again.rmse_degC > fitted.rmse_degC:
+            break
+        fitted = again
+    return fitted
+
+
+def _refined(fitted: Fitted) -> Mechanism:
+    """The last mechanism with first its onset and then its end where least is left, near where they are."""
     record = max(fitted.records, key=lambda each: each.samples)
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
     within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
@@ -65,10 +77,7 @@ def sharpened(fitted: Fitted) -> Fitted:
     if (off := last.end_s) is not None:
         low, high = max(off - within_s, (last.onset_s or begin) + shortest), min(off + within_s, end)
         last = _at_least(fitted, lambda at_s: replace(last, end_s=at_s), low, high)
-    starts = [run.start for run in fitted.runs]
-    model = _with_last(fitted.model, last)
-    again = fit(model, fitted.records, starts, most=_REFITTED, tolerance=1e-3, prior=fitted.prior)
-    return fitted if again is None or again.rmse_degC > fitted.rmse_degC else again
+    return last
 
 
 def _at_least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float, high_s: float) -> Mechanism:
