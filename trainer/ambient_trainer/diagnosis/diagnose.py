@@ -20,6 +20,7 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.findings import ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
+from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
 from ambient_trainer.diagnosis.greybox.stepwise import (
     Progress,
@@ -260,8 +261,16 @@ def _confounded(selection: Selection) -> bool:
     first = next(iter(final.model.mechanisms[given:]), None)
     if first is None:
         return False
-    slow = first.cause == "thermal_mass" and first.numbers[1].value > _SLOW * longest_s
+    slow = first.cause == "thermal_mass" and _settles_in_s(first, final) > _SLOW * longest_s
     return slow or (first.cause == "heat_source" and first.driver is None)
+
+
+def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
+    """The time constant of a body towards the ambient, through the node before it."""
+    network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
+    conductance, lag_s = (each.value for each in mass.numbers[:2])
+    loss = float(network.to_boundary[0, network.index(mass.places[0])].sum())
+    return lag_s * (1.0 + conductance / loss) if loss > 0 else np.inf
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:

@@ -19,7 +19,6 @@ _SMOOTH_S = 60.0
 
 
 MISSED = {
-    "sensor_lag": "its onset is put some minutes off, in a stretch where the display hardly moves",
     "thermal_mass": "a mass on the back, which no sensor sees, is taken for something cold at the board before it",
     "case_on": "a case on the back is named with its driver, but at the back and the display together",
 }
