@@ -15,7 +15,8 @@ from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.record import Record
 
-_PROBE = 1e-3
+_PROBES = 1e-3, 1.0
+"""Of the conductance of the node: what a strong path does is not in proportion to what a weak one does."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Path(Mechanism):
 
     ends: tuple[str, str] = ("", "")
     logged: tuple[str, ...] = ()
+    probe: float = _PROBES[0]
 
     cause = "path"
     noun = "a conduction path that the circuit lacks"
@@ -47,10 +49,10 @@ class Path(Mechanism):
             network.vary([network.index(one)], varying, network.boundary_degC[beyond])
 
     def probes(self) -> Sequence[Sequence[float]]:
-        return [[_PROBE * self.numbers[0].value]]
+        return [[self.probe * self.numbers[0].value]]
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        return self.with_values([float(np.clip(_PROBE * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
+        return self.with_values([float(np.clip(self.probe * amounts[0], 0.03, 3.0)) * self.numbers[0].value])
 
     @property
     def responds(self) -> bool:
@@ -73,7 +75,8 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
             if not scene.joined(one, other):
                 conductance = Number(f"G_{one}_{other}", "W/K", scene.conductance(one), log=True)
                 logged = (f"{other}_degC",) if other in scene.other_temperatures else ()
-                yield Path((f"{one}-{other}",), (conductance,), ends=(one, other), logged=logged)
+                for probe in _PROBES:
+                    yield Path((f"{one}-{other}",), (conductance,), ends=(one, other), logged=logged, probe=probe)
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
