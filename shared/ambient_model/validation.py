@@ -18,7 +18,8 @@ its expectation given the moving others goes on, that comes back beyond its gate
 it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
 again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
 refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a
-reading is held. Time comes in as an argument.
+reading is held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
+rounding adds more to its error variance than training left. Time comes in as an argument.
 """
 
 import itertools
@@ -45,6 +46,10 @@ _SIGMAS = 3.0
 _COARSE = (1.0, 0.5)
 _ROUNDING = 1 / math.sqrt(12)
 """Standard deviation of the rounding error of steps of 1."""
+_CERTAIN_S = 60.0
+"""What has read in coarse steps for so long since the start is coarse."""
+_SCORE90 = 1.645
+"""Standard deviations of a normal distribution within which 90 % lie."""
 _COASTING_STD_DEGC = 3.0
 _START_K = 5.0
 """At the start a reading may lie so far beyond its gate, as no equilibrium is certain."""
@@ -125,6 +130,9 @@ class Validation:
         first = estimator.discrete[0]
         self._gains = [sum(map(mul, first.C[0], x)) + direct for x, direct in zip(states, first.D[0])]
         """DC gain of the estimate per input."""
+        low, high = estimator.interval[90]
+        self._usual_degC2 = ((high - low) / 2 / _SCORE90) ** 2
+        """Variance of the estimate's error in training."""
         self._steps = [max([step for step in _COARSE if step > each.step], default=0.0) for each in model.sensors]
         """Resolution of each sensor's readings where it is coarser than in training, otherwise 0."""
         self._slack = 1.0
@@ -237,6 +245,7 @@ class Validation:
         self._current: list[_Expectation] = []
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
         self._coarse_degC2 = sum([effect * effect for effect in effects])
+        self._is_coarse = self._coarse_degC2 > self._usual_degC2
 
     def _expectations(self) -> list[_Expectation]:
         """Each sensor's, given those that are not set aside."""
@@ -536,7 +545,8 @@ class Validation:
         self._lows = [low + a * (u - low) for low, a, u in zip(self._lows, self._a, itertools.cycle(used))]
         doubted = self._time_s - self._doubt_s <= _DOUBT_S
         replaced_degC2 = self._replaced_degC2 if self._apart else 0.0
-        self.is_degraded = doubted or bool(self._apart)
+        coarse = self._is_coarse and self._time_s - self._start_s >= _CERTAIN_S
+        self.is_degraded = doubted or coarse or bool(self._apart)
         self.is_coasting = replaced_degC2 > _COASTING_STD_DEGC**2
         self.variance_degC2 = self._coarse_degC2 + replaced_degC2 + (self._doubt_degC2 if doubted else 0.0)
         return None if len(self._apart) == count else used

@@ -239,9 +239,13 @@ def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer) -> Non
     assert heated[-1].high_degC - heated[-1].low_degC > 2 * 0.25 * 6.0
 
 
-def test_whole_degrees_widen_the_interval(observer: Observer) -> None:
-    found = fed(observer, 300, lambda k, u: [float(round(value)) for value in u])
-    assert {each.status for each in found} == {"tracking"}
+@pytest.mark.parametrize(("half_width", "status"), [(0.3, "degraded"), (1.0, "tracking")])
+def test_whole_degrees_widen_the_interval(model: Model, half_width: float, status: str) -> None:
+    """And degrade the estimate where that is more than its usual error."""
+    main = model.main._replace(interval={**model.main.interval, 90: (-half_width, half_width)})
+    usual = Observer(model._replace(main=main), Tracker(main, main.discrete[0]))
+    found = fed(usual, 300, lambda k, u: [float(round(value)) for value in u])
+    assert {each.status for each in found[60:]} == {status}
     assert found[-1].high_degC - found[-1].low_degC > 2 * 1.645 * 0.39
 
 
