@@ -25,7 +25,7 @@ rounding adds more to its error variance than training left. Time comes in as an
 import itertools
 import math
 from collections.abc import Iterable, Sequence
-from operator import mul
+from operator import mul, sub
 from typing import NamedTuple
 
 from ambient_model.model import Estimator, ReadingModel
@@ -159,6 +159,8 @@ class Validation:
         """How long each has had no reading."""
         self._still: list[tuple[float, float, list[float]]] = []
         """Since when each reads the same, the reading, and z at that time."""
+        self._read_z: list[list[float]] = []
+        """z where each was last there."""
         self._offsets: dict[int, float] = {}
         """Difference of what replaces a reading to its expectation, where one is replaced."""
         self._apart = _NONE
@@ -200,6 +202,7 @@ class Validation:
         self._time_s = state.time_s
         z = [*state.used, *state.lows]
         self._still = [(state.time_s, value, z) for value in state.used]
+        self._read_z = [z] * self._count
         self._start_s = state.time_s - _STARTING_S
         self._used, self._lows, self._slow, self._steps = [list(each) for each in state[1:5]]
         self.refused = {}
@@ -356,6 +359,7 @@ class Validation:
             z[i :: self._count] = [value] * (len(z) // self._count)
         self._lows = z[self._count :]
         self._still = [(time_s, value, z) for value in z[: self._count]]
+        self._read_z = [z] * self._count
         self._last = [0.0] * self._count
         return self._finished(z)
 
@@ -498,9 +502,11 @@ class Validation:
 
     def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Replace what is missing or refused, and follow the slow differences of the others."""
+        self._move_held(readings, z)
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
             if value is None and i not in self._apart:
-                continue  # held: expectations of one another would feed back
+                continue
+            self._read_z[i] = z
             if value is None or i in self._apart:
                 expected = expectation.constant + sum(map(mul, expectation.weights, z))
                 offset = self._offsets.get(i, self._used[i] - expected) * self._kept[i]
@@ -510,6 +516,26 @@ class Validation:
             self._offsets.pop(i, None)
             d = self._last[i] = value - expectation.constant - sum(map(mul, expectation.weights, z))
             self._slow[i] += self._slow_a * (d - self._slow[i])
+
+    def _move_held(self, readings: Sequence[float | None], z: list[float]) -> None:
+        """Move what is missing for a short while as far as those that are there say, where that is certain.
+
+        They are no longer asked where fewer than half are there: what one of them does would move all.
+        """
+        absent = self._apart.union([i for i, value in enumerate(readings) if value is None])
+        doubt_degC2 = 0.0
+        for i in absent - self._apart:
+            expectation = self._expectation(absent, i)
+            moved = sum(map(mul, expectation.weights, map(sub, z, self._read_z[i])))
+            error = abs(moved)
+            if error <= expectation.std:
+                continue
+            if 2 * len(absent) <= self._count:
+                z[i], error = self._read_z[i][i] + moved, expectation.std
+            doubt_degC2 = max(doubt_degC2, (self._gains[i] * error) ** 2)
+        if doubt_degC2 > self._usual_degC2:
+            recent_degC2 = self._doubt_degC2 if self._time_s - self._doubt_s <= _DOUBT_S else 0.0
+            self._doubt_degC2, self._doubt_s = max(doubt_degC2, recent_degC2), self._time_s
 
     def _release(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> None:
         """Accept those again that have agreed with their expectation for long enough."""

@@ -239,6 +239,26 @@ def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer) -> Non
     assert heated[-1].high_degC - heated[-1].low_degC > 2 * 0.25 * 6.0
 
 
+@pytest.mark.parametrize(("missing", "moves"), [((0,), True), ((0, 1), True), ((0, 1, 2), False)])
+def test_a_missing_reading_moves_with_those_that_are_there(model: Model, missing, moves) -> None:
+    """Unless they are too few: then it keeps its last value, and is doubted."""
+    assert model.readings is not None
+    common = np.kron([[100.0, 95.0], [95.0, 100.0]], np.ones((4, 4))) + 0.01 * np.eye(8)
+    fast = model.readings._replace(precision=tuple(map(tuple, np.linalg.inv(common).tolist())))
+    observer = Observer(model._replace(readings=fast), Tracker(model.main, model.main.discrete[0]))
+    fed(observer, 200)
+
+    def absent(k, u):
+        return [None if i in missing else value + 0.8 * (k - 199) for i, value in enumerate(u)]
+
+    last = readings_at(199)[0]
+    for k in range(200, 205):
+        (found,) = fed(observer, 1, absent, start=k)
+        expected = readings_at(k)[0] + 0.8 * (k - 199) if moves else last
+        assert found.used[0] == pytest.approx(expected, abs=0.4)
+    assert found.status == ("degraded" if not moves else "tracking")
+
+
 @pytest.mark.parametrize(("half_width", "status"), [(0.3, "degraded"), (1.0, "tracking")])
 def test_whole_degrees_widen_the_interval(model: Model, half_width: float, status: str) -> None:
     """And degrade the estimate where that is more than its usual error."""
