@@ -27,10 +27,7 @@ from ambient_model.tracking import (
     Tracker,
     bridge_limit_s,
 )
-from ambient_model.validation import Validation, ValidationState
-
-_SCORES = {50: 0.674, 90: 1.645, 98: 2.326}
-"""Standard deviations of a normal distribution within which that percentage lies."""
+from ambient_model.validation import SCORES, Validation, ValidationState
 
 
 class Background(NamedTuple):
@@ -71,7 +68,7 @@ class Observer:
             self._coast_s = self._limit_s if coast_s is None else coast_s
             self.validation = Validation(model.readings, model.main, self._limit_s)
             self._ranges = [(each.min, each.max) for each in model.main.inputs]
-            self._score = _SCORES[level]
+            self._score = SCORES[level]
             self._coasted_s = 0.0
             self._last: tuple[float, float] | None = None
             """When something was last published, and what."""

@@ -19,7 +19,8 @@ it. It is replaced by its expectation plus the difference that it had before, wh
 again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
 refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a
 reading is held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
-rounding adds more to its error variance than training left. Time comes in as an argument.
+rounding adds more to its error variance than training left. What is missing for a short while keeps its value, or moves
+with the others. Time comes in as an argument.
 """
 
 import itertools
@@ -48,8 +49,8 @@ _ROUNDING = 1 / math.sqrt(12)
 """Standard deviation of the rounding error of steps of 1."""
 _CERTAIN_S = 60.0
 """What has read in coarse steps for so long since the start is coarse."""
-_SCORE90 = 1.645
-"""Standard deviations of a normal distribution within which 90 % lie."""
+SCORES = {50: 0.674, 90: 1.645, 98: 2.326}
+"""Standard deviations of a normal distribution within which that percentage lies."""
 _COASTING_STD_DEGC = 3.0
 _START_K = 5.0
 """At the start a reading may lie so far beyond its gate, as no equilibrium is certain."""
@@ -131,7 +132,7 @@ class Validation:
         self._gains = [sum(map(mul, first.C[0], x)) + direct for x, direct in zip(states, first.D[0])]
         """DC gain of the estimate per input."""
         low, high = estimator.interval[90]
-        self._usual_degC2 = ((high - low) / 2 / _SCORE90) ** 2
+        self._usual_degC2 = ((high - low) / 2 / SCORES[90]) ** 2
         """Variance of the estimate's error in training."""
         self._steps = [max([step for step in _COARSE if step > each.step], default=0.0) for each in model.sensors]
         """Resolution of each sensor's readings where it is coarser than in training, otherwise 0."""
@@ -159,8 +160,10 @@ class Validation:
         """How long each has had no reading."""
         self._still: list[tuple[float, float, list[float]]] = []
         """Since when each reads the same, the reading, and z at that time."""
-        self._read_z: list[list[float]] = []
-        """z where each was last there."""
+        self._z: list[float] = []
+        """z at the last sample."""
+        self._held: dict[int, list[float]] = {}
+        """z where each that is missing for a short while was last there."""
         self._offsets: dict[int, float] = {}
         """Difference of what replaces a reading to its expectation, where one is replaced."""
         self._apart = _NONE
@@ -202,7 +205,7 @@ class Validation:
         self._time_s = state.time_s
         z = [*state.used, *state.lows]
         self._still = [(state.time_s, value, z) for value in state.used]
-        self._read_z = [z] * self._count
+        self._z, self._held = z, {}
         self._start_s = state.time_s - _STARTING_S
         self._used, self._lows, self._slow, self._steps = [list(each) for each in state[1:5]]
         self.refused = {}
@@ -248,7 +251,6 @@ class Validation:
         self._current: list[_Expectation] = []
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
         self._coarse_degC2 = sum([effect * effect for effect in effects])
-        self._is_coarse = self._coarse_degC2 > self._usual_degC2
 
     def _expectations(self) -> list[_Expectation]:
         """Each sensor's, given those that are not set aside."""
@@ -359,7 +361,7 @@ class Validation:
             z[i :: self._count] = [value] * (len(z) // self._count)
         self._lows = z[self._count :]
         self._still = [(time_s, value, z) for value in z[: self._count]]
-        self._read_z = [z] * self._count
+        self._held = {}
         self._last = [0.0] * self._count
         return self._finished(z)
 
@@ -502,11 +504,11 @@ class Validation:
 
     def _follow(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Replace what is missing or refused, and follow the slow differences of the others."""
-        self._move_held(readings, z)
+        if self._held or None in readings:
+            self._move_held(readings, z)
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
             if value is None and i not in self._apart:
                 continue
-            self._read_z[i] = z
             if value is None or i in self._apart:
                 expected = expectation.constant + sum(map(mul, expectation.weights, z))
                 offset = self._offsets.get(i, self._used[i] - expected) * self._kept[i]
@@ -518,20 +520,22 @@ class Validation:
             self._slow[i] += self._slow_a * (d - self._slow[i])
 
     def _move_held(self, readings: Sequence[float | None], z: list[float]) -> None:
-        """Move what is missing for a short while as far as those that are there say, where that is certain.
+        """Move what is missing for a short while as far as the others let expect, where that is more than its error.
 
-        They are no longer asked where fewer than half are there: what one of them does would move all.
+        Where fewer than half are there it keeps its value, and is doubted: what one of them does would move all.
         """
         absent = self._apart.union([i for i, value in enumerate(readings) if value is None])
+        self._held = {i: self._held.get(i, self._z) for i in absent - self._apart}
         doubt_degC2 = 0.0
-        for i in absent - self._apart:
+        for i, read_z in self._held.items():
             expectation = self._expectation(absent, i)
-            moved = sum(map(mul, expectation.weights, map(sub, z, self._read_z[i])))
+            moved = sum(map(mul, expectation.weights, map(sub, z, read_z)))
             error = abs(moved)
             if error <= expectation.std:
+                z[i] = read_z[i]
                 continue
             if 2 * len(absent) <= self._count:
-                z[i], error = self._read_z[i][i] + moved, expectation.std
+                z[i], error = read_z[i] + moved, expectation.std
             doubt_degC2 = max(doubt_degC2, (self._gains[i] * error) ** 2)
         if doubt_degC2 > self._usual_degC2:
             recent_degC2 = self._doubt_degC2 if self._time_s - self._doubt_s <= _DOUBT_S else 0.0
@@ -567,11 +571,12 @@ class Validation:
 
     def _finished(self, z: list[float]) -> list[float] | None:
         count = self._count
+        self._z = z
         self._used = used = z[:count]
         self._lows = [low + a * (u - low) for low, a, u in zip(self._lows, self._a, itertools.cycle(used))]
         doubted = self._time_s - self._doubt_s <= _DOUBT_S
         replaced_degC2 = self._replaced_degC2 if self._apart else 0.0
-        coarse = self._is_coarse and self._time_s - self._start_s >= _CERTAIN_S
+        coarse = self._coarse_degC2 > self._usual_degC2 and self._time_s - self._start_s >= _CERTAIN_S
         self.is_degraded = doubted or coarse or bool(self._apart)
         self.is_coasting = replaced_degC2 > _COASTING_STD_DEGC**2
         self.variance_degC2 = self._coarse_degC2 + replaced_degC2 + (self._doubt_degC2 if doubted else 0.0)

@@ -186,7 +186,8 @@ def validated(trace, fits, tmp_path_factory):
 def _replaced(model, u, i):
     """u (m, N) without reading ``i`` from ``AWAY`` on, and the variance of what replaces it.
 
-    It is held, and then has its conditional mean and what is left of the difference to it.
+    It is held, or moves with its conditional mean where that is further than its standard deviation; then it has that
+    mean and what is left of the difference to it.
     """
     mean, P = np.array(model.mean), np.array(model.precision)
     count = len(u)
@@ -198,8 +199,9 @@ def _replaced(model, u, i):
     lows = np.array([_low_pass(row, lag_s, 1.0) for lag_s in model.lags_s for row in before])
     expected = mean[i] + weights @ (np.vstack([u, lows])[others] - mean[others, None])
     used = u.copy()
-    used[i, AWAY:] = u[i, AWAY - 1]
     first = AWAY + HELD
+    moved = expected[AWAY:first] - expected[AWAY - 1]
+    used[i, AWAY:first] = u[i, AWAY - 1] + np.where(np.abs(moved) > np.sqrt(covariance[0, 0]), moved, 0.0)
     left = np.exp(-np.arange(1, u.shape[1] - first + 1) / model.sensors[i].memory_s)
     used[i, first:] = expected[first:] + (used[i, first - 1] - expected[first]) * left
     return used, covariance[0, 0]
