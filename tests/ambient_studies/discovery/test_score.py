@@ -47,6 +47,8 @@ def test_one_effect_is_named_by_the_first_step(scored):
     [
         Cause("heat_source", "board2"),
         Cause("heat_source", "board2", "radio_on"),
+        Cause("heat_source", "board2", "d(charger_on)/dt"),
+        Cause("heat_source", "board2", "charger_on^2*battery_frac"),
         Cause("heat_source", "usb", "charger_on"),
         Cause("contact", "board2", "charger_on"),
         Cause(UNKNOWN),
@@ -56,6 +58,10 @@ def test_cause_location_and_signal_have_to_agree(scored, cause):
     found = scored([HEAT], step(cause))
     assert not found.outcome.correct
     assert (found.outcome.magnitude_error_frac, found.magnitude_right, found.onset_right) == (None, None, None)
+
+
+def test_a_power_of_the_hidden_column_is_that_column(scored):
+    assert scored([HEAT], step(Cause("heat_source", "board2", "charger_on^2"))).outcome.correct
 
 
 def test_nothing_hidden_and_nothing_found(scored):

@@ -93,7 +93,8 @@ def _cause(truth: Truth, circuit: Circuit) -> Cause:
 
 def _by_column(cause: Cause) -> Cause:
     """With the logged column alone where the driver is a power of it: a truth names the column."""
-    return replace(cause, signal=cause.signal and cause.signal.partition("^")[0])
+    column, _, power = (cause.signal or "").partition("^")
+    return replace(cause, signal=column) if power.isdigit() else cause
 
 
 def _gain(diagnosis: Diagnosis) -> tuple[float, float] | None:
