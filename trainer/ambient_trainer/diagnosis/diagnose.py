@@ -34,7 +34,7 @@ from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
 from ambient_trainer.diagnosis.next_experiment import next_experiment
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
-from ambient_trainer.diagnosis.result import UNKNOWN, Diagnosis
+from ambient_trainer.diagnosis.result import UNKNOWN, Diagnosis, Step
 from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
 FEWEST_SAMPLES = 100
@@ -153,8 +153,8 @@ def _diagnosis(
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
-    much_left = _undescribed(final, share) and not _halved_by_a_log(selection)
-    if nothing or not described or much_left or _confounded(selection):
+    much_left, halved = _undescribed(final, share), _halved_by_a_log(steps)
+    if nothing or not described or (much_left and not halved) or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
     fitted = extended_circuit(circuit, bare.model) if bare.model.mechanisms else _fitted(circuit, bare)
     record = bare.records[longest]
@@ -177,6 +177,7 @@ def _diagnosis(
         fitted=fitted,
         floor_degC=floor_degC,
         explained_share=share,
+        notes=(f"{final.rmse_degC:.2f} degC is left: something else is missing, too.",) if named and much_left else (),
     )
 
 
@@ -243,12 +244,11 @@ def _undescribed(fitted: Fitted, share: float | None) -> bool:
     return bool(worst > _NOTHING or much or (little and worst > _UNDESCRIBED))
 
 
-def _halved_by_a_log(selection: Selection) -> bool:
+def _halved_by_a_log(steps: Sequence[Step]) -> bool:
     """Whether heat by a logged driver, named first, takes more than half of the error: that holds whatever is left."""
-    first = selection.steps[0].chosen
-    if first is None or first.mechanism.cause != "heat_source" or first.mechanism.driver is None:
+    if not steps or steps[0].cause.name != "heat_source" or steps[0].cause.signal is None:
         return False
-    return first.rmse_degC < _HALF * selection.steps[0].before.held_out_rmse_degC
+    return steps[0].gain.rmse_after_degC < _HALF * steps[0].gain.rmse_before_degC
 
 
 def _confounded(selection: Selection) -> bool:
@@ -266,11 +266,14 @@ def _confounded(selection: Selection) -> bool:
 
 
 def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
-    """The time constant of a body towards the ambient, through the node before it."""
+    """The time constant of a body towards the ambient, by itself and through the node before it."""
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
-    conductance, lag_s = (each.value for each in mass.numbers[:2])
-    loss = float(network.to_boundary[0, network.index(mass.places[0])].sum())
-    return lag_s * (1.0 + conductance / loss) if loss > 0 else np.inf
+    node, body = network.index(mass.places[0]), network.index(f"{mass.places[0]}_mass")
+    loss = network.to_boundary[0].sum(axis=1)
+    between = float(network.between[0, body, node])
+    through = between * loss[node] / (between + loss[node]) if loss[node] > 0 else 0.0
+    out = float(loss[body] + through)
+    return float(network.capacitance[0, body]) / out if out > 0 else np.inf
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:

@@ -355,11 +355,8 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     # what a logged driver explains may lie within one fold
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
     driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
-    instruments = [each for each in passing if each.mechanism.instrument]
-    for first in instruments[:1]:
-        # what is wrong with a sensor shows itself at that sensor alone
-        alike = [each for each in instruments if each.mechanism.places == first.mechanism.places]
-        blamed = min(alike, key=_penalised_at_its_sensor)
+    blamed = _blamed([each for each in passing if each.mechanism.instrument])
+    if blamed is not None:
         # a clock that is off looks like nothing else: there it is enough to do better than all physics, sound or not
         clock = not blamed.mechanism.places
         rivals = [each for each in trials if not each.mechanism.instrument] if clock else [*physical, *driven]
@@ -371,6 +368,16 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     if given and given[0].rmse_degC < _ANSWERS * physical[0].rmse_degC:
         physical = given
     return _lasting(physical, driven) if physical else None
+
+
+def _blamed(instruments: Sequence[Trial]) -> Trial | None:
+    """Of the sensor that the first one blames the fault that leaves least there: elsewhere they change nothing."""
+    alike = [each for each in instruments if each.mechanism.places == instruments[0].mechanism.places]
+    return min(alike, key=_penalised_at_its_sensor, default=None)
+
+
+def _penalised_at_its_sensor(trial: Trial) -> float:
+    return float(np.log(sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
 
 
 def _lasting(ordered: Sequence[Trial], driven: Sequence[Trial]) -> Trial:
@@ -405,10 +412,6 @@ def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
     blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))
     left = np.concatenate([fitted.residual_degC(index)[blamed] for index in range(len(fitted.records))], axis=1)
     return float(np.sqrt(np.nanmean(left**2)))
-
-
-def _penalised_at_its_sensor(trial: Trial) -> float:
-    return float(np.log(sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
 
 
 def gains(before: Fitted, after: Trial) -> bool:
@@ -448,17 +451,26 @@ def stepwise(
         _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
         fitted = pruned(last.fitted, given)
     assert alone is not None
-    if [_logged(step) for step in steps[:2]] == [False, True]:
-        # what is logged is named before what is there without it
-        steps[:2] = steps[1::-1]
-    return Selection(bare, fitted, tuple(steps), alone)
+    return Selection(bare, fitted, tuple(_logged_first(steps)), alone)
 
 
-def _logged(step: Step) -> bool | None:
-    """Whether heat that was chosen has a logged driver; None where something else or nothing was."""
-    if step.chosen is None or step.chosen.mechanism.cause != "heat_source" or not step.chosen.lasting:
-        return None
-    return step.chosen.mechanism.driver is not None
+def _logged_first(steps: Sequence[Step]) -> Sequence[Step]:
+    """With heat by a logged driver before heat that is there without one, where these are the first two."""
+    first, second = (*(step.chosen for step in steps[:2]), None, None)[:2]
+    if first is None or second is None or not (first.lasting and second.lasting):
+        return steps
+    heats = first.mechanism.cause == second.mechanism.cause == "heat_source"
+    if not heats or first.mechanism.driver is not None or second.mechanism.driver is None:
+        return steps
+    return [steps[1], _beside(steps[0], first, second), *steps[2:]]
+
+
+def _beside(step: Step, first: Trial, second: Trial) -> Step:
+    """The step of ``first`` where ``second`` is there, too: beside the model that holds that one alone."""
+    alone = (each for each in sorted(step.trials, key=penalised) if each.lasting)
+    before = next((each.fitted for each in alone if each.mechanism.key == second.mechanism.key), step.before)
+    together = replace(first, fitted=second.fitted, rmse_degC=second.rmse_degC)
+    return Step(before, together, step.trials, step.tried)
 
 
 def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:
@@ -527,13 +539,7 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
     if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2]):
         return []
     _, first, second = best
-    other = begun.get(second.mechanism.key)
-    without_first = step.before if other is None else other.fitted
-    together = replace(first, fitted=second.fitted, rmse_degC=second.rmse_degC)
-    steps = [
-        Step(without_first, together, step.trials, step.tried),
-        Step(first.fitted, second, step.trials, step.tried),
-    ]
+    steps = [_beside(step, first, second), Step(first.fitted, second, step.trials, step.tried)]
     # what is logged is named before what stores it
     stored_first = first.mechanism.driver is None and second.mechanism.driver is not None
     return steps[::-1] if stored_first else steps

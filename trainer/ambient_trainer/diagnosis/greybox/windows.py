@@ -19,7 +19,8 @@ from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, simulate
 _COARSE, _FINE, _ROUNDS = 28, 4, 2
 _SHORTEST = 5
 """Samples that a window lasts at least."""
-_TRIED, _REFITTED = 10, 8
+_TIMES, _REFITTED = 10, 8
+"""Times that are tried for an end of a window, and steps of the fit after it."""
 
 Columns = Callable[[Mechanism], Array]
 
@@ -72,16 +73,20 @@ def _refined(fitted: Fitted) -> Mechanism:
     within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
     last = fitted.model.mechanisms[-1]
     if (on := last.onset_s) is not None:
-        low, high = max(on - within_s, begin), min(on + within_s, (last.end_s or end) - shortest)
-        last = _at_least(fitted, lambda at_s: replace(last, onset_s=at_s), low, high)
+        latest = (end if last.end_s is None else last.end_s) - shortest
+        last = _least(
+            fitted, lambda at_s: replace(last, onset_s=at_s), max(on - within_s, begin), min(on + within_s, latest)
+        )
     if (off := last.end_s) is not None:
-        low, high = max(off - within_s, (last.onset_s or begin) + shortest), min(off + within_s, end)
-        last = _at_least(fitted, lambda at_s: replace(last, end_s=at_s), low, high)
+        earliest = (begin if last.onset_s is None else last.onset_s) + shortest
+        last = _least(
+            fitted, lambda at_s: replace(last, end_s=at_s), max(off - within_s, earliest), min(off + within_s, end)
+        )
     return last
 
 
-def _at_least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float, high_s: float) -> Mechanism:
-    """The last mechanism with the end that leaves least between two times; the numbers and starts are the fit's."""
+def _least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float, high_s: float) -> Mechanism:
+    """The last mechanism as ``moved`` to the time that leaves least; numbers and starts are those of the fit."""
 
     def left(at_s: float) -> float:
         model, total = _with_last(fitted.model, moved(at_s)), 0.0
@@ -90,9 +95,7 @@ def _at_least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float,
             total += float(np.nansum((record.weights * (record.sensors - read)) ** 2))
         return total
 
-    if low_s >= high_s:
-        return moved(low_s)
-    options = {"maxiter": _TRIED, "xatol": fitted.records[0].period_s / 10}
+    options = {"maxiter": _TIMES, "xatol": fitted.records[0].period_s / 10}
     return moved(float(minimize_scalar(left, bounds=(low_s, high_s), method="bounded", options=options).x))
 
 
