@@ -39,6 +39,8 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         held.remove(index)
         mechanism = final.model.mechanisms[index]
         gain = _gain(step, chosen)
+        # what was fitted together is as sure as the less sure of it
+        together = [each for each in selection.steps if each.chosen and each.chosen.fitted is chosen.fitted]
         magnitude, parameters = _numbers(final, index)
         rivals = [each for each in step.trials if _rival(each, chosen)]
         name = cause_of(mechanism, final.model.circuit)
@@ -54,7 +56,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
                 onset_s=mechanism.onset_s,
                 end_s=mechanism.end_s,
                 magnitude=magnitude,
-                confidence=_confidence(step, chosen, gain),
+                confidence=min(_confidence(each, each.chosen) for each in together if each.chosen),
                 gain=gain,
                 indistinguishable_from=tuple(
                     dict.fromkeys(cause_of(each.mechanism, final.model.circuit) for each in rivals)
@@ -144,13 +146,13 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
     return other and same and not trial.fitted.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
-def _confidence(step: Chosen, chosen: Trial, gain: Gain) -> float:
+def _confidence(step: Chosen, chosen: Trial) -> float:
     """The probability that the cause, its place and its driver are right, by the margin over the closest other."""
     if chosen.mechanism.evident:
         return _EVIDENT
     others = [each for each in step.trials if each.mechanism.key != chosen.mechanism.key and not each.fitted.at_bounds]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
-    total = math.log(gain.rmse_before_degC / gain.rmse_after_degC)
+    total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 
