@@ -283,6 +283,7 @@ def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
             problem = f"{len(trace.time_s)} samples are too few for a diagnosis"
             hint = f"at least {FEWEST_SAMPLES} are needed: leave out less (--from, --to, --later), or log longer"
             faults.append(Fault(trace.path, problem, hint))
+            continue
         faults.extend(_empty(circuit, trace))
         for name in circuit.inputs:
             faults.extend(_same_as_a_sensor(circuit, trace, name))

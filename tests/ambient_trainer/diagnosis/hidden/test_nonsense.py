@@ -86,8 +86,10 @@ def test_a_reference_that_is_a_sensor_is_refused(verdict, trace, decimals, basel
 @BOTH_WAYS
 def test_ten_samples_are_refused(verdict, trace, baseline):
     few = replace(trace, time_s=trace.time_s[:10], columns={k: v[:10] for k, v in trace.columns.items()})
-    with pytest.raises(Refused, match=r"10 samples.*at least 100"):
-        verdict(few, baseline)
+    alike = with_columns(few, ambient_degC=few.columns["board_degC"])
+    with pytest.raises(Refused, match=r"10 samples.*at least 100") as refused:
+        verdict(alike, baseline)
+    assert len(refused.value.faults) == 1
 
 
 @BOTH_WAYS
