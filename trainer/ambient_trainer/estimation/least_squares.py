@@ -40,28 +40,10 @@ class Gram(NamedTuple):
         return float(weights @ self.quadratic @ weights - 2 * weights @ self.linear + self.constant)
 
     def minimum(self, ridge: float) -> Array:
-        """The weights (p,) at which it is least, with a ridge relative to each weight's own scale."""
-        return scaled_solution(self.quadratic, self.linear, ridge)
-
-
-def scaled_solution(matrix: Array, side: Array, ridge: float) -> Array:
-    """Solution of normal equations whose unknowns differ in scale.
-
-    Parameters
-    ----------
-    matrix : array (p, p)
-        Symmetric; scaled to a unit diagonal before the ridge is added.
-    side : array (p,)
-    ridge : float
-        Added to the unit diagonal (Marquardt 1963).
-
-    Returns
-    -------
-    array (p,)
-    """
-    size = np.sqrt(np.maximum(np.diag(matrix), _TINY))
-    scaled = matrix / np.outer(size, size) + ridge * np.eye(len(size))
-    return np.asarray(np.linalg.solve(scaled, side / size) / size)
+        """The weights (p,) at which it is least; the ridge is added to a unit diagonal (Marquardt 1963)."""
+        size = np.sqrt(np.maximum(np.diag(self.quadratic), _TINY))
+        scaled = self.quadratic / np.outer(size, size) + ridge * np.eye(len(size))
+        return np.asarray(np.linalg.solve(scaled, self.linear / size) / size)
 
 
 def constrained_solution(matrix: Array, side: Array, unit: Array) -> Array:

@@ -1,11 +1,10 @@
 """Errors on blocks of time that a fit has not seen.
 
-Three rules cut time, since three kinds of fit are validated:
+Two rules cut time, since two kinds of fit are validated:
 
 - :func:`cut_in_blocks`, for whole estimators: blocks of equal length with a gap on either side, which trains nothing
   either, as errors are autocorrelated. Inputs before a block may run into its filters, as on a device.
 - :func:`held_out`, for orders and intervals: successive blocks of all segments together, without a gap.
-- :func:`time_blocks`, for normal equations: many short blocks, so that folds of every fifth see all of a record.
 """
 
 from __future__ import annotations
@@ -17,7 +16,6 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.grid import Segment
@@ -94,11 +92,6 @@ def held_out(
         estimates = (structure.predicted(best.theta, best.beta, index)[0] for index in range(len(hidden)))
         blocks.append([Moment(*each) for each in zip(estimates, hidden)])
     return blocks
-
-
-def time_blocks(samples: int, count: int, shortest: int) -> NDArray[np.intp]:
-    """The block of each of ``samples``, (N,): about ``count`` blocks of at least ``shortest`` samples."""
-    return np.arange(samples, dtype=np.intp) // max(shortest, samples // count)
 
 
 class Spending(NamedTuple):

@@ -12,11 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.static_linear import StaticLinear
@@ -24,8 +23,6 @@ from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.estimators.training import Training
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.trace import split_column
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult
@@ -21,8 +21,6 @@ from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, with_uncertainty
 from ambient_trainer.lti.response import noise_gain, response_degC
 from ambient_trainer.lti.statespace import dc_gain
-
-Array = NDArray[np.float64]
 
 Refit = Callable[[int], Fit]
 """Fits the same without the input of that number."""

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.free_filter import FreeFilter
@@ -16,8 +15,6 @@ from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
 from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate
 from ambient_trainer.lti.statespace import Hold, StateSpace
-
-Array = NDArray[np.float64]
 
 _OPEN = float(np.log(1e3))
 """Half a 95 % interval, as a logarithm, from which on it says no more than that the parameter is positive."""

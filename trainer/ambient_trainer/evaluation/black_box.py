@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesRegressor
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lag_weights
-
-Array = NDArray[np.float64]
 
 _LADDER = 3.0
 """Ratio of neighbouring time constants: a lag between two is a mixture of them within 2 % of its step."""

@@ -14,18 +14,15 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Estimator, Model
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Finding, Report, Section, Table
-
-Array = NDArray[np.float64]
 
 MAIN, SECONDARY = "main", "guard"
 """As model files have named them from the first."""

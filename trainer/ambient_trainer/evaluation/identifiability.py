@@ -13,13 +13,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.profile import Profile, Values, held, profile, starting_at
 from ambient_trainer.estimation.search import search
@@ -28,7 +27,6 @@ from ambient_trainer.estimation.separable import project
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.circuit import CircuitEstimator, circuit_structure
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""
 

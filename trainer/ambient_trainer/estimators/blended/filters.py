@@ -16,10 +16,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.model import ErrorVariance, Term
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.error_variance import WeightedRun, fit_weighted_error_variance, regressors_degC2
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, search
@@ -31,8 +31,6 @@ from ambient_trainer.estimators.blended.training_set import TrainingRun, Trainin
 from ambient_trainer.estimators.estimate import Blended, blended
 from ambient_trainer.estimators.observer import filter_fit
 from ambient_trainer.lti.response import response_degC
-
-Array = NDArray[np.float64]
 
 _STATES = 4
 _MOST_RATIO = 20.0

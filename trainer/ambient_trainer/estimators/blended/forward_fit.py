@@ -11,17 +11,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimators.blended.nonlinear_loss import Plant, simulate
 from ambient_trainer.estimators.blended.recipe import Recipe
 from ambient_trainer.lti.modes import passive_modes
-
-Array = NDArray[np.float64]
 
 _PASSES = 4
 _EVERY = 3

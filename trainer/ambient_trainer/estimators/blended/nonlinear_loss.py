@@ -16,11 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimators.blended.recipe import Loss
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.lti.modes import modal_response
-
-Array = NDArray[np.float64]
 
 _LEAST_RISE_K2 = 0.25
 """Keeps the law smooth where the rise changes its sign."""

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.resolution import rounded
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record
 from ambient_trainer.estimators.blended.nonlinear_loss import simulate
 from ambient_trainer.estimators.blended.recipe import (
@@ -34,8 +34,6 @@ from ambient_trainer.estimators.blended.recipe import (
     Unmeasured,
     Work,
 )
-
-Array = NDArray[np.float64]
 
 _CALM_S = 3600.0
 _SMOOTHED_S = 900.0

@@ -9,15 +9,13 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.lti.modes import one_pole
 from ambient_trainer.lti.response import response, response_degC, response_slopes
-
-Array = NDArray[np.float64]
 
 _REACH = 8.0
 """How far theta may leave its prior: a factor of 3000."""

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import Moment
@@ -20,8 +19,6 @@ from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.validation import held_out
 from ambient_trainer.estimation.weighted_filter import Run, impulses, level, offsets, weighted_filter
 from ambient_trainer.estimators.base import Effort
-
-Array = NDArray[np.float64]
 
 
 def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset_degC: float = 0.0) -> FreeFilter:

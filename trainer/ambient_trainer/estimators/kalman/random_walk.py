@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from ambient_model.trace import split_column
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import StateSpace
-
-Array = NDArray[np.float64]
 
 _COMPLEX_STEP = 1e-30
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, prior_theta, walk_of
@@ -22,8 +22,6 @@ from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_a
 from ambient_trainer.estimators.searched import MODES, estimated, fit_of, searched
 from ambient_trainer.estimators.training import Training, require_enough
 from ambient_trainer.lti.reduce import reduced
-
-Array = NDArray[np.float64]
 
 NAMES = ("circuit_observer",)
 _MOST_SENSORS = 8

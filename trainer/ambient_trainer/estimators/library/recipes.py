@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
@@ -19,7 +18,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.resolution import resolution_of
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.uncertainty import residual_memory
@@ -31,8 +30,6 @@ from ambient_trainer.estimators.blended.training_set import TrainingSetDesign, f
 from ambient_trainer.estimators.observer import fallback_notes, half_width_note
 from ambient_trainer.estimators.training import require_informative, slowest_period_s, source_of
 from ambient_trainer.lti.response import noise_gain
-
-Array = NDArray[np.float64]
 
 NAMES = recipe_names()
 _CIRCUIT_PERIOD_S = 5.0
