@@ -8,8 +8,10 @@ from ambient_trainer.estimation.error_variance import (
     Moment,
     fit_error_variance,
     half_widths,
+    least_squares_weights,
     regressors_degC2,
     sigma_degC,
+    weighted_quantile,
 )
 
 PERIOD_S = 1.0
@@ -65,3 +67,29 @@ def test_missing_references_do_not_count():
     holes[::7] = np.nan
     found = fit_error_variance([Moment(moment.estimate_degC, holes)], PERIOD_S)
     assert found.constant_degC2 == pytest.approx(fit_error_variance([moment], PERIOD_S).constant_degC2, rel=0.1)
+
+
+def test_a_known_variance_comes_back_and_nothing_turns_negative():
+    random = np.random.default_rng(3)
+    terms = np.vstack([np.ones(40_000), random.exponential(1.0, 40_000), random.exponential(1.0, 40_000)])
+    error = random.standard_normal(40_000) * np.sqrt(np.array([0.2, 0.5, 0.0]) @ terms)
+    found = least_squares_weights(error, terms, np.ones(40_000))
+    assert found == pytest.approx([0.2, 0.5, 0.0], abs=0.03)
+    assert (found >= 0).all()
+
+
+def test_what_counts_twice_is_like_having_it_twice():
+    random = np.random.default_rng(4)
+    terms = np.vstack([np.ones(500), random.exponential(1.0, 500)])
+    error = random.standard_normal(500) * np.sqrt(terms.sum(axis=0))
+    twice = least_squares_weights(np.r_[error, error[:100]], np.c_[terms, terms[:, :100]], np.ones(600))
+    weighted = least_squares_weights(error, terms, np.r_[np.full(100, 2.0), np.ones(400)])
+    assert weighted == pytest.approx(twice, rel=1e-6)
+
+
+def test_a_weighted_quantile_leaves_that_share_of_the_weight_below():
+    random = np.random.default_rng(5)
+    values, weight = random.standard_normal(20_000), random.uniform(0, 1, 20_000)
+    for share in (0.5, 0.9, 0.98):
+        at = weighted_quantile(values, weight, share)
+        assert weight[values <= at].sum() / weight.sum() == pytest.approx(share, abs=1e-3)

@@ -217,18 +217,13 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
-@pytest.mark.parametrize("order", [1, 4])
-def test_a_free_filter(order):
-    structure = FreeFilter(order, _segments(2, 1))
-    theta = structure.search.initial + np.random.default_rng(order).uniform(-0.3, 0.3, order)
-
-    _assert_same(structure, theta, lambda at: _residual(structure, _regressors_of_filter(structure, at)), 1e-5)
-
-
-@pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
-def test_a_section_of_a_free_filter_of_any_damping(zeta):
-    structure = FreeFilter(3, _segments(2, 1))
-    theta = np.array([np.log(0.15), np.log(zeta), np.log(0.02)])
+@pytest.mark.parametrize(
+    "theta",
+    [np.log([0.07]), np.log([0.3, 2.0, 0.05, 1.5]), *(np.log([0.15, zeta, 0.02]) for zeta in (0.35, 1.0, 6.0))],
+    ids=["one pole", "four poles", "damped pair", "double pole", "two real poles"],
+)
+def test_a_free_filter(theta):
+    structure = FreeFilter(len(theta), _segments(2, 1))
 
     _assert_same(structure, theta, lambda at: _residual(structure, _regressors_of_filter(structure, at)), 1e-5)
 
@@ -261,15 +256,17 @@ def test_a_stretch_between_two_gaps_may_be_three_samples_long():
     assert shapes == [3, 50]
 
 
-def test_long_segments_are_compressed_in_blocks():
-    """Taken in blocks, with a rest, the samples have the inner products of the whole."""
-    circuit = load_circuit("model2_ss_free_cd")
-    structure = CircuitStructure(circuit, _segments(4, 1, lengths=(9000,), periods_s=(1.0,)))
+@pytest.mark.parametrize("there", [slice(None), slice(8990, 9000), slice(0, 3), slice(5000, 5100)])
+def test_long_segments_are_compressed_in_blocks(there):
+    """Blocks and a rest have the inner products of the whole; some may hold nothing, or fewer samples than signals."""
+    [whole] = _segments(4, 1, lengths=(9000,), periods_s=(1.0,))
+    outputs = np.full_like(whole.outputs, np.nan)
+    outputs[:, there] = whole.outputs[:, there]
+    structure = CircuitStructure(load_circuit("model2_ss_free_cd"), [replace(whole, outputs=outputs)])
     theta = _somewhere(structure, 4)
     problem = linearise(structure, theta)
-    known = ~np.isnan(structure.segments[0].outputs[0])
-    free = structure.regressors(theta, 0)[1][:, 0, known].T
-    target = structure.segments[0].outputs[0, known]
+    known = ~np.isnan(outputs[0])
+    free, target = structure.regressors(theta, 0)[1][:, 0, known].T, outputs[0, known]
     np.testing.assert_allclose(problem.free.T @ problem.free, free.T @ free, rtol=1e-9)
     np.testing.assert_allclose(problem.free.T @ problem.target, free.T @ target, rtol=1e-9)
     assert problem.target @ problem.target == pytest.approx(target @ target)
@@ -366,18 +363,3 @@ def test_a_pole_that_the_data_hardly_show_is_penalised():
     slowest = 0.02 * (6 - np.sqrt(35))
     np.testing.assert_allclose(penalty, [np.log(1 / 200 / slowest), 0], atol=1e-12)
     np.testing.assert_allclose(slope, _slope_by_differences(structure, theta), atol=1e-7)
-
-
-@pytest.mark.parametrize("known", [slice(8990, 9000), slice(0, 3), slice(5000, 5100)])
-def test_a_reference_that_is_there_for_a_moment_only(known):
-    """Whole blocks hold nothing to compare with, and one of them fewer samples than signals."""
-    circuit = load_circuit("model2_ss_free_cd")
-    [whole] = _segments(4, 1, lengths=(9000,), periods_s=(1.0,))
-    outputs = np.full_like(whole.outputs, np.nan)
-    outputs[:, known] = 20.0
-    structure = CircuitStructure(circuit, [replace(whole, outputs=outputs)])
-    theta = _somewhere(structure, 4)
-    problem = linearise(structure, theta)
-    free = structure.regressors(theta, 0)[1][:, 0, known].T
-    np.testing.assert_allclose(problem.free.T @ problem.free, free.T @ free, rtol=1e-9)
-    assert problem.target @ problem.target == pytest.approx(400 * len(free))

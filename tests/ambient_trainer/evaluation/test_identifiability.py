@@ -195,7 +195,7 @@ def test_the_mean_of_noisy_replicates_is_within_two_standard_errors():
     back = recovered(found, known, 40, 5, quiet)
 
     assert {each.name for each in back} == {each.name for each in found.circuit.parameters if each.free}
-    assert max(abs(each.deviation) for each in back) < 2
+    assert max(abs(each.standard_errors_off) for each in back) < 2
     for each in back:
         assert each.mean == pytest.approx(each.truth, rel=0.1)
 
@@ -218,7 +218,7 @@ def test_recovery_by_hand_agrees():
     (one,) = [each for each in recovered(found, known, 3, 5, quiet) if each.name == "R_display_battery"]
     assert np.log(one.mean) == pytest.approx(np.mean(logs), abs=1e-4)
     error = np.std(logs, ddof=1) / np.sqrt(3)
-    assert one.deviation == pytest.approx((np.mean(logs) - np.log(6.0)) / error, rel=0.01)
+    assert one.standard_errors_off == pytest.approx((np.mean(logs) - np.log(6.0)) / error, rel=0.01)
 
 
 @pytest.fixture(scope="module")

@@ -137,12 +137,11 @@ def test_without_a_reference_the_zones_are_still_screened(trainer, tmp_path):
         (["--circuits", "c", "--no-circuits"], 2, ("--circuits", "--no-circuits")),
         (["--json", "TRACE"], 2, ("overwritten",)),
         (["--state", "x", "--json", "x"], 2, ("twice",)),
-        (["--against", "left,skin"], 1, ("skin: no such sensor",)),
         (["--gap", "1e9"], 1, ("0 samples are left", "--gap")),
         (["--circuits", "TRACE"], 2, ("is no folder",)),
         (["--check", "none.csv"], 1, ("none.csv",)),
         (["--from", "5000"], 1, ("--from",)),
-        (["--to", "40"], 1, ("20 samples",)),
+        (["--to", "40"], 1, ("20 samples for up to 26 unknowns",)),
         (["--most", "0"], 2, ("--most",)),
     ],
 )

@@ -98,12 +98,6 @@ def test_a_trace_to_check_on_is_looked_at_before_the_work():
         assert pool.computed == 0
 
 
-def test_too_few_samples_are_refused():
-    trace = made_up().cut(None, 100.0)
-    with pytest.raises(Refused, match="50 samples for up to 26 unknowns"):
-        prepared([trace], screened([trace]), Options())
-
-
 def test_a_set_to_compare_with_has_to_be_there():
     trace = made_up()
     trace.columns["flat_degC"] = np.full(1500, 3.0)

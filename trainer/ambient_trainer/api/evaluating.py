@@ -18,7 +18,7 @@ from ambient_trainer.api.result import Result
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
 from ambient_trainer.evaluation.metrics import Metrics
 from ambient_trainer.evaluation.report import report_of, trace_labels
-from ambient_trainer.evaluation.stress import Stressed, data_of, section_of
+from ambient_trainer.evaluation.stress import Stressed, section_of
 from ambient_trainer.evaluation.stress import stress as stress_trace
 from ambient_trainer.report import Report
 
@@ -74,7 +74,9 @@ class EvaluationResult(Result):
         if not self.stressed:
             return report
         sections = [section_of(self.stressed), *report.sections]
-        return replace(report, sections=sections, data={**report.data, "stress": data_of(self.stressed)})
+        return replace(
+            report, sections=sections, data={**report.data, "stress": [asdict(each) for each in self.stressed]}
+        )
 
 
 def evaluate(

@@ -51,19 +51,9 @@ class WeightedRun(NamedTuple):
 
 
 def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVariance:
-    """Error variance model of one estimator.
+    """Error variance model of one estimator over training runs.
 
-    Parameters
-    ----------
-    moments : sequence of Moment
-        Estimates over training runs.
-    period_s : float
-        Sampling period.
-
-    Returns
-    -------
-    ErrorVariance
-        Terms of the rate of change, by lags that the runs are long enough for.
+    Its terms are of the rate of change, by lags that the runs are long enough for.
     """
     samples = max(len(each.estimate_degC) for each in moments)
     lags = [periods for periods in _LAGS_PERIODS if periods * _LAGS_IN_DATA <= samples] or [1]
@@ -99,21 +89,9 @@ def half_widths(model: ErrorVariance, moments: Sequence[Moment], period_s: float
 
 
 def sigma_degC(model: ErrorVariance, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
-    """Standard deviation of the published estimate's error.
+    """Standard deviation (N,) of the error of the published estimate ``ambient_degC`` (N,).
 
-    Parameters
-    ----------
-    model : ErrorVariance
-    ambient_degC : array (N,)
-        The published estimate.
-    apart_degC : array (N,)
-        The main estimate minus the secondary one, limited to the threshold; zero where there is no secondary one.
-    period_s : float
-        Sampling period.
-
-    Returns
-    -------
-    array (N,)
+    ``apart_degC`` (N,) is the main estimate minus the secondary one, limited to the threshold; zero without one.
     """
     variance = np.full_like(ambient_degC, model.constant_degC2)
     for term in model.terms:

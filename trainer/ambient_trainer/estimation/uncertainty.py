@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import signal, stats
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Solution
@@ -90,9 +90,7 @@ def residual_memory(errors: Array) -> float:
     """The integrated autocorrelation time of ``errors`` (N,) in samples, by Geyer's initial positive sequence."""
     centred = errors - errors.mean()
     count = len(centred)
-    size = 2 ** math.ceil(math.log2(2 * count))
-    spectrum = np.abs(np.fft.rfft(centred, size)) ** 2
-    correlation = np.fft.irfft(spectrum, size)[:count]
+    correlation = signal.correlate(centred, centred, method="fft")[count - 1 :]
     if correlation[0] <= 0:
         return 1.0
     pairs = (correlation[: count // 2 * 2] / correlation[0]).reshape(-1, 2).sum(axis=1)

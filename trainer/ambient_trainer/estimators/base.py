@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -85,10 +85,7 @@ class Fitted(Protocol):
         """The ambient over ``trace``, shape (n,), from its sensors alone; NaN where there is no estimate."""
 
 
-FittedT = TypeVar("FittedT", bound=Fitted, covariant=True)
-
-
-class Estimator(ABC, Generic[FittedT]):
+class Estimator(ABC):
     """A method that can be fitted. ``check.check_estimator`` tests whether one keeps this contract."""
 
     name: str
@@ -108,7 +105,7 @@ class Estimator(ABC, Generic[FittedT]):
         progress: Progress | None = None,
         period_s: float | None = None,
         inputs: Sequence[str] | None = None,
-    ) -> FittedT:
+    ) -> Fit:
         """Fit to one or several traces.
 
         Parameters
@@ -126,7 +123,7 @@ class Estimator(ABC, Generic[FittedT]):
 
         Returns
         -------
-        Fitted
+        Fit
 
         Raises
         ------
@@ -231,7 +228,7 @@ def error_quantiles(errors_degC: Array) -> Quantiles:
     return {level: (low, high) for level, (low, high) in bands.items()}
 
 
-class FilterEstimator(Estimator[Fit]):
+class FilterEstimator(Estimator):
     """An estimator that reads any temperatures, on uniform grids of them; a subclass fits."""
 
     reads_any = True

@@ -15,7 +15,7 @@ from ambient_trainer.estimators.base import Effort, Estimator, Fit, Fitted
 from ambient_trainer.lti.response import states
 
 
-def check_estimator(estimator: Estimator[Fitted], training: Sequence[Trace], other: Trace) -> Fitted:
+def check_estimator(estimator: Estimator, training: Sequence[Trace], other: Trace) -> Fitted:
     """Fit an estimator and test what it gives.
 
     Parameters

@@ -17,7 +17,7 @@ from ambient_trainer.estimators.searched import estimated, fit_of, searched
 from ambient_trainer.estimators.training import require_enough, source_of, training_segments
 
 
-class CircuitEstimator(Estimator[Fit]):
+class CircuitEstimator(Estimator):
     """Fits a circuit, each stretch from thermal equilibrium with its first sample; it names its trace columns."""
 
     def __init__(self, circuit: Circuit) -> None:

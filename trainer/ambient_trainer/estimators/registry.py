@@ -11,7 +11,7 @@ from ambient_model.faults import refuse
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.estimators.base import Estimator, Fit
+from ambient_trainer.estimators.base import Estimator
 from ambient_trainer.estimators.circuit import CircuitEstimator
 
 LIBRARY = "ambient_trainer.estimators.library"
@@ -22,7 +22,7 @@ def estimator_names() -> tuple[str, ...]:
     return tuple(name for each in plugin_names(LIBRARY) for name in plugin(LIBRARY, each).NAMES)
 
 
-def estimator(name: str, sensors: Sequence[str] = ()) -> Estimator[Fit]:
+def estimator(name: str, sensors: Sequence[str] = ()) -> Estimator:
     """The estimator called ``name``, or of the circuit or recipe in that YAML file.
 
     ``sensors`` are the trace columns that it shall read. Raises :class:`Refused` for an unknown name, a file with
@@ -30,7 +30,8 @@ def estimator(name: str, sensors: Sequence[str] = ()) -> Estimator[Fit]:
     """
     found = _find(name) or CircuitEstimator(load_circuit(name, estimator_names()))
     if sensors and not found.reads_any:
-        raise refuse("--sensors", "", f"{found.name} names its own", f"use it with {', '.join(_reading_any())}")
+        reading_any = [each for each in estimator_names() if getattr(_find(each), "reads_any", False)]
+        raise refuse("--sensors", "", f"{found.name} names its own", f"use it with {', '.join(reading_any)}")
     return found
 
 
@@ -41,10 +42,6 @@ def thermal_circuit(name: str) -> Circuit:
     return load_circuit(name)
 
 
-def _find(name: str) -> Estimator[Fit] | None:
+def _find(name: str) -> Estimator | None:
     found = (plugin(LIBRARY, each).find(name) for each in plugin_names(LIBRARY))
     return next((each for each in found if each is not None), None)
-
-
-def _reading_any() -> list[str]:
-    return [name for name in estimator_names() if getattr(_find(name), "reads_any", False)]

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.static_linear import fit_static_linear
@@ -57,6 +56,7 @@ def fit_of(
     per_segment = residuals(structure, result.best)
     errors = [np.concatenate([each[output] for each in per_segment]) for output in range(len(outputs))]
     errors = [each[~np.isnan(each)] for each in errors]
+    inputs_seen = np.concatenate([segment.inputs for segment in structure.segments], axis=1)
     count = sum(len(each) for each in errors)
     free = [each for each in parameters if each.free]
     determined = [each for each in free if each.identifiable and not each.at_bound]
@@ -81,14 +81,8 @@ def fit_of(
         effort=effort,
         errors_degC=tuple(errors),
         baseline=fit_static_linear(structure.segments),
-        input_ranges=ranges_of(structure.segments),
+        input_ranges=tuple((float(row.min()), float(row.max())) for row in inputs_seen),
     )
-
-
-def ranges_of(segments: Sequence[Segment]) -> tuple[tuple[float, float], ...]:
-    """Per input its least and largest value."""
-    u = np.concatenate([segment.inputs for segment in segments], axis=1)
-    return tuple((float(row.min()), float(row.max())) for row in u)
 
 
 def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> ParameterEstimate:
@@ -98,11 +92,10 @@ def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unce
     index = known.names.index(name)
     error = float(known.standard_error[index])
     bound, identifiable = bool(known.at_bound[index]), bool(known.identifiable[index])
-    if np.isnan(error):
-        return ParameterEstimate(name, unit, value, None, None, True, bound, identifiable)
     half = known.quantile * error
-    if logarithmic and half > _OPEN:
-        return ParameterEstimate(name, unit, value, None, None, True, bound, identifiable=False)
+    vague = logarithmic and half > _OPEN
+    if np.isnan(error) or vague:
+        return ParameterEstimate(name, unit, value, None, None, True, bound, identifiable and not vague)
     if logarithmic:
         factor = float(np.exp(half))
         interval = (value / factor, value * factor)

@@ -42,21 +42,9 @@ def black_box_residual_degC(
 ) -> Array:
     """Measured minus predicted on blocks of time, each predicted by a black box that was fitted to the others.
 
-    Parameters
-    ----------
-    time_s : array, shape (samples,)
-        Increasing, at any spacing.
-    inputs : mapping of str to array, shape (samples,)
-        What may drive the sensors: the ambient and every logged column, never a sensor. Gaps are bridged by lines.
-    outputs : array, shape (sensors, samples)
-        In degC, NaN where nothing was measured.
-    blocks : sequence of slice
-        Of samples; each is held out in turn.
-
-    Returns
-    -------
-    array, shape (sensors, samples)
-        NaN outside the blocks and where nothing was measured.
+    ``time_s`` (N,) increases at any spacing. ``inputs``, (N,) each, may drive the sensors: the ambient and every logged
+    column, never a sensor; their gaps are bridged by lines. ``outputs`` (m, N) are in degC, NaN where nothing was
+    measured; so is the result, which is NaN outside the ``blocks`` of samples, too.
     """
     stretches = _stretches(time_s)
     longest_s = max(time_s[each][-1] - time_s[each][0] for each in stretches)

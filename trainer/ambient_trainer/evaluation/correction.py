@@ -61,12 +61,7 @@ def corrected(model: Model, found: Correction, source: Mapping[str, Any]) -> Mod
     """``model`` with its offsets corrected; ``source`` is the provenance of the calibration."""
     added = found.offsets_degC
     main = _moved(model.main, added[MAIN])
-    entry = {
-        **source,
-        "samples": found.samples,
-        "offsets_degC": dict(added),
-        "standard_error_degC": found.standard_error_degC,
-    }
+    entry = {**source, **asdict(found)}
     result = model._replace(
         created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
         main=main,
@@ -90,7 +85,7 @@ def report_of(found: Correction) -> Report:
         title=f"Offset {added:+.3f} degC (standard error {error:.3f}), from {found.samples:,} samples with an ambient",
         lead=[Finding(small) if abs(added) < 2 * error else None],
         sections=[Section("", [Table("", ("estimator", "offset in degC"), rows) if rows else None])],
-        data={**asdict(found), "offsets_degC": dict(found.offsets_degC)},
+        data=asdict(found),
     )
 
 

@@ -146,6 +146,8 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:
         raise _too_few(trace, tracked)
+    variance = model.error_variance
+    published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, tracked.sigma_degC[scored])
     return Evaluation(
         trace=trace.path,
         time_s=trace.time_s,
@@ -157,7 +159,7 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
         reference_degC=trace.reference,
         error_degC=error,
         metrics=score(error[scored]),
-        coverage=_coverage(model, error[scored], tracked.sigma_degC[scored]),
+        coverage=coverage(error[scored], *published),
         trace_period_s=trace_period_s,
         period_s=discrete.period_s,
         baseline=_baseline(model, tracked, trace.reference, scored),
@@ -208,13 +210,6 @@ def _track(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> _T
         np.array([each.used for each in estimates], dtype=np.float64),
         np.array(sigmas, dtype=np.float64),
     )
-
-
-def _coverage(model: Model, error_degC: Array, sigma_degC: Array) -> dict[int, float]:
-    """Of the interval that is published: that of the error variance, or the constant one."""
-    if model.error_variance is None:
-        return coverage(error_degC, model.main.interval)
-    return coverage(error_degC, model.error_variance.quantiles, sigma_degC)
 
 
 def _baseline(model: Model, tracked: _Tracked, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:

@@ -24,7 +24,7 @@ from ambient_trainer.estimation.profile import Profile, Values, held, profile, s
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.sensitivity import Sensitivity, parameter_names, sensitivity
 from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimators.base import Effort, Fit
+from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import CircuitEstimator, circuit_structure
 
 Progress = Callable[[str, int, int], None]
@@ -75,7 +75,7 @@ class Recovery:
     name: str
     truth: float
     mean: float
-    deviation: float
+    standard_errors_off: float
     """The mean's distance from the truth in its standard errors."""
 
 
@@ -146,7 +146,12 @@ def identifiability(
         [trace], effort, lambda start, *_: progress("fitting", start, effort.starts), period_s
     )
     with threadpool_limits(1):
-        subject = subject_of(circuit, fit, trace, fixed, period_s)
+        values = {each.name: each.initial for each in circuit.parameters}
+        values.update({each.name: each.value for each in fit.parameters})
+        held_there = held(circuit, {name: values[name] for name in fixed})
+        stretches = segments(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s)
+        noise = max(fit.rmse_degC, _LEAST_NOISE_DEGC)
+        subject = own_output(held_there, values, stretches, noise, fit.residual_memory_samples)
         structure = subject.structure()
         theta, beta = unknowns_at(structure, subject.values)
         known = sensitivity(structure, theta, beta, effort.seed)
@@ -163,22 +168,6 @@ def identifiability(
             profiles=profiles(subject, progress),
             recovered=recovered(subject, known, replicates, effort.seed, progress),
         )
-
-
-def subject_of(
-    circuit: Circuit, fit: Fit, trace: Trace, fixed: Mapping[str, float | None], period_s: float | None
-) -> Subject:
-    """``circuit`` at the values of ``fit``, with what is fixed held there, over the inputs of ``trace``."""
-    values = {each.name: each.initial for each in circuit.parameters}
-    values.update({each.name: each.value for each in fit.parameters})
-    held_there = held(circuit, {name: values[name] for name in fixed})
-    noise = max(fit.rmse_degC, _LEAST_NOISE_DEGC)
-    return own_output(held_there, values, measured(circuit, trace, period_s), noise, fit.residual_memory_samples)
-
-
-def measured(circuit: Circuit, trace: Trace, period_s: float | None = None) -> list[Segment]:
-    """The stretches of ``trace`` that ``circuit`` is fitted to."""
-    return segments(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s)
 
 
 def own_output(
@@ -257,9 +246,7 @@ def recovered(
     for index in range(replicates if names else 0):
         progress("fitting its own output with noise", index, replicates)
         noisy = [
-            Segment(
-                each.period_s, each.inputs, each.outputs + random.normal(0.0, subject.noise_degC, each.outputs.shape)
-            )
+            replace(each, outputs=each.outputs + random.normal(0.0, subject.noise_degC, each.outputs.shape))
             for each in subject.own
         ]
         structure = circuit_structure(circuit, noisy)

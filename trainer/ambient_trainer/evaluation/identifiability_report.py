@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from ambient_trainer.estimation.sensitivity import SILENT_DEGC
@@ -62,7 +63,7 @@ def _at_this_fit(found: Identifiability) -> list[str]:
             f"{found.memory_samples:.0f} samples, this trace leaves a side open for {', '.join(found.flat)}."
         )
     if found.recovered:
-        far = [each.name for each in found.recovered if abs(each.deviation) > 2]
+        far = [each.name for each in found.recovered if abs(each.standard_errors_off) > 2]
         lines.append(
             f"Recovery: from its own noisy output the mean of {len(found.recovered) - len(far)} of "
             f"{len(found.recovered)} identifiable parameters comes back within two standard errors"
@@ -108,7 +109,7 @@ def _parameter_table(found: Identifiability) -> Table:
                 f"{each.value:.4g}",
                 f"{found.sensitivity.effect_degC[each.name]:.2g}",
                 f"{_end(each.low)} to {_end(each.high)}",
-                "-" if back is None else f"{back.mean:.4g} ({back.deviation:+.1f})",
+                "-" if back is None else f"{back.mean:.4g} ({back.standard_errors_off:+.1f})",
             )
         )
     caption = (
@@ -157,10 +158,7 @@ def as_json(found: Identifiability) -> dict[str, Any]:
             }
             for each in found.profiles
         ],
-        "recovered": [
-            {"name": each.name, "truth": each.truth, "mean": each.mean, "standard_errors_off": each.deviation}
-            for each in found.recovered
-        ],
+        "recovered": [asdict(each) for each in found.recovered],
     }
 
 

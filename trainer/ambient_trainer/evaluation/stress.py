@@ -7,7 +7,7 @@ Every condition changes a trace and runs it through the recursion that the devic
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -165,11 +165,6 @@ def section_of(results: Sequence[Stressed]) -> Section:
         for each in results
     ]
     return Section("Stress", [Table(_CAPTION, _COLUMNS, rows), Figure(partial(_figure, results))])
-
-
-def data_of(results: Sequence[Stressed]) -> list[dict[str, object]]:
-    """The same as JSON."""
-    return [asdict(each) for each in results]
 
 
 def _figure(results: Sequence[Stressed]) -> go.Figure:

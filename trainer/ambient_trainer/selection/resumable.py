@@ -26,21 +26,9 @@ _ANEW = "remove it to start anew, or name another --state"
 class ResumablePool:
     """Worker processes and the results that are known; a context, whose end stops the processes and closes the file.
 
-    Parameters
-    ----------
-    jobs : int
-        Number of processes.
-    path : str or None
-        The state file, made where it is missing; None keeps the results in memory.
-    identity : mapping
-        What the results depend on.
-    progress : callable
-        Gets what is computed, how many results of it are there, and how many are wanted.
-
-    Raises
-    ------
-    Refused
-        Where the file is none of this search, or another process uses it.
+    ``path`` is the state file, made where it is missing; without one the results stay in memory. They depend on
+    ``identity``. ``progress`` gets what is computed, how many results of it are there, and how many are wanted. Raises
+    :class:`Refused` where the file is none of this search, or another process uses it.
     """
 
     def __init__(

@@ -61,7 +61,7 @@ class Screened(NamedTuple):
 def screened(traces: Sequence[Trace]) -> Screened:
     """The temperatures that every trace holds and that are usable, and those that are left out."""
     frames = [
-        pd.DataFrame({name: values for name, values in each.columns.items() if _is_zone(name)}, index=each.time_s)
+        pd.DataFrame(each.columns, index=each.time_s).filter(regex="_degC$").drop(columns=REFERENCE, errors="ignore")
         for each in traces
     ]
     table = pd.concat(frames, ignore_index=True)
@@ -86,10 +86,6 @@ def screened(traces: Sequence[Trace]) -> Screened:
             why[name] = f"reads the same as {twin.removesuffix('_degC')}"
     left_out = tuple(LeftOut(name, why[name]) for name in table if name in why)
     return Screened(tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept), left_out)
-
-
-def _is_zone(column: str) -> bool:
-    return column.endswith("_degC") and column != REFERENCE
 
 
 def _unusable(values: pd.Series) -> str | None:

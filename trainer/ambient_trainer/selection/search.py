@@ -22,6 +22,7 @@ from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.validation import Block, Spending, cut_in_blocks, refitted
+from ambient_trainer.estimators.training import source_of
 from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.selection.floating import best_sets, swaps
 from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
@@ -65,11 +66,6 @@ class SearchData:
         return tuple(each.name for each in self.sensors)
 
     @property
-    def source(self) -> str:
-        """The traces, for messages."""
-        return ", ".join(each.path for each in self.traces)
-
-    @property
     def period_s(self) -> float:
         """Period of the grid."""
         return self.segments[0].period_s
@@ -85,14 +81,14 @@ class SearchData:
         for name in names:
             if name not in self.names:
                 problem = f"left out: {out[name]}" if name in out else "no such sensor"
-                raise refuse(self.source, name, problem, f"take of {', '.join(self.names)}")
+                raise refuse(source_of(self.traces), name, problem, f"take of {', '.join(self.names)}")
         return tuple(sorted(self.names.index(name) for name in names))
 
 
 def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> SearchData:
     """Lay the usable ``zones`` of ``traces`` on a grid; raises :class:`Refused` where nothing can be learned."""
     sensors, left_out = zones
-    source = ", ".join(each.path for each in traces)
+    source = source_of(traces)
     if not sensors:
         whys = "; ".join(f"{each.column}: {each.why}" for each in left_out)
         raise refuse(source, "", f"no zone is usable ({whys})", "log others")
@@ -123,31 +119,10 @@ def searched(
     checks: Sequence[Trace] = (),
     with_circuits: bool = True,
 ) -> SearchResult:
-    """Search ``data`` for the best sets of sensors and, ``with_circuits``, their circuits.
+    """Search ``data``, :func:`prepared` with the same options, for the best sets of sensors and their circuits.
 
-    Parameters
-    ----------
-    data : SearchData
-        From :func:`prepared`.
-    options : Options
-        The same as for ``data``.
-    pool : ResumablePool
-        Computes the results, or knows them.
-    against : sequence of str
-        Names of sensors: a set to compare with.
-    checks : sequence of Trace
-        Traces that are scored and have no part in the selection.
-    with_circuits : bool
-        Whether to search for circuits too.
-
-    Returns
-    -------
-    SearchResult
-
-    Raises
-    ------
-    Refused
-        Where ``against`` or a trace of ``checks`` lacks a sensor; nothing is computed then.
+    ``against`` names the sensors of a set to compare with; the traces of ``checks`` are scored and have no part in the
+    selection. Raises :class:`Refused` where one of these lacks a sensor; nothing is computed then.
     """
     compared = data.numbers(against)
     for trace in checks:
@@ -299,7 +274,7 @@ def _circuits(
     """Per size the best circuit of the best sensors that a circuit file can name."""
     allowed = [index for index, name in enumerate(data.names) if name not in unnamed]
     coarse = _on_grid(data.traces, data.sensors, _circuit_period_s(data))
-    blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, data.source)
+    blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, source_of(data.traces))
     samples = tuple(float(_scored(coarse, each, each.start, each.stop)) for each in blocks)
     # time constants to start from, slowest first
     longest_s = max(each.inputs.shape[1] * each.period_s for each in coarse)

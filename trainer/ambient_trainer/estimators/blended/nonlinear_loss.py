@@ -61,15 +61,12 @@ def simulate(plant: Plant, loss: Loss, ambient_degC: Array, heat_W: Array, perio
     surfaces = np.flatnonzero(plant.to_ambient)
     extra = np.zeros_like(heat_W)
     for index in range(passes):
-        nodes = linear_nodes(plant, ambient_degC, heat_W + extra, period_s)
+        drive = plant.left @ (
+            (plant.to_ambient[:, None] * ambient_degC + (heat_W + extra)) / plant.capacitance[:, None]
+        )
+        nodes = plant.right @ modal_response(plant.rates, drive, period_s)
         if index < passes - 1:
             rise = nodes[surfaces] - ambient_degC
             bent = factor(rise, (nodes[surfaces] + ambient_degC) / 2, plant.rho, loss)
             extra[surfaces] = -plant.to_ambient[surfaces, None] * rise * (bent - 1)
     return np.vstack([lagged(nodes[n], lag, period_s) for n, lag in zip(plant.sensor_nodes, plant.lags_s)])
-
-
-def linear_nodes(plant: Plant, ambient_degC: Array, heat_W: Array, period_s: float) -> Array:
-    """The nodes' temperatures (n, N) with a loss of G dT."""
-    drive = plant.left @ ((plant.to_ambient[:, None] * ambient_degC + heat_W) / plant.capacitance[:, None])
-    return np.asarray(plant.right @ modal_response(plant.rates, drive, period_s))

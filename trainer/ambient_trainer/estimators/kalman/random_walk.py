@@ -57,7 +57,9 @@ class RandomWalkAmbient:
 
     def filter(self, theta: Array) -> StateSpace:
         """The steady-state filter at ``theta`` (P,); raises ``ValueError`` where there is none."""
-        return self._system(*self._solved(theta)[:2])
+        A, K, _, _ = self._solved(theta)
+        n, m = K.shape
+        return StateSpace(A, K, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
     def slopes(self, theta: Array) -> StateSpace:
         """The derivative of :meth:`filter` in each of theta, with a leading axis.
@@ -89,10 +91,6 @@ class RandomWalkAmbient:
         P = solve_continuous_lyapunov(A - K @ H, -(Q + K * R @ K.T))
         K = P @ H.T / R
         return A - K @ H, K, P, R
-
-    def _system(self, A: Array, K: Array) -> StateSpace:
-        n, m = K.shape
-        return StateSpace(A, K, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
     def process(self, theta: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """A and Q (n + 1, n + 1) of the circuit, the ambient last, and the diagonal of R (n,); real or complex."""

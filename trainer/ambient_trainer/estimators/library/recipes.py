@@ -43,7 +43,7 @@ def find(name: str) -> RecipeEstimator | None:
     return None if found is None else RecipeEstimator(*found)
 
 
-class RecipeEstimator(Estimator[Fit]):
+class RecipeEstimator(Estimator):
     """Fits what a recipe describes; it names the trace columns that it reads."""
 
     def __init__(self, recipe: Recipe, circuit: Circuit) -> None:
