@@ -15,12 +15,18 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
+from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.static_linear import StaticLinear
 from ambient_trainer.estimators.estimate import blended, estimate_degC
-from ambient_trainer.estimators.training import Training
+from ambient_trainer.estimators.training import (
+    Training,
+    slowest_period_s,
+    temperature_columns,
+    training_segments,
+)
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 
@@ -90,14 +96,13 @@ class Estimator(ABC):
 
     name: str
     """What a user calls it."""
-    reads_any = False
+    reads_any = True
     """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
 
     def searches(self, effort: Effort) -> int:
         """How many searches a fit makes, for a progress bar: by default one a start."""
         return effort.starts
 
-    @abstractmethod
     def fit(
         self,
         traces: Sequence[Trace],
@@ -128,8 +133,22 @@ class Estimator(ABC):
         Raises
         ------
         Refused
-            Where a column is missing, or the traces hold too little.
+            Where a column is missing or never changes, or the traces hold too little.
         """
+        training = self.training(traces, inputs, period_s, effort.pieces)
+        with threadpool_limits(1):
+            return self.fit_to(training, effort, progress)
+
+    def training(
+        self, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int
+    ) -> Training:
+        """What it is fitted to: by default every temperature, on the slowest trace's own grid."""
+        columns, period = tuple(inputs or temperature_columns(traces)), period_s or slowest_period_s(traces)
+        return Training(columns, training_segments(traces, columns, (REFERENCE,), period, pieces), traces)
+
+    @abstractmethod
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to this training data."""
 
 
 class ParameterEstimate(NamedTuple):
@@ -226,26 +245,3 @@ def error_quantiles(errors_degC: Array) -> Quantiles:
     tails = {level: (100 - level) / 2 for level in LEVELS_PERCENT}
     bands = {level: np.percentile(errors_degC, [tail, 100 - tail]).tolist() for level, tail in tails.items()}
     return {level: (low, high) for level, (low, high) in bands.items()}
-
-
-class FilterEstimator(Estimator):
-    """An estimator that reads any temperatures, on uniform grids of them; a subclass fits."""
-
-    reads_any = True
-
-    def fit(
-        self,
-        traces: Sequence[Trace],
-        effort: Effort = USUAL,
-        progress: Progress | None = None,
-        period_s: float | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> Fit:
-        """Fit; see :meth:`Estimator.fit`."""
-        training = Training.of(traces, inputs, period_s, effort.pieces)
-        with threadpool_limits(1):
-            return self.fit_to(training, effort, progress)
-
-    @abstractmethod
-    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
-        """The fit to grids of these columns."""

@@ -4,60 +4,55 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from threadpoolctl import threadpool_limits
-
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import USUAL, Effort, Estimator, Fit
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.searched import estimated, fit_of, searched
-from ambient_trainer.estimators.training import require_enough, source_of, training_segments
+from ambient_trainer.estimators.training import Training, require_enough, training_segments
 
 
 class CircuitEstimator(Estimator):
     """Fits a circuit, each stretch from thermal equilibrium with its first sample; it names its trace columns."""
 
+    reads_any = False
+
     def __init__(self, circuit: Circuit) -> None:
         self.circuit = circuit
         self.name = circuit.name
 
-    def fit(
-        self,
-        traces: Sequence[Trace],
-        effort: Effort = USUAL,
-        progress: Progress | None = None,
-        period_s: float | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> Fit:
-        """Fit; see :meth:`ambient_trainer.estimators.base.Estimator.fit`.
+    def training(
+        self, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int
+    ) -> Training:
+        """The grids over the circuit's own columns, by default at each trace's own period."""
+        outputs = [output.column for output in self.circuit.outputs]
+        columns = self.circuit.inputs
+        return Training(columns, training_segments(traces, columns, outputs, period_s, pieces), traces)
 
-        Raises :class:`Refused` where the traces lack a column, hold too little, or an input never changes.
-        """
-        columns = tuple(output.column for output in self.circuit.outputs)
-        data = training_segments(traces, self.circuit.inputs, columns, period_s, effort.pieces)
-        structure = circuit_structure(self.circuit, data)
-        require_enough(source_of(traces), structure)
-        with threadpool_limits(1):
-            found = searched(structure, effort, progress)
-            best = found.result.best
-            values = structure.values(best.theta, best.beta)
-            units = {each.name: each.unit for each in self.circuit.parameters}
-            logarithmic = structure.logarithmic_names
-            # what the file gives as a bare number has a place for a name, with dots in it
-            shown = [each.name for each in self.circuit.parameters if each.free or "." not in each.name]
-            return fit_of(
-                found,
-                structure.system(best.theta, best.beta),
-                [estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown],
-                circuit=self.circuit.name,
-                inputs=self.circuit.inputs,
-                states=[node.name for node in self.circuit.states],
-                hold=self.circuit.hold,
-                outputs=[output.name for output in self.circuit.outputs],
-            )
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to this training data."""
+        structure = circuit_structure(self.circuit, training.segments)
+        require_enough(training.traces, structure)
+        found = searched(structure, effort, progress)
+        best = found.result.best
+        values = structure.values(best.theta, best.beta)
+        units = {each.name: each.unit for each in self.circuit.parameters}
+        logarithmic = structure.logarithmic_names
+        # what the file gives as a bare number has a place for a name, with dots in it
+        shown = [each.name for each in self.circuit.parameters if each.free or "." not in each.name]
+        return fit_of(
+            found,
+            structure.system(best.theta, best.beta),
+            [estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown],
+            circuit=self.circuit.name,
+            inputs=self.circuit.inputs,
+            states=[node.name for node in self.circuit.states],
+            hold=self.circuit.hold,
+            outputs=[output.name for output in self.circuit.outputs],
+        )
 
 
 def circuit_structure(circuit: Circuit, segments: Sequence[Segment]) -> CircuitStructure:

@@ -52,24 +52,17 @@ def training_segments(
 
 
 class Training(NamedTuple):
-    """What a filter of the reference is fitted to: trace columns, the grids over them, and the traces' names."""
+    """What an estimator is fitted to: trace columns, the grids over them, and the traces themselves."""
 
     columns: tuple[str, ...]
     segments: Sequence[Segment]
-    source: str
-
-    @classmethod
-    def of(cls, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int) -> Training:
-        """By default of every temperature, on the slowest trace's own grid."""
-        columns = tuple(inputs or temperature_columns(traces))
-        period = period_s or slowest_period_s(traces)
-        return cls(columns, training_segments(traces, columns, (REFERENCE,), period, pieces), source_of(traces))
+    traces: Sequence[Trace]
 
     def without(self, dropped: int) -> Training:
         """The same without the input of that number."""
         kept = [index for index in range(len(self.columns)) if index != dropped]
         fewer = [Segment(each.period_s, each.inputs[kept], each.outputs) for each in self.segments]
-        return Training(tuple(self.columns[index] for index in kept), fewer, self.source)
+        return Training(tuple(self.columns[index] for index in kept), fewer, self.traces)
 
 
 def require_informative(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
@@ -96,10 +89,10 @@ def _column_faults(
         yield Fault(f"column {name}", f"is {known[0]:g} all the time", hint)
 
 
-def require_enough(source: str, structure: Structure) -> None:
+def require_enough(traces: Sequence[Trace], structure: Structure) -> None:
     """Refuse traces with fewer samples than ``structure`` has unknowns."""
     samples = sum(int((~np.isnan(segment.outputs)).sum()) for segment in structure.segments)
     unknowns = len(structure.search.names) + len(structure.linear.names)
     if samples <= unknowns:
         problem = f"{samples} samples for {unknowns} unknowns"
-        raise refuse(source, "", problem, "log longer, or take a smaller circuit")
+        raise refuse(source_of(traces), "", problem, "log longer, or take a smaller circuit")

@@ -15,7 +15,7 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance
@@ -35,7 +35,7 @@ def find(name: str) -> CircuitObserver | None:
     return CircuitObserver() if name in NAMES else None
 
 
-class CircuitObserver(FilterEstimator):
+class CircuitObserver(Estimator):
     """Fits the observer, and one without each of its inputs."""
 
     name = NAMES[0]
@@ -45,14 +45,14 @@ class CircuitObserver(FilterEstimator):
 
         Raises :class:`Refused` for more sensors than a trace determines.
         """
-        columns, segments, source = training
+        columns, segments, traces = training
         if len(columns) > _MOST_SENSORS:
             problem = f"{len(columns)} temperatures make a circuit with more unknowns than a trace determines"
             raise refuse(self.name, "", problem, f"name the best {_MOST_SENSORS} or fewer with --sensors")
         walk = walk_of(segments)
         circuit = RandomWalkAmbient(columns, walk)
         structure = ObserverStructure(circuit, prior_theta(circuit, segments), segments)
-        require_enough(source, structure)
+        require_enough(traces, structure)
         main = _fitted(columns, structure, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
 
         def fallback(dropped: int) -> Fit:

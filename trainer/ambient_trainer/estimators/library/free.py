@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, searched
 from ambient_trainer.estimators.training import Training, require_enough
 
@@ -16,7 +16,7 @@ def find(name: str) -> FreeFilterEstimator | None:
     return FreeFilterEstimator(NAMES.index(name) + 1) if name in NAMES else None
 
 
-class FreeFilterEstimator(FilterEstimator):
+class FreeFilterEstimator(Estimator):
     """Fits the free linear filter of ``order``."""
 
     def __init__(self, order: int) -> None:
@@ -26,7 +26,7 @@ class FreeFilterEstimator(FilterEstimator):
     def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
         """The fit to grids of these columns."""
         structure = FreeFilter(self.order, training.segments)
-        require_enough(training.source, structure)
+        require_enough(training.traces, structure)
         found = searched(structure, effort, progress)
         system = structure.system(found.result.best.theta, found.result.best.beta)
         parameters, states = filter_parameters(structure, found), MODES[: self.order]

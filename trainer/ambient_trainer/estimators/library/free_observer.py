@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
-from ambient_trainer.estimators.base import Effort, FilterEstimator, Fit
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, Selection, constrained
 from ambient_trainer.estimators.observer import filter_fit, late, with_fallbacks_and_variance
 from ambient_trainer.estimators.training import Training, require_enough
@@ -25,7 +25,7 @@ def find(name: str) -> FreeObserver | None:
     return FreeObserver() if name in NAMES else None
 
 
-class FreeObserver(FilterEstimator):
+class FreeObserver(Estimator):
     """Fits the observer, and one without each of its inputs."""
 
     name = NAMES[0]
@@ -36,7 +36,7 @@ class FreeObserver(FilterEstimator):
         Cancelled before order and noise are selected, it keeps the best of what was tried.
         """
         segments = training.segments
-        require_enough(training.source, FreeFilter(max(ORDERS), segments))
+        require_enough(training.traces, FreeFilter(max(ORDERS), segments))
         selection = Selection(segments, effort, progress)
         choice = selection.run()
         if choice is None:

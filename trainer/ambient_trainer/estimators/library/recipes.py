@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
@@ -22,13 +21,13 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.uncertainty import residual_memory
-from ambient_trainer.estimators.base import USUAL, Effort, Estimator, Fit
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.blended.filters import fit_error_variance, fit_filters, published
 from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.observer import fallback_notes, half_width_note
-from ambient_trainer.estimators.training import require_informative, slowest_period_s, source_of
+from ambient_trainer.estimators.training import Training, require_informative, slowest_period_s, source_of
 from ambient_trainer.lti.response import noise_gain
 
 NAMES = recipe_names()
@@ -46,6 +45,8 @@ def find(name: str) -> RecipeEstimator | None:
 class RecipeEstimator(Estimator):
     """Fits what a recipe describes; it names the trace columns that it reads."""
 
+    reads_any = False
+
     def __init__(self, recipe: Recipe, circuit: Circuit) -> None:
         self.recipe, self.circuit, self.name = recipe, circuit, recipe.name
 
@@ -53,21 +54,30 @@ class RecipeEstimator(Estimator):
         """The circuit's, the main filter's, the secondary one's and one a fallback."""
         return 3 + len(self.recipe.sensors)
 
-    def fit(
-        self,
-        traces: Sequence[Trace],
-        effort: Effort = USUAL,
-        progress: Progress | None = None,
-        period_s: float | None = None,
-        inputs: Sequence[str] | None = None,
-    ) -> Fit:
-        """Fit; see :meth:`ambient_trainer.estimators.base.Estimator.fit`.
+    def training(
+        self, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int
+    ) -> Training:
+        """The log without gaps, each piece to be started cold."""
+        recipe, period = self.recipe, period_s or slowest_period_s(traces)
+        require_informative(traces, recipe.sensor_columns, (REFERENCE,))
+        columns = (*recipe.sensor_columns, REFERENCE, *recipe.drive_columns)
+        stretches = [each for trace in traces for each in segments(trace, columns, (), period)]
+        log = [piece for each in stretches for piece in each.pieces(pieces)]
+        samples = sum(each.inputs.shape[1] for each in log)
+        if samples < _FEWEST_SAMPLES:
+            problem = f"{samples} samples are too few for {recipe.name}, which needs {_FEWEST_SAMPLES}"
+            hint = "log hours, at 1 s, with work, pauses and an ambient that changes"
+            raise refuse(source_of(traces), "", problem, hint)
+        return Training(columns, log, traces)
+
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to this training data.
 
         Each search has one start, the recipe's: ``effort.starts`` is not used. Cancelled, it leaves out the
         fallbacks that are not done; before the first it raises :class:`Cancelled`.
         """
-        recipe, period = self.recipe, period_s or slowest_period_s(traces)
-        records = _records(recipe, traces, period, effort.pieces)
+        recipe, traces, period = self.recipe, training.traces, training.segments[0].period_s
+        records = [record_of(recipe, dict(zip(training.columns, each.inputs))) for each in training.segments]
         stride = max(1, round(_CIRCUIT_PERIOD_S / period))
         coarse, coarse_period_s = [each.every(stride) for each in records], stride * period
         samples = sum(len(each.ambient_degC) for each in records)
@@ -80,40 +90,21 @@ class RecipeEstimator(Estimator):
             show(0, evaluation, square)
             effort.budget.cancel.check()
 
-        with threadpool_limits(1):
-            # a log that lacks something is refused before anything is searched
-            ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
-            workload = fit_workload(coarse, recipe.work, source_of(traces))
-            forward = Forward(recipe, self.circuit)
-            fitted = fit_forward(forward, coarse, coarse_period_s, show_forward)
-            columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
-            steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
-            design = TrainingSetDesign(
-                recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed, steps
-            )
-            logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
-            fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
-            # errors are smaller in the very runs that the filters were fitted to
-            variance = fit_error_variance(recipe, fit, replace(design, draw=1).runs(records), period)
+        # a log that lacks something is refused before anything is searched
+        ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
+        workload = fit_workload(coarse, recipe.work, source_of(traces))
+        forward = Forward(recipe, self.circuit)
+        fitted = fit_forward(forward, coarse, coarse_period_s, show_forward)
+        columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
+        steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
+        design = TrainingSetDesign(
+            recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed, steps
+        )
+        logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
+        fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
+        # errors are smaller in the very runs that the filters were fitted to
+        variance = fit_error_variance(recipe, fit, replace(design, draw=1).runs(records), period)
         return _assembled(recipe, replace(fit, error_variance=variance), fitted, logged)
-
-
-def _records(recipe: Recipe, traces: Sequence[Trace], period_s: float, pieces: int) -> list[Record]:
-    """The log without gaps, at ``period_s``, each piece to be started cold."""
-    require_informative(traces, recipe.sensor_columns, (REFERENCE,))
-    columns = [*recipe.sensor_columns, REFERENCE, *recipe.drive_columns]
-    records = [
-        record_of(recipe, dict(zip(columns, piece.inputs)))
-        for trace in traces
-        for segment in segments(trace, columns, (), period_s)
-        for piece in segment.pieces(pieces)
-    ]
-    samples = sum(len(each.ambient_degC) for each in records)
-    if samples < _FEWEST_SAMPLES:
-        problem = f"{samples} samples are too few for {recipe.name}, which needs {_FEWEST_SAMPLES}"
-        hint = "log hours, at 1 s, with work, pauses and an ambient that changes"
-        raise refuse(source_of(traces), "", problem, hint)
-    return records
 
 
 def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
