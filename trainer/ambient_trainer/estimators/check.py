@@ -16,26 +16,10 @@ from ambient_trainer.lti.response import states
 
 
 def check_estimator(estimator: Estimator, training: Sequence[Trace], other: Trace) -> Fitted:
-    """Fit an estimator and test what it gives.
+    """Fit an estimator with one start, test what it gives on ``other``, and return the fit for further tests.
 
-    Parameters
-    ----------
-    estimator : Estimator
-        What is tested, with one start.
-    training : sequence of Trace
-        What it is fitted to.
-    other : Trace
-        A trace without gaps that it estimates, of some hundred samples.
-
-    Returns
-    -------
-    Fitted
-        The fit, for further tests.
-
-    Raises
-    ------
-    AssertionError
-        Names the part of the contract that does not hold.
+    ``other`` is a trace without gaps, of some hundred samples. An :class:`AssertionError` names the part of the
+    contract that does not hold.
     """
     searches: list[int] = []
     effort = Effort(starts=1)

@@ -21,6 +21,8 @@ _LARGE_GAINS = 5.0
 def report_of(fit: Fit) -> Report:
     """The report of a fit."""
     periods = " or ".join(f"{each:g}" for each in fit.periods_s)
+    rows = [(each.name, f"{each.value:.4g}", each.unit, _interval(each), _note(each)) for each in fit.parameters]
+    table = Table("", ("parameter", "value", "unit", "95 % interval", ""), rows)
     return Report(
         subject="Fit",
         title=f"{fit.circuit}: RMSE {fit.rmse_degC:.3f} degC on {fit.samples:,} training samples",
@@ -29,7 +31,7 @@ def report_of(fit: Fit) -> Report:
             Finding(f"A static linear formula leaves {fit.baseline.rmse_degC:.3f} degC on the same samples."),
             Facts([("inputs", ", ".join(fit.inputs)), ("states", ", ".join(fit.states)), ("periods", f"{periods} s")]),
         ],
-        sections=[Section("Parameters", [_parameter_table(fit)]), Section("What the data determine", findings(fit))],
+        sections=[Section("Parameters", [table]), Section("What the data determine", findings(fit))],
         data=as_json(fit),
     )
 
@@ -69,11 +71,6 @@ def findings(fit: Fit) -> list[Finding]:
         )
         found.append(Finding(text))
     return found
-
-
-def _parameter_table(fit: Fit) -> Table:
-    rows = [(each.name, f"{each.value:.4g}", each.unit, _interval(each), _note(each)) for each in fit.parameters]
-    return Table("", ("parameter", "value", "unit", "95 % interval", ""), rows)
 
 
 def _parameter_data(each: ParameterEstimate) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from sklearn.ensemble import ExtraTreesRegressor
 
@@ -50,10 +51,11 @@ def black_box_residual_degC(
     longest_s = max(time_s[each][-1] - time_s[each][0] for each in stretches)
     step_s = float(np.median(np.diff(time_s)))
     constants_s = step_s * _LADDER ** np.arange(-0.5, max(1.0, np.log(max(longest_s / step_s, 1.0)) / np.log(_LADDER)))
-    columns = _normal(np.array([_bridged(row) for row in inputs.values()]).reshape(-1, len(time_s)))
-    linear = np.vstack(
-        [columns, _averages(columns, time_s, stretches, constants_s), _decays(time_s, stretches, constants_s)]
-    )
+    bridged = pd.DataFrame(inputs, dtype=float).interpolate(limit_direction="both").fillna(0.0)
+    columns = _normal(bridged.to_numpy().T.reshape(-1, len(time_s)))
+    since_s = np.concatenate([time_s[part] - time_s[part.start] for part in stretches])
+    decays = np.exp(-since_s / constants_s[:, None])
+    linear = np.vstack([columns, _averages(columns, time_s, stretches, constants_s), decays])
     bent = _bent(columns)
     thinned_s = constants_s[:: 1 + len(bent) * len(constants_s) // _MOST_AVERAGES]
     every = np.vstack([linear, bent, _averages(bent, time_s, stretches, thinned_s)])
@@ -72,11 +74,6 @@ def _stretches(time_s: Array) -> list[slice]:
     return [slice(start, stop) for start, stop in itertools.pairwise(edges)]
 
 
-def _bridged(row: Array) -> Array:
-    known = np.flatnonzero(~np.isnan(row))
-    return np.interp(np.arange(len(row)), known, row[known]) if len(known) else np.zeros_like(row)
-
-
 def _normal(rows: Array) -> Array:
     """Rows of mean 0 and variance 1, without those that never change."""
     varying = rows[np.ptp(rows, axis=1) > 0]
@@ -93,11 +90,6 @@ def _averages(rows: Array, time_s: Array, stretches: Sequence[slice], constants_
         for k in range(part.start + 1, part.stop):
             averages[k] = kept[k] * averages[k - 1] + before[k] * rows[:, k - 1] + now[k] * rows[:, k]
     return averages.reshape(len(time_s), -1).T
-
-
-def _decays(time_s: Array, stretches: Sequence[slice], constants_s: Array) -> Array:
-    since_s = np.concatenate([time_s[part] - time_s[part.start] for part in stretches])
-    return np.exp(-since_s / constants_s[:, None])
 
 
 def _bent(columns: Array) -> Array:

@@ -154,7 +154,7 @@ def as_json(found: Identifiability) -> dict[str, Any]:
                 "interval95": [each.low, each.high],
                 "flat": each.flat,
                 "values": list(each.values),
-                "deviances": [_finite(deviance) for deviance in each.deviances],
+                "deviances": [deviance if math.isfinite(deviance) else None for deviance in each.deviances],
             }
             for each in found.profiles
         ],
@@ -199,7 +199,3 @@ def _times(share: float) -> str:
 
 def _end(value: float | None) -> str:
     return "open" if value is None else f"{value:.4g}"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

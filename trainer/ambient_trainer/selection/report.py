@@ -29,9 +29,10 @@ _CIRCUITS = (
 def report_of(result: SearchResult) -> Report:
     """What the search says, for the terminal, a machine and a page."""
     main, *others = findings(result)
-    circuits: list[Section | str] = (
-        [_CIRCUITS, *map(_circuit_section, result.circuits.values())] if result.circuits else []
-    )
+    circuits: list[Section | str] = [_CIRCUITS] if result.circuits else []
+    for each in result.circuits.values():
+        title = f"{', '.join(each.topology.sensors)}: {each.rmse_degC:.2f} degC held out"
+        circuits.append(Section(title, [Figure(partial(circuit_figure, each))]))
     return Report(
         subject="Search for sensors and circuits",
         title=main,
@@ -169,11 +170,6 @@ def _facts(result: SearchResult) -> Facts:
             ("sensors' errors", f"as if each had {result.options.tolerance_degC:g} degC more, of noise and constant"),
         ]
     )
-
-
-def _circuit_section(each: SelectedCircuit) -> Section:
-    title = f"{', '.join(each.topology.sensors)}: {each.rmse_degC:.2f} degC held out"
-    return Section(title, [Figure(partial(circuit_figure, each))])
 
 
 def _next(result: SearchResult) -> str:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+import pandas as pd
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
@@ -126,12 +127,7 @@ def _far_from_lag(segments: Sequence[Segment], index: int, lag_s: float) -> floa
     far = []
     for each in segments:
         stay = math.exp(-each.period_s / lag_s)
-        reference = _without_gaps(each.outputs[0])
+        reference = pd.Series(each.outputs[0]).interpolate(limit_direction="both").to_numpy()
         lagging = one_pole(stay, (1 - stay) * reference[None], reference[:1])[0]
         far.append(each.inputs[index] - lagging)
     return float(np.var(np.concatenate(far)))
-
-
-def _without_gaps(row: Array) -> Array:
-    known = np.flatnonzero(~np.isnan(row))
-    return np.interp(np.arange(len(row)), known, row[known])
