@@ -36,7 +36,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import search
-from ambient_trainer.lti.discretise import zero_order_hold
+from ambient_trainer.lti.discretise import discretised
 
 THREE_NODES = Path(__file__).parents[1] / "data" / "circuits" / "three_nodes.yaml"
 SAMPLES = 25_000
@@ -91,7 +91,7 @@ def problem() -> Problem:
     power = np.repeat(random.choice([0.0, 1.0, 2.0, 5.0], SAMPLES // 250), 250)
     ambient = 20 + 5 * np.sin(np.arange(SAMPLES) / 4000) + np.repeat(random.normal(size=SAMPLES // 2500), 2500)
     u = np.vstack([ambient, power])
-    d = zero_order_hold(assemble(circuit, truth).value, 1.0)
+    d = discretised(assemble(circuit, truth).value, 1.0, "zero-order")
     _, y, _ = dlsim((d.A, d.B, d.C, d.D, 1.0), u.T, x0=START_DEGC)
     y = y.T + random.normal(size=(3, SAMPLES)) * NOISE_DEGC
     off = np.exp(random.uniform(-np.log(3), np.log(3), len(circuit.parameters)))

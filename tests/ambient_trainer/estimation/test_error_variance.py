@@ -47,16 +47,16 @@ def test_the_levels_cover_another_run():
 
 
 def test_it_is_wide_where_the_estimate_moves():
-    moment, _ = run(1)
-    half = half_widths(fit_error_variance([moment], PERIOD_S), [moment], PERIOD_S)
+    moment, variance = run(1)
+    half = half_widths(fit_error_variance([moment], PERIOD_S), [(moment.estimate_degC, 0 * variance)], PERIOD_S)
     assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
     assert half["90"] > 2 * half["10"]
 
 
 def test_errors_of_constant_variance_have_a_constant_width():
-    moment, _ = run(3, weight=0.0)
+    moment, variance = run(3, weight=0.0)
     model = fit_error_variance([moment], PERIOD_S)
-    half = half_widths(model, [moment], PERIOD_S)
+    half = half_widths(model, [(moment.estimate_degC, 0 * variance)], PERIOD_S)
     assert half["90"] < 1.1 * half["10"]
     assert all(term.weight > 0 for term in model.terms)
 

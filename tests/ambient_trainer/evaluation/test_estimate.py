@@ -13,7 +13,7 @@ from ambient_model.model import Discrete, Estimator, Input
 from ambient_model.tracking import Tracker
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti.discretise import first_order_hold
+from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import StateSpace
 
 INPUTS = ("usb_degC", "battery_degC")
@@ -27,7 +27,7 @@ SYSTEM = StateSpace(
 
 
 def by_tracker(system: StateSpace, trace: Trace, period_s: float) -> Array:
-    found = first_order_hold(system, period_s)
+    found = discretised(system, period_s, "first-order")
     discrete = Discrete(period_s, *(tuple(map(tuple, each.tolist())) for each in (found.A, found.B, found.C, found.D)))
     estimator = Estimator(
         inputs=tuple(Input(name.removesuffix("_degC"), "degC", "", -1e9, 1e9) for name in INPUTS),

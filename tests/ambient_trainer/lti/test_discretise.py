@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
-from ambient_trainer.lti.discretise import discretised, discretised_slopes, first_order_hold, zero_order_hold
+from ambient_trainer.lti.discretise import discretised, discretised_slopes
 from ambient_trainer.lti.statespace import StateSpace
 
 MATRICES = ("A", "B", "C", "D", "offset")
@@ -56,7 +56,7 @@ def test_it_agrees_with_an_integrator(name, period_s, hold, simulated, at_rest):
 
 
 def test_without_states_it_is_the_static_map():
-    found = first_order_hold(_system(np.zeros((0, 0))), 1.0)
+    found = discretised(_system(np.zeros((0, 0))), 1.0, "first-order")
     assert (found.A.shape, found.B.shape, found.C.shape) == ((0, 0), (0, 2), (2, 0))
     np.testing.assert_array_equal(found.D, _system(np.zeros((0, 0))).D)
 
@@ -86,10 +86,10 @@ def _markov(discrete, count):
 
 @given(stable_systems(), st.sampled_from([0.1, 0.5, 1.0, 10.0]))
 def test_its_response_is_that_of_scipy(system, period_s):
-    for hold, ours in (("zoh", zero_order_hold), ("foh", first_order_hold)):
-        A, B, C, D, _ = cont2discrete((system.A, system.B, system.C, system.D), period_s, method=hold)
+    for method, hold in (("zoh", "zero-order"), ("foh", "first-order")):
+        A, B, C, D, _ = cont2discrete((system.A, system.B, system.C, system.D), period_s, method=method)
         wanted = _markov(StateSpace(A, B, C, D, system.offset), 8)
-        found = _markov(ours(system, period_s), 8)
+        found = _markov(discretised(system, period_s, hold), 8)
         np.testing.assert_allclose(found, wanted, rtol=1e-7, atol=1e-9 * np.abs(wanted).max())
 
 

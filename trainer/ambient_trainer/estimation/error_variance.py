@@ -13,7 +13,7 @@ Quantiles are of the errors themselves, in units of their standard deviation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -81,9 +81,12 @@ def fit_weighted_error_variance(terms: Sequence[Term], runs: Sequence[WeightedRu
     return _with_quantiles(model, {level: weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT})
 
 
-def half_widths(model: ErrorVariance, moments: Sequence[Moment], period_s: float) -> dict[str, float]:
-    """Half the width of the 90 % interval in degC, by the percentage of samples over which it is narrower."""
-    sigmas = [sigma_degC(model, each.estimate_degC, 0 * each.estimate_degC, period_s) for each in moments]
+def half_widths(model: ErrorVariance, estimates: Iterable[tuple[Array, Array]], period_s: float) -> dict[str, float]:
+    """Half the width of the 90 % interval in degC, by the percentage of samples over which it is narrower.
+
+    ``estimates`` are pairs as :func:`sigma_degC` takes them.
+    """
+    sigmas = [sigma_degC(model, *each, period_s) for each in estimates]
     halves = np.percentile(np.concatenate(sigmas) * model.quantiles[_INTERVAL][1], _SHOWN_PERCENT)
     return {str(percent): float(half) for percent, half in zip(_SHOWN_PERCENT, halves)}
 

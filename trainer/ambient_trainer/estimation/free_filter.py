@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Structure, Unknowns
-from ambient_trainer.lti.discretise import first_order_hold
+from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import StateSpace
 
 _FASTEST_PER_PERIOD = 2.0
@@ -183,7 +183,7 @@ class FreeFilter(Structure):
             if k == 2:
                 markov[1] -= tail[0] * markov[0]
             C = np.eye(1, k)
-            probe = first_order_hold(StateSpace(F, np.eye(k), C, np.zeros((1, k)), np.zeros(1)), T)
+            probe = discretised(StateSpace(F, np.eye(k), C, np.zeros((1, k)), np.zeros(1)), T, "first-order")
             B = np.linalg.solve(
                 np.vstack([probe.C @ np.linalg.matrix_power(probe.A, i) @ probe.B for i in range(k)]), markov
             )

@@ -66,7 +66,8 @@ def with_fallbacks_and_variance(
     moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
     variance = fit_error_variance(unseen or moments, period_s)
-    gain, half = noise_gain(fit.system, period_s), half_widths(variance, moments, period_s)
+    gain = noise_gain(fit.system, period_s)
+    half = half_widths(variance, [(each.estimate_degC, 0 * each.estimate_degC) for each in moments], period_s)
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
     return replace(
         fit,
@@ -94,7 +95,7 @@ _SHARES = {"10": "at the quietest (10 %)", "90": "in transients (90 %)", "99": "
 
 def half_width_note(half_degC: Mapping[str, float]) -> str:
     """A line on the width of the 90 % interval, by the percentage of samples over which it is narrower."""
-    others = ", ".join(f"{half_degC[share]:.2f} {words}" for share, words in _SHARES.items() if share in half_degC)
+    others = ", ".join(f"{half_degC[share]:.2f} {words}" for share, words in _SHARES.items())
     return f"Half of the 90 % interval: {half_degC['50']:.2f} degC over the median training sample, {others}."
 
 

@@ -22,15 +22,11 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import Hold, StateSpace
 
 
-def zero_order_hold(system: StateSpace, period_s: float) -> StateSpace:
-    """The discrete system whose inputs stay constant between the samples."""
-    E, Phi1, _ = _integrals(system.A, period_s)
-    return StateSpace(E, Phi1 @ system.B, system.C, system.D, system.offset)
-
-
-def first_order_hold(system: StateSpace, period_s: float) -> StateSpace:
-    """The discrete system whose inputs move along straight lines between the samples."""
+def discretised(system: StateSpace, period_s: float, hold: Hold) -> StateSpace:
+    """The discrete system whose inputs between the samples move along straight lines, or stay constant."""
     E, Phi1, Phi2 = _integrals(system.A, period_s)
+    if hold == "zero-order":
+        return StateSpace(E, Phi1 @ system.B, system.C, system.D, system.offset)
     return StateSpace(
         E,
         Phi1 @ system.B,
@@ -38,11 +34,6 @@ def first_order_hold(system: StateSpace, period_s: float) -> StateSpace:
         system.D + system.C @ Phi2 @ system.B / period_s,
         system.offset,
     )
-
-
-def discretised(system: StateSpace, period_s: float, hold: Hold) -> StateSpace:
-    """The discrete system by the hold's name."""
-    return (first_order_hold if hold == "first-order" else zero_order_hold)(system, period_s)
 
 
 def discretised_slopes(system: StateSpace, slopes: StateSpace, period_s: float, hold: Hold) -> StateSpace:

@@ -14,7 +14,7 @@ from scipy.linalg import schur, solve_discrete_lyapunov
 from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.lti.discretise import discretised, discretised_slopes, first_order_hold
+from ambient_trainer.lti.discretise import discretised, discretised_slopes
 from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
 
 _DIVERGED_DEGC = 1e9
@@ -69,7 +69,7 @@ def response_degC(system: StateSpace, hold: Hold, u: Array, period_s: float) -> 
 
 def noise_gain(system: StateSpace, period_s: float) -> float:
     """Standard deviation of the first output of stable ``system`` per unit of white noise in every input."""
-    discrete = first_order_hold(system, period_s)
+    discrete = discretised(system, period_s, "first-order")
     covariance = solve_discrete_lyapunov(discrete.A, discrete.B @ discrete.B.T)
     return math.sqrt(float((discrete.C @ covariance @ discrete.C.T)[0, 0]) + float(np.sum(discrete.D[0] ** 2)))
 

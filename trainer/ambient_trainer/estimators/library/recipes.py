@@ -18,7 +18,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.resolution import resolution_of
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimation.error_variance import half_widths
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
@@ -126,15 +126,12 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
     errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, estimates)])
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
     members = [fit, fit.secondary.fit, *fit.fallbacks.values()]
-    sigmas = [
-        sigma_degC(fit.error_variance, each.ambient_degC, each.apart_degC, fit.periods_s[0]) for each in estimates
-    ]
-    reach = np.percentile(np.concatenate(sigmas), _SHARES_PERCENT) * fit.error_variance.quantiles[_LEVEL][1]
+    blends = [(each.ambient_degC, each.apart_degC) for each in estimates]
     details = {
         "main": _filter(fit),
         "guard": _filter(fit.secondary.fit),
         "threshold_degC": fit.secondary.threshold_degC,
-        "half_width_90_degC": dict(zip(map(str, _SHARES_PERCENT), reach.tolist())),
+        "half_width_90_degC": half_widths(fit.error_variance, blends, fit.periods_s[0]),
         "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in fit.fallbacks.items()},
         "forward_circuit": {
             "name": recipe.circuit,
@@ -156,10 +153,6 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
         details=details,
         notes=notes(details),
     )
-
-
-_LEVEL = 90
-_SHARES_PERCENT = (10, 50, 90)
 
 
 def notes(found: Mapping[str, Any]) -> tuple[str, ...]:
