@@ -40,12 +40,6 @@ def test_the_intervals_are_those_of_scipy() -> None:
         assert band == pytest.approx(expected, abs=1e-9)
 
 
-def test_coverage_counts_the_ends_as_inside() -> None:
-    error = np.array([-1.0, -0.5, 0.0, 0.5, 2.0])
-
-    assert coverage(error, {50: (-0.5, 0.5), 90: (-1.0, 1.0), 98: (-9.0, 9.0)}) == {50: 0.6, 90: 0.8, 98: 1.0}
-
-
 def test_the_published_intervals_follow_from_the_published_bias_and_rmse() -> None:
     if not RESULTS.exists():
         pytest.skip(f"{RESULTS} is not here")
@@ -92,7 +86,9 @@ def test_the_rolling_band_steps_over_what_is_missing() -> None:
     assert np.isnan(rolling_band(np.zeros(19))).all()
 
 
-def test_each_error_is_held_against_an_interval_of_its_own_scale() -> None:
+def test_coverage_counts_the_ends_as_inside_and_takes_a_scale_an_error() -> None:
+    error = np.array([-1.0, -0.5, 0.0, 0.5, 2.0])
+    assert coverage(error, {50: (-0.5, 0.5), 90: (-1.0, 1.0), 98: (-9.0, 9.0)}) == {50: 0.6, 90: 0.8, 98: 1.0}
     error, scale = np.array([-2.0, -0.9, 0.9, 2.0]), np.array([2.0, 1.0, 0.5, 0.25])
     # -1 to 1.5 times the scale: -2 to 3, -1 to 1.5, -0.5 to 0.75, -0.25 to 0.375
     assert coverage(error, {90: (-1.0, 1.5)}, scale) == {90: 0.5}

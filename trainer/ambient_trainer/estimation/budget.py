@@ -13,20 +13,7 @@ class Cancelled(Exception):
 
 
 class CancelToken:
-    """Asks whatever holds it to stop soon.
-
-    Attributes
-    ----------
-    cancelled : bool
-        Whether :meth:`cancel` was called.
-
-    Examples
-    --------
-    >>> token = CancelToken()
-    >>> token.cancel()
-    >>> token.cancelled
-    True
-    """
+    """Asks whatever holds it to stop soon; ``cancelled`` says whether :meth:`cancel` was called."""
 
     def __init__(self) -> None:
         self.cancelled = False
@@ -43,14 +30,9 @@ class CancelToken:
 
 @dataclass(frozen=True)
 class Budget:
-    """How much a search may spend.
+    """How much a search may spend: so many ``evaluations`` over all starts, or without a limit beyond each descent's.
 
-    Parameters
-    ----------
-    evaluations : int, optional
-        Most evaluations over all starts; None is no limit beyond that of each descent.
-    cancel : CancelToken
-        Ends the search after the evaluation under way.
+    ``cancel`` ends it after the evaluation under way.
     """
 
     evaluations: int | None = None

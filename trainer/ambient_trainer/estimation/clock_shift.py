@@ -115,22 +115,11 @@ class _Match:
 
 
 def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -> ClockShift | None:
-    """Shift of the clock of ``other`` against that of ``reference``.
+    """Shift of the clock of ``other`` against that of ``reference``, of at most ``within_s``.
 
-    Parameters
-    ----------
-    reference, other : Trace
-        Their times are meant to be on one clock.
-    within_s : float, optional
-        The largest shift that is searched; by default any that leaves half of the shorter trace in common.
+    By default it is any that leaves half of the shorter trace in common. None where no two columns change and have 60
+    samples in common.
 
-    Returns
-    -------
-    ClockShift or None
-        None where no two columns change and have 60 samples in common.
-
-    Notes
-    -----
     A coarse search takes the correlation at every shift of a grid, the fine one least squares over shift and lags. The
     variance is the sandwich with blocks of time as clusters, and that of a stamp that was rounded to a sample is added.
     """
