@@ -14,6 +14,9 @@ from ambientd.exit_status import status_of
 from ambientd.handover import prepare
 from ambientd.publish.spec import Spec, kinds, parse
 from ambientd.settings import Prepared, Settings
+from ambientd.sources.quantities import REFERENCE_RANGE_DEGC, SIGMA_RANGE_DEGC
+
+_CONFIG = "/etc/ambientd/ambientd.yaml"
 
 
 def call(arguments: Sequence[str]) -> int:
@@ -65,6 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_replay(commands)
     _add_check(commands)
+    _add_tell(commands)
     watch = commands.add_parser("watch", help="follow a running daemon's socket, and the next one's, a line a tick")
     watch.add_argument("socket", metavar="SOCKET")
     watch.add_argument(
@@ -125,6 +129,24 @@ def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
     withdraw = commands.add_parser("withdraw", help="after a killed daemon: remove its outputs, or leave their poison")
     withdraw.add_argument("--config", metavar="FILE", required=True)
     withdraw.set_defaults(command=_withdraw)
+
+
+def _add_tell(commands: "_Commands[argparse.ArgumentParser]") -> None:
+    tell = commands.add_parser(
+        "tell",
+        help="hand the running daemon a reading of the ambient, from which it learns this unit's offset",
+        description="Hand the running daemon a reading of the ambient. It counts while the status is tracking, once per"
+        " correlation time, where it lies within 3 sigma; the daemon's answer is printed. Status 1: it did not count.",
+    )
+    tell.add_argument("value_degC", metavar="DEGC", type=_number(*REFERENCE_RANGE_DEGC), help="the ambient, in degC")
+    tell.add_argument(
+        "--sigma",
+        metavar="DEGC",
+        type=_number(*SIGMA_RANGE_DEGC),
+        help="how uncertain the reading is, a standard deviation (default: the configuration's, 0.5)",
+    )
+    tell.add_argument("--config", metavar="FILE", default=_CONFIG, help=f"the daemon's (default: {_CONFIG})")
+    tell.set_defaults(command=_tell)
 
 
 def _add_origin(command: argparse.ArgumentParser) -> None:
@@ -212,6 +234,12 @@ def _withdraw(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
     from ambientd.run import withdraw
 
     withdraw(load_settings(options.config))
+
+
+def _tell(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    from ambientd.tell import tell
+
+    tell(load_settings(options.config), options.value_degC, options.sigma)
 
 
 def _watch(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

@@ -13,7 +13,8 @@ from ambient_model.intake import first_double, read_whole, shown
 from ambient_model.model import LEVELS_PERCENT
 from ambientd.publish.access import Access, read_access
 from ambientd.publish.spec import Spec, kind_module, parse
-from ambientd.settings import Settings, StateSpec
+from ambientd.settings import ReferenceSpec, Settings, StateSpec
+from ambientd.sources.quantities import SIGMA_RANGE_DEGC
 from ambientd.sources.spec import Location, read_location, read_rules
 
 RATE_RANGE_HZ = (0.1, 20.0)
@@ -33,6 +34,7 @@ _KEYS = (
     "sensors",
     "supervision",
     "access",
+    "reference",
 )
 _LARGEST_BYTES = 2**16
 _LONGEST_TEXT = 1000
@@ -40,6 +42,15 @@ _LONGEST_PROBLEM = 200
 _MOST_FAULTS = 100
 _MOST_PUBLISHERS = 32
 _STATE_KEYS = ("path", "max_age_s", "access")
+_UNITS = ("degC", "millidegC")
+_REFERENCE_RANGES = {
+    "sigma_degC": SIGMA_RANGE_DEGC,
+    "max_age_s": (1.0, 86400.0),
+    "correlation_s": (60.0, 7 * 86400.0),
+    "offset_std_degC": (0.01, 5.0),
+    "max_offset_degC": (0.01, 10.0),
+    "forget_days": (1.0, 3650.0),
+}
 
 
 def settings_for_model(path: str) -> Settings:
@@ -176,9 +187,12 @@ class _Reading:
             "zones_by_name": self.file,
             "sensors": self.sensors,
             "supervision": lambda place, value: read_rules(place, value, self.fault),
+            "reference": self.reference,
         }
         for name in self.named_twice(data.get("zones"), data.get("sensors")):
             self.fault(f"sensors.{name}", "stands under 'zones', too", "name it once")
+        if "reference" in data and "state" not in data:
+            self.fault("reference", "needs 'state', where what is learnt is kept", "add 'state: {path: FILE}'")
         if "model" not in data:
             self.fault("model", "missing", "name the model file")
         return settings._replace(**{key: read(key, data[key]) for key, read in readers.items() if key in data})
@@ -228,6 +242,25 @@ class _Reading:
         if "max_age_s" not in value:
             return spec
         return spec._replace(max_age_s=self.number(f"{place}.max_age_s", value["max_age_s"], MAX_AGE_RANGE_S))
+
+    def reference(self, place: str, value: Any) -> ReferenceSpec | None:
+        if not isinstance(value, dict):
+            self.fault(place, f"is {value!r}", "a mapping is wanted; '{}' is for 'ambientd tell' alone")
+            return None
+        self.unknown(f"{place}.", value, ("path", "unit", *_REFERENCE_RANGES))
+        spec = ReferenceSpec()
+        if "path" in value:
+            spec = spec._replace(path=self.file(f"{place}.path", value["path"]))
+        if "unit" in value:
+            if value["unit"] not in _UNITS:
+                self.fault(f"{place}.unit", f"is {shown(value['unit'])}", f"one of {', '.join(_UNITS)} is wanted")
+            spec = spec._replace(unit=value["unit"])
+        numbers: dict[str, Any] = {
+            key: self.number(f"{place}.{key}", value[key], limits)
+            for key, limits in _REFERENCE_RANGES.items()
+            if key in value
+        }
+        return spec._replace(**numbers)
 
     def level(self, place: str, value: Any) -> int:
         if type(value) is not int or value not in LEVELS_PERCENT:

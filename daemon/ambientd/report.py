@@ -1,10 +1,13 @@
 """The report of one tick, and its JSON object."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.model import Input
 from ambient_model.tracking import Estimate
+
+if TYPE_CHECKING:
+    from ambientd.reference import LastReference, OffsetReport
 
 
 class Report(NamedTuple):
@@ -23,6 +26,8 @@ class Report(NamedTuple):
     missed_ticks: int = 0
     """Since the start or the last reload."""
     clock_steps_back: int = 0
+    offset: "OffsetReport | None" = None
+    """The unit's, where it is learnt."""
 
 
 class _Form:
@@ -51,11 +56,28 @@ _FORM = _Form()
 
 def as_json(report: Report) -> str:
     """``report`` as one JSON object on one line, without the newline; what is not known is null."""
-    model, inputs, level_percent, time_s, raw, estimate, age_s, missed_ticks, steps_back = report
+    model, inputs, level_percent, time_s, raw, estimate, age_s, missed_ticks, steps_back, offset = report
     if inputs is not _FORM.inputs or model != _FORM.model:
         _FORM.fit(model, inputs)
     ambient, low, high, status, used = estimate
     values = [time_s, status, ambient, low, high, level_percent, age_s, missed_ticks, steps_back]
     for pair in zip(raw, used):
         values += pair
-    return _FORM.text % tuple(["null" if value is None else value for value in values])
+    line = _FORM.text % tuple(["null" if value is None else value for value in values])
+    return line if offset is None else f"{line[:-1]}, {_offset_text(offset)}}}"
+
+
+class _LastText:
+    """The text of the last reference, which is mostly that of the tick before."""
+
+    of: "LastReference | None" = None
+    text = "null"
+
+
+def _offset_text(offset: "OffsetReport") -> str:
+    offset_degC, std_degC, last = offset
+    if last is not _LastText.of:
+        import json
+
+        _LastText.of, _LastText.text = last, json.dumps(last and last._asdict())
+    return f'"offset_degC": {offset_degC!r}, "offset_std_degC": {std_degC!r}, "last_reference": {_LastText.text}'

@@ -17,6 +17,7 @@ from ambientd.sources.assign import location_of, open_sensors
 from ambientd.sources.sensors import Sensors
 
 if TYPE_CHECKING:
+    from ambientd.reference import OffsetLearner
     from ambientd.sources.replay import Sample
     from ambientd.state import StateFile
 
@@ -33,6 +34,7 @@ class _Work(NamedTuple):
     tracker: FallbackTracker
     sensors: Sensors
     state: "StateFile | None"
+    learner: "OffsetLearner | None"
 
     def __str__(self) -> str:
         return (
@@ -57,14 +59,14 @@ def run_sensors(first: Callable[[], Prepared], again: Callable[[], Prepared]) ->
                 work.state.take_back(work.tracker, clock_s())
             outlets.become(work.settings.publish, work.settings.state)
             log(str(work))
-            service = Service(work.model, work.settings.level_percent, work.tracker, outlets.publish)
+            service = Service(work.model, work.settings.level_percent, work.tracker, outlets.publish, work.learner)
             while True:
                 waiter.carry_out(_Poll(work, service, notifier, waiter).run, work.sensors.reader.leave)
                 if not waiter.paused() or waiter.ended:
                     break
                 notifier.reloading()
                 work = _reloaded(work, again, outlets, waiter)
-                service.take_over(work.model, work.settings.level_percent, work.tracker)
+                service.take_over(work.model, work.settings.level_percent, work.tracker, work.learner)
         finally:
             work.sensors.close()
             if work.state is not None:
@@ -74,12 +76,16 @@ def run_sensors(first: Callable[[], Prepared], again: Callable[[], Prepared]) ->
 def _opened(prepared: Prepared, waiter: Waiter) -> _Work:
     settings, model, identity = prepared
     tracker = FallbackTracker(model, 1 / settings.rate_hz, settings.level_percent, settings.coast_s)
-    state = None
+    state = learner = None
     if settings.state is not None:
         from ambientd.state import StateFile
 
-        state = StateFile(settings.state, identity, log)
-    return _Work(settings, model, tracker, open_sensors(settings, model, log, waiter.set_alarm), state)
+        if settings.reference is not None:
+            from ambientd.reference import OffsetLearner
+
+            learner = OffsetLearner(settings.reference, settings.level_percent, settings.state.path, log)
+        state = StateFile(settings.state, identity, log, learner)
+    return _Work(settings, model, tracker, open_sensors(settings, model, log, waiter.set_alarm), state, learner)
 
 
 def _reloaded(work: _Work, again: Callable[[], Prepared], outlets: Outlets, waiter: Waiter) -> _Work:
@@ -100,6 +106,8 @@ def _reloaded(work: _Work, again: Callable[[], Prepared], outlets: Outlets, wait
             new.tracker.restore(work.tracker.snapshot())
         except ValueError:
             pass
+        if new.learner is not None and work.learner is not None:
+            new.learner.restore(work.learner.memory(clock_s()), clock_s())
     work.sensors.close()
     log(f"reloaded: {new}")
     return new

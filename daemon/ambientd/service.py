@@ -9,6 +9,7 @@ from ambientd.fallback import FallbackTracker
 from ambientd.report import Report
 
 if TYPE_CHECKING:
+    from ambientd.reference import OffsetLearner
     from ambientd.sources.replay import Sample
 
 
@@ -16,26 +17,37 @@ class Service:
     """Takes samples (time in s, one reading per input) through a model's tracker to ``publish``."""
 
     def __init__(
-        self, model: Model, level_percent: int, tracker: FallbackTracker, publish: Callable[[Report], None]
+        self,
+        model: Model,
+        level_percent: int,
+        tracker: FallbackTracker,
+        publish: Callable[[Report], None],
+        learner: "OffsetLearner | None" = None,
     ) -> None:
         self._publish = publish
         self._fresh_s: float | None = None
-        self.take_over(model, level_percent, tracker)
+        self.take_over(model, level_percent, tracker, learner)
 
-    def take_over(self, model: Model, level_percent: int, tracker: FallbackTracker) -> None:
+    def take_over(
+        self, model: Model, level_percent: int, tracker: FallbackTracker, learner: "OffsetLearner | None" = None
+    ) -> None:
         """Use another model from the next tick on."""
         self._model = model
         self._level_percent = level_percent
         self._tracker = tracker
+        self._learner = learner
 
     def tick(self, sample: "Sample", missed_ticks: int = 0, clock_steps_back: int = 0) -> Estimate:
         """One round; the estimate that was published."""
         time_s, raw = sample
         estimate = self._tracker.update(time_s, raw)
+        learner = self._learner
+        if learner is not None:
+            estimate = learner.update(time_s, estimate)
         if estimate.status in (WARMING_UP, TRACKING, DEGRADED):
             self._fresh_s = time_s
         age_s = None if self._fresh_s is None else time_s - self._fresh_s
         inputs = self._model.main.inputs
         about = (self._model.name, inputs, self._level_percent, time_s, raw, estimate, age_s)
-        self._publish(Report(*about, missed_ticks, clock_steps_back))
+        self._publish(Report(*about, missed_ticks, clock_steps_back, None if learner is None else learner.report()))
         return estimate

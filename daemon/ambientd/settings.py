@@ -20,6 +20,22 @@ class StateSpec(NamedTuple):
     access: Access = Access()
 
 
+class ReferenceSpec(NamedTuple):
+    """Which references of the ambient update the unit's offset, and how far."""
+
+    path: str = ""
+    """A file that another program writes; without one only ``ambientd tell`` does."""
+    unit: str = "degC"
+    sigma_degC: float = 0.5
+    """Of a file that holds none."""
+    max_age_s: float = 600.0
+    correlation_s: float = 3600.0
+    """One reading counts in that time."""
+    offset_std_degC: float = 0.5
+    max_offset_degC: float = 1.0
+    forget_days: float = 28.0
+
+
 class Settings(NamedTuple):
     """How the daemon is to run."""
 
@@ -43,6 +59,8 @@ class Settings(NamedTuple):
     supervision: Rules = Rules()
     access: Access = Access()
     """Of all that is created, where a publication or the state has none of its own."""
+    reference: ReferenceSpec | None = None
+    """None where the unit's offset is not learnt."""
 
 
 class Prepared(NamedTuple):

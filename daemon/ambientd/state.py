@@ -2,7 +2,7 @@
 
 It is accepted only as this daemon wrote it, whole, in this boot (no clock measures how long a device was off), for this
 very model, and up to an age. Anything else is ignored with one line in the log. Time is the clock of the samples, which
-counts from boot and through suspend.
+counts from boot and through suspend. The unit's offset needs only the same model: it outlives a boot, at any age.
 """
 
 import json
@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from ambient_model.error_variance import VarianceState
     from ambient_model.observer import Background
     from ambient_model.validation import ValidationState
+    from ambientd.reference import LastReference, OffsetLearner, OffsetMemory
 
 FORMAT = "ambientd-state"
 VERSION = 2
 _BOOT_ID = "/proc/sys/kernel/random/boot_id"
-_LARGEST_BYTES = 2**16
+LARGEST_BYTES = 2**16
 _LARGEST_NUMBER = 1e12
 _SAVES_PER_MAX_AGE = 3
 
@@ -42,6 +43,8 @@ class State(NamedTuple):
     boot: str
     time_s: float
     tracker: FallbackState
+    offset: "OffsetMemory | None" = None
+    """The unit's, where it is learnt."""
 
 
 def model_identity(model: Model) -> str:
@@ -73,7 +76,7 @@ def boot_identity() -> str:
 
 def encode(state: State) -> bytes:
     """One line of JSON, and one with its SHA-256."""
-    model, boot, time_s, tracker = state
+    model, boot, time_s, tracker, offset = state
     snapshots, active, difference_degC, last_degC, last_s, background = tracker
     data: dict[str, Any] = {
         "format": FORMAT,
@@ -93,6 +96,8 @@ def encode(state: State) -> bytes:
         data["background"] = {name: each and each._asdict() for name, each in held.items()}
         if validation is not None:
             data["background"]["readings"] = validation._asdict()
+    if offset is not None:
+        data["offset"] = {**offset._asdict(), "last": offset.last and offset.last._asdict()}
     line = json.dumps(data).encode()
     return b"%s\n%s\n" % (line, _sha256(line).encode())
 
@@ -120,7 +125,14 @@ def _state(data: Any) -> State:
         _number(data.pop("last_s")),
         None if background is None else _background(background),
     )
-    state = State(_text(data.pop("model")), _text(data.pop("boot")), _number(data.pop("time_s")), tracker)
+    offset = data.pop("offset", None)
+    state = State(
+        _text(data.pop("model")),
+        _text(data.pop("boot")),
+        _number(data.pop("time_s")),
+        tracker,
+        None if offset is None else _offset(**offset),
+    )
     if data:
         raise ValueError
     return state
@@ -164,6 +176,20 @@ def _snapshot(period_s: Any, start_s: Any, step: Any, x: Any, u: Any) -> Snapsho
     )
 
 
+def _offset(offset_degC: Any, variance_degC2: Any, unix_s: Any, counted_unix_s: Any, last: Any) -> "OffsetMemory":
+    from ambientd.reference import OffsetMemory
+
+    numbers = [_number(each) for each in (offset_degC, variance_degC2, unix_s, counted_unix_s)]
+    return OffsetMemory(numbers[0], numbers[1], numbers[2], numbers[3], None if last is None else _last(**last))
+
+
+def _last(unix_s: Any, degC: Any, sigma_degC: Any, counted: Any, outcome: Any) -> "LastReference":
+    from ambientd.reference import LastReference
+
+    value, sigma = (None if each is None else _number(each) for each in (degC, sigma_degC))
+    return LastReference(_number(unix_s), value, sigma, counted is True, _text(outcome))
+
+
 def _text(value: Any) -> str:
     if not isinstance(value, str):
         raise TypeError
@@ -199,9 +225,15 @@ def take_back(state: State, tracker: FallbackTracker, model: str, boot: str, now
 
 
 class StateFile:
-    """The state of the model ``identity`` in one file. ``note`` takes a message where it is restored, or fails."""
+    """The state of the model ``identity`` in one file. ``note`` takes a message where it is restored, or fails.
 
-    def __init__(self, spec: StateSpec, identity: str, note: Callable[[str], None]) -> None:
+    What ``learner`` holds goes along, where there is one.
+    """
+
+    def __init__(
+        self, spec: StateSpec, identity: str, note: Callable[[str], None], learner: "OffsetLearner | None" = None
+    ) -> None:
+        self._learner = learner
         self._path, self._max_age_s, self._access = spec
         self._model = identity
         self._boot = boot_identity()
@@ -217,8 +249,11 @@ class StateFile:
             return
         try:
             os.close(open_own(self._path, self._access.owner))
-            content = read_whole(self._path, _LARGEST_BYTES)
-            age_s = take_back(decode(content), tracker, self._model, self._boot, now_s, self._max_age_s)
+            content = read_whole(self._path, LARGEST_BYTES)
+            state = decode(content)
+            if self._learner is not None and state.offset is not None and state.model == self._model:
+                self._learner.restore(state.offset, now_s)
+            age_s = take_back(state, tracker, self._model, self._boot, now_s, self._max_age_s)
         except Refused as refused:
             self._note(f"state {self._path}: {refused.faults[0].problem}; starting anew")
         except OSError as error:
@@ -231,7 +266,8 @@ class StateFile:
     def ticked(self, tracker: FallbackTracker, now_s: float) -> None:
         """Save the state of ``tracker``, fed at ``now_s``, every so often."""
         self._last = (tracker, now_s)
-        if now_s - self._saved_s >= self._max_age_s / _SAVES_PER_MAX_AGE:
+        learner = self._learner
+        if now_s - self._saved_s >= self._max_age_s / _SAVES_PER_MAX_AGE or (learner is not None and learner.unsaved):
             self._save(tracker, now_s)
 
     def close(self) -> None:
@@ -241,14 +277,18 @@ class StateFile:
 
     def _save(self, tracker: FallbackTracker, now_s: float) -> None:
         self._saved_s = now_s
-        state = State(self._model, self._boot, now_s, tracker.snapshot())
-        if not any(state.tracker.snapshots):
+        learner = self._learner
+        offset = None if learner is None else learner.memory(now_s)
+        state = State(self._model, self._boot, now_s, tracker.snapshot(), offset)
+        if not any(state.tracker.snapshots) and (learner is None or not learner.unsaved):
             return
         problem = ""
         try:
             swap_in(self._path, encode(state), self._access)
         except OSError as error:
             problem = error.strerror or str(error)
+        if learner is not None and learner.unsaved and not problem:
+            learner.saved()
         if self._notice.changed(now_s, bool(problem)):
             self._note(
                 f"state {self._path}: {f'cannot be written ({problem}); the rest goes on' if problem else 'is back'}"

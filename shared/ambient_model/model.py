@@ -15,6 +15,8 @@ Band = tuple[float, float]
 Quantiles = dict[int, Band]
 
 LEVELS_PERCENT = (50, 90, 98)
+SCORES = {50: 0.674, 90: 1.645, 98: 2.326}
+"""Standard deviations of a normal distribution within which that percentage lies."""
 REGRESSORS = ("movement", "guard")
 """Regressors of the error variance: the estimate's rate of change, its difference to the secondary estimate."""
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from ambient_model.blend import blended
 from ambient_model.error_variance import VarianceState, advanced, gains, initial_state, sigma_degC
-from ambient_model.model import ErrorVariance, Model, ReadingModel
+from ambient_model.model import SCORES, ErrorVariance, Model, ReadingModel
 from ambient_model.tracking import (
     COASTING,
     DEGRADED,
@@ -27,7 +27,7 @@ from ambient_model.tracking import (
     Tracker,
     bridge_limit_s,
 )
-from ambient_model.validation import SCORES, Validation, ValidationState
+from ambient_model.validation import Validation, ValidationState
 
 
 class Background(NamedTuple):

@@ -29,7 +29,7 @@ from collections.abc import Iterable, Sequence
 from operator import mul, sub
 from typing import NamedTuple
 
-from ambient_model.model import Estimator, ReadingModel
+from ambient_model.model import SCORES, Estimator, ReadingModel
 from ambient_model.recursion import equilibrium
 
 SLOW_S = 600.0
@@ -49,8 +49,6 @@ _ROUNDING = 1 / math.sqrt(12)
 """Standard deviation of the rounding error of steps of 1."""
 _CERTAIN_S = 60.0
 """What has read in coarse steps for so long since the start is coarse."""
-SCORES = {50: 0.674, 90: 1.645, 98: 2.326}
-"""Standard deviations of a normal distribution within which that percentage lies."""
 _COASTING_STD_DEGC = 3.0
 _START_K = 5.0
 """At the start a reading may lie so far beyond its gate, as no equilibrium is certain."""

@@ -4,11 +4,15 @@ A gauge without a value is left out.
 """
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMING_UP
 from ambientd.publish.file import RenamedFile
 from ambientd.publish.spec import Spec
 from ambientd.report import Report
+
+if TYPE_CHECKING:
+    from ambientd.reference import OffsetReport
 
 _STATUSES = (WARMING_UP, TRACKING, DEGRADED, COASTING, FAULTED)
 
@@ -48,8 +52,16 @@ def exposition(report: Report) -> str:
             _gauge(
                 "sensor_used", "Sensor value as used by the estimate.", [(labels, used) for labels, _, used in sensors]
             ),
+            *(() if report.offset is None else _offset_gauges(report.offset)),
         ]
     )
+
+
+def _offset_gauges(offset: "OffsetReport") -> Iterable[str]:
+    yield _gauge("offset_celsius", "The unit's learnt offset, in the estimate.", [("", offset.offset_degC)])
+    yield _gauge("offset_std_celsius", "Standard deviation of that offset.", [("", offset.std_degC)])
+    if offset.last is not None:
+        yield _gauge("last_reference_counted", "1 where the last reading counted.", [("", float(offset.last.counted))])
 
 
 def _gauge(name: str, explanation: str, samples: Iterable[tuple[str, float | None]]) -> str:

@@ -30,3 +30,29 @@ def _in_steps(content: bytes, steps: int, lowest: float) -> float | None:
         return None
     value = int(digits) / steps
     return value if value >= lowest else None
+
+
+REFERENCE_RANGE_DEGC = (-90.0, 100.0)
+SIGMA_RANGE_DEGC = (0.05, 20.0)
+_NUMERALS = frozenset(b"+-.0123456789eE")
+
+
+def reference_degC(content: bytes, unit: str, sigma_degC: float) -> tuple[float, float]:
+    """Value and sigma in degC of a reference file, which holds ``VALUE`` or ``VALUE SIGMA`` in ``unit``.
+
+    ``sigma_degC`` is that of a file that holds none. Raises ValueError, with the reason.
+    """
+    words = content.split()
+    if len(words) not in (1, 2) or len(content) > 2 * BUFFER_BYTES or not all([_NUMERALS.issuperset(w) for w in words]):
+        raise ValueError("it holds no 'VALUE' or 'VALUE SIGMA'")
+    try:
+        numbers = [float(word) / (1000 if unit == "millidegC" else 1) for word in words]
+    except ValueError:
+        raise ValueError("it holds no 'VALUE' or 'VALUE SIGMA'") from None
+    value, sigma = numbers[0], numbers[-1] if len(numbers) == 2 else sigma_degC
+    (low, high), (least, most) = REFERENCE_RANGE_DEGC, SIGMA_RANGE_DEGC
+    if not low <= value <= high:
+        raise ValueError(f"{value:g} degC is not between {low:g} and {high:g}: is its unit right?")
+    if not 0 < sigma <= most:
+        raise ValueError(f"sigma {sigma:g} degC is not between {least:g} and {most:g}")
+    return value, max(sigma, least)

@@ -25,10 +25,23 @@ def samples() -> dict[str, Report]:
     def unit(number: int) -> ScoredUnit:
         offset, rest = random.normal(0, 0.4), abs(random.normal(0.3, 0.05))
         scores = [
-            Score("4", cased, float(np.hypot(offset, rest)), offset, rest, 60.0, rest, 0.1 * offset, 88.0)
+            Score(
+                "4",
+                cased,
+                float(np.hypot(offset, rest)),
+                offset,
+                rest,
+                60.0,
+                rest,
+                0.1 * offset,
+                88.0,
+                rest,
+                0.2 * offset,
+                90.0,
+            )
             for cased in (False, True)
         ]
-        return ScoredUnit(number, offset, tuple(scores))
+        return ScoredUnit(number, offset, tuple(scores), 0.8 * offset, 0.1)
 
     units = tuple(map(unit, range(12)))
     return {"units": report_of(Study(_MODEL, Plan(11, 1, ("4",), 1.0), units[0], units[1:]))}

@@ -11,15 +11,16 @@ import numpy as np
 
 from ambient_studies.unit_variation.runs import CALIBRATION_DEGC, KNOWN_MIN
 from ambient_studies.unit_variation.study import Study
+from ambient_studies.unit_variation.telling import DAYS, LIE_DEGC, TOLD_SIGMA_DEGC
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
-WAYS = {"as it is": "", "corrected": "corrected_"}
+WAYS = {"as it is": "", "corrected": "corrected_", "told": "told_"}
 """How a model runs on a unit, and what the names of those figures begin with."""
 
-_COLOURS = dict(zip(WAYS, (palette.BASELINE, palette.ESTIMATE)))
+_COLOURS = dict(zip(WAYS, (palette.BASELINE, palette.ESTIMATE, palette.ERROR)))
 _HEIGHT_PX = 330
 _CAPTION = (
     "RMSE and bias (true minus estimate) in degC, over {} simulated units; ±: standard deviation from unit to unit. In "
@@ -27,8 +28,8 @@ _CAPTION = (
 )
 _ABOUT = (
     "A model of one simulated phone runs on others within the tolerances of manufacture, bare and in a case: as it is, "
-    "and with the offset of each unit's own calibration. Calibrations are made bare, at rest; the runs shown are "
-    "others."
+    "with the offset of each unit's own calibration, and with the one learnt from one told reading a day for a week. "
+    "Calibrations and readings are made bare, at rest; the runs shown are others."
 )
 
 
@@ -45,7 +46,7 @@ class Scatter(NamedTuple):
 
 def report_of(study: Study) -> Report:
     """What the study shows."""
-    before, after = (scatter(study, 0, f"{prefix}rmse_degC").median for prefix in WAYS.values())
+    before, after, _ = (scatter(study, 0, f"{prefix}rmse_degC").median for prefix in WAYS.values())
     return Report(
         subject="Unit-to-unit variation, simulated",
         title=f"{study.model.name} on {len(study.units)} other units: median error {before:.2f} degC, {after:.2f} with "
@@ -108,11 +109,12 @@ def sentences(study: Study) -> list[str]:
     """A sentence a group, and one about the offsets."""
     lines = []
     for index, (scenario, cased) in enumerate(groups(study)):
-        before, after = (scatter(study, index, f"{prefix}rmse_degC") for prefix in WAYS.values())
+        before, after, told = (scatter(study, index, f"{prefix}rmse_degC") for prefix in WAYS.values())
         best = scatter(study, index, "scatter_degC")
         lines.append(
             f"Scenario {scenario}, {_dress(cased)}: the error is {before.median:.2f} degC on the median unit "
-            f"({before.nominal:.2f} on the one it was trained on), {after.median:.2f} with the unit's own offsets. The "
+            f"({before.nominal:.2f} on the one it was trained on), {after.median:.2f} with the unit's own offsets, "
+            f"{told.median:.2f} (worst {told.worst:.2f}) with the one that it learnt. The "
             f"best constant, known afterwards, would leave {best.median:.2f}."
         )
     offsets = [each.offset_degC for each in study.units]
@@ -120,6 +122,11 @@ def sentences(study: Study) -> list[str]:
         f"The main estimator's offset, of {KNOWN_MIN:g} minutes at rest at {CALIBRATION_DEGC:g} degC, is "
         f"{np.mean(offsets):+.2f} ± {np.std(offsets):.2f} degC (standard deviation from unit to unit); the trained "
         f"unit's own would be {study.nominal.offset_degC:+.2f}."
+    )
+    lies = [each.liar_moves_degC for each in study.units]
+    lines.append(
+        f"Told one reading a day for {DAYS} days, with a normal error of {TOLD_SIGMA_DEGC:g} degC: readings that are "
+        f"all {LIE_DEGC:g} degC too high move no unit's offset by more than {max(lies):.2f} degC."
     )
     return lines
 
@@ -194,7 +201,7 @@ def _rmse_figure(study: Study, group: int) -> go.Figure:
 
 def _bias_figure(study: Study, group: int) -> go.Figure:
     figure = plots.panel_figure("bias as it is [°C]", "bias corrected [°C]", _HEIGHT_PX)
-    names = [f"{prefix}bias_degC" for prefix in WAYS.values()]
+    names = [f"{prefix}bias_degC" for prefix in ("", "corrected_")]
     x, y = (figures(study, group, name) for name in names)
     edge = 1.1 * max(*map(abs, x), *map(abs, y), 0.1)
     line = {"color": palette.AXIS, "dash": "dot", "width": 1.4}

@@ -1,24 +1,29 @@
 """Unit-to-unit variation: a model of one unit on others of the same make, as it is and with each unit's correction.
 
 All units have the same weather and noise, so only they differ. Each is calibrated bare, on a run of its own; its
-correction is then scored on the other runs, bare and in its case.
+correction is then scored on the other runs, bare and in its case. So is the offset that it learns from a week of told
+readings.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from joblib import delayed
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Model
 from ambient_studies.mitigation.loop import phone_zones
 from ambient_studies.unit_variation.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
+from ambient_studies.unit_variation.telling import DAYS, LIE_DEGC, learnt
 from ambient_studies.unit_variation.unit import Unit, drawn, nominal
 from ambient_trainer.data import Trace
 from ambient_trainer.estimation import results, workers
 from ambient_trainer.evaluation import correction, evaluate_trace
+from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.simulator import load_scenario
 
 Progress = Callable[[str, int, int], None]
@@ -27,6 +32,7 @@ Progress = Callable[[str, int, int], None]
 _AT_ONCE = 5
 """Units that are simulated together."""
 _CALIBRATIONS_APART = 1000
+_DAYS_APART = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,9 @@ class Score:
     corrected_rmse_degC: float
     corrected_bias_degC: float
     corrected_inside90_percent: float
+    told_rmse_degC: float
+    told_bias_degC: float
+    told_inside90_percent: float
 
 
 @dataclass(frozen=True)
@@ -64,6 +73,10 @@ class ScoredUnit:
     number: int
     offset_degC: float
     scores: tuple[Score, ...]
+    told_offset_degC: float
+    """Learnt in a week of one told reading a day."""
+    liar_moves_degC: float
+    """The furthest that readings which are all too high move it."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +134,7 @@ def _scored(model: Model, units: Sequence[Unit], plan: Plan) -> list[ScoredUnit]
         logged = traces(runs, plan.period_s)
         each = len(runs) // len(units)
         return [
-            _one(model, unit.number, runs[first : first + each], logged[first : first + each])
+            _one(model, unit.number, plan.seed, runs[first : first + each], logged[first : first + each])
             for unit, first in zip(units, range(0, len(runs), each))
         ]
 
@@ -130,27 +143,43 @@ def _runs(unit: Unit, plan: Plan) -> list[Asked]:
     calibration = Asked(unit, False, CALIBRATION, _CALIBRATIONS_APART * plan.seed + unit.number)
     return [
         calibration,
+        *(calibration._replace(seed=calibration.seed + _DAYS_APART * day) for day in range(1, DAYS + 1)),
         *(Asked(unit, cased, name, plan.seed) for name in plan.scenarios for cased in (False, True)),
     ]
 
 
-def _one(model: Model, number: int, runs: Sequence[Asked], logged: Sequence[Trace]) -> ScoredUnit:
+def _one(model: Model, number: int, seed: int, runs: Sequence[Asked], logged: Sequence[Trace]) -> ScoredUnit:
     found = correction.correction(model, correction.known_between(logged[0], 60 * ON_BEFORE_MIN, None))
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
-    scores = [_score(run, model, improved, trace) for run, trace in zip(runs[1:], logged[1:])]
-    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores))
+    days = [evaluate_trace(model, trace) for trace in logged[1 : DAYS + 1]]
+    told_degC = learnt(number, seed, days)[-1]
+    lied_degC = max(map(abs, learnt(number, seed, days, LIE_DEGC)))
+    scored = zip(runs[DAYS + 1 :], logged[DAYS + 1 :])
+    scores = [_score(run, model, improved, trace, told_degC) for run, trace in scored]
+    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), told_degC, lied_degC)
 
 
-def _score(run: Asked, model: Model, improved: Model, trace: Trace) -> Score:
+def _score(run: Asked, model: Model, improved: Model, trace: Trace, told_degC: float) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
+    bias_degC = before.metrics.mbe_degC
     return Score(
         run.scenario,
         run.cased,
         before.metrics.rmse_degC,
-        before.metrics.mbe_degC,
+        bias_degC,
         before.metrics.sigma_degC,
         100 * before.coverage[90],
         after.metrics.rmse_degC,
         after.metrics.mbe_degC,
         100 * after.coverage[90],
+        math.sqrt(before.metrics.rmse_degC**2 - bias_degC**2 + (bias_degC - told_degC) ** 2),
+        bias_degC - told_degC,
+        _inside90_percent(before, told_degC),
     )
+
+
+def _inside90_percent(run: Evaluation, offset_degC: float) -> float:
+    """The percentage of references in the published interval, once it is moved by an offset."""
+    known = np.isfinite(run.error_degC)
+    moved_degC = run.reference_degC[known] - offset_degC
+    return 100 * float(np.mean((run.low_degC[known] <= moved_degC) & (moved_degC <= run.high_degC[known])))

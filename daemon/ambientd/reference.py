@@ -1,0 +1,197 @@
+"""References of the ambient, from a configured file and from ``ambientd tell``, update the unit's offset.
+
+Both are files that are looked at once a second: another program writes the configured one, and ``ambientd tell`` writes
+``STATE.tell`` beside the state file. The file's modification time is the reading's. One reading counts per correlation
+time, only while the status is ``tracking``, and never when it is older than configured. The answer to a reading that
+was told stands in the state file; then its file is removed.
+"""
+
+import math
+import os
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+from ambient_model.faults import Refused
+from ambient_model.intake import read_whole
+from ambient_model.tracking import TRACKING, Estimate
+from ambient_model.unit_offset import (
+    OffsetPrior,
+    OffsetState,
+    estimate_variance_degC2,
+    initial,
+    predicted,
+    shifted,
+    updated,
+)
+from ambientd.notices import Notice
+from ambientd.sources.quantities import reference_degC
+
+if TYPE_CHECKING:
+    from ambientd.settings import ReferenceSpec
+
+_LARGEST_BYTES = 256
+_POLL_S = 0.95
+"""Once a second at 1 Hz, too, where ticks jitter."""
+_AHEAD_S = 5.0
+"""How far a file's time may lie ahead of the clock."""
+_DAY_S = 86400.0
+
+
+class LastReference(NamedTuple):
+    """The last reading that was judged."""
+
+    unix_s: float
+    degC: float | None
+    sigma_degC: float | None
+    counted: bool
+    outcome: str
+
+
+class OffsetMemory(NamedTuple):
+    """What outlives a restart; times are of the calendar, as a device may be off."""
+
+    offset_degC: float
+    variance_degC2: float
+    unix_s: float
+    counted_unix_s: float
+    """Time of the last reading that counted; 0 before any."""
+    last: LastReference | None
+
+
+class OffsetReport(NamedTuple):
+    """What is published of it."""
+
+    offset_degC: float
+    std_degC: float
+    last: LastReference | None
+
+
+def tell_path(state_path: str) -> str:
+    """Where ``ambientd tell`` hands a reading over."""
+    return f"{state_path}.tell"
+
+
+class OffsetLearner:
+    """The unit's offset and the files that update it; ``note`` takes a message on what counted or is refused."""
+
+    def __init__(
+        self,
+        spec: "ReferenceSpec",
+        level_percent: int,
+        state_path: str,
+        note: Callable[[str], None],
+        wall_s: Callable[[], float] = time.time,
+    ) -> None:
+        self._spec = spec
+        self._level = level_percent
+        self._prior = OffsetPrior(spec.offset_std_degC, spec.max_offset_degC, spec.forget_days * _DAY_S)
+        self._state = initial(self._prior)
+        self._told = tell_path(state_path)
+        self._note = note
+        self._notice = Notice()
+        self._wall_s = wall_s
+        self._polled_s = -math.inf
+        self._seen_ns: dict[str, int] = {}
+        self._counted_unix_s = self._refused_unix_s = 0.0
+        self._last: LastReference | None = None
+        self.unsaved = False
+        """Whether a reading has changed what :meth:`memory` holds."""
+
+    def update(self, time_s: float, estimate: Estimate) -> Estimate:
+        """The model's estimate at ``time_s``, moved by the offset, once the files have been looked at."""
+        if not 0 <= time_s - self._polled_s < _POLL_S:
+            self._polled_s = time_s
+            self._state = predicted(self._prior, self._state, time_s)
+            if (at_ns := self._changed(self._told)) is not None:
+                self._judge(self._told, "degC", at_ns, estimate)
+                self.unsaved = True
+            if self._spec.path and estimate.status == TRACKING:
+                at_ns = self._changed(self._spec.path)
+                # one that was refused is not tried again and again until it passes
+                if at_ns and not self._too_soon(at_ns / 1e9, max(self._counted_unix_s, self._refused_unix_s)):
+                    counted = self._judge(self._spec.path, self._spec.unit, at_ns, estimate)
+                    self.unsaved = self.unsaved or counted
+        return shifted(estimate, self._state.offset_degC)
+
+    def report(self) -> OffsetReport:
+        """What is published of it."""
+        return OffsetReport(self._state.offset_degC, math.sqrt(self._state.variance_degC2), self._last)
+
+    def memory(self, now_s: float) -> OffsetMemory:
+        """Its state at ``now_s`` on the clock of the samples, for :meth:`restore`."""
+        b, P, time_s = self._state
+        return OffsetMemory(b, P, self._wall_s() - max(0.0, now_s - time_s), self._counted_unix_s, self._last)
+
+    def restore(self, memory: OffsetMemory, now_s: float) -> None:
+        """Continue from ``memory``, as far as the configuration lets it."""
+        most, passed_s = self._prior.bound_degC, max(0.0, self._wall_s() - memory.unix_s)
+        b = min(max(memory.offset_degC, -most), most)
+        P = min(max(memory.variance_degC2, 0.0), self._prior.std_degC**2)
+        self._state = predicted(self._prior, OffsetState(b, P, now_s - passed_s), now_s)
+        self._counted_unix_s, self._last = memory.counted_unix_s, memory.last
+
+    def saved(self) -> None:
+        """The state file holds what :meth:`memory` returned: the reading that was told has its answer."""
+        self.unsaved = False
+        try:
+            if os.stat(self._told).st_mtime_ns == self._seen_ns.get(self._told):
+                os.unlink(self._told)
+        except OSError:
+            pass
+
+    def _changed(self, path: str) -> int | None:
+        """The file's modification time in ns, where it has not been judged."""
+        try:
+            at_ns = os.stat(path).st_mtime_ns
+        except OSError:
+            return None
+        return None if self._seen_ns.get(path) == at_ns else at_ns
+
+    def _too_soon(self, unix_s: float, after_unix_s: float) -> bool:
+        """Whether a reading is of the same correlation time as another; one of the future is of a wrong clock."""
+        return after_unix_s <= self._wall_s() + _AHEAD_S and unix_s - after_unix_s < self._spec.correlation_s
+
+    def _judge(self, path: str, unit: str, at_ns: int, estimate: Estimate) -> bool:
+        self._seen_ns[path] = at_ns
+        unix_s = at_ns / 1e9
+        value = sigma = None
+        try:
+            value, sigma = reference_degC(read_whole(path, _LARGEST_BYTES), unit, self._spec.sigma_degC)
+            outcome = self._counted(unix_s, value, sigma, estimate)
+            counted = True
+        except Refused as refused:
+            counted, outcome = False, refused.faults[0].problem
+        except ValueError as error:
+            counted, outcome = False, str(error)
+        self._last = LastReference(unix_s, value, sigma, counted, outcome)
+        if counted:
+            self._counted_unix_s = unix_s
+        elif path != self._told:
+            self._refused_unix_s = min(unix_s, self._wall_s())
+        if counted or (path != self._told and self._notice.changed(self._polled_s, True)):
+            self._note(f"reference {path}: {'counted' if counted else 'not counted'}, {outcome}")
+        if counted:
+            self._notice.changed(self._polled_s, False)
+        return counted
+
+    def _counted(self, unix_s: float, value_degC: float, sigma_degC: float, estimate: Estimate) -> str:
+        """Update the offset and describe it; raises ValueError, with the reason, where the reading does not count."""
+        age_s = self._wall_s() - unix_s
+        if not -_AHEAD_S <= age_s <= self._spec.max_age_s:
+            raise ValueError(f"it is {age_s:.0f} s old, and {self._spec.max_age_s:g} s are allowed")
+        if estimate.status != TRACKING or estimate.ambient_degC is None:
+            raise ValueError(f"the status is {estimate.status}, and readings count while it is {TRACKING}")
+        if self._too_soon(unix_s, self._counted_unix_s):
+            gap_s = unix_s - self._counted_unix_s
+            raise ValueError(f"another counted {gap_s:.0f} s before, and one counts per {self._spec.correlation_s:g} s")
+        y = value_degC - estimate.ambient_degC
+        R = sigma_degC**2 + estimate_variance_degC2(estimate, self._level)
+        after = updated(self._prior, self._state, y, R)
+        if after is None:
+            raise ValueError(
+                f"{value_degC:g} degC is {y - self._state.offset_degC:+.1f} degC from the estimate, more than 3 sigma"
+            )
+        self._state = after
+        std = math.sqrt(after.variance_degC2)
+        return f"{value_degC:g} +- {sigma_degC:g} degC: the offset is {after.offset_degC:+.2f} +- {std:.2f} degC"

@@ -1,0 +1,255 @@
+"""References of the ambient: hostile files, what counts and when, and a real daemon that is told, killed and told."""
+
+import json
+import math
+import os
+import signal
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from ambient_model.codec import encode as encode_model
+from ambient_model.conformance import conformance_of
+from ambient_model.tracking import TRACKING, WARMING_UP, Estimate
+from ambientd.fallback import FallbackState
+from ambientd.publish.prometheus import exposition
+from ambientd.reference import OffsetLearner, tell_path
+from ambientd.report import Report, as_json
+from ambientd.settings import ReferenceSpec
+from ambientd.sources.quantities import reference_degC
+from ambientd.state import State, decode, encode
+
+AT_REST = Estimate(21.0, 20.5, 21.5, TRACKING, (25.0,))
+DAY_S = 86400.0
+
+
+@given(st.binary(max_size=80), st.sampled_from(["degC", "millidegC"]))
+@example(b"nan", "degC")
+@example(b"21.5 inf", "degC")
+@example(b"1e999", "degC")
+@example(b"21.5 0", "degC")
+@example(b"2_1", "degC")
+@example(b"--5", "degC")
+def test_a_reference_files_bytes_are_a_sane_reading_or_refused(content, unit):
+    try:
+        value, sigma = reference_degC(content, unit, 0.5)
+    except ValueError:
+        pass
+    else:
+        assert -90 <= value <= 100
+        assert 0.05 <= sigma <= 20
+
+
+@pytest.mark.parametrize(
+    ("content", "unit", "reading"),
+    [
+        (b"21.5\n", "degC", (21.5, 0.7)),
+        (b" -3 1.5", "degC", (-3.0, 1.5)),
+        (b"21500 400\n", "millidegC", (21.5, 0.4)),
+        (b"21.5 0.0001", "degC", (21.5, 0.05)),
+    ],
+)
+def test_a_reference_file_is_read_in_its_unit(content, unit, reading):
+    assert reference_degC(content, unit, 0.7) == reading
+
+
+class Device:
+    """A learner with clocks of its own."""
+
+    def __init__(self, folder, **values):
+        self.now_s, self.unix_s, self.notes = 100.0, 1.7e9, []
+        self.file, self.state = folder / "room", str(folder / "state")
+        spec = ReferenceSpec(path=str(self.file), **values)
+        self.learner = OffsetLearner(spec, 90, self.state, self.notes.append, lambda: self.unix_s)
+
+    def write(self, content, age_s=0.0, path=None):
+        path = path or self.file
+        path.write_bytes(content)
+        os.utime(path, (self.unix_s - age_s,) * 2)
+
+    def tick(self, passed_s=1.0, estimate=AT_REST):
+        self.now_s, self.unix_s = self.now_s + passed_s, self.unix_s + passed_s
+        shown = self.learner.update(self.now_s, estimate)
+        offset = self.learner.report().offset_degC
+        assert shown.ambient_degC == estimate.ambient_degC + offset
+        return offset
+
+
+@pytest.fixture
+def device(tmp_path):
+    return Device(tmp_path)
+
+
+def test_a_reading_counts_once_and_the_next_one_a_correlation_time_later(device):
+    device.write(b"21.5 0.5\n")
+    first = device.tick()
+    R = 0.25 + (0.5 / 1.645) ** 2
+    assert first == pytest.approx(0.5 * 0.25 / (0.25 + R))
+    assert device.learner.report().last.counted
+    assert "counted" in device.notes[0]
+    device.tick()
+    device.write(b"21.5 0.5\n")
+    assert device.tick(600) < first, "it is forgotten slowly, and not counted again"
+    device.write(b"21.5 0.5\n", age_s=-3001)
+    device.unix_s += 3001
+    assert device.tick() > first
+    assert len(device.notes) == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "age_s"),
+    [
+        (b"31.0", 0),
+        (b"11.0 0.5", 0),
+        (b"31.0 20", 0),
+        (b"21.5", 3601),
+        (b"21.5", -3600),
+        (b"", 0),
+        (b"nan", 0),
+        (b"\x00" * 5000, 0),
+        (b"21500", 0),
+    ],
+)
+def test_a_wild_stale_or_damaged_reading_moves_nothing(device, content, age_s):
+    for _ in range(20):
+        device.write(content, age_s)
+        assert device.tick() == 0
+    assert not device.learner.report().last.counted
+    assert len(device.notes) == 1, "it is logged once"
+
+
+def test_nothing_counts_while_it_warms_up_and_the_file_counts_afterwards(device):
+    device.write(b"21.5")
+    assert device.tick(estimate=AT_REST._replace(status=WARMING_UP)) == 0
+    assert device.learner.report().last is None
+    assert device.tick() > 0
+
+
+def test_a_folder_a_pipe_and_no_file_are_no_reference(device):
+    assert device.tick() == 0
+    os.mkfifo(device.file)
+    os.utime(device.file, (device.unix_s,) * 2)
+    assert device.tick() == 0
+    assert not device.learner.report().last.counted
+
+
+def test_a_liar_of_ten_degrees_a_day_moves_nothing_and_one_of_two_stays_within_the_bound(device):
+    for _ in range(30):
+        device.write(b"31.0 3.0")
+        assert device.tick(DAY_S) == 0
+    for _ in range(60):
+        device.write(b"23.0 0.5")
+        assert device.tick() <= 1.0
+        device.unix_s += DAY_S
+
+
+def test_it_outlives_a_restart_and_is_forgotten_by_the_calendar(device, tmp_path):
+    device.write(b"21.5 0.5\n")
+    learnt = device.tick()
+    tracker = FallbackState((None,), 0, 0.0, None, 0.0)
+    state = State("model", "boot", device.now_s, tracker, device.learner.memory(device.now_s))
+    assert decode(encode(state)) == state
+    assert decode(encode(state._replace(offset=None))).offset is None
+    after = Device(tmp_path)
+    after.now_s, after.unix_s = 5.0, device.unix_s + 7 * DAY_S
+    after.learner.restore(decode(encode(state)).offset, after.now_s)
+    assert after.tick() == pytest.approx(learnt * math.exp(-7 / 28), rel=1e-5)
+    assert after.learner.report().last == device.learner.report().last
+
+
+def test_a_told_reading_is_answered_and_removed_once_it_is_saved(device, tmp_path):
+    told = tmp_path / "state.tell"
+    assert str(told) == tell_path(device.state)
+    device.write(b"21.5 0.5", path=told)
+    device.tick(estimate=AT_REST._replace(status=WARMING_UP))
+    assert device.learner.unsaved
+    assert told.exists()
+    assert WARMING_UP in device.learner.memory(device.now_s).last.outcome
+    device.learner.saved()
+    assert not told.exists()
+
+
+def test_it_is_shown(device, make_model):
+    inputs = make_model().main.inputs
+    about = ("bench", inputs, 90, 1.0, (1.0, 2.0), AT_REST._replace(used=(1.0, 2.0)), 0.0, 0, 0)
+    device.write(b"21.5")
+    device.tick()
+    shown = json.loads(as_json(Report(*about, device.learner.report())))
+    assert shown["offset_degC"] == device.learner.report().offset_degC
+    assert shown["last_reference"]["degC"] == 21.5
+    assert "offset_degC" not in json.loads(as_json(Report(*about)))
+    assert "ambientd_offset_celsius 0." in exposition(Report(*about, device.learner.report()))
+    assert "ambientd_offset" not in exposition(Report(*about))
+
+
+@pytest.fixture
+def config(make_model, phone, tmp_path):
+    """A configuration with a model that has settled after a few ticks."""
+    model = make_model()
+    quick = tuple(each._replace(A=((0.0, 0.0),) * 2, B=((1.0, 0.0), (0.0, 1.0))) for each in model.main.discrete)
+    main = model.main._replace(discrete=quick)
+    model = model._replace(main=main, conformance=conformance_of(main, model.conformance.inputs))
+    (tmp_path / "model.json").write_text(encode_model(model))
+
+    def write(**more):
+        path = tmp_path / "config.json"
+        values = {"model": "model.json", "sysfs_root": str(phone.root), "rate_hz": 20, "publish": ["status:status"]}
+        path.write_text(json.dumps({**values, **more}))
+        return path
+
+    return write
+
+
+LEARNS = {"state": {"path": "state.json", "max_age_s": 3600}, "reference": {}}
+
+
+@pytest.mark.parametrize("more", [{}, {"state": {"path": "state.json"}}, LEARNS])
+def test_telling_without_a_daemon_that_learns_says_what_to_do(ambientd, config, more):
+    done = ambientd("tell", "21.5", "--sigma", "0.5", "--config", config(**more))
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "Traceback" not in done.stderr
+    assert ("no daemon runs" if "reference" in more else "reference: {}") in done.stderr
+
+
+@pytest.mark.parametrize("words", [("tell", "nan"), ("tell", "300"), ("tell", "21", "--sigma", "0"), ("tell",)])
+def test_a_wrong_call_of_tell(ambientd, words):
+    assert ambientd(*words).returncode == 2
+
+
+def test_a_reference_without_a_state_is_refused_with_every_fault(ambientd, config):
+    done = ambientd("check", "--config", config(reference={"unit": "K", "max_age_s": 0, "colour": 1}))
+    assert done.returncode == 1
+    for place in ("reference: needs 'state'", "reference.unit", "reference.max_age_s", "reference.colour"):
+        assert place in done.stderr
+
+
+@pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
+def test_a_daemon_is_told_and_remembers_it_over_its_end(start, until, ended, ambientd, config, tmp_path, by):
+    path = config(**LEARNS)
+    status = tmp_path / "status"
+
+    def shown():
+        return json.loads(status.read_text())
+
+    def is_tracking():
+        return status.exists() and shown()["status"] == TRACKING
+
+    daemon = start("run", "--config", path)
+    until(is_tracking)
+    done = ambientd("tell", "23.5", "--sigma", "0.5", "--config", path)
+    assert (done.returncode, done.stderr) == (0, "")
+    offset = shown()["offset_degC"]
+    assert 0.1 < offset < 0.4
+    assert shown()["ambient_degC"] == pytest.approx(23 + offset, abs=1e-6)
+    for value, why in (("23.5", "counted"), ("33", "counted")):
+        done = ambientd("tell", value, "--config", path)
+        assert done.returncode == 1
+        assert why in done.stderr
+    ended(daemon, by)
+    status.unlink(missing_ok=True)
+    assert json.loads((tmp_path / "state.json").read_text().splitlines()[0])["offset"]["last"]["degC"] == 33
+    start("run", "--config", path)
+    until(status.exists)
+    assert shown()["offset_degC"] == pytest.approx(offset, abs=1e-3)
+    assert not (tmp_path / "state.json.tell").exists()
