@@ -68,7 +68,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_run(commands)
     _add_replay(commands)
     _add_check(commands)
-    _add_tell(commands)
+    _add_submit(commands)
     watch = commands.add_parser("watch", help="follow a running daemon's socket, and the next one's, a line a tick")
     watch.add_argument("socket", metavar="SOCKET")
     watch.add_argument(
@@ -131,22 +131,22 @@ def _add_check(commands: "_Commands[argparse.ArgumentParser]") -> None:
     withdraw.set_defaults(command=_withdraw)
 
 
-def _add_tell(commands: "_Commands[argparse.ArgumentParser]") -> None:
-    tell = commands.add_parser(
+def _add_submit(commands: "_Commands[argparse.ArgumentParser]") -> None:
+    submit = commands.add_parser(
         "tell",
         help="hand the running daemon a reading of the ambient, from which it learns this unit's offset",
-        description="Hand the running daemon a reading of the ambient. It counts while the status is tracking, once per"
-        " correlation time, where it lies within 3 sigma; the daemon's answer is printed. Status 1: it did not count.",
+        description="Hand the running daemon a reading of the ambient. It counts in the status tracking or degraded,"
+        " once per correlation time, where it lies within 3 sigma; the answer is printed. Status 1: it did not count.",
     )
-    tell.add_argument("value_degC", metavar="DEGC", type=_number(*REFERENCE_RANGE_DEGC), help="the ambient, in degC")
-    tell.add_argument(
+    submit.add_argument("value_degC", metavar="DEGC", type=_number(*REFERENCE_RANGE_DEGC), help="the ambient, in degC")
+    submit.add_argument(
         "--sigma",
         metavar="DEGC",
         type=_number(*SIGMA_RANGE_DEGC),
         help="how uncertain the reading is, a standard deviation (default: the configuration's, 0.5)",
     )
-    tell.add_argument("--config", metavar="FILE", default=_CONFIG, help=f"the daemon's (default: {_CONFIG})")
-    tell.set_defaults(command=_tell)
+    submit.add_argument("--config", metavar="FILE", default=_CONFIG, help=f"the daemon's (default: {_CONFIG})")
+    submit.set_defaults(command=_submit)
 
 
 def _add_origin(command: argparse.ArgumentParser) -> None:
@@ -236,10 +236,10 @@ def _withdraw(parser: argparse.ArgumentParser, options: argparse.Namespace) -> N
     withdraw(load_settings(options.config))
 
 
-def _tell(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    from ambientd.tell import tell
+def _submit(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    from ambientd.submit import submit
 
-    tell(load_settings(options.config), options.value_degC, options.sigma)
+    submit(load_settings(options.config), options.value_degC, options.sigma)
 
 
 def _watch(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

@@ -2,8 +2,8 @@
 
 Both are files that are looked at once a second: another program writes the configured one, and ``ambientd tell`` writes
 ``STATE.tell`` beside the state file. The file's modification time is the reading's. One reading counts per correlation
-time, only while the status is ``tracking``, and never when it is older than configured. The answer to a reading that
-was told stands in the state file; then its file is removed.
+time, while the status is ``tracking`` or ``degraded``, and never when it is older than configured. The answer to a
+submitted reading stands in the state file; then its file is removed.
 """
 
 import math
@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.faults import Refused
 from ambient_model.intake import read_whole
-from ambient_model.tracking import TRACKING, Estimate
+from ambient_model.tracking import Estimate
 from ambient_model.unit_offset import (
+    LEARNING,
     OffsetPrior,
     OffsetState,
     estimate_variance_degC2,
@@ -67,7 +68,7 @@ class OffsetReport(NamedTuple):
     last: LastReference | None
 
 
-def tell_path(state_path: str) -> str:
+def submission_path(state_path: str) -> str:
     """Where ``ambientd tell`` hands a reading over."""
     return f"{state_path}.tell"
 
@@ -87,7 +88,7 @@ class OffsetLearner:
         self._level = level_percent
         self._prior = OffsetPrior(spec.offset_std_degC, spec.max_offset_degC, spec.forget_days * _DAY_S)
         self._state = initial(self._prior)
-        self._told = tell_path(state_path)
+        self._submitted = submission_path(state_path)
         self._note = note
         self._notice = Notice()
         self._wall_s = wall_s
@@ -103,10 +104,10 @@ class OffsetLearner:
         if not 0 <= time_s - self._polled_s < _POLL_S:
             self._polled_s = time_s
             self._state = predicted(self._prior, self._state, time_s)
-            if (at_ns := self._changed(self._told)) is not None:
-                self._judge(self._told, "degC", at_ns, estimate)
+            if (at_ns := self._changed(self._submitted)) is not None:
+                self._judge(self._submitted, "degC", at_ns, estimate)
                 self.unsaved = True
-            if self._spec.path and estimate.status == TRACKING:
+            if self._spec.path and estimate.status in LEARNING:
                 at_ns = self._changed(self._spec.path)
                 # one that was refused is not tried again and again until it passes
                 if at_ns and not self._too_soon(at_ns / 1e9, max(self._counted_unix_s, self._refused_unix_s)):
@@ -132,11 +133,11 @@ class OffsetLearner:
         self._counted_unix_s, self._last = memory.counted_unix_s, memory.last
 
     def saved(self) -> None:
-        """The state file holds what :meth:`memory` returned: the reading that was told has its answer."""
+        """The state file holds what :meth:`memory` returned: the reading that was handed over has its answer."""
         self.unsaved = False
         try:
-            if os.stat(self._told).st_mtime_ns == self._seen_ns.get(self._told):
-                os.unlink(self._told)
+            if os.stat(self._submitted).st_mtime_ns == self._seen_ns.get(self._submitted):
+                os.unlink(self._submitted)
         except OSError:
             pass
 
@@ -167,9 +168,9 @@ class OffsetLearner:
         self._last = LastReference(unix_s, value, sigma, counted, outcome)
         if counted:
             self._counted_unix_s = unix_s
-        elif path != self._told:
+        elif path != self._submitted:
             self._refused_unix_s = min(unix_s, self._wall_s())
-        if counted or (path != self._told and self._notice.changed(self._polled_s, True)):
+        if counted or (path != self._submitted and self._notice.changed(self._polled_s, True)):
             self._note(f"reference {path}: {'counted' if counted else 'not counted'}, {outcome}")
         if counted:
             self._notice.changed(self._polled_s, False)
@@ -180,8 +181,8 @@ class OffsetLearner:
         age_s = self._wall_s() - unix_s
         if not -_AHEAD_S <= age_s <= self._spec.max_age_s:
             raise ValueError(f"it is {age_s:.0f} s old, and {self._spec.max_age_s:g} s are allowed")
-        if estimate.status != TRACKING or estimate.ambient_degC is None:
-            raise ValueError(f"the status is {estimate.status}, and readings count while it is {TRACKING}")
+        if estimate.status not in LEARNING or estimate.ambient_degC is None:
+            raise ValueError(f"the status is {estimate.status}, and readings count while it is {' or '.join(LEARNING)}")
         if self._too_soon(unix_s, self._counted_unix_s):
             gap_s = unix_s - self._counted_unix_s
             raise ValueError(f"another counted {gap_s:.0f} s before, and one counts per {self._spec.correlation_s:g} s")

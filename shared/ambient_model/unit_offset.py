@@ -12,7 +12,11 @@ import math
 from typing import NamedTuple
 
 from ambient_model.model import SCORES
-from ambient_model.tracking import Estimate
+from ambient_model.tracking import DEGRADED, TRACKING, Estimate
+
+LEARNING = (TRACKING, DEGRADED)
+"""Statuses in which a reference counts. On another unit than the trained one, whose sensors are off by tenths, two
+thirds of the samples at rest are degraded; the interval is wider then, and the reference has less weight."""
 
 _GATE_SIGMAS = 3.0
 _MOST_GATED_DEGC2 = 4.0

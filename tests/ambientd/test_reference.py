@@ -14,7 +14,7 @@ from ambient_model.conformance import conformance_of
 from ambient_model.tracking import TRACKING, WARMING_UP, Estimate
 from ambientd.fallback import FallbackState
 from ambientd.publish.prometheus import exposition
-from ambientd.reference import OffsetLearner, tell_path
+from ambientd.reference import OffsetLearner, submission_path
 from ambientd.report import Report, as_json
 from ambientd.settings import ReferenceSpec
 from ambientd.sources.quantities import reference_degC
@@ -160,7 +160,7 @@ def test_it_outlives_a_restart_and_is_forgotten_by_the_calendar(device, tmp_path
 
 def test_a_told_reading_is_answered_and_removed_once_it_is_saved(device, tmp_path):
     told = tmp_path / "state.tell"
-    assert str(told) == tell_path(device.state)
+    assert str(told) == submission_path(device.state)
     device.write(b"21.5 0.5", path=told)
     device.tick(estimate=AT_REST._replace(status=WARMING_UP))
     assert device.learner.unsaved

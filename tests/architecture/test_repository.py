@@ -89,9 +89,9 @@ PRIVATE_WORDS = {
 CONTRACTS = re.compile(
     r"""["'`]+(guard|spread|unrest|voices|speaking|lag_guard)["'`]+|["'](guard|spread)\.[^"']*["']"""
     r"""|f?["']spread\.terms[^"']*["']|guard +=|is 'guard'|key 'guard'"""
-    r"""|"told" if name"""
+    r"""|"told" if name|ambientd tell|["']tell["']|STATE\.tell|\.tell["']"""
 )
-"""Keys of files, which stay: the model's ``guard`` and ``spread``, the daemon's state's."""
+"""Keys of files and names of commands, which stay: the model's ``guard`` and ``spread``, ``ambientd tell``."""
 
 
 @pytest.mark.parametrize("package", ["ambient_model", "ambientd", "ambient_trainer", "ambient_studies"])

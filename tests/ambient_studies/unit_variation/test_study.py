@@ -59,17 +59,28 @@ def test_units_differ_and_their_offset_mends_some_of_it(done):
     assert after.deviation < before.deviation
 
 
+def test_the_offset_learnt_in_a_week_is_in_the_scores_and_a_liar_moves_no_unit(done):
+    learnt = [each.learnt_offset_degC for each in done.units]
+    for index in range(2):
+        for unit, offset in zip(done.units, learnt):
+            score = unit.scores[index]
+            assert score.learnt_bias_degC == pytest.approx(score.bias_degC - offset)
+            assert score.learnt_rmse_degC >= score.scatter_degC * 0.99
+    assert np.std(learnt) > 0
+    assert max(each.liar_moves_degC for each in done.units) <= 0.3
+
+
 def test_the_report_holds_every_figure(done):
     report = report_of(done)
     table, *findings = report.sections[0].blocks
-    assert [row[2] for row in table.rows] == ["as it is", "corrected"] * 2
+    assert [row[2] for row in table.rows] == ["as it is", "corrected", "learnt"] * 2
     rmse = [each.scores[0].rmse_degC for each in done.units]
     assert table.rows[0][4] == f"{np.median(rmse):.2f}"
     assert table.rows[0][6] == f"{max(rmse):.2f}"
     assert report.data["groups"][0]["as it is"]["rmse_degC"]["median"] == np.median(rmse)
     assert [each["number"] for each in report.data["units"]] == list(range(6))
     assert f"{np.median(rmse):.2f} degC" in findings[0].text
-    assert f"{np.std([each.offset_degC for each in done.units]):.2f} degC" in findings[-1].text
+    assert f"{np.std([each.offset_degC for each in done.units]):.2f} degC" in findings[-2].text
 
 
 def test_another_devices_model_is_refused(free_model):

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from ambient_studies.unit_variation.learning import DAYS, LIE_DEGC, READING_SIGMA_DEGC
 from ambient_studies.unit_variation.runs import CALIBRATION_DEGC, KNOWN_MIN
 from ambient_studies.unit_variation.study import Study
-from ambient_studies.unit_variation.telling import DAYS, LIE_DEGC, TOLD_SIGMA_DEGC
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
-WAYS = {"as it is": "", "corrected": "corrected_", "told": "told_"}
+WAYS = {"as it is": "", "corrected": "corrected_", "learnt": "learnt_"}
 """How a model runs on a unit, and what the names of those figures begin with."""
 
 _COLOURS = dict(zip(WAYS, (palette.BASELINE, palette.ESTIMATE, palette.ERROR)))
@@ -28,7 +28,7 @@ _CAPTION = (
 )
 _ABOUT = (
     "A model of one simulated phone runs on others within the tolerances of manufacture, bare and in a case: as it is, "
-    "with the offset of each unit's own calibration, and with the one learnt from one told reading a day for a week. "
+    "with the offset of each unit's own calibration, and with the one learnt from one reading a day for a week. "
     "Calibrations and readings are made bare, at rest; the runs shown are others."
 )
 
@@ -109,12 +109,12 @@ def sentences(study: Study) -> list[str]:
     """A sentence a group, and one about the offsets."""
     lines = []
     for index, (scenario, cased) in enumerate(groups(study)):
-        before, after, told = (scatter(study, index, f"{prefix}rmse_degC") for prefix in WAYS.values())
+        before, after, learnt = (scatter(study, index, f"{prefix}rmse_degC") for prefix in WAYS.values())
         best = scatter(study, index, "scatter_degC")
         lines.append(
             f"Scenario {scenario}, {_dress(cased)}: the error is {before.median:.2f} degC on the median unit "
             f"({before.nominal:.2f} on the one it was trained on), {after.median:.2f} with the unit's own offsets, "
-            f"{told.median:.2f} (worst {told.worst:.2f}) with the one that it learnt. The "
+            f"{learnt.median:.2f} (worst {learnt.worst:.2f}) with the one that it learnt. The "
             f"best constant, known afterwards, would leave {best.median:.2f}."
         )
     offsets = [each.offset_degC for each in study.units]
@@ -125,7 +125,7 @@ def sentences(study: Study) -> list[str]:
     )
     lies = [each.liar_moves_degC for each in study.units]
     lines.append(
-        f"Told one reading a day for {DAYS} days, with a normal error of {TOLD_SIGMA_DEGC:g} degC: readings that are "
+        f"One reading a day for {DAYS} days, with a normal error of {READING_SIGMA_DEGC:g} degC: readings that are "
         f"all {LIE_DEGC:g} degC too high move no unit's offset by more than {max(lies):.2f} degC."
     )
     return lines

@@ -1,7 +1,7 @@
 """Unit-to-unit variation: a model of one unit on others of the same make, as it is and with each unit's correction.
 
 All units have the same weather and noise, so only they differ. Each is calibrated bare, on a run of its own; its
-correction is then scored on the other runs, bare and in its case. So is the offset that it learns from a week of told
+correction is then scored on the other runs, bare and in its case. So is the offset that it learns from a week of
 readings.
 """
 
@@ -17,13 +17,12 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Model
 from ambient_studies.mitigation.loop import phone_zones
+from ambient_studies.unit_variation.learning import DAYS, LIE_DEGC, learnt
 from ambient_studies.unit_variation.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
-from ambient_studies.unit_variation.telling import DAYS, LIE_DEGC, learnt
 from ambient_studies.unit_variation.unit import Unit, drawn, nominal
 from ambient_trainer.data import Trace
 from ambient_trainer.estimation import results, workers
-from ambient_trainer.evaluation import correction, evaluate_trace
-from ambient_trainer.evaluation.evaluate import Evaluation
+from ambient_trainer.evaluation import Evaluation, correction, evaluate_trace
 from ambient_trainer.simulator import load_scenario
 
 Progress = Callable[[str, int, int], None]
@@ -61,9 +60,9 @@ class Score:
     corrected_rmse_degC: float
     corrected_bias_degC: float
     corrected_inside90_percent: float
-    told_rmse_degC: float
-    told_bias_degC: float
-    told_inside90_percent: float
+    learnt_rmse_degC: float
+    learnt_bias_degC: float
+    learnt_inside90_percent: float
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,8 @@ class ScoredUnit:
     number: int
     offset_degC: float
     scores: tuple[Score, ...]
-    told_offset_degC: float
-    """Learnt in a week of one told reading a day."""
+    learnt_offset_degC: float
+    """Learnt in a week of one reading a day."""
     liar_moves_degC: float
     """The furthest that readings which are all too high move it."""
 
@@ -152,14 +151,14 @@ def _one(model: Model, number: int, seed: int, runs: Sequence[Asked], logged: Se
     found = correction.correction(model, correction.known_between(logged[0], 60 * ON_BEFORE_MIN, None))
     improved = correction.corrected(model, found, {"trace": CALIBRATION})
     days = [evaluate_trace(model, trace) for trace in logged[1 : DAYS + 1]]
-    told_degC = learnt(number, seed, days)[-1]
+    learnt_degC = learnt(number, seed, days)[-1]
     lied_degC = max(map(abs, learnt(number, seed, days, LIE_DEGC)))
     scored = zip(runs[DAYS + 1 :], logged[DAYS + 1 :])
-    scores = [_score(run, model, improved, trace, told_degC) for run, trace in scored]
-    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), told_degC, lied_degC)
+    scores = [_score(run, model, improved, trace, learnt_degC) for run, trace in scored]
+    return ScoredUnit(number, found.offsets_degC[correction.MAIN], tuple(scores), learnt_degC, lied_degC)
 
 
-def _score(run: Asked, model: Model, improved: Model, trace: Trace, told_degC: float) -> Score:
+def _score(run: Asked, model: Model, improved: Model, trace: Trace, learnt_degC: float) -> Score:
     before, after = evaluate_trace(model, trace), evaluate_trace(improved, trace)
     bias_degC = before.metrics.mbe_degC
     return Score(
@@ -172,9 +171,9 @@ def _score(run: Asked, model: Model, improved: Model, trace: Trace, told_degC: f
         after.metrics.rmse_degC,
         after.metrics.mbe_degC,
         100 * after.coverage[90],
-        math.sqrt(before.metrics.rmse_degC**2 - bias_degC**2 + (bias_degC - told_degC) ** 2),
-        bias_degC - told_degC,
-        _inside90_percent(before, told_degC),
+        math.sqrt(before.metrics.rmse_degC**2 - bias_degC**2 + (bias_degC - learnt_degC) ** 2),
+        bias_degC - learnt_degC,
+        _inside90_percent(before, learnt_degC),
     )
 
 

@@ -7,14 +7,14 @@ from ambient_model.atomic import replacing
 from ambient_model.faults import Refused, refuse
 from ambient_model.intake import read_whole
 from ambientd.publish.swap import remove
-from ambientd.reference import LastReference, tell_path
+from ambientd.reference import LastReference, submission_path
 from ambientd.settings import Settings
 from ambientd.state import LARGEST_BYTES, decode
 
 _PATIENCE_S = 5.0
 
 
-def tell(settings: Settings, value_degC: float, sigma_degC: float | None) -> None:
+def submit(settings: Settings, value_degC: float, sigma_degC: float | None) -> None:
     """Print whether the reading counts, and the offset then; raises :class:`Refused` where it does not count."""
     if settings.reference is None:
         raise refuse(settings.source, "reference", "missing: this daemon does not learn", "add 'reference: {}'; reload")
@@ -23,7 +23,7 @@ def tell(settings: Settings, value_degC: float, sigma_degC: float | None) -> Non
     state = settings.state.path
     if not _is_running(state):
         raise refuse(state, "", "no daemon runs that keeps its state there", "start it, or name its --config")
-    path = tell_path(state)
+    path = submission_path(state)
     with replacing(path) as stream:
         os.chmod(stream.fileno(), 0o644)
         stream.write(f"{value_degC!r} {settings.reference.sigma_degC if sigma_degC is None else sigma_degC!r}\n")
@@ -36,9 +36,11 @@ def tell(settings: Settings, value_degC: float, sigma_degC: float | None) -> Non
         time.sleep(0.02)
     last = _last(state)
     if last is None or last.unix_s != at_s:
-        raise refuse(path, "", "another reading took its place", "tell it again")
+        raise refuse(path, "", "another reading took its place", "repeat the command")
     if not last.counted:
-        raise refuse("tell", "", f"not counted: {last.outcome}", "tell another later; the offset stays as it was")
+        raise refuse(
+            "ambientd tell", "", f"not counted: {last.outcome}", "hand over another later; the offset stays as it was"
+        )
     print(f"counted, {last.outcome}")
 
 
