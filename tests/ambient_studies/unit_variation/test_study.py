@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
+from ambient_studies.unit_variation.learning import LIE_DEGC, learnt
 from ambient_studies.unit_variation.report import report_of, scatter
 from ambient_studies.unit_variation.runs import CALIBRATION, Asked, traces
 from ambient_studies.unit_variation.study import Plan, study
@@ -59,15 +62,17 @@ def test_units_differ_and_their_offset_mends_some_of_it(done):
     assert after.deviation < before.deviation
 
 
-def test_the_offset_learnt_in_a_week_is_in_the_scores_and_a_liar_moves_no_unit(done):
-    learnt = [each.learnt_offset_degC for each in done.units]
-    for index in range(2):
-        for unit, offset in zip(done.units, learnt):
-            score = unit.scores[index]
-            assert score.learnt_bias_degC == pytest.approx(score.bias_degC - offset)
-            assert score.learnt_rmse_degC >= score.scatter_degC * 0.99
-    assert np.std(learnt) > 0
-    assert max(each.liar_moves_degC for each in done.units) <= 0.3
+def test_readings_of_a_week_teach_units_their_offset_and_a_liar_none(done):
+    rows = 2400
+    day = SimpleNamespace(time_s=np.arange(rows), status=np.full(rows, "degraded"), reference_degC=np.full(rows, 21.6))
+    day.estimate_degC, day.low_degC, day.high_degC = (np.full(rows, each) for each in (21.0, 20.5, 21.5))
+    offsets = [learnt(number, 1, [day] * 7) for number in range(200)]
+    R, P = 0.25 + (0.5 / 1.645) ** 2, 0.25
+    assert np.mean(offsets, axis=0)[-1] == pytest.approx(0.6 * 7 * P / (7 * P + R), abs=0.05)
+    assert max(map(abs, learnt(1, 1, [day] * 7, LIE_DEGC))) == 0
+    for unit in done.units:
+        for score in unit.scores:
+            assert score.learnt_bias_degC == pytest.approx(score.bias_degC - unit.learnt_offset_degC)
 
 
 def test_the_report_holds_every_figure(done):
