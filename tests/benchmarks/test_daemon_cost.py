@@ -68,11 +68,13 @@ def subjects(model: Model, folder: Path) -> dict[str, Command]:
         rest = ["run", "--model", str(folder / f"{name}.json"), "--sysfs-root", str(folder / "sys")]
         return lambda rate_hz, target: [*program, *rest, "--rate", str(rate_hz), "--publish", f"file:{target}"]
 
-    def with_all(rate_hz: float, target: str) -> list[str]:
+    (folder / "room").write_text("21.5 0.5\n")
+
+    def with_all(rate_hz: float, target: str, **more: object) -> list[str]:
         outputs = [f"file:{target}", f"status:{target}.json", f"socket:{target}.socket"]
         values = {"model": str(folder / "full.json"), "sysfs_root": str(folder / "sys"), "rate_hz": rate_hz}
         config = Path(f"{target}.config.json")
-        config.write_text(json.dumps({**values, "publish": outputs, "state": {"path": f"{target}.state"}}))
+        config.write_text(json.dumps({**values, "publish": outputs, "state": {"path": f"{target}.state"}, **more}))
         return [*compiled, "run", "--config", str(config)]
 
     return {
@@ -82,6 +84,9 @@ def subjects(model: Model, folder: Path) -> dict[str, Command]:
         "the same, guard and spread": daemon(packed, "blended"),
         "compiled, 4 fallbacks": daemon(compiled, "full"),
         "the same with status, socket and state": with_all,
+        "the same, learning from a reference": lambda rate_hz, target: with_all(
+            rate_hz, target, reference={"path": str(folder / "room")}
+        ),
         "installed, 4 fallbacks": daemon(installed, "full"),
     }
 
