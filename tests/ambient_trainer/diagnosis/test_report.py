@@ -84,7 +84,7 @@ def test_the_headline_holds_cause_window_size_and_gain(made):
     size = replace(made().steps[0].magnitude, qualifier="growing in the cold by 3.0 % per K")
     step = replace(made().steps[0], magnitude=size)
     text = headline(made(steps=(step, *made().steps[1:]), verdict=step))
-    for fact in ("at flash", "driven by camera_on", "from 1:00:00 to 1:30:00", "0.820 W (0.780 to 0.860 W)",
+    for fact in ("at flash", "driven by camera_on", "from 1:00:00 to 1:30:00", "0.820 W (0.780 to 0.860)",
                  "growing in the cold by 3.0 % per K", "0.910 to 0.430 degC", "0.400 to 0.550 degC", "p < 0.001",
                  "1 more effect"):  # fmt: skip
         assert fact in text

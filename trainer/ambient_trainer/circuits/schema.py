@@ -72,7 +72,7 @@ def _weights_or_parallel(each: str) -> BeforeValidator:
 
 _LIBRARY = resources.files(__package__) / "library"
 _PARALLEL = "parallel"
-_SMALLEST = 1e-9
+_SMALLEST, _LARGEST = 1e-9, 1e15
 """J/K or K/W; what is smaller, or larger than its reciprocal, is a wrong unit."""
 _Value = Annotated[Any, BeforeValidator(_named_or_number)]
 
@@ -248,7 +248,7 @@ class _Reading:
         what = place.rpartition(".")[2]
         if positive and parameter.initial <= 0:
             self._fault(place, f"{what} {name} starts at {parameter.initial:g}", f"a {what} is above 0")
-        elif positive and not _SMALLEST <= parameter.initial <= 1 / _SMALLEST:
+        elif positive and not _SMALLEST <= parameter.initial <= _LARGEST:
             self._fault(place, f"{what} {name} starts at {parameter.initial:g}", f"check its unit, {unit}")
         elif positive:
             self.parameters[name] = _positive(parameter)

@@ -114,12 +114,12 @@ def noun(cause: Cause) -> str:
 
 
 def magnitude_text(magnitude: Magnitude | None) -> str:
-    """``0.8 W (0.7 to 0.9 W)``."""
+    """``0.8 W (0.7 to 0.9)``."""
     if magnitude is None:
         return "-"
     low, high = magnitude.ci95
     unit = "" if magnitude.unit in ("", "1") else f" {magnitude.unit}"
-    return f"{digits(magnitude.value)}{unit} ({digits(low)} to {digits(high)}{unit})"
+    return f"{digits(magnitude.value)}{unit} ({digits(low)} to {digits(high)})"
 
 
 def _facts(diagnosis: Diagnosis) -> Facts:
