@@ -42,7 +42,7 @@ _ROUNDING_DEGC = 0.051
 """Two instruments differ by more at some time; a column and its copy with one decimal do not."""
 _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
-much of it."""
+much of it, or no more than so much of it is noise."""
 _SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL, _HALF = 0.3, 0.5, 0.5, 0.9, 0.45, 0.5
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
 """Times what known-good records leave: below the one a change is described, beyond the other it is not."""
@@ -170,7 +170,7 @@ def _diagnosis(
         misfit=misfit_of(bare.model.circuit, own, record, simulated),
         steps=steps,
         verdict=steps[0] if steps else None,
-        ranking=ranking_of(selection),
+        ranking=ranking_of(selection, named),
         next_experiment=next_experiment(selection, steps),
         extended=extended_circuit(circuit, final.model) if named else None,
         candidates_tried=selection.compared.tried,
@@ -228,7 +228,14 @@ def _misfits(bare: Fitted, floor_degC: float) -> bool:
         return True
     deviation = np.sqrt(np.nanmean([np.nanvar(record.sensors) for record in bare.records]))
     large = bare.held_out_rmse_degC > max(_MUCH * deviation, _SMALL_DEGC)
-    return bool(large and floor_degC < (1.0 - _EXPLAINABLE) * bare.held_out_rmse_degC)
+    predicted = floor_degC < (1.0 - _EXPLAINABLE) * bare.held_out_rmse_degC
+    return bool(large and (predicted or _noise_degC(bare) < _EXPLAINABLE * bare.rmse_degC))
+
+
+def _noise_degC(fitted: Fitted) -> float:
+    """What changes from one sample to the next of what is left: a misfit with a cause is smoother."""
+    steps = [np.diff(fitted.residual_degC(index), axis=1) for index in range(len(fitted.records))]
+    return float(np.sqrt(np.nanmean(np.concatenate(steps, axis=1) ** 2) / 2))
 
 
 def _undescribed(fitted: Fitted, share: float | None) -> bool:

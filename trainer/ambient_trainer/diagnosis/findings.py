@@ -32,7 +32,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     held = list(range(len(selection.bare.model.mechanisms), len(final.model.mechanisms)))
     for step in selection.steps:
         chosen = step.chosen
-        same = [each for each in held if chosen and final.model.mechanisms[each].key == chosen.mechanism.key]
+        same = [each for each in held if chosen and _is(final.model.mechanisms[each], chosen.mechanism)]
         if chosen is None or not same:
             continue
         index = same[0]
@@ -69,6 +69,11 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     return tuple(result)
 
 
+def _is(final: Mechanism, chosen: Mechanism) -> bool:
+    """Whether a mechanism is one that was chosen, perhaps without places that were dropped since."""
+    return (final.key[0], final.key[2]) == (chosen.key[0], chosen.key[2]) and set(final.places) <= set(chosen.places)
+
+
 def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:
     """Its name, place and driver, as a diagnosis gives them."""
     places = mechanism.places
@@ -94,9 +99,10 @@ def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[floa
         magnitude = _product(mechanism, whole, final.covariance[first:, first:])
         parameters[magnitude.meaning.replace(" ", "_")] = (magnitude.value, magnitude.unit)
         return magnitude, parameters
-    largest = max(
-        range(len(intervals)), key=lambda each: abs(mechanism.numbers[each].z) * (not mechanism.numbers[each].log)
-    )
+    # amounts in one unit by their size, others by their coordinates
+    same = len({number.unit for number in mechanism.numbers}) == 1
+    size = [abs(n.value if same else n.z) * (not n.log) for n in mechanism.numbers]
+    largest = size.index(max(size))
     main = mechanism.numbers[largest]
     value = mechanism.stated(main.value)
     magnitude = Magnitude(value, main.unit, mechanism.meaning(main), intervals[largest], mechanism.sentence_tail())
@@ -143,18 +149,25 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
     other = trial.mechanism.key != chosen.mechanism.key and trial.mechanism.cause != chosen.mechanism.cause
     kind = (trial.mechanism.instrument, trial.mechanism.responds)
     same = kind == (chosen.mechanism.instrument, chosen.mechanism.responds)
-    return other and same and not trial.fitted.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
+    return other and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
 def _confidence(step: Chosen, chosen: Trial) -> float:
     """The probability that the cause, its place and its driver are right, by the margin over the closest other."""
     if chosen.mechanism.evident:
         return _EVIDENT
-    others = [each for each in step.trials if each.mechanism.key != chosen.mechanism.key and not each.fitted.at_bounds]
+    others = [each for each in step.trials if not _says_the_same(each, chosen) and not each.at_bounds]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def _says_the_same(trial: Trial, chosen: Trial) -> bool:
+    """Whether a trial has the same cause, driven by the same columns, there and perhaps elsewhere, too."""
+    one, other = trial.mechanism, chosen.mechanism
+    columns = [() if each.driver is None else each.driver.columns for each in (one, other)]
+    return one.cause == other.cause and columns[0] == columns[1] and set(one.places) >= set(other.places)
 
 
 def _handicap(other: Trial, chosen: Trial) -> float:
@@ -162,9 +175,9 @@ def _handicap(other: Trial, chosen: Trial) -> float:
     return math.log(INSTRUMENT) if other.mechanism.instrument and not chosen.mechanism.instrument else 0.0
 
 
-def ranking_of(selection: Selection) -> tuple[Ranked, ...]:
-    """Every candidate for the first step, each compared by itself."""
-    taken = {each.chosen.mechanism.key for each in selection.steps[:1] if each.chosen is not None}
+def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
+    """Every candidate for the first step, each compared by itself; none is taken where none is ``named``."""
+    taken = {each.chosen.mechanism.key for each in selection.steps[:1] if each.chosen is not None and named}
     return tuple(
         _ranked(selection.compared, trial, trial.mechanism.key in taken) for trial in selection.compared.trials
     )
@@ -176,7 +189,7 @@ def _ranked(step: Chosen, trial: Trial, taken: bool) -> Ranked:
     gain = _gain(step, trial)
     if taken:
         remark = "taken"
-    elif trial.fitted.at_bounds:
+    elif trial.at_bounds:
         remark = "a number ends at a physical bound"
     elif step.chosen is not None and _rival(trial, step.chosen):
         remark = "not distinguishable from the one taken"

@@ -25,6 +25,7 @@ SAMPLES = Samples(COLUMNS, 10.0)
         ("-2 * (charge_As - 5) / 4", -(TIME_S - 5) / 2),
         ("sqrt(abs(current_A))", np.sqrt(np.abs(np.sin(TIME_S)))),
         ("lag(ambient_degC, 1e-9)", COLUMNS["ambient_degC"]),
+        ("delay(charge_As, 25)", np.maximum(TIME_S - 25, 0)),
     ],
 )
 def test_expressions_are_what_they_say(text, value):
@@ -33,6 +34,15 @@ def test_expressions_are_what_they_say(text, value):
 
 def test_columns_are_those_that_are_read():
     assert Expression("d(current_A^2)/dt * sqrt(charge_As)").columns == ("current_A", "charge_As")
+
+
+def test_a_level_and_a_delay_are_numbers_of_their_own():
+    for text, moved in (("delay(charge_As, 25)", "delay(charge_As, 30)"), ("current_A > -0.5", "current_A > 30")):
+        expression = Expression(text)
+        assert expression.level == float(text.strip(")").split()[-1])
+        assert expression.at_level(30.0).text == moved
+        assert expression.form == expression.at_level(30.0).form
+    assert Expression("current_A^2").level is None
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """Drivers of effects are expressions of logged columns, read by one small grammar: never by ``eval``.
 
 Columns by name, numbers, ``+ - * /``, ``^`` with a number, ``>`` and ``<`` (1 where true, else 0), ``sqrt(x)``,
-``abs(x)``, ``d(x)/dt`` and ``lag(x, seconds)``: ``current_A^2 * charge_frac``, ``ambient_degC > 25``.
+``abs(x)``, ``d(x)/dt``, ``lag(x, seconds)`` of first order and ``delay(x, seconds)``: ``current_A^2 * charge_frac``,
+``ambient_degC > 25``.
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ from ambient_trainer.diagnosis.words import unit_of
 from ambient_trainer.lti.lag import lagged
 
 _RATE = re.compile(r"\bd\(([A-Za-z0-9_ ^*+\-./()]+?)\)\s*/\s*dt\b")
-_HINT = "use columns of the trace, numbers, + - * / ^, > and <, sqrt, abs, d(x)/dt and lag(x, seconds)"
+_LEVEL = re.compile(r"^(delay\(\w+, |\w+ > )([-+.\de]+)(\)?)$")
+_HINT = (
+    "use columns of the trace, numbers, + - * / ^, > and <, sqrt, abs, d(x)/dt, lag(x, seconds) and delay(x, seconds)"
+)
 
 
 @dataclass(frozen=True)
@@ -46,11 +50,27 @@ class Expression:
 
     def per(self, unit: str) -> str:
         """``unit`` per unit of this: ``W/A^2``, ``W per m/s``; what is on or off, and a fraction, has none."""
-        name, _, power = self.text.partition("^")
+        text = self.columns[0] if self.text.startswith("delay(") else self.text
+        name, _, power = text.partition("^")
         if self.columns == (name,):
             own = unit_of(name)
             return f"{unit}/{own}^{power}" if power else f"{unit} per {own}" if own else unit
         return unit if self.switches else f"{unit} per {self.text}"
+
+    @property
+    def level(self) -> float | None:
+        """The number of a column that acts later, or beyond a level; None for any other expression."""
+        found = _LEVEL.search(self.text)
+        return None if found is None else float(found[2])
+
+    def at_level(self, value: float) -> Expression:
+        """It with another such number."""
+        return Expression(_LEVEL.sub(rf"\g<1>{value:.4g}\g<3>", self.text))
+
+    @property
+    def form(self) -> str:
+        """Its text without that number."""
+        return _LEVEL.sub(r"\g<1>\g<3>", self.text)
 
     @property
     def switches(self) -> bool:
@@ -84,11 +104,17 @@ def _lag(samples: Samples, row: Array, seconds: Array) -> Array:
     return lagged(row, float(seconds), samples.period_s)
 
 
+def _delay(samples: Samples, row: Array, seconds: Array) -> Array:
+    time_s = samples.period_s * np.arange(len(row))
+    return np.asarray(np.interp(time_s - float(seconds), time_s, row))
+
+
 _FUNCTIONS: Mapping[str, Callable[..., Array]] = {
     "sqrt": lambda samples, row: np.sqrt(np.maximum(row, 0.0)),
     "abs": lambda samples, row: np.abs(row),
     "rate": _rate,
     "lag": _lag,
+    "delay": _delay,
 }
 _OPERATORS: Mapping[type[ast.AST], Callable[[Array, Array], Array]] = {
     ast.Add: np.add,

@@ -53,6 +53,11 @@ class Number:
             return float(low), float(np.log(self.high)) if np.isfinite(self.high) else 60.0
         return self.low / self.scale, self.high / self.scale
 
+    @property
+    def at_bound(self) -> bool:
+        """Whether it stands at one of them."""
+        return any(abs(self.z - end) < 1e-6 * max(1.0, abs(end)) for end in self.range_z)
+
     def at(self, z: float) -> Number:
         """The number at coordinate z."""
         return replace(self, value=float(self.natural(np.float64(z))))
@@ -137,6 +142,12 @@ class Mechanism:
         """It with other numbers."""
         numbers = tuple(replace(each, value=float(value)) for each, value in zip(self.numbers, values))
         return replace(self, numbers=numbers)
+
+    def at_places(self, kept: Sequence[int]) -> Mechanism:
+        """It at some of its places only, each of which has as many numbers of its own."""
+        count = len(self.numbers) // len(self.places)
+        numbers = [number for each in kept for number in self.numbers[count * each : count * (each + 1)]]
+        return replace(self, places=tuple(self.places[each] for each in kept), numbers=tuple(numbers))
 
     def weight(self, record: Record) -> Array:
         """Its driver within its window, (N,)."""
@@ -228,6 +239,10 @@ class GreyBox:
     def without(self, index: int) -> GreyBox:
         """The model without one of its mechanisms."""
         return replace(self, mechanisms=self.mechanisms[:index] + self.mechanisms[index + 1 :])
+
+    def replaced(self, index: int, mechanism: Mechanism) -> GreyBox:
+        """The model with another mechanism in the place of one."""
+        return replace(self, mechanisms=(*self.mechanisms[:index], mechanism, *self.mechanisms[index + 1 :]))
 
     def values(self, z: Array) -> Array:
         """Numbers (P, p) at coordinates z (P, p)."""

@@ -119,13 +119,10 @@ class Fitted:
         return np.asarray(self.block * FOLDS // BLOCKS)
 
     @property
-    def at_bounds(self) -> bool:
-        """Whether a number of a mechanism ends at a physical bound."""
-        for number in self.model.numbers[len(self.prior.z) :]:
-            low, high = number.range_z
-            if abs(number.z - low) < 1e-6 * max(1.0, abs(low)) or abs(number.z - high) < 1e-6 * max(1.0, abs(high)):
-                return True
-        return False
+    def at_bounds(self) -> set[int]:
+        """Which numbers of mechanisms, by their place among all, stand at a physical bound."""
+        own = len(self.prior.z)
+        return {own + index for index, each in enumerate(self.model.numbers[own:]) if each.at_bound}
 
     @property
     def rmse_degC(self) -> float:

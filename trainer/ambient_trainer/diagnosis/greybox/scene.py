@@ -21,8 +21,11 @@ _VARIES = 0.1
 _STILL_DEGC, _MOVED_DEGC, _STILL_SAMPLES = 0.15, 1.0, 30
 _DWELLS, _WATER = 0.3, 0.1
 _MOST_COLUMNS = 24
+_LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
+"""Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 _WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
-_RATES = ("_hPa", "_Pa", "_bar", "_frac")
+_RATES = ("_hPa", "_Pa", "_bar")
+"""What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")
 _ANGLES = ("_deg",)
 _CHARGES, _SHARES = ("_As", "_Ah", "_frac"), ("_frac", "_on")
@@ -121,13 +124,32 @@ class Scene:
         """Simplest first: columns, squares of currents and speeds, rates, then products with known drivers of heat."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith(_SQUARED))]
-        found += [f"d({each})/dt" for each in plain if each.endswith(_RATES)]
+        heats = [each for each in self.known_heat if each.endswith("_frac")]
+        found += [f"d({each})/dt" for each in plain if each.endswith(_RATES) or each in heats]
         for driver in self.known_heat:
             states = _OF_A_CURRENT if "_A" in driver else _SHARES
             found += [f"{driver}*{other}" for other in plain if other.endswith(states) and other not in driver]
             if "_A" in driver:
                 found += [f"{driver}*{other}^2" for other in plain if other.endswith(_CHARGES)]
         return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
+
+    @cached_property
+    def formed_drivers(self) -> list[Expression]:
+        """Columns that act later, and those that act beyond a level: no power does, nor a current."""
+        plain = [each.text for each in self.drivers if each.columns == (each.text,)]
+        found = [f"delay({each}, {delay_s:.4g})" for each in plain for delay_s in self._delays_s]
+        for each in plain:
+            if each.endswith((*_WARMING, "_A")):
+                continue
+            row = self._row(Expression(each))
+            if len(np.unique(row)) > _LEVELS:
+                found += [f"{each} > {level:.3g}" for level in np.quantile(row, (0.2, 0.4, 0.6, 0.8))]
+        return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
+
+    @property
+    def _delays_s(self) -> Array:
+        first, last = _SHORTEST_DELAY * self.period_s, min(_LONGEST_DELAY * self.longest_s, _LONGEST_DELAY_S)
+        return np.geomspace(first, last, 8) if first < last else np.zeros(0)
 
     @cached_property
     def known_heat(self) -> list[str]:
@@ -167,7 +189,7 @@ class Scene:
 
     def warms(self, driver: Expression) -> bool:
         """Whether physics forbids that it cools: powers, irradiances and squared currents."""
-        text = driver.text
+        text = driver.columns[0] if driver.level is not None else driver.text
         if "*" in text or text.startswith("d("):
             return False
         return text.endswith(_WARMING) or text.endswith("_A^2")

@@ -18,6 +18,7 @@ from joblib import Parallel, delayed
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
+from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
@@ -41,6 +42,7 @@ _SURE, _SURELY, _WITHIN = 1.645, 1.96, 100.0
 _BELOW_FLOOR = 0.55
 _LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
+_SHAKEN = 1.5
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -63,6 +65,8 @@ class Trial:
     fitted: Fitted
     rmse_degC: float
     """Held-out."""
+    at_bounds: bool
+    """Whether a number of it ends at a physical bound, or an earlier amount that had stood free."""
 
     @property
     def lasting(self) -> bool:
@@ -80,7 +84,11 @@ class Trial:
         mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
         if not mechanism.lasts:
             error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
-        return Trial(mechanism, after, error if np.isfinite(error) else float("inf"))
+        # an earlier time constant may well turn out to be longer than the record
+        new = after.at_bounds - before.at_bounds
+        numbers, own = after.model.numbers, len(after.model.numbers) - len(mechanism.numbers)
+        bounded = any(index >= own or not numbers[index].log for index in new)
+        return Trial(mechanism, after, error if np.isfinite(error) else float("inf"), bounded)
 
 
 def identified(fitted: Fitted, index: int) -> bool:
@@ -247,6 +255,8 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
             started[shape] = started.get(shape, 0) + 1
             chosen.append(each)
         scope = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
+        formed = "formed " * ("(" in driver or ">" in driver)
+        scope = f"{formed}{scope}"
         if driver and "*" not in driver and len([key for key in seen if key[0] == scope]) < _DRIVERS:
             kinds.append((scope, (cause, driver)))
         for kind in kinds:
@@ -268,6 +278,10 @@ def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[i
         progress(done, total)
         if result is not None:
             trials.append(Trial.of(before, result))
+    known = {each.mechanism.key for each in trials}
+    heating = [(each, less) for each in trials if (less := _where_it_heats(each)) and less.key not in known]
+    fewer = [(before.model.with_mechanism(less), each.fitted) for each, less in heating]
+    trials += [Trial.of(before, each) for each in _side_by_side(_refit, fewer, _FEW) if each is not None]
     trials.sort(key=promise)
     worth = [each for each in trials[:_FINALISTS] if promise(each) < promise(trials[0]) + _HOPELESS]
     finalists = [(each.fitted.model, each.fitted) for each in worth]
@@ -329,6 +343,7 @@ def complexity(mechanism: Mechanism) -> float:
         + 3.0 * (text.endswith("_A") and mechanism.cause == "heat_source")
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
+        + 2.5 * (mechanism.cause == "heat_source" and ("delay(" in text or ">" in text))
         + 0.5 * (text.count("^") - joule)
     )
     electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
@@ -346,7 +361,7 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
 
     But what shows itself in the readings alone, a sensor that stands still while all else moves, comes first.
     """
-    ordered = sorted((each for each in trials if not each.fitted.at_bounds), key=penalised)
+    ordered = sorted((each for each in trials if not each.at_bounds), key=penalised)
     for each in ordered:
         if each.mechanism.evident and _halves(before, each):
             return each
@@ -417,6 +432,9 @@ def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
 def gains(before: Fitted, after: Trial) -> bool:
     """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
     if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
+        return False
+    # of a window that is left out whole nothing is known, but the rest has to stand as it did
+    if not after.lasting and after.fitted.held_out_rmse_degC > _SHAKEN * before.held_out_rmse_degC:
         return False
     apart = before.held_out - after.fitted.held_out if after.lasting else before.combed - after.fitted.combed
     scatter = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
@@ -491,9 +509,35 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: 
     small = chosen is not None and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
     if chosen is not None and described and (small or chosen.mechanism.instrument):
         chosen = None
-    if chosen is not None and not chosen.lasting and not chosen.mechanism.evident:
-        chosen = Trial.of(fitted, sharpened(chosen.fitted))
+    if chosen is not None and _movable(chosen.mechanism):
+        again = sharpened(chosen.fitted)
+        chosen = Trial.of(fitted, again.refitted() if chosen.lasting and _cheap(again) else again)
     return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
+
+
+def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:
+    """A mechanism without each of its places, where each has numbers of its own."""
+    count = len(mechanism.places)
+    if count < 2 or len(mechanism.numbers) % count:
+        return []
+    return [mechanism.at_places([each for each in range(count) if each != out]) for out in range(count)]
+
+
+def _where_it_heats(trial: Trial) -> Mechanism | None:
+    """Heat into several places without those whose amount is at a bound, or not surely one; None where all are."""
+    mechanism, numbers = trial.mechanism, trial.mechanism.numbers
+    if mechanism.cause != "heat_source" or len(mechanism.places) != len(numbers) or len(numbers) == 1:
+        return None
+    deviations = np.sqrt(np.maximum(np.diag(trial.fitted.covariance)[-len(numbers) :], 0.0))
+    sure = [n.z > n.range_z[0] and abs(n.z) > _SURELY * sd for n, sd in zip(numbers, deviations)]
+    kept = [index for index, each in enumerate(sure) if each]
+    return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
+
+
+def _movable(mechanism: Mechanism) -> bool:
+    """Whether it has a window, or a driver with a delay or a level, that the screen has placed on a grid."""
+    level = mechanism.cause == "heat_source" and mechanism.driver is not None and mechanism.driver.level is not None
+    return level or not (mechanism.lasts or mechanism.evident)
 
 
 def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
@@ -523,14 +567,17 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
             for each in screen(Scene(first.fitted), lasting_candidates)
             if _stores_or_heats(each.mechanism, unlogged)
         ]
-        # of two heats by drivers each shows itself alone
-        driven = first.mechanism.driver is not None
+        # of two heats by drivers each shows itself alone, but a driver's rate only beside it
+        driven = first.mechanism.key[2]
         others = [each for each in offered if each.mechanism.key != first.mechanism.key]
-        others = [each for each in others if not driven or each.mechanism.driver is None]
+        others = [each for each in others if not driven or each.mechanism.key[2] in ("", f"d({driven})/dt")]
         for second in compared(first.fitted, shortlist(others), lambda done, total: None):
             score = penalised(second) + PENALTY * complexity(first.mechanism)
             before = len(second.fitted.model.mechanisms) - 2
-            sound = second.identified and identified(second.fitted, before) and not second.fitted.at_bounds
+            free = not any(
+                number.at_bound for each in second.fitted.model.mechanisms[before:] for number in each.numbers
+            )
+            sound = free and second.identified and identified(second.fitted, before)
             if sound and first is step.chosen:
                 # it is followed anyway
                 alone = min(alone, score)
@@ -552,18 +599,25 @@ def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
 
 
 def pruned(fitted: Fitted, given: int) -> Fitted:
-    """The model without mechanisms that later ones have made needless; the first ``given`` are the circuit's own."""
-    hidden = {place for each in fitted.model.mechanisms for place in each.places} - {
-        n.name for n in fitted.model.circuit.states
-    }
-    for index, mechanism in list(enumerate(fitted.model.mechanisms[:-1]))[given:]:
-        if any(each.startswith(place) for place in mechanism.places for each in hidden):
-            continue
-        starts = [None for _ in fitted.runs]
-        without = fit(fitted.model.without(index), fitted.records, starts, tolerance=1e-3, prior=fitted.prior)
-        if without is not None and without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
-            _log.info("dropped %s", mechanism)
-            return pruned(without, given)
+    """The model without mechanisms, and places of heat, that later ones have made needless; the first ``given`` are the
+    circuit's own."""
+    model = fitted.model
+    hidden = {place for each in model.mechanisms for place in each.places} - {n.name for n in model.circuit.states}
+    last = len(model.mechanisms) - 1
+    for index, mechanism in list(enumerate(model.mechanisms))[given:]:
+        held = any(each.startswith(place) for place in mechanism.places for each in hidden)
+        less = [] if held or index == last else [model.without(index)]
+        if mechanism.cause == "heat_source":
+            less += [model.replaced(index, each) for each in _without_a_place(mechanism)]
+        for each in less:
+            without = fit(each, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
+            if without is None or without.rmse_degC > (1.0 + LEAST_GAIN) * fitted.rmse_degC:
+                continue
+            # both by the same measure: to first order, or by fits without each fold
+            without = without if fitted.validated is None else without.refitted()
+            if without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
+                _log.info("dropped %s, or a place of it", mechanism)
+                return pruned(without, given)
     return fitted
 
 
@@ -585,4 +639,8 @@ def _slower(model: GreyBox, factor: float) -> GreyBox:
 def bare_fit(model: GreyBox, records: Sequence[Record]) -> Fitted:
     """The circuit itself at its least squares, from several starts."""
     fits = (fit(_slower(model, factor), records, prior=Prior.of(model)) for factor in (1.0, 10.0, 0.1, 100.0))
-    return min((each for each in fits if each is not None), key=lambda each: each.rmse_degC).refitted()
+    simulated = [each for each in fits if each is not None]
+    if not simulated:
+        hint = "check the units of its columns, and readings that no sensor can have"
+        raise refuse("diagnose", model.circuit.name, "cannot be simulated on this trace", hint)
+    return min(simulated, key=lambda each: each.rmse_degC).refitted()

@@ -1,5 +1,7 @@
 """When something acted that nothing logged shows: the window of time that explains most, by the score test.
 
+A driver's delay and level are refined by the simulation in the same way.
+
 What begins at t_a and ends at t_b adds, to first order, the column of what begins at t_a less that of what begins at
 t_b. All pairs of a coarse grid are scored at once; the best is refined on finer ones.
 """
@@ -19,8 +21,9 @@ from ambient_trainer.diagnosis.greybox.regression import Fitted, fit, simulate
 _COARSE, _FINE, _ROUNDS = 28, 4, 2
 _SHORTEST = 5
 """Samples that a window lasts at least."""
-_TIMES, _REFITTED = 10, 8
-"""Times that are tried for an end of a window, and steps of the fit after it."""
+_TIMES, _REFITTED, _APART = 10, 8, 0.4
+"""Times that are tried for an end of a window, steps of the fit after it, and how far a delay moves, of itself, or a
+level, of its column's range."""
 
 Columns = Callable[[Mechanism], Array]
 
@@ -55,7 +58,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mecha
 
 
 def sharpened(fitted: Fitted) -> Fitted:
-    """The same with the window of its last mechanism refined by the simulation itself, and fitted again, twice."""
+    """The same with the window, delay or level of its last mechanism refined by the simulation, fitted again, twice."""
     for _ in range(2):
         model = _with_last(fitted.model, _refined(fitted))
         starts = [run.start for run in fitted.runs]
@@ -67,11 +70,15 @@ def sharpened(fitted: Fitted) -> Fitted:
 
 
 def _refined(fitted: Fitted) -> Mechanism:
-    """The last mechanism with first its onset and then its end where least is left, near where they are."""
+    """The last mechanism with its driver's delay or level, or its onset and then its end, where least is left near."""
     record = max(fitted.records, key=lambda each: each.samples)
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
     within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
     last = fitted.model.mechanisms[-1]
+    if (driver := last.driver) is not None and (level := driver.level) is not None:
+        row = record.signals[driver.columns[0]]
+        apart = _APART * (level if driver.text.startswith("delay(") else float(np.ptp(row)))
+        return _least(fitted, lambda at: replace(last, driver=driver.at_level(at)), level - apart, level + apart)
     if (on := last.onset_s) is not None:
         latest = (end if last.end_s is None else last.end_s) - shortest
         last = _least(
@@ -85,7 +92,7 @@ def _refined(fitted: Fitted) -> Mechanism:
     return last
 
 
-def _least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float, high_s: float) -> Mechanism:
+def _least(fitted: Fitted, moved: Callable[[float], Mechanism], low: float, high: float) -> Mechanism:
     """The last mechanism as ``moved`` to the time that leaves least; numbers and starts are those of the fit."""
 
     def left(at_s: float) -> float:
@@ -95,8 +102,8 @@ def _least(fitted: Fitted, moved: Callable[[float], Mechanism], low_s: float, hi
             total += float(np.nansum((record.weights * (record.sensors - read)) ** 2))
         return total
 
-    options = {"maxiter": _TIMES, "xatol": fitted.records[0].period_s / 10}
-    return moved(float(minimize_scalar(left, bounds=(low_s, high_s), method="bounded", options=options).x))
+    options = {"maxiter": _TIMES, "xatol": (high - low) / 1000}
+    return moved(float(minimize_scalar(left, bounds=(low, high), method="bounded", options=options).x))
 
 
 def _with_last(model: GreyBox, last: Mechanism) -> GreyBox:

@@ -29,6 +29,14 @@ class Heat(Mechanism):
     cause = "heat_source"
     noun = "heat that the circuit does not know"
 
+    @property
+    def key(self) -> tuple[str, tuple[str, ...], str]:
+        return self.cause, self.places, "" if self.driver is None else self.driver.form
+
+    @property
+    def structural(self) -> bool:
+        return self.driver is not None and self.driver.level is not None
+
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
         for place, column in zip(self.places, values.T):
@@ -102,6 +110,9 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                     f"growth_{places[0]}", "1/K", 0.0, scale=_MOST_PER_K, low=_LEAST_PER_K, high=_MOST_PER_K
                 )
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
+    for node in scene.nodes:
+        for driver in scene.formed_drivers:
+            yield _heat(scene, (node,), driver)
     for node in scene.hidden_nodes:
         # the rate of what heats a slow body is what heats a fast one
         for driver in (each for each in scene.drivers if not each.text.startswith("d(")):

@@ -96,7 +96,17 @@ class HiddenMass(Mechanism):
                 circuit = with_edge(circuit, body, AMBIENT, 1.0 / self.numbers[each * index + 2].value)
         return circuit
 
-    def product(self) -> tuple[str, str, tuple[int, int]]:
+    @property
+    def _slower_than_the_record(self) -> bool:
+        lag = self.numbers[1]
+        return lag.value > lag.high / _SLOWEST
+
+    def sentence_tail(self) -> str:
+        return "slower than the record: a constant temperature does the same" * self._slower_than_the_record
+
+    def product(self) -> tuple[str, str, tuple[int, int]] | None:
+        if self._slower_than_the_record:
+            return None
         return f"heat capacity of the mass behind {self.places[0]}", "J/K", (0, 1)
 
     def meaning(self, number: Number) -> str:
