@@ -6,6 +6,7 @@ import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
@@ -118,7 +119,8 @@ def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> go.Figure:
 
 def driving(diagnosis: Diagnosis) -> list[str]:
     """The logged signals that drive the steps."""
-    named = dict.fromkeys(step.cause.signal for step in diagnosis.explained)
+    texts = [step.cause.signal for step in diagnosis.explained if step.cause.signal is not None]
+    named = {name for text in texts for name in Expression(text).columns}
     return [name for name in diagnosis.signals if name in named]
 
 
@@ -190,11 +192,7 @@ def _label(signal: str) -> str:
 
 
 def _running_mean(values: Array, samples: int) -> Array:
-    known = np.isfinite(values)
-    kernel = np.ones(samples)
-    counts = np.convolve(known, kernel, mode="same")
-    sums = np.convolve(np.where(known, values, 0.0), kernel, mode="same")
-    return np.asarray(np.where(counts > 0, sums / np.maximum(counts, 1), np.nan))
+    return np.asarray(pd.Series(values).rolling(samples, center=True, min_periods=1).mean())
 
 
 def _range(heat: Array, samples: int) -> tuple[float, float]:

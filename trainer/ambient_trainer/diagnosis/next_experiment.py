@@ -25,8 +25,8 @@ _STEPS_K = (10.0, -10.0)
 _SURE = 3.0
 """Standard deviations between the two predictions."""
 _USUAL = (0.02, 0.98)
-_STARTS_DEGC, _HOTTER_K = 20.0, 10.0
-"""Where planned runs begin; how much hotter than in the log a sensor may get."""
+_STARTS_DEGC, _BEYOND_K = 20.0, 15.0
+"""Where planned runs begin; how far beyond what the log has seen a sensor may get."""
 
 
 @dataclass(frozen=True)
@@ -95,21 +95,25 @@ def _largest(one: Fitted, other: Fitted) -> Difference | None:
     """The switch after which two models differ most."""
     left = np.concatenate([one.residual_degC(index) for index in range(len(one.records))], axis=1)
     sd = np.sqrt(np.nanmean(left**2, axis=1)) + 1e-6
-    hottest = max(float(np.nanmax(record.sensors)) for record in one.records) + _HOTTER_K
-    found = (_difference(one, other, switch, sd, hottest) for switch in _switches(one, other))
+    read = np.concatenate([record.sensors for record in one.records], axis=1)
+    seen_degC = float(np.nanmin(read)) - _BEYOND_K, float(np.nanmax(read)) + _BEYOND_K
+    found = (_difference(one, other, switch, sd, seen_degC) for switch in _switches(one, other))
     return max((each for each in found if each is not None), key=lambda each: each.sigmas, default=None)
 
 
-def _difference(one: Fitted, other: Fitted, switch: Switch, sd: Array, hottest: float) -> Difference | None:
-    """Where the two differ most before a sensor is hotter than anybody would let it be."""
+def _difference(
+    one: Fitted, other: Fitted, switch: Switch, sd: Array, seen_degC: tuple[float, float]
+) -> Difference | None:
+    """Where the two differ most before a sensor leaves the range of the log, and some."""
     record = _planned(one, switch)
     reads = [_simulated(each.model, record) for each in (one, other)]
     if not all(np.isfinite(each).all() for each in reads):
         return None
     half = record.samples // 2
-    cool = np.logical_and.accumulate(np.maximum(*reads)[:, half:].max(axis=0) < hottest)
-    apart = np.abs(reads[0] - reads[1])[:, half:] / sd[:, None] * cool
-    if not cool.any():
+    after = np.stack(reads)[:, :, half:]
+    inside = np.logical_and.accumulate(((after > seen_degC[0]) & (after < seen_degC[1])).all(axis=(0, 1)))
+    apart = np.abs(after[0] - after[1]) / sd[:, None] * inside
+    if not inside.any():
         return None
     sensor, index = np.unravel_index(np.argmax(apart > 0.9 * apart.max()), apart.shape)
     at = half + int(index)

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from ambient_trainer.circuits.circuit import Circuit
@@ -111,14 +112,9 @@ def means(trace: Trace, period_s: float) -> Trace:
     if period_s <= 1.5 * sampling_period_s(trace.time_s):
         return trace
     position = np.floor((trace.time_s - trace.time_s[0]) / period_s).astype(int)
-    filled, place = np.unique(position, return_inverse=True)
-    columns = {}
-    for name, values in trace.columns.items():
-        known = ~np.isnan(values)
-        count = np.bincount(place[known], minlength=len(filled))
-        total = np.bincount(place[known], weights=values[known], minlength=len(filled))
-        columns[name] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return replace(trace, time_s=trace.time_s[0] + (filled + 0.5) * period_s, columns=columns)
+    mean = pd.DataFrame(trace.columns).groupby(position).mean()
+    columns = {name: mean[name].to_numpy() for name in trace.columns}
+    return replace(trace, time_s=trace.time_s[0] + (mean.index.to_numpy() + 0.5) * period_s, columns=columns)
 
 
 def bridged(row: Array) -> Array:
