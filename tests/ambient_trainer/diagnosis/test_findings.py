@@ -1,0 +1,84 @@
+"""What is said of mechanisms: which rivals count, which size is shown, and what may be called none."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ambient_trainer.api.diagnosing import DiagnosisResult
+from ambient_trainer.diagnosis.diagnose import _misfits
+from ambient_trainer.diagnosis.figures import driving
+from ambient_trainer.diagnosis.findings import _confidence, _numbers
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
+from ambient_trainer.diagnosis.greybox.model import Number
+from ambient_trainer.diagnosis.greybox.stepwise import Trial
+from ambient_trainer.diagnosis.later import Later
+from ambient_trainer.diagnosis.result import Cause
+
+
+def heat(driver: str | None, **amounts: tuple[float, float]) -> Heat:
+    """Amounts by place, each with the scale of its coordinate."""
+    numbers = tuple(Number(f"heat_{each}", "W", value, scale=scale) for each, (value, scale) in amounts.items())
+    return Heat(tuple(amounts), numbers, None if driver is None else Expression(driver))
+
+
+def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scale():
+    mechanism = heat("load_frac", coil=(40.0, 20.0), controller=(5.0, 0.1))
+    final = SimpleNamespace(model=SimpleNamespace(own=(), mechanisms=(mechanism,)), covariance=np.eye(2))
+    magnitude, _ = _numbers(final, 0)
+    assert (magnitude.value, magnitude.meaning) == (40.0, "heat into coil")
+
+
+def test_another_form_of_the_driver_or_more_places_is_no_rival_and_another_driver_is():
+    def trial(mechanism: Heat, rmse_degC: float) -> Trial:
+        return Trial(mechanism, SimpleNamespace(), rmse_degC, at_bounds=False)
+
+    chosen = trial(heat("fan_rpm", board=(1.0, 1.0)), 0.5)
+    alike = [trial(heat("fan_rpm^2", board=(1.0, 1.0)), 0.5), trial(heat("fan_rpm", board=(1, 1), lid=(1, 1)), 0.5)]
+    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen, *alike])
+    assert _confidence(step, chosen) > 0.9
+    step.trials.append(trial(heat("load_frac", board=(1.0, 1.0)), 0.5))
+    assert _confidence(step, chosen) < 0.5
+
+
+@pytest.mark.parametrize(
+    ("onset_s", "lag_s", "unit"), [(None, 2e4, None), (None, 500.0, "J/K"), (60.0, 500.0, "J/K"), (60.0, 2e3, "J/K")]
+)
+def test_a_mass_slower_than_the_record_has_no_heat_capacity(onset_s, lag_s, unit):
+    record_s = 1e4
+    high = 30 * record_s if onset_s is None else record_s / 3
+    numbers = (Number("G_case_mass", "W/K", 1.0, log=True), Number("lag_case_mass", "s", lag_s, log=True, high=high))
+    mass = HiddenMass(("case",), numbers, onset_s=onset_s)
+    assert (mass.product() or (None, None))[1] == unit
+    assert ("slower than the record" in mass.sentence_tail()) == (unit is None)
+
+
+def test_a_large_smooth_misfit_is_no_none_although_a_black_box_leaves_as_much():
+    def misfits(residual: np.ndarray) -> bool:
+        record = SimpleNamespace(sensors=np.linspace(20, 30, residual.size)[None])
+        rmse = float(np.sqrt(np.mean(residual**2)))
+        bare = SimpleNamespace(
+            records=[record], residual_degC=lambda index: residual[None], held_out_rmse_degC=rmse, rmse_degC=rmse
+        )
+        return _misfits(bare, floor_degC=rmse)
+
+    time = np.arange(500)
+    assert misfits(0.6 * np.sin(time / 40))
+    assert not misfits(0.45 * np.random.default_rng(1).standard_normal(500))
+    assert not misfits(0.1 * np.sin(time / 40))
+
+
+def test_the_panel_of_a_delayed_driver_is_that_of_its_column(made):
+    step = replace(made().steps[0], cause=Cause("heat_source", "flash", "delay(camera_on, 420)"))
+    assert driving(made(steps=(step,))) == ["camera_on"]
+
+
+def test_a_finding_that_makes_later_time_worse_says_so(made):
+    def second_line(extended_rmse_degC: float) -> str:
+        return DiagnosisResult(made(), Later(900.0, 2.0, extended_rmse_degC, 100)).summary.lead[1].text
+
+    assert "worse" in second_line(2.5)
+    assert "worse" not in second_line(0.5)
