@@ -90,6 +90,11 @@ class Mechanism:
         """Whether it is of how a device is built: known-good records would have shown it."""
         return False
 
+    @property
+    def tuned(self) -> bool:
+        """Whether its driver has a delay or a level, which is placed on a grid and then refined."""
+        return False
+
     assumes = 0.0
     """What it takes for granted besides its numbers."""
     stops = True

@@ -134,7 +134,7 @@ class Scene:
         return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
 
     @cached_property
-    def formed_drivers(self) -> list[Expression]:
+    def tuned_drivers(self) -> list[Expression]:
         """Columns that act later, and those that act beyond a level: no power does, nor a current."""
         plain = [each.text for each in self.drivers if each.columns == (each.text,)]
         found = [f"delay({each}, {delay_s:.4g})" for each in plain for delay_s in self._delays_s]

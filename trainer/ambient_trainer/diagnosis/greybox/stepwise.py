@@ -43,6 +43,7 @@ _BELOW_FLOOR = 0.55
 _LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
+"""Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -255,8 +256,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
             started[shape] = started.get(shape, 0) + 1
             chosen.append(each)
         scope = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
-        formed = "formed " * ("(" in driver or ">" in driver)
-        scope = f"{formed}{scope}"
+        scope = "tuned " * each.mechanism.tuned + scope
         if driver and "*" not in driver and len([key for key in seen if key[0] == scope]) < _DRIVERS:
             kinds.append((scope, (cause, driver)))
         for kind in kinds:
@@ -343,7 +343,7 @@ def complexity(mechanism: Mechanism) -> float:
         + 3.0 * (text.endswith("_A") and mechanism.cause == "heat_source")
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
-        + 2.5 * (mechanism.cause == "heat_source" and ("delay(" in text or ">" in text))
+        + 2.5 * mechanism.tuned
         + 0.5 * (text.count("^") - joule)
     )
     electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
@@ -509,7 +509,7 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: 
     small = chosen is not None and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
     if chosen is not None and described and (small or chosen.mechanism.instrument):
         chosen = None
-    if chosen is not None and _movable(chosen.mechanism):
+    if chosen is not None and (chosen.mechanism.tuned or not (chosen.lasting or chosen.mechanism.evident)):
         again = sharpened(chosen.fitted)
         chosen = Trial.of(fitted, again.refitted() if chosen.lasting and _cheap(again) else again)
     return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
@@ -532,12 +532,6 @@ def _where_it_heats(trial: Trial) -> Mechanism | None:
     sure = [n.z > n.range_z[0] and abs(n.z) > _SURELY * sd for n, sd in zip(numbers, deviations)]
     kept = [index for index, each in enumerate(sure) if each]
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
-
-
-def _movable(mechanism: Mechanism) -> bool:
-    """Whether it has a window, or a driver with a delay or a level, that the screen has placed on a grid."""
-    level = mechanism.cause == "heat_source" and mechanism.driver is not None and mechanism.driver.level is not None
-    return level or not (mechanism.lasts or mechanism.evident)
 
 
 def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:

@@ -75,7 +75,7 @@ def _refined(fitted: Fitted) -> Mechanism:
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
     within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
     last = fitted.model.mechanisms[-1]
-    if (driver := last.driver) is not None and (level := driver.level) is not None:
+    if last.tuned and (driver := last.driver) is not None and (level := driver.level) is not None:
         row = record.signals[driver.columns[0]]
         apart = _APART * (level if driver.text.startswith("delay(") else float(np.ptp(row)))
         return _least(fitted, lambda at: replace(last, driver=driver.at_level(at)), level - apart, level + apart)
@@ -93,10 +93,10 @@ def _refined(fitted: Fitted) -> Mechanism:
 
 
 def _least(fitted: Fitted, moved: Callable[[float], Mechanism], low: float, high: float) -> Mechanism:
-    """The last mechanism as ``moved`` to the time that leaves least; numbers and starts are those of the fit."""
+    """The last mechanism as ``moved`` to where it leaves least; numbers and starts are those of the fit."""
 
-    def left(at_s: float) -> float:
-        model, total = _with_last(fitted.model, moved(at_s)), 0.0
+    def left(at: float) -> float:
+        model, total = _with_last(fitted.model, moved(at)), 0.0
         for record, run in zip(fitted.records, fitted.runs):
             read = simulate(model, record, model.z()[None], run.start[None])[0]
             total += float(np.nansum((record.weights * (record.sensors - read)) ** 2))

@@ -34,8 +34,12 @@ class Heat(Mechanism):
         return self.cause, self.places, "" if self.driver is None else self.driver.form
 
     @property
-    def structural(self) -> bool:
+    def tuned(self) -> bool:
         return self.driver is not None and self.driver.level is not None
+
+    @property
+    def structural(self) -> bool:
+        return self.tuned
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
@@ -111,7 +115,7 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 )
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
     for node in scene.nodes:
-        for driver in scene.formed_drivers:
+        for driver in scene.tuned_drivers:
             yield _heat(scene, (node,), driver)
     for node in scene.hidden_nodes:
         # the rate of what heats a slow body is what heats a fast one
