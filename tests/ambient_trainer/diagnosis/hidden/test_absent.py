@@ -114,6 +114,14 @@ def test_a_delay_is_measured(box, delay_s):
     assert float(found.verdict_cause.signal.split()[1].rstrip(")")) == pytest.approx(delay_s, abs=GRID_S)
 
 
+def test_heat_into_two_of_three_places_is_not_said_of_the_third(box):
+    def heats(nodes, air, log, kept, size):
+        return 1.2 * size * log["load_frac"], 0, 1.5 * size * log["load_frac"]
+
+    cause = diagnose(box, [_trace(heats)], period_s=GRID_S).verdict_cause
+    assert (cause.name, cause.location, cause.signal) == ("heat_source", ("chip", "shell"), "load_frac")
+
+
 def _trace(heats: Heats) -> Trace:
     random = np.random.default_rng([SEED, *heats.__name__.encode()])
     time_s = PERIOD_S * np.arange(SAMPLES)

@@ -100,6 +100,12 @@ def test_a_column_without_any_value_is_refused(verdict, trace, empty, baseline):
     assert all(f"{name} holds no value" in str(refused.value) for name in empty)
 
 
+def test_what_cannot_be_simulated_is_refused(verdict, trace):
+    rising = with_columns(trace, ambient_degC=np.where(trace.time_s > 600, 1e7, 20.0))
+    with pytest.raises(Refused, match="cannot be simulated"):
+        verdict(rising, False)
+
+
 def test_a_constant_room_is_no_nonsense_where_the_load_varies(box, boxed):
     """The lid is closed: a shell that loses less is no warmer room, for the load tells them apart."""
     normal, closed = boxed(NONE, 101, room_degC=21.0), boxed("ambient_coupling", 1, room_degC=21.0)
