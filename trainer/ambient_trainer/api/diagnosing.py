@@ -67,9 +67,9 @@ class DiagnosisResult(Result):
         what = (
             f"On {later.samples:,} samples from {later.from_s:g} s on, which no step has seen, the circuit is "
             f"{later.bare_rmse_degC:.2f} degC off, with what was found {later.extended_rmse_degC:.2f} degC (RMSE)."
-            + " It is worse there: what was found does not hold."
-            * (later.extended_rmse_degC > later.bare_rmse_degC)
         )
+        if later.extended_rmse_degC > later.bare_rmse_degC:
+            what += " It is worse there: what was found does not hold."
         first, *rest = report.lead
         return replace(report, lead=[first, Finding(what), *rest], data={**report.data, "later": asdict(later)})
 

@@ -73,7 +73,7 @@ def _weights_or_parallel(each: str) -> BeforeValidator:
 _LIBRARY = resources.files(__package__) / "library"
 _PARALLEL = "parallel"
 _SMALLEST, _LARGEST = 1e-9, 1e15
-"""J/K or K/W; what is smaller, or larger than its reciprocal, is a wrong unit."""
+"""J/K or K/W; what is smaller or larger is a wrong unit."""
 _Value = Annotated[Any, BeforeValidator(_named_or_number)]
 
 
