@@ -2,6 +2,7 @@
 
 import math
 import os
+import time
 from collections.abc import Callable
 
 from ambient_model.codec import load_model
@@ -13,11 +14,14 @@ from ambient_model.conformance import (
     worst_difference_degC,
 )
 from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.intake import read_whole
 from ambient_model.model import Model
 from ambientd.consumers import followed
 from ambientd.publish.proof import created, name_of, prove
+from ambientd.reference import LARGEST_BYTES
 from ambientd.settings import Settings
 from ambientd.sources.assign import assigned_sensors, location_of
+from ambientd.sources.quantities import reference_degC
 from ambientd.sources.sensors import values_of
 from ambientd.sources.supervision import outside, wrong_unit
 
@@ -141,6 +145,28 @@ def check_outlets(settings: Settings) -> None:
             _print("output", f"{name_of(each)}: {folder} is not there; it must be when the daemon starts")
     if faults:
         raise Refused(settings.source, faults)
+
+
+def check_reference(settings: Settings) -> None:
+    """Print what the reference file holds now; raises :class:`Refused` where that is no reading.
+
+    A missing file is only reported: the program that writes it may not have begun.
+    """
+    reference = settings.reference
+    if reference is None or not reference.path:
+        return
+    if not os.path.exists(reference.path):
+        _print("reference", f"{reference.path} is not there; nothing is learnt from it until it is")
+        return
+    try:
+        content = read_whole(reference.path, LARGEST_BYTES)
+        value, sigma = reference_degC(content, reference.unit, reference.sigma_degC)
+    except ValueError as error:
+        raise refuse(
+            reference.path, "", str(error), f"have it hold 'VALUE' or 'VALUE SIGMA' in {reference.unit}"
+        ) from error
+    age_s = time.time() - os.stat(reference.path).st_mtime
+    _print("reference", f"{reference.path}: {value:g} +- {sigma:g} degC, {age_s:.0f} s old")
 
 
 def check_consumers(settings: Settings, root: str = "/") -> None:

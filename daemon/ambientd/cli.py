@@ -219,7 +219,15 @@ def _replay(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Non
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    from ambientd.check import check_all, check_consumers, check_files, check_outlets, check_sensors, report_sensors
+    from ambientd.check import (
+        check_all,
+        check_consumers,
+        check_files,
+        check_outlets,
+        check_reference,
+        check_sensors,
+        report_sensors,
+    )
 
     settings = _settings(options)
     check_files(settings)
@@ -227,7 +235,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     if options.config is None and options.sysfs_root is None:
         report_sensors(settings)
     else:
-        check_all(settings, (check_sensors, check_outlets, check_consumers))
+        check_all(settings, (check_sensors, check_outlets, check_reference, check_consumers))
 
 
 def _withdraw(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:

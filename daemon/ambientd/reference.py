@@ -31,7 +31,7 @@ from ambientd.sources.quantities import reference_degC
 if TYPE_CHECKING:
     from ambientd.settings import ReferenceSpec
 
-_LARGEST_BYTES = 256
+LARGEST_BYTES = 256
 _POLL_S = 0.95
 """Once a second at 1 Hz, too, where ticks jitter."""
 _AHEAD_S = 5.0
@@ -158,7 +158,7 @@ class OffsetLearner:
         unix_s = at_ns / 1e9
         value = sigma = None
         try:
-            value, sigma = reference_degC(read_whole(path, _LARGEST_BYTES), unit, self._spec.sigma_degC)
+            value, sigma = reference_degC(read_whole(path, LARGEST_BYTES), unit, self._spec.sigma_degC)
             outcome = self._counted(unix_s, value, sigma, estimate)
             counted = True
         except Refused as refused:

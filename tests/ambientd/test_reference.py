@@ -253,3 +253,16 @@ def test_a_daemon_is_told_and_remembers_it_over_its_end(start, until, ended, amb
     until(status.exists)
     assert shown()["offset_degC"] == pytest.approx(offset, abs=1e-3)
     assert not (tmp_path / "state.json.tell").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "status", "fact"),
+    [(None, 0, "not there"), ("21.5 0.7\n", 0, "21.5 +- 0.7 degC"), ("warm", 1, "VALUE SIGMA")],
+)
+def test_check_shows_what_the_reference_holds(ambientd, config, tmp_path, content, status, fact):
+    room = tmp_path / "room"
+    if content is not None:
+        room.write_text(content)
+    done = ambientd("check", "--config", config(state={"path": "state.json"}, reference={"path": str(room)}))
+    assert done.returncode == status
+    assert fact in next(line for line in (done.stdout + done.stderr).splitlines() if str(room) in line)
