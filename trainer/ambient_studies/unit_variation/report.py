@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 WAYS = {"as it is": "", "corrected": "corrected_", "learnt": "learnt_"}
 """How a model runs on a unit, and what the names of those figures begin with."""
 
-_COLOURS = dict(zip(WAYS, (palette.BASELINE, palette.ESTIMATE, palette.ERROR)))
+_COLOURS = dict(zip(WAYS, (palette.BASELINE, palette.ESTIMATE, palette.STEP_COLOURS[1])))
 _HEIGHT_PX = 330
 _CAPTION = (
     "RMSE and bias (true minus estimate) in degC, over {} simulated units; ±: standard deviation from unit to unit. In "
