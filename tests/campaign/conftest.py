@@ -13,7 +13,6 @@ import os
 import re
 import shutil
 import signal
-import struct
 import subprocess
 import sys
 import time
@@ -90,39 +89,36 @@ def eventually(condition: Callable[[], Any], why: str = "waited in vain", second
     return found
 
 
+_BOOT, _WALL, _DUE, _ASLEEP = range(4)
+
+
 class Clock:
-    """The page that ``device.c`` describes."""
+    """The page that ``device.c`` describes. A time is stored whole: the daemon reads it at any moment."""
 
     def __init__(self, path: Path, now_s: float = 1000.0) -> None:
         self.path = path
         path.write_bytes(bytes(4096))
         with open(path, "r+b") as stream:
-            self._page = mmap.mmap(stream.fileno(), 4096)
+            self._page = memoryview(mmap.mmap(stream.fileno(), 4096)).cast("q")
         self.now_s = now_s
-
-    def _get(self, place: int) -> int:
-        return int(struct.unpack_from("=q", self._page, 8 * place)[0])
-
-    def _set(self, place: int, value: int) -> None:
-        struct.pack_into("=q", self._page, 8 * place, value)
 
     @property
     def now_s(self) -> float:
-        return self._get(0) / 1e9
+        return self._page[_BOOT] / 1e9
 
     @now_s.setter
     def now_s(self, value: float) -> None:
-        self._set(0, round(value * 1e9))
+        self._page[_BOOT] = round(value * 1e9)
 
     def set_wall_back_s(self, by_s: float) -> None:
-        self._set(1, self._get(1) - round(by_s * 1e9))
+        self._page[_WALL] -= round(by_s * 1e9)
 
     def sleeper_waits(self) -> bool:
         """Whether the process sleeps, and until later than now."""
-        return self._get(3) == 1 and self._get(2) > self._get(0)
+        return self._page[_ASLEEP] == 1 and self._page[_DUE] > self._page[_BOOT]
 
     def forget_sleeper(self) -> None:
-        self._set(3, 0)
+        self._page[_ASLEEP] = 0
 
 
 class Zones:
