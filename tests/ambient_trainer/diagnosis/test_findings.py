@@ -9,7 +9,7 @@ import pytest
 from ambient_trainer.api.diagnosing import DiagnosisResult
 from ambient_trainer.diagnosis.diagnose import _misfits
 from ambient_trainer.diagnosis.figures import driving
-from ambient_trainer.diagnosis.findings import _confidence, _numbers
+from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
@@ -32,16 +32,27 @@ def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scal
     assert (magnitude.value, magnitude.meaning) == (40.0, "heat into coil")
 
 
-def test_another_form_of_the_driver_or_more_places_is_no_rival_and_another_driver_is():
-    def trial(mechanism: Heat, rmse_degC: float) -> Trial:
-        return Trial(mechanism, SimpleNamespace(), rmse_degC, at_bounds=False)
+def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_the_time():
+    random = np.random.default_rng(3)
+    fan, load = random.uniform(500, 900, 200), random.uniform(0, 1, 200)
+    columns = {"fan_rpm": fan, "twin_rpm": 1.1 * fan + random.normal(0, 20, 200), "load_frac": load}
+    time_s = np.arange(200.0)
+    records = [SimpleNamespace(signals=columns, period_s=1.0, samples=200, time_s=time_s)]
 
-    chosen = trial(heat("fan_rpm", board=(1.0, 1.0)), 0.5)
-    alike = [trial(heat("fan_rpm^2", board=(1.0, 1.0)), 0.5), trial(heat("fan_rpm", board=(1, 1), lid=(1, 1)), 0.5)]
+    def trial(driver: str, rmse_degC: float = 0.5, **places: tuple[float, float]) -> Trial:
+        return Trial(heat(driver, **(places or {"board": (1, 1)})), SimpleNamespace(records=records), rmse_degC, False)
+
+    def final(*held: Trial) -> SimpleNamespace:
+        return SimpleNamespace(model=SimpleNamespace(mechanisms=[each.mechanism for each in held]), records=records)
+
+    chosen, load = trial("fan_rpm"), trial("load_frac")
+    alike = [trial("fan_rpm^2"), trial("fan_rpm", board=(1, 1), lid=(1, 1)), trial("twin_rpm")]
     step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen, *alike])
-    assert _confidence(step, chosen) > 0.9
-    step.trials.append(trial(heat("load_frac", board=(1.0, 1.0)), 0.5))
-    assert _confidence(step, chosen) < 0.5
+    assert _confidence(step, chosen, final(chosen)) > 0.9
+    step.trials.append(load)
+    assert _confidence(step, chosen, final(chosen)) < 0.5
+    assert _confidence(step, chosen, final(chosen, load)) > 0.9
+    assert [each.mechanism.driver.text for each in step.trials if _rival(each, chosen)] == ["fan_rpm^2", "twin_rpm"]
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.stats import norm, wilcoxon
@@ -11,8 +12,9 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
-from ambient_trainer.diagnosis.greybox.stepwise import INSTRUMENT, Selection, Trial, penalised
+from ambient_trainer.diagnosis.greybox.stepwise import INSTRUMENT, Selection, Trial, correlation, penalised
 from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
+from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
 from ambient_trainer.diagnosis.words import digits, window
 
@@ -23,6 +25,8 @@ _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _CENTRE, _SLOPE = 0.1, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error."""
+_TWINS = 0.9
+"""Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
 
 def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
@@ -56,7 +60,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
                 onset_s=mechanism.onset_s,
                 end_s=mechanism.end_s,
                 magnitude=magnitude,
-                confidence=min(_confidence(each, each.chosen) for each in together if each.chosen),
+                confidence=min(_confidence(each, each.chosen, final) for each in together if each.chosen),
                 gain=gain,
                 indistinguishable_from=tuple(
                     dict.fromkeys(cause_of(each.mechanism, final.model.circuit) for each in rivals)
@@ -144,30 +148,44 @@ def _squares(fitted: Fitted, by_block: bool) -> Array:
 
 
 def _rival(trial: Trial, chosen: Trial) -> bool:
+    """Whether a trial of another cause, or by a driver that goes along with the chosen one's, does nearly as well."""
     if chosen.mechanism.evident:
         return False
-    other = trial.mechanism.key != chosen.mechanism.key and trial.mechanism.cause != chosen.mechanism.cause
-    kind = (trial.mechanism.instrument, trial.mechanism.responds)
-    same = kind == (chosen.mechanism.instrument, chosen.mechanism.responds)
-    return other and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
+    one, other = trial.mechanism, chosen.mechanism
+    another = one.key != other.key and (one.cause != other.cause or _twins(one, other, chosen.fitted.records))
+    same = (one.instrument, one.responds) == (other.instrument, other.responds)
+    return another and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
-def _confidence(step: Chosen, chosen: Trial) -> float:
-    """The probability that the cause, its place and its driver are right, by the margin over the closest other."""
+def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
+    """The probability that the cause, its place and its driver are right, by the margin over the closest other that is
+    not there, too."""
     if chosen.mechanism.evident:
         return _EVIDENT
-    others = [each for each in step.trials if not _says_the_same(each, chosen) and not each.at_bounds]
+    there = [chosen.mechanism, *final.model.mechanisms]
+    others = [
+        each
+        for each in step.trials
+        if not each.at_bounds and not any(_says_the_same(each.mechanism, other, final.records) for other in there)
+    ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 
 
-def _says_the_same(trial: Trial, chosen: Trial) -> bool:
-    """Whether a trial has the same cause, driven by the same columns, there and perhaps elsewhere, too."""
-    one, other = trial.mechanism, chosen.mechanism
+def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
+    """Whether ``one`` has the same cause, driven by the same columns or their twins, there and perhaps elsewhere."""
     columns = [() if each.driver is None else each.driver.columns for each in (one, other)]
-    return one.cause == other.cause and columns[0] == columns[1] and set(one.places) >= set(other.places)
+    alike = one.cause == other.cause and set(one.places) >= set(other.places)
+    return alike and (columns[0] == columns[1] or _twins(one, other, records))
+
+
+def _twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
+    """Whether both have the same cause at the same places, by logged drivers that go together all the time."""
+    alike = (one.cause, one.places) == (other.cause, other.places) and one.lasts and other.lasts
+    driven = one.driver is not None and other.driver is not None
+    return alike and driven and correlation(one, other, records) > _TWINS
 
 
 def _handicap(other: Trial, chosen: Trial) -> float:

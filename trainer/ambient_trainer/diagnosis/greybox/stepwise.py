@@ -411,9 +411,13 @@ def _coincide(window: Trial, logged: Trial) -> bool:
     """Whether a window in which nothing logged acts is about when a logged driver of the same cause acted."""
     if (window.mechanism.cause, window.mechanism.places) != (logged.mechanism.cause, logged.mechanism.places):
         return False
-    records = window.fitted.records
-    rows = [np.concatenate([each.mechanism.weight(record) for record in records]) for each in (window, logged)]
-    return bool(np.corrcoef(np.array(rows))[0, 1] > _COINCIDE)
+    return correlation(window.mechanism, logged.mechanism, window.fitted.records) > _COINCIDE
+
+
+def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> float:
+    """Of what drives two mechanisms; 0 where either is there all the time."""
+    rows = np.array([np.concatenate([each.weight(record) for record in records]) for each in (one, other)])
+    return float(np.corrcoef(rows)[0, 1]) if np.ptp(rows, axis=1).all() else 0.0
 
 
 def _halves(before: Fitted, trial: Trial) -> bool:
