@@ -55,7 +55,7 @@ _START_K = 5.0
 _DOUBT_S = 10.0
 _FAR = 2.0
 _MOST_EXPECTATIONS = 512
-_SENTINELS = (-273.15, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
+SENTINELS_DEGC = (-273.15, -127.0, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
 """What drivers and sensors report where they have no value: a stricter gate."""
 
 Sensors = frozenset[int]
@@ -403,7 +403,7 @@ class Validation:
             constant, weights, gate, slow_gate, release, _ = expectation
             d = value - constant - sum(map(mul, weights, z))
             if not -release <= d <= release:
-                if value in _SENTINELS and self._still[i][1] != value:
+                if value in SENTINELS_DEGC and self._still[i][1] != value:
                     jumped.append(i)
                 if not -gate <= d <= gate:
                     doubt_degC2 = max(doubt_degC2, (self._gains[i] * d) ** 2)

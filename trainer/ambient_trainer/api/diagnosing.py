@@ -15,6 +15,8 @@ from ambient_trainer.api.data import Data, traces_of
 from ambient_trainer.api.result import Result
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.write import save_circuit
+from ambient_trainer.data.spikes import without_spikes
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose as diagnose_traces
 from ambient_trainer.diagnosis.later import Later, later_errors
 from ambient_trainer.diagnosis.report import report_of
@@ -154,10 +156,19 @@ def diagnose(
     >>> found.verdict["cause"], found.verdict["location"]
     ('heat_source', 'board2')
     """
-    traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
+    whole = [without_spikes(trace) for trace in traces_of(data)]
+    traces = [trace.cut(from_s, to_s) for trace, _ in whole]
+    known = [trace for trace, _ in map(without_spikes, traces_of(baselines))]
     seen = traces if later_from_s is None else [trace.cut(None, later_from_s) for trace in traces]
     with parallel_config(n_jobs=jobs):
-        found = diagnose_traces(thermal_circuit(circuit), seen, traces_of(baselines), progress, period_s)
+        found = diagnose_traces(thermal_circuit(circuit), seen, known, progress, period_s)
+    found = replace(found, notes=(*found.notes, *(_set_aside(each) for each in whole if each[1])))
     if later_from_s is None or found.fitted is None:
         return DiagnosisResult(found)
     return DiagnosisResult(found, later_errors(found.fitted, found.extended, traces, later_from_s))
+
+
+def _set_aside(whole: tuple[Trace, dict[str, int]]) -> str:
+    trace, spikes = whole
+    counts = ", ".join(f"{count} of {name}" for name, count in spikes.items())
+    return f"{trace.path}: readings that jump away and return at once were set aside: {counts}."

@@ -94,6 +94,17 @@ def test_a_lag_of_minutes_is_no_thermal_mass(circuit, simulated):
     assert found.verdict.onset_s == pytest.approx(10800, abs=600), seed
 
 
+@pytest.mark.parametrize("ramp_s", [0.0, 900.0])
+def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s):
+    """By 1.5 degC from 3:00 to 4:00, at once or within a quarter of an hour."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+    trace = simulated(seed)
+    off = np.interp(trace.time_s, [10800, 10801 + ramp_s, 14400 - ramp_s, 14401], [0, 1.5, 1.5, 0])
+    shown = replace(trace, columns={**trace.columns, "board_degC": trace.columns["board_degC"] + off})
+    causes = {step.cause.name for step in diagnose(circuit, [shown]).steps}
+    assert ("sensor_bias" in causes) == (ramp_s == 0), seed
+
+
 def heater_on(time_s):
     return 1.0 * (np.asarray(time_s) % 3000 < 2400)
 

@@ -101,6 +101,8 @@ class Mechanism:
     """Whether what has begun may end: a drift that stops is a step."""
     adds_nodes = False
     """It comes before what acts on nodes."""
+    sudden = False
+    """Where it begins or ends, the readings jump."""
     evident = False
     """It shows itself in the readings alone."""
     shaped = False

@@ -44,6 +44,8 @@ _LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
+_BESIDE, _NEAR = 3, 8
+"""Samples on each side of a jump, and how far from the window's end it may be."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -365,7 +367,7 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     for each in ordered:
         if each.mechanism.evident and _halves(before, each):
             return each
-    passing = [each for each in ordered if gains(before, each) and each.identified]
+    passing = [each for each in ordered if gains(before, each) and each.identified and _jumps(each)]
     physical = [each for each in passing if not each.mechanism.instrument]
     # what a logged driver explains may lie within one fold
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
@@ -418,6 +420,30 @@ def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> 
     """Of what drives two mechanisms; 0 where either is there all the time."""
     rows = np.array([np.concatenate([each.weight(record) for record in records]) for each in (one, other)])
     return float(np.corrcoef(rows)[0, 1]) if np.ptp(rows, axis=1).all() else 0.0
+
+
+def _jumps(trial: Trial) -> bool:
+    """Whether readings jump where an offset of a sensor begins and ends: what warms or cools takes its time."""
+    mechanism, amount = trial.mechanism, trial.mechanism.numbers[0].value
+    if not mechanism.sudden:
+        return True
+    for index, record in enumerate(trial.fitted.records):
+        sensor = trial.fitted.model.network(record, trial.fitted.model.z()[None]).sensors.index(mechanism.places[0])
+        without = trial.fitted.residual_degC(index)[sensor] + amount * mechanism.weight(record)
+        for at_s, size in ((mechanism.onset_s, amount), (mechanism.end_s, -amount)):
+            if at_s is not None and record.time_s[0] < at_s < record.time_s[-1]:
+                edge = int(np.searchsorted(record.time_s, at_s))
+                jumps = [_jump(without, each) for each in range(edge - _NEAR, edge + _NEAR + 1)]
+                if max(np.sign(size) * np.array(jumps)) < _HALF * abs(size):
+                    return False
+    return True
+
+
+def _jump(row: Array, at: int) -> float:
+    """From the samples before ``at`` to those behind it; 0 where the row has too few."""
+    before, after = row[max(at - _BESIDE, 0) : max(at, 0)], row[at + 1 : at + 1 + _BESIDE]
+    known = np.isfinite(before).any() and np.isfinite(after).any()
+    return float(np.nanmean(after) - np.nanmean(before)) if known else 0.0
 
 
 def _halves(before: Fitted, trial: Trial) -> bool:
@@ -509,10 +535,11 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: 
     trials = compared(fitted, shortlist(screened), partial(said, "try"))
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
     chosen = choose(fitted, trials)
-    described = fitted.held_out_rmse_degC < floor_degC
-    small = chosen is not None and chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
-    if chosen is not None and described and (small or chosen.mechanism.instrument):
-        chosen = None
+    # what a black box leaves says nothing of readings that jump or stand still
+    visible = chosen is not None and (chosen.mechanism.sudden or chosen.mechanism.evident)
+    if chosen is not None and not visible and fitted.held_out_rmse_degC < floor_degC:
+        small = chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
+        chosen = None if small or chosen.mechanism.instrument else chosen
     if chosen is not None and (chosen.mechanism.tuned or not (chosen.lasting or chosen.mechanism.evident)):
         again = sharpened(chosen.fitted)
         chosen = Trial.of(fitted, again.refitted() if chosen.lasting and _cheap(again) else again)

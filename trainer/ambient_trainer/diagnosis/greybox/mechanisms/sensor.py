@@ -56,6 +56,7 @@ class Bias(_Fault):
 
     cause = "sensor_bias"
     noun = "an offset of a sensor"
+    sudden = True
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return value
@@ -135,8 +136,8 @@ class Stuck(_Fault):
 
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
-    """A reading that is off for a while."""
-    return (_bias(sensor) for sensor in scene.sensors)
+    """A reading that is off for a while, or ever more from some time on."""
+    return (fault for sensor in scene.sensors for fault in (_bias(sensor), _drift(scene, sensor)))
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
@@ -148,11 +149,16 @@ def _bias(sensor: str) -> Mechanism:
     return Bias((sensor,), (Number(f"bias_{sensor}", "degC", 0.0),))
 
 
+def _drift(scene: Scene, sensor: str) -> Mechanism:
+    number = Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / scene.duration_s)
+    return Drift((sensor,), (number,), begin_s=scene.begin_s)
+
+
 def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
     place, span_s = (sensor,), scene.duration_s
     gain = Number(f"gain_{sensor}", "1", 0.0, scale=0.01, low=-0.5, high=0.5)
     yield Gain(place, (gain,), middle_degC=scene.mean_degC(sensor))
-    yield Drift(place, (Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / span_s),), begin_s=scene.begin_s)
+    yield _drift(scene, sensor)
     # what a long lag does is not in proportion to what a short one does
     for scale_s in (scene.period_s / 2, 5 * scene.period_s, 20 * scene.period_s):
         yield Lag(place, (Number(f"lag_{sensor}", "s", 0.0, scale=scale_s, low=0.0, high=span_s / 20),))
