@@ -144,11 +144,13 @@ def every_candidate(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
     """Those, and those that may act for a while, each in its best window, and what else may act in that."""
     yield from lasting_candidates(scene, columns_of)
     yield from _placed(scene, columns_of, _offered(scene, "windowed"))
+    yield from _placed(scene, columns_of, _offered(scene, "alone"))
 
 
 def changed_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
     """Those, and what may have changed for good or begun on a device that known-good records hold."""
-    yield from (each for each in every_candidate(scene, columns_of) if not each.structural)
+    windowed = _placed(scene, columns_of, _offered(scene, "windowed"))
+    yield from (each for each in (*lasting_candidates(scene, columns_of), *windowed) if not each.structural)
     yield from _offered(scene, "windowed")
     yield from _offered(scene, "changed")
     yield from _placed(scene, columns_of, _offered(scene, "begun"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,11 +52,12 @@ class _Fault(_Linear):
 
 @dataclass(frozen=True)
 class Bias(_Fault):
-    """It reads too much by a constant."""
+    """It reads too much by a constant; ``sudden`` where it has to begin and end at once."""
+
+    sudden: bool = False
 
     cause = "sensor_bias"
     noun = "an offset of a sensor"
-    sudden = True
 
     def error(self, own: Array, value: Array, record: Record) -> Array:
         return value
@@ -135,17 +136,17 @@ class Stuck(_Fault):
         return self
 
 
-def windowed(scene: Scene) -> Iterator[Mechanism]:
-    """A reading that is off for a while, or ever more from some time on."""
-    return (fault for sensor in scene.sensors for fault in (_bias(sensor), _drift(scene, sensor)))
+def alone(scene: Scene) -> Iterator[Mechanism]:
+    """Without known-good records: a reading that jumps and jumps back, or is off ever more from some time on."""
+    return (fault for each in scene.sensors for fault in (replace(_bias(each), sudden=True), _drift(scene, each)))
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
-    """A sensor that had been good has another gain, drifts or lags."""
-    return (each for sensor in scene.sensors for each in _slow_faults(scene, sensor))
+    """A sensor that had been good is off, has another gain, drifts or lags."""
+    return (each for sensor in scene.sensors for each in (_bias(sensor), *_slow_faults(scene, sensor)))
 
 
-def _bias(sensor: str) -> Mechanism:
+def _bias(sensor: str) -> Bias:
     return Bias((sensor,), (Number(f"bias_{sensor}", "degC", 0.0),))
 
 
