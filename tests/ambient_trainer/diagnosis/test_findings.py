@@ -13,7 +13,8 @@ from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
-from ambient_trainer.diagnosis.greybox.model import Number
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
+from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.stepwise import Trial
 from ambient_trainer.diagnosis.later import Later
 from ambient_trainer.diagnosis.result import Cause
@@ -53,6 +54,19 @@ def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_
     assert _confidence(step, chosen, final(chosen)) < 0.5
     assert _confidence(step, chosen, final(chosen, load)) > 0.9
     assert [each.mechanism.driver.text for each in step.trials if _rival(each, chosen)] == ["fan_rpm^2", "twin_rpm"]
+
+
+def test_constant_heat_is_not_told_from_an_offset_of_its_sensor():
+    def trial(mechanism: Mechanism) -> Trial:
+        return Trial(mechanism, SimpleNamespace(records=[]), 0.5, at_bounds=False)
+
+    chosen, offset = trial(heat(None, lid=(1, 1))), trial(Bias(("lid",), (Number("bias_lid", "degC", 1.0),)))
+    final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism]), records=[])
+    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
+    assert _confidence(step, chosen, final) > 0.9
+    step.trials.append(offset)
+    assert _confidence(step, chosen, final) < 0.6
+    assert _rival(offset, chosen)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,8 @@ _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _CENTRE, _SLOPE = 0.05, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error: by 70 cases of ``discover``."""
+_JUMPS = 0.6
+"""Of what readings that jump say of a sensor: water that begins to flow jumps, too, as in a measured heater."""
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
@@ -153,7 +155,7 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
         return False
     one, other = trial.mechanism, chosen.mechanism
     another = one.key != other.key and (one.cause != other.cause or _twins(one, other, chosen.fitted.records))
-    same = (one.instrument, one.responds) == (other.instrument, other.responds)
+    same = (one.instrument, one.responds) == (other.instrument, other.responds) or _offset_or_heat(one, other)
     return another and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
@@ -170,7 +172,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
-    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5))
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_JUMPS if chosen.mechanism.sudden else 1.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 
 
@@ -190,7 +192,14 @@ def _twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
 
 def _handicap(other: Trial, chosen: Trial) -> float:
     """An instrument has to do so much better than physics to be blamed."""
-    return math.log(INSTRUMENT) if other.mechanism.instrument and not chosen.mechanism.instrument else 0.0
+    blamed = other.mechanism.instrument and not chosen.mechanism.instrument
+    return math.log(INSTRUMENT) if blamed and not _offset_or_heat(other.mechanism, chosen.mechanism) else 0.0
+
+
+def _offset_or_heat(one: Mechanism, other: Mechanism) -> bool:
+    """Whether ``one`` is an offset of the sensor where ``other`` is constant heat: the same rise in a steady state."""
+    constant = other.cause == "heat_source" and other.driver is None and one.cause == "sensor_bias"
+    return constant and one.places == other.places and one.lasts and other.lasts
 
 
 def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:

@@ -44,6 +44,8 @@ _LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
+_LEAST_DEGC = 0.05
+"""What a step has to gain: a measured tank that cools, and nothing else, bends by less."""
 _BESIDE, _NEAR = 3, 8
 """Samples on each side of a jump, and how far from the window's end it may be."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
@@ -464,6 +466,8 @@ def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
 def gains(before: Fitted, after: Trial) -> bool:
     """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
     if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
+        return False
+    if before.held_out_rmse_degC - after.rmse_degC < _LEAST_DEGC:
         return False
     # of a window that is left out whole nothing is known, but the rest has to stand as it did
     if not after.lasting and after.fitted.held_out_rmse_degC > _SHAKEN * before.held_out_rmse_degC:
