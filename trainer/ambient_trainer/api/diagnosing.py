@@ -146,7 +146,8 @@ def diagnose(
     Notes
     -----
     Each step adds the candidate that leaves the least error on blocks of time that were held out, with a penalty for
-    what it assumes; with ``baselines`` in units of each sensor's noise, beside a circuit that these hold.
+    what it assumes; with ``baselines`` in units of each sensor's noise, beside a circuit that these hold. Before that,
+    isolated error codes and wild readings give way to the median around them, and a note says how many.
 
     Examples
     --------
@@ -156,19 +157,21 @@ def diagnose(
     >>> found.verdict["cause"], found.verdict["location"]
     ('heat_source', 'board2')
     """
-    whole = [without_spikes(trace) for trace in traces_of(data)]
-    traces = [trace.cut(from_s, to_s) for trace, _ in whole]
-    known = [trace for trace, _ in map(without_spikes, traces_of(baselines))]
+    traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
     seen = traces if later_from_s is None else [trace.cut(None, later_from_s) for trace in traces]
+    clean = [without_spikes(trace) for trace in seen]
+    known = [without_spikes(trace) for trace in traces_of(baselines)]
+    own, good = ([trace for trace, _ in each] for each in (clean, known))
     with parallel_config(n_jobs=jobs):
-        found = diagnose_traces(thermal_circuit(circuit), seen, known, progress, period_s)
-    found = replace(found, notes=(*found.notes, *(_set_aside(each) for each in whole if each[1])))
+        found = diagnose_traces(thermal_circuit(circuit), own, good, progress, period_s)
+    notes = [_set_aside(trace, spikes) for trace, spikes in (*clean, *known) if spikes]
+    found = replace(found, notes=(*found.notes, *notes))
     if later_from_s is None or found.fitted is None:
         return DiagnosisResult(found)
-    return DiagnosisResult(found, later_errors(found.fitted, found.extended, traces, later_from_s))
+    scored = [without_spikes(trace)[0] for trace in traces]
+    return DiagnosisResult(found, later_errors(found.fitted, found.extended, scored, later_from_s))
 
 
-def _set_aside(whole: tuple[Trace, dict[str, int]]) -> str:
-    trace, spikes = whole
+def _set_aside(trace: Trace, spikes: dict[str, int]) -> str:
     counts = ", ".join(f"{count} of {name}" for name, count in spikes.items())
     return f"{trace.path}: readings that jump away and return at once were set aside: {counts}."
