@@ -63,9 +63,12 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
     chosen = selection.steps[0].chosen
     assert chosen is not None
     taken = _alone(selection, chosen)
-    rival = _closest(selection, steps[0])
+    rival = _closest(selection, steps[0], chosen)
     other = selection.bare if rival is None else rival.fitted
     name = "nothing is missing" if rival is None else str(cause_of(rival.mechanism, other.model.circuit))
+    if rival is not None and rival.mechanism.instrument > chosen.mechanism.instrument and rival.mechanism.places:
+        place = rival.mechanism.places[0]
+        return f"Hold a second thermometer to `{place}`: it reads the same if {steps[0].cause}, and not if {name}."
     found = _largest(taken, other)
     if found is None or found.sigmas < _SURE:
         return f"No step of one logged input separates {steps[0].cause} from this: {name}. Log twice as long, and more."
@@ -84,8 +87,13 @@ def _alone(selection: Selection, chosen: Trial) -> Fitted:
     return next(same, chosen).fitted
 
 
-def _closest(selection: Selection, step: Step) -> Trial | None:
+def _closest(selection: Selection, step: Step, chosen: Trial) -> Trial | None:
+    """The best that is not told from the cause; but none moves one of two columns that go together."""
+    own = () if chosen.mechanism.driver is None else chosen.mechanism.driver.columns
     for each in selection.compared.trials:
+        driver = each.mechanism.driver
+        if each.mechanism.cause == chosen.mechanism.cause and (() if driver is None else driver.columns) != own:
+            continue
         if cause_of(each.mechanism, each.fitted.model.circuit) in step.indistinguishable_from:
             return each
     return None

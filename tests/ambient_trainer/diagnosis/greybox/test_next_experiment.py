@@ -1,16 +1,20 @@
 """The proposed experiment predicts what a closed form does, for the cause and without it."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from ambient_trainer.diagnosis.findings import steps_of
-from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.findings import cause_of, steps_of
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, lasting_candidates, stepwise
-from ambient_trainer.diagnosis.next_experiment import _largest, next_experiment
+from ambient_trainer.diagnosis.greybox.stepwise import Trial, anchors, bare_fit, lasting_candidates, stepwise
+from ambient_trainer.diagnosis.next_experiment import _closest, _largest, next_experiment
 
 UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
@@ -35,6 +39,30 @@ def test_a_step_of_the_driver_is_proposed(circuit, simulated, recorded):
     rise = R * k * (float(before) ** 2 + (float(after) ** 2 - float(before) ** 2) * settling)
     # the time is said to two figures
     assert float(warm) - float(cold) == pytest.approx(rise, rel=0.05), (seed, said)
+
+
+def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_a_second_thermometer(circuit):
+    def trial(mechanism):
+        return Trial(mechanism, SimpleNamespace(model=GreyBox.of(circuit)), 0.5, at_bounds=False)
+
+    def heat(driver):
+        return Heat(("board",), (Number("heat_board", "W", 1.0),), None if driver is None else Expression(driver))
+
+    def asked(chosen, rival):
+        trials = [trial(chosen), trial(rival)]
+        compared = SimpleNamespace(trials=trials)
+        selection = SimpleNamespace(compared=compared, steps=[SimpleNamespace(chosen=trials[0])], bare=None)
+        return selection, [
+            SimpleNamespace(cause=cause_of(chosen, circuit), indistinguishable_from=[cause_of(rival, circuit)])
+        ]
+
+    selection, steps = asked(heat("sun_W_m2"), heat("ghi_W_m2"))
+    assert _closest(selection, steps[0], selection.steps[0].chosen) is None
+    selection, steps = asked(heat("current_A^2"), heat("current_A"))
+    assert _closest(selection, steps[0], selection.steps[0].chosen) is selection.compared.trials[1]
+    said = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
+    assert "thermometer" in said
+    assert "`board`" in said
 
 
 @pytest.mark.parametrize("heat_W", [20.0, -20.0])
