@@ -35,10 +35,9 @@ def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scal
 
 def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_the_time():
     random = np.random.default_rng(3)
-    fan, load = random.uniform(500, 900, 200), random.uniform(0, 1, 200)
-    columns = {"fan_rpm": fan, "twin_rpm": 1.1 * fan + random.normal(0, 20, 200), "load_frac": load}
-    time_s = np.arange(200.0)
-    records = [SimpleNamespace(signals=columns, period_s=1.0, samples=200, time_s=time_s)]
+    fan = random.uniform(500, 900, 200)
+    columns = {"fan_rpm": fan, "twin_rpm": 1.1 * fan + random.normal(0, 20, 200), "load_frac": random.random(200)}
+    records = [SimpleNamespace(signals=columns, period_s=1.0, samples=200, time_s=np.arange(200.0))]
 
     def trial(driver: str, rmse_degC: float = 0.5, **places: tuple[float, float]) -> Trial:
         return Trial(heat(driver, **(places or {"board": (1, 1)})), SimpleNamespace(records=records), rmse_degC, False)

@@ -23,6 +23,7 @@ from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
 from ambient_trainer.diagnosis.greybox.stepwise import (
+    Limits,
     Progress,
     Selection,
     anchors,
@@ -44,6 +45,8 @@ _MUCH, _EXPLAINABLE = 0.1, 0.35
 """A misfit is significant where it is so much of a sensor's deviation, and a black box with the same inputs explains so
 much of it, or no more than so much of it is noise."""
 _SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL, _HALF = 0.3, 0.5, 0.5, 0.9, 0.45, 0.5
+_LEAST_DEGC = 0.05
+"""What a step gains where nothing is known of a sensor's noise: a measured tank that only cools bends by less."""
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
 """Times what known-good records leave: below the one a change is described, beyond the other it is not."""
 _SLOW = 1.0 / 3.0
@@ -120,7 +123,7 @@ def diagnose_changed(
     """:func:`diagnose` with a circuit that was trained before, for many traces of one device."""
     own = _long_enough(known.records(traces))
     bare = known.bare_fit(own)
-    selection = stepwise(bare, floor_degC=known.rmse_degC, progress=progress, offered=changed_candidates)
+    selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
     before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
     most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / known.rmse_degC, _MOST_OF_A_LARGE_MISFIT))
     return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
@@ -131,7 +134,7 @@ def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float | None, 
     period_s = period_s or fitting_period_s(plain, traces)
     own = _long_enough([each for trace in traces for each in records_of(plain, trace, period_s)])
     model, floor = greybox_of(plain), _floor_degC(own)
-    selection = stepwise(bare_fit(model, own), anchors(model, own), floor, progress)
+    selection = stepwise(bare_fit(model, own), anchors(model, own), Limits(floor, _LEAST_DEGC), progress)
     return _diagnosis(circuit, traces, selection, floor, ())
 
 

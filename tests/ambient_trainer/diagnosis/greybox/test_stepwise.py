@@ -105,6 +105,21 @@ def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s)
     assert ("sensor_bias" in causes) == (ramp_s == 0), seed
 
 
+@pytest.mark.parametrize("fault", ["sensor_stuck", pytest.param("sensor_drift", marks=pytest.mark.slow)])
+def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulated, fault):
+    """It stands still from 4:00 to 5:00, or drifts by 0.5 K/h from 5:00 on."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+    trace = simulated(seed)
+    read = trace.columns["board_degC"].copy()
+    if fault == "sensor_stuck":
+        read[480:600] = read[480]
+    else:
+        read += 0.5 / 3600 * np.maximum(trace.time_s - 18000, 0)
+    step = diagnose(circuit, [replace(trace, columns={**trace.columns, "board_degC": read})]).steps[0]
+    assert step.cause == Cause(fault, "board"), seed
+    assert step.onset_s == pytest.approx(14400 if fault == "sensor_stuck" else 18000, abs=600), seed
+
+
 def heater_on(time_s):
     return 1.0 * (np.asarray(time_s) % 3000 < 2400)
 

@@ -44,10 +44,8 @@ _LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
-_LEAST_DEGC = 0.05
-"""What a step has to gain: a measured tank that cools, and nothing else, bends by less."""
 _BESIDE, _NEAR = 3, 8
-"""Samples on each side of a jump, and how far from the window's end it may be."""
+"""Samples on each side of a jump, and how far it may be from the end of a window, which a grid has placed."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -131,6 +129,15 @@ class Selection:
     final: Fitted
     steps: tuple[Step, ...]
     compared: Step
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Held-out errors: below ``floor_degC``, which a black box leaves, only large gains count; ``least_degC`` is what
+    every step has to gain."""
+
+    floor_degC: float = 0.0
+    least_degC: float = 0.0
 
 
 Progress = Callable[[str, int, int], None]
@@ -362,7 +369,7 @@ def penalised(trial: Trial) -> float:
     return float(np.log(trial.rmse_degC)) + PENALTY * complexity(trial.mechanism)
 
 
-def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
+def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial | None:
     """The trial with the least penalised error; None where none gains enough. Physics goes before instruments.
 
     But what shows itself in the readings alone, a sensor that stands still while all else moves, comes first.
@@ -371,7 +378,7 @@ def choose(before: Fitted, trials: Sequence[Trial]) -> Trial | None:
     for each in ordered:
         if each.mechanism.evident and _halves(before, each):
             return each
-    passing = [each for each in ordered if gains(before, each) and each.identified and _jumps(each)]
+    passing = [each for each in ordered if gains(before, each, least_degC) and each.identified and _jumps(each)]
     physical = [each for each in passing if not each.mechanism.instrument]
     # what a logged driver explains may lie within one fold
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
@@ -428,11 +435,12 @@ def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> 
 
 def _jumps(trial: Trial) -> bool:
     """Whether readings jump where an offset of a sensor begins and ends: what warms or cools takes its time."""
-    mechanism, amount = trial.mechanism, trial.mechanism.numbers[0].value
+    mechanism = trial.mechanism
     if not mechanism.sudden:
         return True
+    amount = mechanism.numbers[0].value
+    sensor = [output.name for output in trial.fitted.model.circuit.outputs].index(mechanism.places[0])
     for index, record in enumerate(trial.fitted.records):
-        sensor = trial.fitted.model.network(record, trial.fitted.model.z()[None]).sensors.index(mechanism.places[0])
         without = trial.fitted.residual_degC(index)[sensor] + amount * mechanism.weight(record)
         for at_s, size in ((mechanism.onset_s, amount), (mechanism.end_s, -amount)):
             if at_s is not None and record.time_s[0] < at_s < record.time_s[-1]:
@@ -463,11 +471,11 @@ def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
     return float(np.sqrt(np.nanmean(left**2)))
 
 
-def gains(before: Fitted, after: Trial) -> bool:
+def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
     """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
     if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
         return False
-    if before.held_out_rmse_degC - after.rmse_degC < _LEAST_DEGC:
+    if before.held_out_rmse_degC - after.rmse_degC < least_degC:
         return False
     # of a window that is left out whole nothing is known, but the rest has to stand as it did
     if not after.lasting and after.fitted.held_out_rmse_degC > _SHAKEN * before.held_out_rmse_degC:
@@ -480,14 +488,13 @@ def gains(before: Fitted, after: Trial) -> bool:
 def stepwise(
     bare: Fitted,
     beside: Sequence[Fitted] = (),
-    floor_degC: float = 0.0,
+    limits: Limits = Limits(),
     progress: Progress | None = None,
     offered: Offered = every_candidate,
 ) -> Selection:
     """The model with what it lacks.
 
-    The first candidates are screened at the points ``beside``, too. Below ``floor_degC``, which a black box leaves,
-    only large gains count.
+    The first candidates are screened at the points ``beside``, too.
     """
     said = progress or (lambda stage, done, total: None)
     fitted, given = bare, len(bare.model.mechanisms)
@@ -495,9 +502,9 @@ def stepwise(
     alone: Step | None = None
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *beside]
-        step = _next(fitted, points, floor_degC, offered, partial(_numbered, said, len(steps) + 1))
+        step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
         alone = alone or step
-        pair = _pair(step, floor_degC, partial(_numbered, said, 1)) if beside and not steps else []
+        pair = _pair(step, limits, partial(_numbered, said, 1)) if beside and not steps else []
         steps += pair or [step]
         last = steps[-1].chosen
         if last is None:
@@ -531,7 +538,7 @@ def _numbered(said: Progress, number: int, stage: str, done: int, total: int) ->
     said(f"fit effect {number}: {stage}", done, total)
 
 
-def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: Offered, said: Progress) -> Step:
+def _next(fitted: Fitted, points: Sequence[Fitted], limits: Limits, offered: Offered, said: Progress) -> Step:
     """One step from ``fitted``; candidates are screened beside each of ``points``."""
     screened: list[Screened] = []
     for index, point in enumerate(points):
@@ -540,10 +547,10 @@ def _next(fitted: Fitted, points: Sequence[Fitted], floor_degC: float, offered: 
     screened.sort(key=lambda each: each.held_out)
     trials = compared(fitted, shortlist(screened), partial(said, "try"))
     _log.debug("\n".join(f"{each.rmse_degC:.3f} {each.fitted.rmse_degC:.3f} {each.mechanism}" for each in trials))
-    chosen = choose(fitted, trials)
+    chosen = choose(fitted, trials, limits.least_degC)
     # what a black box leaves says nothing of readings that jump or stand still
     visible = chosen is not None and (chosen.mechanism.sudden or chosen.mechanism.evident)
-    if chosen is not None and not visible and fitted.held_out_rmse_degC < floor_degC:
+    if chosen is not None and not visible and fitted.held_out_rmse_degC < limits.floor_degC:
         small = chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
         chosen = None if small or chosen.mechanism.instrument else chosen
     if chosen is not None and (chosen.mechanism.tuned or not (chosen.lasting or chosen.mechanism.evident)):
@@ -571,7 +578,7 @@ def _where_it_heats(trial: Trial) -> Mechanism | None:
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
 
 
-def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
+def _pair(step: Step, limits: Limits, said: Progress) -> list[Step]:
     """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it, or
     heat by a driver and what is there without it, show themselves together.
 
@@ -580,7 +587,7 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
     error = step.before.held_out_rmse_degC
     single = error if step.chosen is None else step.chosen.rmse_degC
     chosen = None if step.chosen is None else step.chosen.mechanism
-    enough = single < min(_LITTLE * error, _ABOVE_FLOOR * floor_degC)
+    enough = single < min(_LITTLE * error, _ABOVE_FLOOR * limits.floor_degC)
     if chosen is not None and (chosen.evident or (enough and chosen.driver is not None)):
         return []
     # heat that nothing logged drives may stand for a driver and for what is there without it
@@ -614,7 +621,7 @@ def _pair(step: Step, floor_degC: float, said: Progress) -> list[Step]:
                 alone = min(alone, score)
             elif sound and (best is None or score < best[0]):
                 best = score, first, second
-    if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2]):
+    if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2], limits.least_degC):
         return []
     _, first, second = best
     steps = [_beside(step, first, second), Step(first.fitted, second, step.trials, step.tried)]
