@@ -55,6 +55,13 @@ def test_nothing_missing_has_the_same_keys(made):
     assert data["verdict"]["gain"] is data["verdict"]["confidence"] is None
 
 
+def test_a_note_follows_the_headline_whatever_was_found(made):
+    for diagnosis in (made(), made(steps=(), verdict=None, next_experiment="")):
+        text = shown(replace(diagnosis, notes=("9 readings were set aside",)))
+        assert text.index(headline(diagnosis)[:20]) < text.index("9 readings") < text.index("Residuals")
+        assert "What would show more" not in text
+
+
 def test_the_residuals_are_every_sensors(made):
     diagnosis = made()
     data = data_of(diagnosis)["residuals"]

@@ -51,6 +51,7 @@ def report_of(diagnosis: Diagnosis) -> Report:
     known = diagnosis.verdict_cause.name not in (NONE, UNKNOWN)
     lead: list[Block] = [
         Finding(headline(diagnosis), "result" if known else "plain", diagnosis.verdict_cause.name),
+        *map(Finding, diagnosis.notes),
         _facts(diagnosis),
     ]
     sections = [_causes(diagnosis), *_plots(diagnosis), _candidates(diagnosis), _tests(diagnosis), _method(diagnosis)]
@@ -152,7 +153,7 @@ def _causes(diagnosis: Diagnosis) -> Section | None:
     ]
     if diagnosis.next_experiment:
         remarks.append(f"Next experiment: {diagnosis.next_experiment}")
-    more = [Finding(each) for each in (*remarks, *diagnosis.notes)]
+    more = [Finding(each) for each in remarks]
     if not diagnosis.explained:
         return Section("What would show more", more) if more else None
     return Section(
