@@ -88,7 +88,7 @@ def _alone(selection: Selection, chosen: Trial) -> Fitted:
 
 
 def _closest(selection: Selection, step: Step, chosen: Trial) -> Trial | None:
-    """The best that is not told from the cause; but none moves one of two columns that go together."""
+    """The closest rival; but no experiment moves one of two columns that go together."""
     own = () if chosen.mechanism.driver is None else chosen.mechanism.driver.columns
     for each in selection.compared.trials:
         driver = each.mechanism.driver
