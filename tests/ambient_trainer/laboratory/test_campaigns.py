@@ -41,6 +41,8 @@ LABORATORY = [
     ("safety.device_high_degC", {"skin_degC": 45}, "safety.device_high_degC.skin_degC", "no such temperature"),
     ("safety.device_high_degC", {"battery_A": 45}, "safety.device_high_degC.battery_A", "no such temperature"),
     ("safety.chamber", {"low_degC": 20, "high_degC": 20}, "", "20 to 20 degC"),
+    ("safety.chamber.low_degC", -50, " ", "-50 to 60 degC; -45 to 185 degC; lowest_degC"),
+    ("instruments.chamber.model", "vt-1", "instruments.chamber", "'vt-1'; vc3-7060"),
     ("safety.set_point_degC", None, "", "missing; there is a chamber"),
     (
         "instruments.multiplexer.probes.air2",
@@ -71,7 +73,9 @@ CAMPAIGN = [
     ({"steps": [NEVER]}, "steps[0].settle", "'for_min'; 'at_most_min'"),
     ({"before": [{**STEP, "chamber_degC": -30}]}, "before[0].chamber_degC", "-30 degC"),
 ]
-CASES = [({}, {place: value}, f"laboratory.{at or place}", parts) for place, value, at, parts in LABORATORY]
+CASES = [
+    ({}, {place: value}, f"laboratory.{at or place}".rstrip(". "), parts) for place, value, at, parts in LABORATORY
+]
 CASES += [(further, {}, place, parts) for further, place, parts in CAMPAIGN]
 
 

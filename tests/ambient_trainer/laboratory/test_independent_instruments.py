@@ -4,12 +4,14 @@ A seeded night has one of each kind, of whose answers a tenth is late, doubled, 
 reading is compared with what the instrument held between question and answer. ``AMBIENT_NIGHTS=50`` runs fifty.
 
 Chambers: `Climate.py` in HelgeStenstrom/sockets (emulator of Vc3 7060 and Vt3 7060: address 01, moving set point, one
-slope at a time, 32 outputs, an unknown command is answered by a sentence); `Ascii2Protocol.cs` in
+slope at a time, 32 outputs, an unknown command is answered by a sentence, and `?` by many lines, of which some name the
+fields of the commands; with an external cabinet some fields of a state are no pairs); `Ascii2Protocol.cs` in
 mukky89/chamber_fos_soft (VT3 7034, CR LF on some firmware); `VT4002.py` in ondrejh/VT4002 (address 01, five pairs, 16
 outputs, CR LF); `CTC_VOETSCH_VC4060.vb` in BednarJan/Instruments_DCA (one pair, 16 outputs and a Z); `thermo_comm.py`
 in GustavEckerbom/DMM_samples (one value set, outputs behind the gradients). Multiplexers: 34970A/34972A Command
 Reference, and the DAQ970A's: CONFigure makes the scan list, and the settings of each channel stay; an open sensor reads
-9.9E+37. Thermometer: `easybus.py` in rgieseke/pyEasybus, GMH 3750, with the unit of its display.
+9.9E+37; a resistance thermometer has 100 ohm unless SENSe:TEMPerature:TRANsducer says another. Thermometer:
+`easybus.py` in rgieseke/pyEasybus, GMH 3750, with the unit of its display.
 """
 
 import contextlib
@@ -28,6 +30,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import run as run_module
 from ambient_trainer.laboratory import workers
@@ -113,14 +116,24 @@ class Far:
             self.server.close()
 
 
+VC3 = ("CV01", "CV02", "SV01", "MV01", "MV02", "MV03", "MV04")
+CABINET = ("CV01", "CV02", "CV03", "SV01", "SV02", "MV01", "MV02", "MV03", "MV04")
+
+
 class Chamber(Far):
-    """A chamber; its slope is per minute of a clock ``speed`` times as fast."""
+    """A chamber of the ``fields``, some single; its slope is per minute of a clock ``speed`` times as fast.
+
+    An ``unknown`` command has no reply, an empty line or a sentence; only the last kind knows ``?``.
+    """
 
     def __init__(
-        self, pairs=7, bits=32, address="01", ending="\r", after="", slopes="one", faults=False, speed=1.0, **line
-    ):
-        self.pairs, self.bits, self.address, self.ending, self.after = pairs, "0" * bits, address, ending, after
-        self.slopes, self.knows_faults, self.speed = slopes, faults, speed
+        self, fields=VC3, single=(), bits=32, address="01", ending="\r", after="", slopes="one", faults=False,
+        unknown="'{}' is an unknown command.", speed=1.0, **line,
+    ):  # fmt: skip
+        self.fields, self.single, self.bits, self.ending, self.after = fields, single, "0" * bits, ending, after
+        self.address, self.slopes, self.knows_faults, self.speed = address, slopes, faults, speed
+        self.unknown, self.helps = unknown, bool(unknown)
+        self.others = tuple(1.5 * place for place in range(1, len(fields)))
         self.wanted, self.shown_K, self.slope = 20.0, 0.0, 0.0
         self.began, self.since = 20.0, time.monotonic()
         self.received = []
@@ -147,17 +160,31 @@ class Chamber(Far):
         if letter == "I":
             nominal = self.nominal()
             actual = self.air() if self.air else nominal
-            numbers = [nominal + self.shown_K, actual] + [0.0] * (2 * self.pairs - 2)
+            numbers = [nominal + self.shown_K, actual]
+            for name, value in zip(self.fields[1:], self.others):
+                numbers += [value] if name in self.single else [value, 23.8]
             return " ".join(f"{number:06.1f}" for number in numbers) + f" {self.bits}{self.after}"
-        if letter == "E" and len(parts) == self.pairs + 1 and len(parts[-1]) == len(self.bits):
+        if letter == "E" and len(parts) == len(self.fields) + 1 and len(parts[-1]) == len(self.bits):
             self.began, self.since = self.nominal(), time.monotonic()
-            self.wanted, self.bits = float(parts[0]), parts[-1]
+            self.wanted, self.others, self.bits = float(parts[0]), tuple(map(float, parts[1:-1])), parts[-1]
             return "0"
         if letter == "U":
             return self.set_slopes(parts)
         if letter == "F" and self.knows_faults:
             return "00"
-        return f"'{command}' is an unknown command."
+        if letter == "?" and self.helps:
+            return self.help()
+        return self.unknown and self.unknown.format(command)
+
+    def help(self):
+        """As the chamber of the source prints it, some of the outputs left out of the first list."""
+        read = [name for name in self.fields for _ in range(1 if name in self.single else 2)]
+        outputs = [f"DO{place:02d}" for place in range(len(self.bits))]
+        unused = [f"{name}  unused" for name in (*self.fields, *outputs)]
+        lines = ["Simulated Vc3 7060 climate chamber.", "EXAMPLE OF AN ASCII E-STRING ", "DESCRIPTION: ", *unused]
+        lines[2:2] = [" ".join([f"${self.address}E", *self.fields, *outputs[:3], *outputs[-15:]]) + " <CR>", ""]
+        lines += ["-" * 78, "EXAMPLE OF AN ASCII I-STRING ", f"${self.address}I<CR>", " ".join(read + outputs[:24])]
+        return "\r\n".join([*lines, " ".join(outputs[24:]) + " DESCRIPTION: ", "CV01  nominal value Temperature", ""])
 
     def set_slopes(self, parts):
         if self.slopes == "outputs":
@@ -209,10 +236,15 @@ class Multiplexer(Far):
             self.sensors, self.scanned, self.with_channels = {}, [], False
         elif head == "CONF:TEMP":
             kind, of, *_ = rest.split(",")
-            self.sensors.update(dict.fromkeys(channels, (kind, of)))
+            ohm = (100,) if kind.endswith("RTD") else ()
+            self.sensors.update(dict.fromkeys(channels, (kind, of, *ohm)))
             self.scanned, self.with_channels = sorted(channels), False
         elif head == "ROUT:SCAN":
             self.scanned = sorted(channels)
+        elif match := re.fullmatch("SENS:TEMP:TRAN:(F?RTD):RES", head):
+            for each in channels:
+                assert self.sensors[each][0] == match[1]
+                self.sensors[each] = (*self.sensors[each][:2], int(rest.partition(",")[0]))
         elif line == "FORM:READ:CHAN ON":
             self.with_channels = True
         elif head != "*CLS":
@@ -280,32 +312,51 @@ def chamber(monkeypatch):
 
 # what is there, and what a campaign gives of it; the outputs that are on while it runs
 ROWS = {
-    "Vc3 7060": ({}, {"gradient": "needed"}, {1}),
-    "Vc3 7060 over TCP": ({"tcp": True, "ending": "\r\n"}, {"gradient": "needed", "values": 7, "outputs": 32}, {1}),
-    "VT3 7034": ({"pairs": 5, "ending": "\r\n", "slopes": "pair"}, {}, {1}),
-    "VT4002": ({"pairs": 5, "bits": 16, "ending": "\r\n", "slopes": "pair"}, {"terminator": "CRLF"}, {1, 3}),
-    "VC4060": ({"pairs": 1, "bits": 16, "address": "00", "after": "Z", "slopes": "pair"}, {"address": 0}, {1, 3}),
-    "thermo_comm": (
-        {"pairs": 1, "bits": 16, "address": "00", "ending": "\r\n", "slopes": "outputs", "faults": True},
-        {"address": 0, "gradient": "outputs", "alarms": True, "start": (1, 3)},
+    "Vc3 7060": ({}, {"model": "vc3-7060"}, {1}),
+    "Vc3 7060 over TCP": ({"tcp": True, "ending": "\r\n"}, {"model": "vc3-7060", "values": 7, "outputs": 32}, {1}),
+    "Vt3 7060, cabinet": ({"fields": CABINET, "single": ("SV01", "SV02")}, {"model": "vt3-7060"}, {1}),
+    "VT3 7034": (
+        {"fields": VC3[:5], "ending": "\r\n", "slopes": "pair", "unknown": ""},
+        {"model": "vt3-7034"},
+        {1},
+    ),
+    "VT4002": (
+        {"fields": VC3[:5], "bits": 16, "ending": "\r\n", "slopes": "pair", "unknown": None},
+        {"model": "vt-4002"},
         {1, 3},
+    ),
+    "VC4060": (
+        {"fields": VC3[:1], "bits": 16, "address": "00", "after": "Z", "slopes": "pair", "unknown": None},
+        {"model": "vc-4060"},
+        {1, 3},
+    ),
+    "thermo_comm": (
+        {"fields": VC3[:1], "bits": 16, "address": "00", "ending": "\r\n", "slopes": "outputs", "faults": True},
+        {"model": "one-value"},
+        {1, 3},
+    ),
+    "as the first two states": (
+        {"fields": VC3[:5], "bits": 32, "address": "00", "unknown": None, "slopes": "pair"},
+        {"model": None, "alarms": False},
+        {1},
     ),
 }
 
 
 def given(port, **values):
-    return settings("voetsch-vt4004", port=port, **{"address": 1, "alarms": False, "timeout_s": 0.5, **values})
+    return settings("voetsch-vt4004", port=port, **{"model": "vc3-7060", "timeout_s": 0.5, **values})
 
 
 @pytest.mark.parametrize(("there", "campaign", "on"), ROWS.values(), ids=ROWS)
 def test_each_is_driven_by_what_a_campaign_gives(chamber, there, campaign, on):
     made = chamber(**there)
     driver = Driver(given(made.port, **campaign), Clock(), ChamberLimits(low_degC=-20.0, high_degC=60.0))
+    others = made.others
     for set_degC in (25.0, -7.5):
         driver.gradient(10.0, rising=set_degC > 20.0)
         driver.gradient(0.0)
         driver.set_point(set_degC)
-        assert made.wanted == set_degC
+        assert (made.wanted, made.others) == (set_degC, others)
         assert {index for index, bit in enumerate(made.bits) if bit == "1"} == on
         reading = driver.read()
         assert (reading.values["chamber_set_degC"], reading.values["chamber_on"], reading.note) == (set_degC, 1.0, None)
@@ -361,22 +412,31 @@ def test_a_hint_speaks_of_the_line_at_hand(port, part):
 @pytest.mark.parametrize("model", MODELS)
 def test_each_multiplexer_scans_the_sensors_of_each_channel(chamber, model):
     probes = {"a": 102, "b": {"channel": 101, "sensor": "Pt100"}, "c": {"channel": 205, "sensor": "Pt100-4w"}}
-    probes |= {"d": 310, "e": {"channel": 107, "sensor": "thermistor-10k"}}
+    probes |= {"d": 310, "e": {"channel": 107, "sensor": "thermistor-10k"}, "f": {"channel": 301, "sensor": "J"}}
+    probes |= {"g": {"channel": 302, "sensor": "Pt1000"}, "h": {"channel": 303, "sensor": "JPt100-4w"}}
     made = chamber(Multiplexer, model=model, tcp=True)
     named = settings("agilent-34970a", port=made.port, probes=probes, thermocouple="T")
     driver = agilent_34970a.Driver(named, Clock())
     assert model in driver.identify()
     made.open_channels = {205}
-    expected = {"a": 22.0, "b": 21.0, "c": None, "d": 30.0, "e": 27.0}
+    expected = {"a": 22.0, "b": 21.0, "c": None, "d": 30.0, "e": 27.0, "f": 21.0, "g": 22.0, "h": 23.0}
     assert driver.read().values == {f"probe_{name}_degC": value for name, value in expected.items()}
     assert made.sensors == {
-        101: ("RTD", "85"),
+        101: ("RTD", "85", 100),
         102: ("TC", "T"),
         107: ("THER", "10000"),
-        205: ("FRTD", "85"),
+        205: ("FRTD", "85", 100),
+        301: ("TC", "J"),
+        302: ("RTD", "85", 1000),
+        303: ("FRTD", "91", 100),
         310: ("TC", "T"),
     }
     driver.close()
+
+
+def test_a_model_that_nobody_knows_is_refused_with_those_that_are():
+    with pytest.raises(Refused, match=r"'vt-1'.*vc3-7060"):
+        given("/dev/a", model="vt-1")
 
 
 def test_another_makers_multiplexer_is_refused(chamber):
@@ -614,7 +674,6 @@ def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_sa
 ):
     draw = random.Random(seed)
     there, campaign, _ = draw.choice(list(ROWS.values()))
-    marker = {} if there.get("faults") or there.get("slopes") == "pair" else {"marker": "?"}
     made = chamber(speed=NIGHT_SPEED, seed=seed, **there)
     multiplexer = chamber(Multiplexer, model=draw.choice(MODELS), tcp=draw.random() < 0.5, seed=seed + 1)
     thermometer = chamber(Thermometer, unit=draw.choice((1, 2, 3)), seed=seed + 2)
@@ -634,15 +693,16 @@ def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_sa
     FaultyNight.far = far
     steps = minutes((2, draw.choice((35.0, -5.0)), draw.choice((None, 4.0))), (2, 28.0))
     limits = {"chamber.low_degC": -45, "chamber.high_degC": 150, "confirm_s": 400}
-    night = FaultyNight(
-        campaign_file, tmp_path, made, steps, None, {**campaign, **marker}, others, NIGHT_SPEED, **limits
-    )
+    night = FaultyNight(campaign_file, tmp_path, made, steps, None, campaign, others, NIGHT_SPEED, **limits)
     assert (night.outcome.safe, made.wanted, made.slope) == (True, 20.0, 0.0)
     assert time.monotonic() - night.over_s < 60.0
     assert night.outcome.finished == (night.complete == "yes")
     assert sum(each.faults for each in far) >= 5
     columns = {f"probe_{name}_degC": above for name, above in zip(("air1", "air2", "air3", "air4"), (1, 2, 3, 10))}
-    columns |= {"thermometer_degC": 0, **({"chamber_degC": 0} if there.get("faults") or marker else {})}
+    columns |= {
+        "thermometer_degC": 0,
+        **({"chamber_degC": 0} if there.get("faults") or campaign.get("model") in ("vc3-7060", "vt3-7060") else {}),
+    }
     checked = dict.fromkeys(columns, 0)
     for sample in read_journal(str(tmp_path / "kept")).samples:
         low_degC, high_degC = held(night, sample.asked_s, sample.answered_s)

@@ -305,9 +305,15 @@ def test_after_a_full_disk_the_run_is_resumed(night):
     assert (lab.outcome.ending, lab.trace.notes["complete"]) == (Ending.FINISHED, "yes")
 
 
-def test_on_a_desk_there_is_no_chamber(tmp_path):
-    """It loads, waits until the device is settled, and watches the sensors of this machine."""
+MQTT = {"kind": "mqtt-topic", "port": "mqtt://nowhere", "topic": "home/desk"}
+
+
+@pytest.mark.parametrize("reference", ["host-sensors", "mqtt-topic"])
+def test_on_a_desk_there_is_no_chamber(tmp_path, reference):
+    """It loads, waits until the device is settled, and watches the sensors of this machine, or a topic."""
     desk = yaml.safe_load(Path(scenario_path("desk")).read_text())
+    if reference == "mqtt-topic":
+        desk["laboratory"].update(instruments={"thermometer": MQTT}, ambient={"probes": ["thermometer"]})
     desk["before"] = [{"settle": {"within_K": 2, "drift_K": 3, "for_min": 1, "at_most_min": 5}}]
     desk["steps"] = minutes((1, None, ["cpu_100"]), (1, None))
     (tmp_path / "desk.yaml").write_text(yaml.safe_dump(desk))
@@ -316,11 +322,14 @@ def test_on_a_desk_there_is_no_chamber(tmp_path):
     assert (lab.outcome.ending, lab.outcome.safe, lab.activity) == (Ending.FINISHED, True, "idle")
     trace = lab.trace
     assert len(trace.time_s) == 60
-    assert np.isfinite(trace.reference).sum() > 20
+    assert np.isfinite(trace.reference).sum() > (20 if reference == "host-sensors" else 8)
     assert np.nanmax(np.abs(trace.reference - 22.0)) < 3.0
-    assert set(lab.readings.columns) >= {"probe_left_degC", "probe_right_degC"}
     assert "chamber" not in trace.notes
-    assert "2 sensors" in trace.notes["multiplexer"]
+    if reference == "host-sensors":
+        assert set(lab.readings.columns) >= {"probe_left_degC", "probe_right_degC"}
+        assert "2 sensors" in trace.notes["multiplexer"]
+    else:
+        assert trace.notes["thermometer"] == "MQTT topic home/desk"
 
 
 def test_another_campaign_does_not_go_on_with_it(night, campaign_file):

@@ -46,7 +46,7 @@ def _column(column: str, unit: str = "") -> str:
     return column
 
 
-_Temperature = Annotated[float, Field(ge=-60, le=200)]
+_Temperature = Annotated[float, Field(ge=-100, le=250)]
 _Signal = Annotated[float, Field(ge=-1e6, le=1e6)]
 _Column = Annotated[str, AfterValidator(_column)]
 _TemperatureColumn = Annotated[str, AfterValidator(lambda column: _column(column, "degC"))]
@@ -165,6 +165,17 @@ class Laboratory(Strict):
     signals: dict[_Column, _Signal] = Field(default_factory=dict)
     actions: dict[Name, Action] = Field(default_factory=dict)
     safety: Safety
+
+    @model_validator(mode="after")
+    def _within_the_chamber(self) -> Laboratory:
+        chamber, limits = self.instruments.chamber, self.safety.chamber
+        if not isinstance(chamber, ChamberSettings) or limits is None:
+            return self
+        if not chamber.lowest_degC <= limits.low_degC < limits.high_degC <= chamber.highest_degC:
+            within = f"{chamber.lowest_degC:g} to {chamber.highest_degC:g} degC"
+            problem = f"the limits {limits.low_degC:g} to {limits.high_degC:g} degC are not the chamber's"
+            raise wrong(problem, f"stay within {within}, or give its 'lowest_degC' and 'highest_degC'")
+        return self
 
     @property
     def reference(self) -> str:

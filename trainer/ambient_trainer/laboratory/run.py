@@ -98,7 +98,6 @@ def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[tuple[s
                 hint = "see to it, and acknowledge it at the chamber"
                 raise InstrumentError(source, port, "no alarm", reading.note, hint)
             if source == laboratory.reference:
-                reading = driver.read()  # the first one may have set up the scan
                 readings = laboratory.ambient.readings(reading.values)
                 if silent := [name for name, value in readings.items() if value is None]:
                     expected, got = "a reading of every probe of the ambient", f"no reading of {', '.join(silent)}"

@@ -25,6 +25,8 @@ from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentE
 
 QUIET_S = 0.02
 """Silence for so long ends an answer: many bytes at the bauds of instruments, and more than an adapter holds back."""
+_TEXT_PAUSE_S, _LONGEST_TEXT_S = 0.3, 10.0
+"""Silence for so long ends a text of several lines, which takes at most so long."""
 _BETWEEN_S = 0.05
 _MOST_SHOWN = 48
 _VISA = "is it listed by 'pyvisa-shell' (list), and does no other program use it?"
@@ -183,8 +185,9 @@ class SerialLine:
     """One instrument's line; opened by the first query, and again after it was lost.
 
     ``synchronise_query`` is one whose answer no other query has, or else comes after a silence of ``quiet_s``;
-    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF. A
-    port is a path, a URL of pyserial's such as ``socket://HOST:2049``, or a VISA resource.
+    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF;
+    ``silent_hint`` is what to do where it is silent. A port is a path, a URL of pyserial's such as
+    ``socket://HOST:2049``, or a VISA resource.
     """
 
     instrument: str
@@ -196,6 +199,7 @@ class SerialLine:
     pause_s: float = 0.0
     xonxoff: bool = False
     quiet_s: float = QUIET_S
+    silent_hint: str | None = None
     _lock: threading.RLock = field(default_factory=threading.RLock, init=False)
     _port: _SerialPort | _VisaPort | None = field(default=None, init=False)
     _synchronised: bool = field(default=False, init=False)
@@ -212,7 +216,7 @@ class SerialLine:
         with self._lock:
             self.synchronise()
             if any(self.decode(data := self._receive(0.0))):
-                raise self._failed(f"nothing before it was asked for {query.expected}", shown(data))
+                raise self.failed(f"nothing before it was asked for {query.expected}", shown(data))
             return self._exchange(query)
 
     def query_anyway(self, query: Query) -> Answer:
@@ -232,6 +236,18 @@ class SerialLine:
                     self._send(query.request)
                 raise
             return self._exchange(query)
+
+    def text(self, request: bytes) -> bytes:
+        """All that comes after ``request`` until a silence, nothing where none comes; for text of unknown length."""
+        with self._lock:
+            self.synchronise()
+            self._send(request)
+            data, patience_s = b"", self.clock.patience_s(self.settings.timeout_s)
+            end_s = time.monotonic() + _LONGEST_TEXT_S
+            while (part := self._receive(patience_s)) and time.monotonic() < end_s:
+                data, patience_s = data + part, _TEXT_PAUSE_S
+            self._synchronised = bool(data) and not part
+            return data
 
     def write(self, request: bytes) -> None:
         """Send what has no answer; raises :class:`InstrumentError`."""
@@ -291,24 +307,26 @@ class SerialLine:
             replies, rest = self.decode(rest + data)
         first, *more = replies
         if isinstance(first, Malformed):
-            raise self._failed(query.expected, first.got)
+            raise self.failed(query.expected, first.got)
         if not query.is_answer(first):
-            raise self._failed(query.expected, f"the answer to another question, {first}")
+            raise self.failed(query.expected, f"the answer to another question, {first}")
         beyond = rest + self._receive(self.clock.wall_s(QUIET_S))
         if more or any(self.decode(beyond)):
-            raise self._failed(f"{query.expected}, and nothing more", f"{first}, and more in {shown(data + beyond)}")
+            raise self.failed(f"{query.expected}, and nothing more", f"{first}, and more in {shown(data + beyond)}")
         return Answer(asked_s, answered_s, first)
 
     def _missing(self, query: Query, rest: bytes) -> InstrumentError:
         if rest:
-            return self._failed(query.expected, f"only {shown(rest)} in {self.settings.timeout_s:g} s")
-        return self._failed(query.expected, f"nothing in {self.settings.timeout_s:g} s", NoResponse)
+            return self.failed(query.expected, f"only {shown(rest)} in {self.settings.timeout_s:g} s")
+        return self.failed(query.expected, f"nothing in {self.settings.timeout_s:g} s", NoResponse, self.silent_hint)
 
-    def _failed(self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError) -> InstrumentError:
+    def failed(
+        self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError, hint: str | None = None
+    ) -> InstrumentError:
+        """An error of this instrument, ready to be raised; the line is synchronised before the next query."""
         self._synchronised = False
-        hint = None
         if kind is not InstrumentError:
-            hint = _VISA if "::" in self.port else _NETWORK if "://" in self.port else None
+            hint = _VISA if "::" in self.port else _NETWORK if "://" in self.port else hint
         return kind(self.instrument, self.port, expected, got, hint)
 
     def _open(self) -> _SerialPort | _VisaPort:
@@ -317,7 +335,7 @@ class SerialLine:
         try:
             port = _opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
         except Exception as error:  # pyserial and pyvisa raise a dozen kinds
-            raise self._failed("a port that can be opened", _reason(error), Disconnected) from error
+            raise self.failed("a port that can be opened", _reason(error), Disconnected) from error
         self._port = port
         self._synchronisations_due = 0
         self._synchronised = False
@@ -333,7 +351,7 @@ class SerialLine:
             port.write(request)
         except serial.SerialTimeoutException as error:
             self.close()  # with it goes what was not sent
-            raise self._failed(f"{shown(request)} to be taken", "XOFF all the time", NoResponse) from error
+            raise self.failed(f"{shown(request)} to be taken", "XOFF all the time", NoResponse) from error
         except Exception as error:  # pyserial and pyvisa raise a dozen kinds
             raise self._lost(error) from error
         return asked_s
@@ -348,7 +366,7 @@ class SerialLine:
 
     def _lost(self, error: Exception) -> InstrumentError:
         self.close()
-        return self._failed("the port to stay", _reason(error), Disconnected)
+        return self.failed("the port to stay", _reason(error), Disconnected)
 
 
 class SerialDriver:
@@ -370,10 +388,6 @@ class SerialDriver:
     def close(self) -> None:
         """Give the port back."""
         self.line.close()
-
-    def error(self, expected: str, got: str, hint: str | None = None) -> InstrumentError:
-        """An error of this instrument, ready to be raised."""
-        return InstrumentError(self.line.instrument, self.line.port, expected, got, hint)
 
 
 def _reason(error: Exception) -> str:

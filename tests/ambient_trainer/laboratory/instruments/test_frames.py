@@ -32,12 +32,12 @@ TABLE: dict[str, tuple[Any, bytes, Any]] = {
     "chamber, state": (
         voetsch,
         b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r",
-        State((10.0, 0.0, 0.0, 0.0, 0.0), (11.2,) * 5, OUTPUTS),
+        State((10.0, 11.2, *(0.0, 11.2) * 4), OUTPUTS),
     ),
     "chamber, below zero": (
         voetsch,
         b"-020.0 -018.7 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r",
-        State((-20.0, 0.0, 0.0, 0.0, 0.0), (-18.7, 11.2, 11.2, 11.2, 11.2), OUTPUTS),
+        State((-20.0, -18.7, *(0.0, 11.2) * 4), OUTPUTS),
     ),
     "chamber, done": (voetsch, b"0\r", Done()),
     "chamber, fault": (voetsch, b"07 overtemperature\r", Fault(7, "overtemperature")),

@@ -32,6 +32,7 @@ from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
 __all__ = [
     "ROLES",
+    "UNITS",
     "ChamberDriver",
     "ChamberLimits",
     "ChamberSettings",
@@ -39,6 +40,7 @@ __all__ = [
     "MultiplexerSettings",
     "NotNegative",
     "ThermometerSettings",
+    "degC_from",
     "instrument",
     "probe_column",
     "probe_values",
@@ -55,8 +57,8 @@ STEEPEST_K_MIN = 99.9
 class ChamberLimits(Strict):
     """The limits of set points; the chamber's air may leave them by no more than ``margin_K``."""
 
-    low_degC: Annotated[float, Field(ge=-45, le=185)]
-    high_degC: Annotated[float, Field(ge=-45, le=185)]
+    low_degC: float
+    high_degC: float
     margin_K: NotNegative = 3.0
 
     @model_validator(mode="after")
@@ -83,7 +85,10 @@ class ChamberLimits(Strict):
 
 
 class ChamberSettings(Strict):
-    """A climate chamber; ``heating_K_min`` and ``cooling_K_min`` are its air's usual rates, for the schedule."""
+    """A climate chamber; ``heating_K_min`` and ``cooling_K_min`` are its air's usual rates, for the schedule.
+
+    ``lowest_degC`` and ``highest_degC`` are what it can do.
+    """
 
     kind: str
     port: str
@@ -91,6 +96,8 @@ class ChamberSettings(Strict):
     timeout_s: Positive = 2.0
     heating_K_min: Positive = 2.0
     cooling_K_min: Positive = 1.5
+    lowest_degC: float = -100.0
+    highest_degC: float = 250.0
 
 
 class MultiplexerSettings(Strict):
@@ -157,6 +164,16 @@ class ChamberDriver(Driver, Protocol):
 SET_POINT, AIR, RUNNING = "chamber_set_degC", "chamber_degC", "chamber_on"
 """Columns of a chamber's reading."""
 THERMOMETER_COLUMN = "thermometer_degC"
+
+
+UNITS = {"degC": (1.0, 0.0), "degF": (1.8, 32.0), "K": (1.0, 273.15)}
+"""By unit a and b: the number there is a temperature in degC times a, plus b."""
+
+
+def degC_from(value: float, unit: str) -> float:
+    """A temperature in degC, from one in one of :data:`UNITS`."""
+    scale, zero = UNITS[unit]
+    return round((value - zero) / scale, 7)
 
 
 def probe_column(name: str) -> str:

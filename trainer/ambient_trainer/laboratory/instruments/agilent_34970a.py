@@ -11,10 +11,10 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from ambient_trainer.data.strict_yaml import Strict, wrong
 from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_values
@@ -50,14 +50,10 @@ def _as_channel(value: Any) -> Any:
 
 
 Thermocouple = Literal["B", "E", "J", "K", "N", "R", "S", "T"]
-Resistance = Literal["Pt100", "Pt100-4w", "thermistor-2k", "thermistor-5k", "thermistor-10k"]
-_SENSORS = {
-    "Pt100": "RTD,85",  # the temperature coefficient 0.00385 of IEC 60751; 100 ohm is the instrument's own default
-    "Pt100-4w": "FRTD,85",
-    "thermistor-2k": "THER,2252",
-    "thermistor-5k": "THER,5000",
-    "thermistor-10k": "THER,10000",
-}
+_SENSORS = {"thermistor-2k": "THER,2252", "thermistor-5k": "THER,5000", "thermistor-10k": "THER,10000"}
+for _name, _coefficient in (("Pt100", 85), ("Pt1000", 85), ("JPt100", 91)):  # 0.00385 of IEC 60751, 0.00391 of old JIS
+    _SENSORS |= {_name: f"RTD,{_coefficient}", f"{_name}-4w": f"FRTD,{_coefficient}"}
+_SENSORS |= {_letter: f"TC,{_letter}" for _letter in get_args(Thermocouple)}
 """What ``CONF:TEMP`` calls them; a letter is a thermocouple of that type."""
 _OTHER_WIRES = 10  # above the channel, in a 34901A
 
@@ -66,7 +62,14 @@ class Channel(Strict):
     """A probe's channel, and its sensor where that is not the multiplexer's thermocouple."""
 
     channel: int
-    sensor: Literal[Thermocouple, Resistance] | None = None
+    sensor: str | None = None
+
+    @field_validator("sensor")
+    @classmethod
+    def _known(cls, sensor: str | None) -> str | None:
+        if sensor is not None and sensor not in _SENSORS:
+            raise wrong(f"no sensor is called {sensor!r}", f"known are {', '.join(_SENSORS)}")
+        return sensor
 
 
 def _slotted(probe: Channel) -> Channel:
@@ -148,7 +151,10 @@ def configure(sensors: Mapping[int, str]) -> bytes:
     commands = []
     for sensor in dict.fromkeys(sensors.values()):
         channels = channel_list(channel for channel, each in sensors.items() if each == sensor)
-        commands.append(b"CONF:TEMP %s,%s\n" % (_SENSORS.get(sensor, f"TC,{sensor}").encode("ascii"), channels))
+        called = _SENSORS[sensor].encode("ascii")
+        commands.append(b"CONF:TEMP %s,%s\n" % (called, channels))
+        if sensor.startswith("Pt1000"):  # else 100 ohm, the instrument's own default
+            commands.append(b"SENS:TEMP:TRAN:%s:RES 1000,%s\n" % (called.split(b",")[0], channels))
     return b"%sROUT:SCAN %s\n" % (b"".join(commands), channel_list(sensors))
 
 
@@ -204,7 +210,7 @@ class Driver(SerialDriver):
         """Maker, model and firmware."""
         identity = self.line.query(READ_IDENTITY).reply
         if identity.model not in MODELS:
-            raise self.error(READ_IDENTITY.expected, f"that of a {identity.maker} {identity.model}")
+            raise self.line.failed(READ_IDENTITY.expected, f"that of a {identity.maker} {identity.model}")
         return f"{identity.maker} {identity.model}, firmware {identity.firmware}"
 
     def configure(self) -> None:
@@ -235,7 +241,7 @@ class Driver(SerialDriver):
 
     def _check_error(self, expected: str, answer: Answer | None) -> None:
         if answer is not None and answer.reply.number:
-            raise self.error(expected, f"error {answer.reply}", _SCAN_LOST)
+            raise self.line.failed(expected, f"error {answer.reply}", hint=_SCAN_LOST)
 
     def _scan(self) -> Answer:
         try:
@@ -244,7 +250,7 @@ class Driver(SerialDriver):
             error = self.line.synchronise()  # it is silent where it did not understand, and then reports it
             if isinstance(error, ErrorText) and error.number:
                 got = f"{silent.got}, and to SYST:ERR? {error}"
-                raise self.error(self._read_scan.expected, got, _SCAN_LOST) from silent
+                raise self.line.failed(self._read_scan.expected, got, hint=_SCAN_LOST) from silent
             raise
 
 
@@ -306,8 +312,8 @@ class Simulated(SimulatedInstrument):
                 self._with_channels = argument == "ON"
             case "READ?":
                 yield from self._scan()
-            case "":
-                pass
+            case "" | "SENS:TEMP:TRAN:RTD:RES" | "SENS:TEMP:TRAN:FRTD:RES":
+                pass  # a channel reads its probe, whatever that is
             case _:
                 self._errors.append(ErrorText(-113, "Undefined header"))
 

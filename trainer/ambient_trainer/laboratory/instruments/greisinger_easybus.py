@@ -18,20 +18,16 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, ThermometerSettings
-from ambient_trainer.laboratory.messages import Clock, NoResponse, Reading
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, ThermometerSettings, degC_from
+from ambient_trainer.laboratory.messages import Clock, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
-from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, shown
+from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, shown
 
 VALUE, IDENTITY = 0, 12
 """The codes that ask for the measured value, and for the number that stands on the instrument, in hexadecimal."""
 FURTHER, UNIT = 15, 202
-UNITS: dict[int, tuple[str, Callable[[float], float]]] = {
-    1: ("degC", lambda value: value),
-    2: ("degF", lambda value: (value - 32.0) / 1.8),
-    3: ("K", lambda value: value - 273.15),
-}
-"""By the number that the instrument gives: the unit, and degC from it."""
+NAMES = dict(enumerate(UNITS, 1))
+"""By the number that the instrument gives: the unit."""
 FAULTS = {
     16352: "above the measuring range",
     16353: "below the measuring range",
@@ -191,34 +187,30 @@ class Driver(SerialDriver):
         self._read_value = _query(settings.address, VALUE, "its value")
         self._read_identity = _query(settings.address, IDENTITY, "its number")
         self._read_unit = _query(settings.address, UNIT, "its unit") if settings.unit is None else None
-        self._degC_from = next((convert for unit, convert in UNITS.values() if unit == settings.unit), UNITS[1][1])
-        self.line = SerialLine("thermometer", settings, clock, decode, self._read_identity, baud=_BAUD)
+        self._unit: str = settings.unit or "degC"
+        self.line = SerialLine(
+            "thermometer", settings, clock, decode, self._read_identity, baud=_BAUD, silent_hint="switch it on"
+        )
 
     def identify(self) -> str:
         """The number that stands on it."""
-        return f"GMH thermometer, number {number_of(self._query(self._read_identity).reply.body):x}"
+        return f"GMH thermometer, number {number_of(self.line.query(self._read_identity).reply.body):x}"
 
     def read(self) -> Reading:
         """The temperature; where there is none, the note has the reason."""
-        asked_s, answered_s, frame = self._query(self._read_value)
+        asked_s, answered_s, frame = self.line.query(self._read_value)
         between = self.ask_between(self._read_unit or self._read_identity)
         if between and self._read_unit:
             number = number_of(between.reply.body[-2:])
-            if number not in UNITS:
-                raise self.error("a display in degC, degF or K", f"unit number {number}", "set its display to degC")
-            self._degC_from = UNITS[number][1]
+            if number not in NAMES:
+                got, hint = f"unit number {number}", "set its display to degC"
+                raise self.line.failed("a display in degC, degF or K", got, hint=hint)
+            self._unit = NAMES[number]
         value = value_of(frame.body)
         if isinstance(value, Malformed):
-            raise self.error(value.expected, value.got)
-        temp_degC = None if value.value is None else round(self._degC_from(value.value), _MOST_DECIMALS)
+            raise self.line.failed(value.expected, value.got)
+        temp_degC = None if value.value is None else degC_from(value.value, self._unit)
         return Reading(asked_s, answered_s, {THERMOMETER_COLUMN: temp_degC}, value.reason)
-
-    def _query(self, query: Query) -> Answer:
-        try:
-            return self.line.query(query)
-        except NoResponse as silent:
-            silent.hint = "switch it on"
-            raise
 
 
 def _query(address: int, code: int, what: str) -> Query:
@@ -275,5 +267,5 @@ class Simulated(SimulatedInstrument):
             return bytes((~UNIT & 0xFF, 0)) + _upright(self.unit.to_bytes(2, "big"))
         if not self.sensor_plugged:
             return body_of_fault(_NO_SENSOR)
-        temp_degC = self._air(self._clock.now_s())
-        return body_of_value({1: temp_degC, 2: 1.8 * temp_degC + 32.0, 3: temp_degC + 273.15}[self.unit], _DECIMALS)
+        scale, zero = UNITS[NAMES[self.unit]]
+        return body_of_value(scale * self._air(self._clock.now_s()) + zero, _DECIMALS)

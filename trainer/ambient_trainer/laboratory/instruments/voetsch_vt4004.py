@@ -1,10 +1,11 @@
 """A Voetsch or Weiss climate chamber. Its protocol is ASCII-2: ``$``, an address, a letter, numbers in ``%06.1f``, CR.
 
-A state is pairs of nominal and actual values, the first being the temperature's, and outputs, counted from 0 on the
-left. A VT 4004 has five pairs and sixteen outputs: 1 starts the chamber, 3 its temperature controller; others have
-other numbers of both (``$01?`` prints them), and start by output 1 alone. What a campaign does not give of the layout
-is taken from the first two states, which have to agree; from then on no other is taken for a state. The reply to a
-malformed command is silence, an empty line or some text, and no fault is taken to be number 00.
+A state is values, the first two the temperature's nominal and actual one, and outputs, counted from 0 on the left. A
+VT 4004 has five such pairs and sixteen outputs: 1 starts the chamber, 3 its temperature controller; others have other
+numbers of both, and start by output 1 alone. What a campaign does not give of the layout, by its numbers or by a model
+of ``voetsch_chambers.yaml``, is asked with ``?``, or else taken from the first two states, which have to agree; from
+then on no other is taken for a state. The reply to a malformed command is silence, an empty line or some text, and no
+fault is taken to be number 00.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ import contextlib
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from ambient_model.faults import refuse
-from ambient_trainer.data.strict_yaml import wrong
+from ambient_trainer.data.strict_yaml import load_yaml, wrong
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, ChamberSettings, NotNegative
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
@@ -29,6 +31,7 @@ from ambient_trainer.laboratory.serial_line import (
     Query,
     SerialDriver,
     SerialLine,
+    shown,
     text_replies,
 )
 
@@ -43,23 +46,33 @@ VALUES, OUTPUTS = 5, 16
 _BAUD = 9600
 _LONGEST = 400
 _NUMBER = r"(?:\d{4}|-\d{3})\.\d"
+_FIELDS = re.compile(r"((?:\s[A-Z]V\d\d)+)((?:\s+DO\d\d)+)")
 _STATE = re.compile(rf"({_NUMBER}(?: {_NUMBER})+) ([01]{{8,}})[A-Z]?")
 _FAULT = re.compile(r"(\d\d)(?: +(.*))?")
 _A_REPLY = "pairs of values and outputs, '0', or a fault's two digits and text"
 
 
-class Settings(ChamberSettings):
-    """The chamber; ``pause_s`` is the least time between two strings: a later controller needs 5 s.
+@cache
+def models() -> dict[str, dict[str, Any]]:
+    """By its name what is known of a chamber: keys of the settings."""
+    known: dict[str, dict[str, Any]] = load_yaml(str(Path(__file__).with_name("voetsch_chambers.yaml")))
+    return known
 
-    ``values`` is how many nominal values are set at once, ``other_values`` what all but the first are then (else: as
-    last reported), ``readings`` how many a state has (else: two for each), ``outputs`` its outputs, and ``start`` those
-    that are on while it runs. ``gradient`` is the form of the gradients' command: ``both`` ways in one, the one way
-    that is ``needed`` and 0 for the other, or both and the ``outputs``. With ``alarms: false`` it is not asked for
-    faults, which some chambers do not know: then it is not noticed where one stops it. ``marker`` is then another
-    command that changes nothing and is answered by a line of text; with it, answers that are one behind are noticed.
+
+class Settings(ChamberSettings):
+    """The chamber; a ``model`` of :func:`models` gives what stands here.
+
+    ``pause_s`` is the least time between two strings: a later controller needs 5 s. ``values`` is how many nominal
+    values are set at once, ``other_values`` what all but the first are then (else: as last reported), ``readings`` how
+    many a state has (else: two for each), ``outputs`` its outputs, and ``start`` those that are on while it runs.
+    ``gradient`` is the form of the gradients' command: ``both`` ways in one, the one way that is ``needed`` and 0 for
+    the other, or both and the ``outputs``. With ``alarms: false`` it is not asked for faults, which some chambers do
+    not know: then it is not noticed where one stops it. ``marker`` is then another command that changes nothing and is
+    answered by text, such as ``?``; with it, answers that are one behind are noticed.
     """
 
     kind: Literal["voetsch-vt4004"]
+    model: str | None = None
     address: Annotated[int, Field(ge=0, le=99)] = 0
     terminator: Literal["CR", "CRLF"] = "CR"
     pause_s: NotNegative = 0.0
@@ -74,6 +87,15 @@ class Settings(ChamberSettings):
     alarms: bool = True
     marker: Annotated[str, Field(pattern=r"^[A-DF-HJ-TV-Z?]$")] | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_its_model(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(model := data.get("model"), str):
+            return data
+        if model not in models():
+            raise wrong(f"no model is called {model!r}", f"known are {', '.join(models())}; or give its keys instead")
+        return {**models()[model], **data}
+
     @model_validator(mode="after")
     def _possible(self) -> Settings:
         values = self.values or 1 + len(self.other_values or ())
@@ -85,11 +107,29 @@ class Settings(ChamberSettings):
 
 
 class State(NamedTuple):
-    """The reply to ``I``: nominal and actual values, the temperature's in degC first, and the outputs."""
+    """The reply to ``I``: values, of which the first two are the temperature's nominal and actual degC, and outputs."""
 
-    nominal: tuple[float, ...]
-    actual: tuple[float, ...]
+    values: tuple[float, ...]
     outputs: tuple[bool, ...]
+
+
+class Layout(NamedTuple):
+    """The place in a state of each nominal value, and how many values and outputs a state has."""
+
+    nominal: tuple[int, ...]
+    readings: int
+    outputs: int
+
+
+def layout_in(text: str) -> Layout | None:
+    """The layout that the reply to ``?`` describes, None where it does not.
+
+    It names the fields of the command ``E``, then those of a state, as in ``CV01 CV01 CV02 CV02 SV01 DO00 DO01``.
+    """
+    strings = [(fields[1].split(), re.findall(r"DO(\d\d)", fields[2])) for fields in _FIELDS.finditer(text)]
+    if len(strings) < 2 or not set(strings[0][0]) <= set(read := strings[1][0]):
+        return None
+    return Layout(tuple(map(read.index, strings[0][0])), len(read), 1 + int(max(strings[1][1])))
 
 
 class Done(NamedTuple):
@@ -132,8 +172,7 @@ def _parsed(line: str) -> Reply | Malformed:
     if line == "0":
         return Done()
     if match := _STATE.fullmatch(line):
-        values = [float(number) for number in match[1].split(" ")]
-        return State(tuple(values[::2]), tuple(values[1::2]), tuple(bit == "1" for bit in match[2]))
+        return State(tuple(map(float, match[1].split(" "))), tuple(bit == "1" for bit in match[2]))
     if match := _FAULT.fullmatch(line):
         return Fault(int(match[1]), (match[2] or "").strip())
     return Text(line)
@@ -146,8 +185,7 @@ decode = text_replies(b"\r", b"\n", _LONGEST, _parsed)
 def encode(reply: Reply) -> bytes:
     """The bytes of a reply."""
     if isinstance(reply, State):
-        pairs = [value for pair in zip(reply.nominal, reply.actual) for value in pair]
-        return b"%s %s\r" % (_numbers(pairs), _bits(reply.outputs))
+        return b"%s %s\r" % (_numbers(reply.values), _bits(reply.outputs))
     assert not isinstance(reply, Text), "only other chambers send one"
     return b"0\r" if isinstance(reply, Done) else f"{reply.number:02d} {reply.text}".rstrip().encode("ascii") + b"\r"
 
@@ -168,20 +206,22 @@ class Driver(SerialDriver):
     def __init__(self, settings: Settings, clock: Clock, limits: ChamberLimits) -> None:
         self._settings = settings
         self._limits = limits
-        if not settings.lowest_degC <= limits.low_degC < limits.high_degC <= settings.highest_degC:
-            problem = f"{limits.low_degC:g} to {limits.high_degC:g} degC"
-            hint = f"name two within {settings.lowest_degC:g} to {settings.highest_degC:g} degC"
-            raise refuse("chamber", "limits", problem, hint)
-        self._read_state = self._query(b"I", "a state, pairs of values and outputs", self._is_state)
-        between = {Fault: "a fault, two digits and text", Text: "a line of text"}
-        kind, command = (Fault, b"F") if settings.alarms else (Text, (settings.marker or "").encode())
-        self._between = self._query(command, between[kind], lambda reply: isinstance(reply, kind)) if command else None
-        quiet_s = QUIET_S if self._between else settings.timeout_s
-        marker = self._between or self._read_state
-        self.line = SerialLine(
-            "chamber", settings, clock, decode, marker, _BAUD, pause_s=settings.pause_s, quiet_s=quiet_s
-        )
+        self._layout: Layout | None = None
         self._last: State | None = None
+        self._read_state = self._query(b"I", "a state, values and outputs", self._is_state)
+        self._read_fault = self._query(b"F", "a fault, two digits and text", lambda reply: isinstance(reply, Fault))
+        faults = ", and does it know 'F' (else 'alarms: false')" if settings.alarms else ""
+        self.line = SerialLine(
+            "chamber",
+            settings,
+            clock,
+            decode,
+            self._read_fault if settings.alarms else self._read_state,
+            _BAUD,
+            pause_s=settings.pause_s,
+            quiet_s=QUIET_S if settings.alarms else settings.timeout_s,
+            silent_hint=f"{NoResponse.hint} is its address {settings.address}{faults}?",
+        )
 
     def identify(self) -> str:
         """The chamber's state: the protocol has no name."""
@@ -191,15 +231,21 @@ class Driver(SerialDriver):
     def read(self) -> Reading:
         """Set point, temperature and whether it runs; its fault is the note."""
         asked_s, answered_s, state = self._state()
-        fault = self.line.query(self._between).reply if self._between else None
-        alarm = f"{fault.number:02d} {fault.text}".rstrip() if isinstance(fault, Fault) and fault.number else None
-        values = {SET_POINT: state.nominal[0], AIR: state.actual[0], RUNNING: float(state.outputs[START])}
+        alarm = None
+        if self._settings.alarms:
+            fault = self.line.query(self._read_fault).reply
+            alarm = f"{fault.number:02d} {fault.text}".rstrip() if fault.number else None
+        elif self._settings.marker:
+            text = self.line.text(self._command(self._settings.marker.encode()))
+            if not text or any(isinstance(reply, State | Done) for reply in decode(text)[0]):
+                raise self.line.failed("text that answers the marker", shown(text))
+        values = {SET_POINT: state.values[0], AIR: state.values[1], RUNNING: float(state.outputs[START])}
         return Reading(asked_s, answered_s, values, alarm)
 
     def set_point(self, temp_degC: float) -> None:
         """Go to ``temp_degC`` and start."""
         allowed_degC = self._limits.set_point(temp_degC)
-        self._command(allowed_degC, True, f"'0' to the set point {allowed_degC:.1f} degC")
+        self._set(allowed_degC, True, f"'0' to the set point {allowed_degC:.1f} degC")
 
     def gradient(self, rate_K_min: float, rising: bool = True) -> None:
         """Let the set point rise and fall no faster than this; 0 does not limit it."""
@@ -213,32 +259,39 @@ class Driver(SerialDriver):
     def stop(self) -> None:
         """Stop heating and cooling."""
         low_degC, high_degC = self._limits.low_degC, self._limits.high_degC
-        nominal_degC = self._last.nominal[0] if self._last else min(max(20.0, low_degC), high_degC)
-        self._command(nominal_degC, False, "'0' to the stop")
+        nominal_degC = self._last.values[0] if self._last else min(max(20.0, low_degC), high_degC)
+        self._set(nominal_degC, False, "'0' to the stop")
 
-    def _query(self, command: bytes, expected: str, is_answer: Callable[[Any], bool]) -> Query:
-        ending = b"\r\n" if self._settings.terminator == "CRLF" else b"\r"
-        return Query(b"$%02d%s%s" % (self._settings.address, command, ending), expected, is_answer)
+    def _command(self, text: bytes) -> bytes:
+        return b"$%02d%s%s" % (self._settings.address, text, b"\r\n" if self._settings.terminator == "CRLF" else b"\r")
+
+    def _query(self, text: bytes, expected: str, is_answer: Callable[[Any], bool]) -> Query:
+        return Query(self._command(text), expected, is_answer)
 
     def _is_state(self, reply: object) -> bool:
         """Whether it is a state of the chamber's layout, as far as that is known."""
         if not isinstance(reply, State):
             return False
-        given, known = self._settings, self._last or reply
-        readings = given.readings or (2 * given.values if given.values else len(known.nominal) + len(known.actual))
-        outputs = given.outputs or len(known.outputs)
-        return (len(reply.nominal) + len(reply.actual), len(reply.outputs)) == (readings, outputs)
+        layout = self._layout or self._layout_like(reply)
+        return (len(reply.values), len(reply.outputs)) == (layout.readings, layout.outputs)
+
+    def _layout_like(self, state: State) -> Layout:
+        """The layout by what the campaign gives, and else by a state."""
+        given = self._settings
+        readings = given.readings or (2 * given.values if given.values else len(state.values))
+        nominal = range(0, 2 * given.values if given.values else readings, 2)
+        return Layout(tuple(nominal), readings, given.outputs or len(state.outputs))
 
     def _state(self) -> Answer:
-        known = self._last
+        known = self._layout
         try:
-            self._last = self.line.query(self._read_state).reply if known is None else known
+            if known is None:
+                if not any((self._settings.values, self._settings.readings, self._settings.outputs)):
+                    self._layout = layout_in(self.line.text(self._command(b"?")).decode("ascii", "replace"))
+                self._layout = self._layout or self._layout_like(self.line.query(self._read_state).reply)
             answer = self.line.query(self._read_state)
-        except InstrumentError as error:
-            self._last = known
-            if known is None and isinstance(error, NoResponse):
-                faults = ", and does it know 'F' (else 'alarms: false')" if self._settings.alarms else ""
-                error.hint += f" is its address {self._settings.address}{faults}?"
+        except InstrumentError:
+            self._layout = known
             raise
         self._last = answer.reply
         return answer
@@ -249,14 +302,16 @@ class Driver(SerialDriver):
             outputs[output] = run
         return outputs
 
-    def _command(self, nominal_degC: float, run: bool, expected: str) -> None:
+    def _set(self, nominal_degC: float, run: bool, expected: str) -> None:
         """Set the temperature; other values and outputs stay as the chamber last reported them."""
-        if self._last is None and not (self._settings.values and self._settings.outputs):
+        if self._last is None:
             with contextlib.suppress(InstrumentError):  # a VT 4004, then
                 self._state()
         others = self._settings.other_values
-        if others is None:
-            others = self._last.nominal[1:] if self._last else (0.0,) * ((self._settings.values or VALUES) - 1)
+        if others is None and self._last and self._layout:
+            others = tuple(self._last.values[place] for place in self._layout.nominal[1:])
+        elif others is None:
+            others = (0.0,) * ((self._settings.values or VALUES) - 1)
         command = set_values((nominal_degC, *others), self._outputs(run))
         self.line.query_anyway(self._query(command, expected, _is_done))
 
@@ -322,7 +377,8 @@ class Simulated(SimulatedInstrument):
         """The reply to what stands behind ``$`` and the address."""
         if command == "I":
             actual_degC = round(self.air_degC(), 1) + 0.0
-            return encode(State(self._nominal, (actual_degC,) * len(self._nominal), self._outputs))
+            values = [value for nominal in self._nominal for value in (nominal, actual_degC)]
+            return encode(State(tuple(values), self._outputs))
         if command == "F":
             return encode(self._fault)
         if command == "Q":  # acknowledges the fault
