@@ -26,11 +26,22 @@ def test_a_few_wild_readings_go_and_a_gap_stays(code):
     planted = np.concatenate([at, at[:5] + 1, at[:5] + 2])
     read = true.copy()
     read[planted], read[10] = code, np.nan
-    found, count = without_spikes(Trace("log", np.arange(float(SAMPLES)), {"box_degC": read, "fan_rpm": read}))
+    found, count = without_spikes(Trace("log", np.arange(float(SAMPLES)), {"box_degC": read, "fan_rpm": true}))
     assert count == {"box_degC": len(planted)}, seed
     assert np.nanmax(np.abs(found.columns["box_degC"] - true)) < 1.0, seed
     assert np.isnan(found.columns["box_degC"][10])
-    assert found.columns["fan_rpm"] is read
+    assert found.columns["fan_rpm"] is true
+
+
+def test_of_other_columns_only_what_is_far_larger_than_all_else_goes():
+    flow = np.where(np.arange(SAMPLES) % 500 < 60, 140.0, 0.0)
+    rare = np.zeros(SAMPLES)
+    rare[700:702] = 5.0
+    columns = {"flow_Hz": flow.copy(), "inrush_A": 9.0 * flow, "door_on": rare}
+    columns["flow_Hz"][1234] = 43_407.0
+    found, count = without_spikes(Trace("log", np.arange(float(SAMPLES)), columns))
+    assert count == {"flow_Hz": 1}
+    assert np.array_equal(found.columns["flow_Hz"], flow)
 
 
 @pytest.mark.parametrize("what", ["nothing", "a step", "bursts of load", "codes for a while", "codes at every tenth"])

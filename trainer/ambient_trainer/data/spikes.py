@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from ambient_model.validation import SENTINELS_DEGC
 from ambient_trainer.data.trace import Trace
@@ -21,12 +22,12 @@ whole range beyond where the column is, or what sensors report instead of a valu
 
 
 def without_spikes(trace: Trace) -> tuple[Trace, dict[str, int]]:
-    """Replace isolated readings that no temperature can have taken.
+    """Replace isolated readings that nothing physical can have taken.
 
     Parameters
     ----------
     trace : Trace
-        Its columns that end in ``_degC`` are looked at.
+        Its columns that end in ``_degC`` are held against what a temperature does, others against their own size.
 
     Returns
     -------
@@ -36,16 +37,24 @@ def without_spikes(trace: Trace) -> tuple[Trace, dict[str, int]]:
         How many, by column; columns without any are left out.
     """
     columns, count = dict(trace.columns), {}
-    for name in (each for each in columns if each.endswith("_degC")):
-        row = pd.Series(columns[name])
+    for name, values in columns.items():
+        row = pd.Series(values)
         median = row.rolling(_AROUND, center=True, min_periods=_AROUND // 2).median()
-        apart = (row - median).abs().to_numpy()
-        if not np.isfinite(apart).any():
-            continue
-        low, high = np.nanquantile(row, [_MOST, 1.0 - _MOST])
-        beyond = (row < low - (high - low)) | (row > high + (high - low)) | row.isin(SENTINELS_DEGC)
-        spikes = beyond.to_numpy() & (apart > max(_LEAST_DEGC, _TIMES * float(np.nanquantile(apart, 1.0 - _MOST))))
+        spikes = (_wild if name.endswith("_degC") else _huge)(row, (row - median).abs())
         if spikes.any():
-            columns[name] = np.where(spikes, median.to_numpy(), columns[name])
+            columns[name] = np.where(spikes, median.to_numpy(), values)
             count[name] = int(spikes.sum())
     return (replace(trace, columns=columns), count) if count else (trace, count)
+
+
+def _wild(row: pd.Series[float], apart: pd.Series[float]) -> NDArray[np.bool_]:
+    """Temperatures that are ``apart`` from the local median and from where the column is, or codes of an error."""
+    low, high = row.quantile(_MOST), row.quantile(1.0 - _MOST)
+    beyond = (row < low - (high - low)) | (row > high + (high - low)) | row.isin(SENTINELS_DEGC)
+    return (beyond & (apart > max(_LEAST_DEGC, _TIMES * apart.quantile(1.0 - _MOST)))).to_numpy()
+
+
+def _huge(row: pd.Series[float], apart: pd.Series[float]) -> NDArray[np.bool_]:
+    """Readings ten times as large as a column is; one that is rarely anything has no size."""
+    size = row.abs().quantile(1.0 - _MOST)
+    return ((apart > _TIMES * size) & (size > 0)).to_numpy()

@@ -12,7 +12,14 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
-from ambient_trainer.diagnosis.greybox.stepwise import INSTRUMENT, Selection, Trial, correlation, penalised
+from ambient_trainer.diagnosis.greybox.stepwise import (
+    ANSWERS,
+    INSTRUMENT,
+    Selection,
+    Trial,
+    correlation,
+    penalised,
+)
 from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
@@ -191,7 +198,9 @@ def _twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
 
 
 def _handicap(other: Trial, chosen: Trial) -> float:
-    """An instrument has to do so much better than physics to be blamed."""
+    """An instrument has to do so much better than physics to be blamed, and so has what answers to the same cause."""
+    if other.mechanism.responds and not chosen.mechanism.responds:
+        return math.log(ANSWERS)
     blamed = other.mechanism.instrument and not chosen.mechanism.instrument
     return math.log(INSTRUMENT) if blamed and not _offset_or_heat(other.mechanism, chosen.mechanism) else 0.0
 

@@ -120,6 +120,29 @@ def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulat
     assert step.onset_s == pytest.approx(14400 if fault == "sensor_stuck" else 18000, abs=600), seed
 
 
+def flame(time_s):
+    """By turns none and some, of two sizes."""
+    return (np.asarray(time_s) % 5000 < 1800) * (1.0 + 0.6 * (np.asarray(time_s) % 11000 < 5000))
+
+
+def test_a_flame_and_the_water_that_takes_its_heat_are_both_named(circuit, simulated):
+    """The gas meter reads 1.2 V where nothing burns; water flows before the flame is lit, and for longer."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+
+    def flow(time_s):
+        return 40.0 * (np.asarray(time_s) % 5000 < 2500) * (1.0 + 0.5 * np.sin(np.asarray(time_s) / 7000))
+
+    trace = simulated(
+        seed,
+        heat_W=lambda now, degC: 60.0 * flame(now["time_s"]),
+        conductance_W_K=lambda now, degC: 0.2 + 0.06 * flow(now["time_s"]),
+    )
+    logged = {"gas_V": 1.2 + 0.8 * flame(trace.time_s), "flow_Hz": flow(trace.time_s)}
+    found = diagnose(circuit, [replace(trace, columns={**trace.columns, **logged})])
+    causes = {(step.cause.name, step.cause.signal) for step in found.steps}
+    assert causes == {("heat_source", "gas_V - 1.2"), ("ambient_coupling", "flow_Hz")}, seed
+
+
 def heater_on(time_s):
     return 1.0 * (np.asarray(time_s) % 3000 < 2400)
 

@@ -141,7 +141,7 @@ class Fitted:
 
     @cached_property
     def held_out(self) -> Array:
-        """Sum of squares of each fold when its readings are left out of the fit, to first order, (F,)."""
+        """Sum of squares of the first fold, and of each other when it is left out of the fit, to first order, (F,)."""
         if self.validated is not None:
             return self.validated
         return self.by_fold.normal.held_out(self.ridge())
@@ -162,9 +162,9 @@ class Fitted:
             starts = [run.start for run in self.runs]
             other = fit(self.model, without, starts, most=_REFIT, tolerance=1e-2, prior=self.prior)
             if other is None:
-                return replace(self, validated=np.full(len(LEFT_OUT), np.inf))
+                return replace(self, validated=np.full(len(LEFT_OUT) + 1, np.inf))
             squares.append(sum(_left_out(other, *each) for each in zip(self.records, other.runs, without)))
-        return replace(self, validated=np.array(squares))
+        return replace(self, validated=np.array([self.by_fold.normal.square[0], *squares]))
 
     def ridge(self) -> Array:
         """The weight of the prior, (p, p)."""
@@ -220,11 +220,11 @@ class Normal:
     def held_out(self, ridge: Array, left_out: Sequence[tuple[int, int]] = LEFT_OUT) -> Array:
         """Squares of what is left out, under the least squares of the rest: r_f + J_f (J'J - J_f'J_f)^-1 J_f' r_f.
 
-        Left out are the folds between, and the last two together: what comes later is foretold. The first fold stays:
-        how a run begins is seen nowhere else.
+        Left out are the folds between, and the last two together: what comes later is foretold. The first fold is in
+        the fit, and counts as it is: how a run begins is seen nowhere else. Short stretches are left out each.
         """
         whole = self.H.sum(axis=0) + ridge
-        result = []
+        result = [] if left_out is EACH else [float(max(self.square[0], 0.0))]
         for first, last in left_out:
             here = slice(first, last + 1)
             H, g = self.H[here].sum(axis=0), self.g[here].sum(axis=0)
@@ -291,8 +291,8 @@ def _comb(record: Record) -> Array:
 
 
 def left_out_count(fold: Array) -> int:
-    """How many readings are left out once, all together."""
-    return int(sum(((fold >= first) & (fold <= last)).sum() for first, last in LEFT_OUT))
+    """How many readings count, those of the first fold once, others as often as they are left out."""
+    return int((fold == 0).sum() + sum(((fold >= first) & (fold <= last)).sum() for first, last in LEFT_OUT))
 
 
 def _profiled(run: Run, columns: Array) -> Array:

@@ -21,6 +21,8 @@ _VARIES = 0.1
 _STILL_DEGC, _MOVED_DEGC, _STILL_SAMPLES = 0.15, 1.0, 30
 _DWELLS, _WATER = 0.3, 0.1
 _MOST_COLUMNS = 24
+_NEAR_REST, _RESTS = 0.05, 0.2
+"""Of a column's range, and of the samples that are so near to where it rests."""
 _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 _WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
@@ -124,6 +126,7 @@ class Scene:
         """Simplest first: columns, squares of currents and speeds, rates, then products with known drivers of heat."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith(_SQUARED))]
+        found += [f"{each} - {rest:.4g}" for each in plain if (rest := self._rest(each)) is not None]
         heats = [each for each in self.known_heat if each.endswith("_frac")]
         found += [f"d({each})/dt" for each in plain if each.endswith(_RATES) or each in heats]
         for driver in self.known_heat:
@@ -132,6 +135,14 @@ class Scene:
             if "_A" in driver:
                 found += [f"{driver}*{other}^2" for other in plain if other.endswith(_CHARGES)]
         return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
+
+    def _rest(self, name: str) -> float | None:
+        """Where a column rests, unless that is at nothing: a meter's reading of nothing, as of one from 1 to 5 V."""
+        row = np.concatenate([record.signals[name] for record in self.records])
+        low, high = np.quantile(row, [0.02, 0.98])
+        rest = float(np.median(row[np.abs(row - low) <= _NEAR_REST * (high - low)]))
+        rests = np.mean(np.abs(row - rest) <= _NEAR_REST * (high - low)) > _RESTS
+        return rest if rests and abs(rest) > 2 * _NEAR_REST * (high - low) else None
 
     @cached_property
     def tuned_drivers(self) -> list[Expression]:

@@ -40,7 +40,7 @@ MOST_STEPS = 6
 _LOOPED = 2500
 _SURE, _SURELY, _WITHIN = 1.645, 1.96, 100.0
 _BELOW_FLOOR = 0.55
-_LASTING, _ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
+_LASTING, ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
@@ -245,7 +245,7 @@ def _scored(fitted: Fitted, S: Array, lasts: bool) -> tuple[Array, float]:
 
 
 def shortlist(screened: Sequence[Screened]) -> list[Screened]:
-    """The best overall, the best of every cause, and the best of every driver: they are fitted jointly."""
+    """The best overall, the best of every cause with and without a driver, and of every driver."""
     distinct: dict[tuple[object, ...], Screened] = {}
     for each in screened:
         mechanism = each.mechanism
@@ -260,7 +260,10 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         cause, _, driver = each.mechanism.key
         windowed = not each.mechanism.lasts
         kinds: list[tuple[str, object]] = [
-            ("cause", (windowed, type(each.mechanism), len(each.mechanism.numbers) * each.mechanism.shaped))
+            (
+                "cause",
+                (windowed, type(each.mechanism), driver == "", len(each.mechanism.numbers) * each.mechanism.shaped),
+            )
         ]
         if windowed and cause == "heat_source":
             kinds.append(("where", each.mechanism.places))
@@ -393,7 +396,8 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
             return blamed
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
-    if given and given[0].rmse_degC < _ANSWERS * physical[0].rmse_degC:
+    otherwise_degC = given[0].rmse_degC if given else before.held_out_rmse_degC
+    if physical and otherwise_degC < ANSWERS * physical[0].rmse_degC:
         physical = given
     return _lasting(physical, driven) if physical else None
 
@@ -480,7 +484,13 @@ def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
     # of a window that is left out whole nothing is known, but the rest has to stand as it did
     if not after.lasting and after.fitted.held_out_rmse_degC > _SHAKEN * before.held_out_rmse_degC:
         return False
-    apart = before.held_out - after.fitted.held_out if after.lasting else before.combed - after.fitted.combed
+    by_comb = _beyond_chance(before.combed - after.fitted.combed)
+    # what acts all the time may have shown itself in one fold only
+    return by_comb or (after.lasting and _beyond_chance(before.held_out - after.fitted.held_out))
+
+
+def _beyond_chance(apart: Array) -> bool:
+    """Whether what each fold gains is surely more than nothing on the average, or most of them gain."""
     scatter = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
     return bool(apart.mean() > _SURE * scatter or (apart > 0).mean() >= 0.75)
 

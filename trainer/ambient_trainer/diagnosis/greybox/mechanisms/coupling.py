@@ -19,8 +19,8 @@ from ambient_trainer.diagnosis.record import Record
 _LEAST = 0.03
 """Of a conductance: none becomes negative."""
 _PROBE = 0.02
-_MOST_LESS, _MOST_MORE = 0.97, 19.0
-"""A loss goes down to next to nothing, and up to what a storm or water takes from still air's."""
+_MOST_LESS, _MOST_MORE = 0.97, 300.0
+"""A loss goes down to next to nothing, and up to what flowing water takes, beside still air."""
 
 
 @dataclass(frozen=True)
