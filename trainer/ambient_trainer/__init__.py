@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ambient_trainer.api.diagnosing import DiagnosisResult, diagnose
     from ambient_trainer.api.evaluating import EvaluationResult, evaluate
     from ambient_trainer.api.fitting import FitResult, fit
+    from ambient_trainer.api.fleet import FleetResult, fit_fleet
     from ambient_trainer.api.simulating import SimulationResult, simulate
     from ambient_trainer.estimators.base import Effort
 
@@ -36,12 +37,14 @@ __all__ = [
     "Effort",
     "EvaluationResult",
     "FitResult",
+    "FleetResult",
     "Refused",
     "SimulationResult",
     "__version__",
     "diagnose",
     "evaluate",
     "fit",
+    "fit_fleet",
     "load_model",
     "load_trace",
     "simulate",
@@ -54,6 +57,7 @@ _PLACES = {
     "ambient_trainer.api.diagnosing": ["DiagnosisResult", "diagnose"],
     "ambient_trainer.api.evaluating": ["EvaluationResult", "evaluate"],
     "ambient_trainer.api.fitting": ["FitResult", "fit"],
+    "ambient_trainer.api.fleet": ["FleetResult", "fit_fleet"],
     "ambient_trainer.api.simulating": ["SimulationResult", "simulate"],
     "ambient_trainer.estimators.base": ["Effort"],
 }

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ambient_studies.unit_variation.unit import Case, Skewed, Unit
 from ambient_trainer.data import Trace
 from ambient_trainer.simulator import (
     Added,
-    Hidden,
     Progress,
-    Run,
     Scenario,
+    Skewed,
     Step,
-    added,
+    Unit,
+    case_of,
     integrate,
     load_scenario,
     prepare,
-    setting_of,
-    stream,
-    together,
     trace_of,
 )
 
@@ -45,7 +41,7 @@ def traces(runs: Sequence[Asked], period_s: float, progress: Progress | None = N
     """What each run logs, in the time of the longest."""
     prepared = [prepare(scenario_of(each.scenario), each.seed, period_s, each.unit.phone) for each in runs]
     covered = [
-        _case(each.unit.case, run, period_s, each.seed) if each.cased else Added() for each, run in zip(runs, prepared)
+        case_of(each.unit, run, period_s, each.seed) if each.cased else Added() for each, run in zip(runs, prepared)
     ]
     driven = integrate(prepared, period_s, progress, covered)
     return [
@@ -64,13 +60,3 @@ def scenario_of(name: str) -> Scenario:
 
     about = f"At rest at {CALIBRATION_DEGC:g} degC"
     return Scenario(about=about, before=(resting(_SETTLED_MIN),), steps=(resting(ON_BEFORE_MIN + KNOWN_MIN),))
-
-
-def _case(case: Case, run: Run, period_s: float, seed: int) -> Added:
-    """A case covers the rear shell since ever."""
-    setting, random = setting_of(run, period_s), stream(seed, "case")
-    effects = (
-        Hidden("ambient_coupling", "back", size=case.resistance_frac),
-        Hidden("thermal_mass", "back", size=case.capacitance_J_K),
-    )
-    return together([added(effect, setting, index, random) for index, effect in enumerate(effects)])

@@ -19,11 +19,10 @@ from ambient_model.model import Model
 from ambient_studies.mitigation.loop import phone_zones
 from ambient_studies.unit_variation.learning import DAYS, LIE_DEGC, learnt
 from ambient_studies.unit_variation.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
-from ambient_studies.unit_variation.unit import Unit, drawn, nominal
 from ambient_trainer.data import Trace
 from ambient_trainer.estimation import results, workers
 from ambient_trainer.evaluation import Evaluation, correction, evaluate_trace
-from ambient_trainer.simulator import load_scenario
+from ambient_trainer.simulator import Unit, drawn, load_scenario, nominal
 
 Progress = Callable[[str, int, int], None]
 """Called with what is under way, how much of it is done, and of how much."""

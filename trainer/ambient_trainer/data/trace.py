@@ -95,7 +95,7 @@ def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
         Naming line or row and column, for anything that the contract does not allow.
     """
     if not isinstance(source, (str, os.PathLike)):
-        return _of_frame(source)
+        return frame_trace(source)
     path = os.fspath(source)
     with TraceReader(path) as reader:
         names = reader.header.columns
@@ -109,7 +109,7 @@ def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
         return Trace(path, np.ascontiguousarray(table[:, 0]), columns, reader.header.notes)
 
 
-def _of_frame(frame: pd.DataFrame, source: str = FRAME) -> Trace:
+def frame_trace(frame: pd.DataFrame, source: str = FRAME) -> Trace:
     """The trace in a DataFrame, with arrays of its own."""
     names = [str(name) for name in frame.columns]
     for name in names:

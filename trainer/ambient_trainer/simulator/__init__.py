@@ -23,10 +23,12 @@ from ambient_trainer.simulator.signals import SIGNALS
 from ambient_trainer.simulator.simulate import Simulated, added, setting_of, simulate, simulate_many, trace_of
 from ambient_trainer.simulator.stepper import Stepper
 from ambient_trainer.simulator.truth import Truth
+from ambient_trainer.simulator.unit import Case, Skewed, Unit, case_of, drawn, nominal
 
 __all__ = [
     "SIGNALS",
     "Added",
+    "Case",
     "Constant",
     "Demand",
     "Device",
@@ -39,23 +41,28 @@ __all__ = [
     "Run",
     "Scenario",
     "Simulated",
+    "Skewed",
     "Step",
     "Stepper",
     "Tolerances",
     "Truth",
+    "Unit",
     "Zone",
     "added",
     "bursts",
+    "case_of",
     "coloured",
     "device_names",
     "device_path",
     "draw_hidden",
+    "drawn",
     "effect_kinds",
     "felt",
     "integrate",
     "load_constants",
     "load_device",
     "load_scenario",
+    "nominal",
     "prepare",
     "probe_reading",
     "rounded",

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from functools import partial
 from typing import Any
 
 import click
 
 from ambient_model.faults import Refused
-from ambient_trainer.cli.options import sampling_option, seed_option
+from ambient_trainer.cli.options import FiniteRange, sampling_option, seed_option
 from ambient_trainer.cli.output import check_outputs
 from ambient_trainer.cli.progress import staged_progress
 from ambient_trainer.report.machine import write_json
@@ -27,7 +28,16 @@ from ambient_trainer.report.machine import write_json
     "--decoy", "decoys", multiple=True, metavar="COLUMN", help="Log this signal, which changes no temperature."
 )
 @click.option("--truth", "truth_path", metavar="FILE.json", help="Write what is hidden to this file.")
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The trace; .gz compresses it.")
+@click.option("--units", type=click.IntRange(2, 1_000_000), metavar="N", help="Draw a fleet of so many units.")
+@click.option(
+    "--minutes", type=FiniteRange(min=1), metavar="M", help="Of each unit's log (default: as long as SCENARIO)."
+)
+@click.option(
+    "--cased", type=FiniteRange(0, 1), default=0.5, show_default=True, metavar="SHARE", help="Of the units, in a case."
+)
+@click.option(
+    "-o", "--output", required=True, metavar="OUT", help="The trace (.gz compresses it), or a fleet's folder."
+)
 def command(
     scenario: str,
     device: str,
@@ -36,6 +46,9 @@ def command(
     hide: tuple[str, ...],
     truth_path: str | None,
     output: str,
+    units: int | None,
+    minutes: float | None,
+    cased: float,
     **logged: Any,
 ) -> None:
     """Write what a simulated device logs in SCENARIO.
@@ -61,11 +74,23 @@ def command(
     KEY    from, to (s, min, h; to=end), signal (or none), body, scale of what is drawn
 
     The trace does not say what is hidden in it; --truth does, in the terms of a diagnosis.
+
+    With --units, OUT is a folder: a Parquet dataset of units within the device's tolerances. Each begins SCENARIO at a
+    step of its own; each EFFECT is hidden in one of them. That needs ambientd[fleet].
     """
+    if units is not None:
+        if logged["all_zones"] or logged["decoys"]:
+            raise click.UsageError("--units logs each unit's main sensors: leave out --zones and --decoy")
+        plan = {"scenario": scenario, "count": units, "seed": seed, "period_s": period_s, "minutes": minutes}
+        return _fleet(output, truth_path, {**plan, "cased": cased, "hide": hide, "device": device})
+    if minutes is not None:
+        raise click.UsageError("--minutes is for --units: cut a trace with --from and --to where it is read")
     from ambient_trainer.data.trace import save_trace
     from ambient_trainer.simulator import simulate  # scipy: --help should not wait for it
     from ambient_trainer.simulator.text import hidden_text
 
+    if os.path.isdir(output):
+        raise click.UsageError(f"{output} is a folder: name a file, or draw a fleet with --units")
     check_outputs([output, truth_path], [])
     try:
         with staged_progress() as progress:
@@ -84,3 +109,26 @@ def command(
         ]
         write_json(truth_path, {"effects": effects})
         click.echo(f"wrote {truth_path}: what is hidden in it")
+
+
+def _fleet(folder: str, truth_path: str | None, plan: dict[str, Any]) -> None:
+    from ambient_trainer.fleet.dataset import write_dataset
+    from ambient_trainer.simulator.fleet import FleetPlan, FleetUnit, fleet
+
+    check_outputs([truth_path], [], folder=folder)
+    truths = []
+
+    def written(unit: FleetUnit) -> tuple[str, Any, dict[str, str]]:
+        truths.append(unit.truth)
+        return unit.name, unit.trace, {"case": unit.case}
+
+    try:
+        with staged_progress() as progress:
+            what = partial(progress, f"{plan['count']} units")
+            count = write_dataset(folder, map(written, fleet(FleetPlan(**plan), what)))
+    except Refused as refused:
+        raise click.UsageError(str(refused)) from refused
+    click.echo(f"wrote {folder}: {count} simulated units, one sample every {plan['period_s']:g} s")
+    if truth_path is not None:
+        write_json(truth_path, {"units": truths})
+        click.echo(f"wrote {truth_path}: what they are")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ambient_studies.unit_variation.unit import drawn, nominal
 from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.unit import drawn, nominal
 
 ZONES = load_device().main_zones
 MANY = 400

@@ -14,7 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.simulator import Device, Instruments, Tolerances, Zone, load_device, stream
+from ambient_model.faults import refuse
+from ambient_trainer.simulator.additions import Added, together
+from ambient_trainer.simulator.device import Device, Tolerances, Zone
+from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.hidden import Hidden
+from ambient_trainer.simulator.instruments import Instruments
+from ambient_trainer.simulator.run import Run, stream
+from ambient_trainer.simulator.simulate import added, setting_of
 
 Array = NDArray[np.float64]
 
@@ -62,11 +69,15 @@ def nominal(zones: Sequence[Zone]) -> Unit:
     return Unit(0, load_device(), tuple(zones), {}, _case(sum(_TPU_mm) / 2, sum(_AIR_mm) / 2, sum(_TPU_g) / 2))
 
 
-def drawn(number: int, seed: int, zones: Sequence[Zone]) -> Unit:
-    """Unit ``number`` of ``seed``: the same however many others are drawn, and whatever zones are asked for."""
-    shipped = load_device()
+def drawn(number: int, seed: int, zones: Sequence[Zone], device: Device | None = None) -> Unit:
+    """Unit ``number`` of ``seed``: the same however many others are drawn, and whatever zones are asked for.
+
+    Raises :class:`Refused` for a device without tolerances.
+    """
+    shipped = device or load_device()
     tolerances = shipped.tolerances
-    assert tolerances
+    if tolerances is None:
+        raise refuse("--device", "tolerances", "the device has none", "say in its file by what its units differ")
     sensors = {
         zone.name: _Sensor.drawn(zone, tolerances, stream(seed, f"unit {number} sensor {zone.name}")) for zone in zones
     }
@@ -128,6 +139,16 @@ def _assembled(phone: Device, tolerances: Tolerances, random: np.random.Generato
     if phone.battery:
         values["battery.ohm"] = phone.battery.ohm * _scatter(tolerances.battery_ohm, random)
     return phone.with_values(values)
+
+
+def case_of(unit: Unit, run: Run, period_s: float, seed: int) -> Added:
+    """What the unit's case adds to ``run``: it covers the rear shell since ever."""
+    setting, random = setting_of(run, period_s), stream(seed, "case")
+    effects = (
+        Hidden("ambient_coupling", "back", size=unit.case.resistance_frac),
+        Hidden("thermal_mass", "back", size=unit.case.capacitance_J_K),
+    )
+    return together([added(effect, setting, index, random) for index, effect in enumerate(effects)])
 
 
 def _case(plastic_mm: float, air_mm: float, mass_g: float) -> Case:

@@ -1,0 +1,31 @@
+"""A small simulated fleet as a Parquet dataset."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from ambient_trainer.fleet.dataset import write_dataset
+from ambient_trainer.simulator.fleet import FleetPlan, fleet
+
+PLAN = FleetPlan("5", 14, seed=3, period_s=10.0, minutes=60.0)
+
+
+@pytest.fixture(scope="session")
+def fleet_units():
+    return list(fleet(PLAN))
+
+
+@pytest.fixture(scope="session")
+def logs(fleet_units, tmp_path_factory):
+    """Fourteen units of an hour, five a file."""
+    folder = str(tmp_path_factory.mktemp("fleet") / "logs")
+    write_dataset(folder, ((each.name, each.trace, {"case": each.case}) for each in fleet_units), each=5)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def other_run():
+    """The same units in another usage."""
+    return list(fleet(replace(PLAN, run=1)))

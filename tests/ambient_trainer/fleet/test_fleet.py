@@ -1,0 +1,151 @@
+"""A whole run: the same bytes on every engine, a row for every unit, and models that a device runs."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ambient_trainer as at
+from ambient_model.codec import load_model
+from ambient_model.faults import Refused
+from ambient_trainer.data.trace import save_trace
+from ambient_trainer.evaluation import evaluate_trace
+from ambient_trainer.fleet import run
+
+EFFORT = at.Effort(starts=2)
+
+
+@pytest.fixture(scope="module")
+def fitted(logs, tmp_path_factory):
+    return at.fit_fleet(logs, "free-1", tmp_path_factory.mktemp("fitted"), engine="serial", effort=EFFORT)
+
+
+def test_each_unit_has_a_row_and_a_model_that_a_device_runs(fitted, fleet_units, other_run):
+    folder = Path(fitted.fitted.folder)
+    table = pd.read_parquet(folder / "fleet.parquet")
+    assert table["unit"].tolist() == [each.name for each in fleet_units]
+    assert (table["status"] == "ok").all()
+    rows = table.set_index("unit")
+    for each in other_run[:4]:
+        model = load_model(str(folder / "models" / f"{each.name}.json"))
+        low, high = model.main.interval[90]
+        assert high == pytest.approx(rows.loc[each.name, "half_width_90_degC"])
+        assert low == -high
+        assert model.provenance["fit"]["fleet"]["shrinkage"] == rows.loc[each.name, "shrinkage"]
+        assert evaluate_trace(model, each.trace).metrics.rmse_degC < 5
+    assert load_model(str(folder / "population.json")).main.interval[90][1] > rows["half_width_90_degC"].median()
+
+
+def test_parameters_are_those_of_the_model_file(fitted):
+    row = fitted.units.iloc[0]
+    model = load_model(f"{fitted.fitted.folder}/models/{row.name}.json")
+    one = min(model.main.discrete, key=lambda each: abs(each.period_s - 1))
+    A, B, C, D = (np.array(each) for each in (one.A, one.B, one.C, one.D))
+    gain = (D + C @ np.linalg.solve(np.eye(len(A)) - A, B))[0]
+    names = [f"dc_gain_{each.name}" for each in model.main.inputs]
+    np.testing.assert_allclose(gain, row[names].to_numpy(dtype=float), atol=1e-9)
+    assert model.main.offset == pytest.approx(row["offset_degC"])
+
+
+def test_chunks_do_not_change_what_is_found(fitted, logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "CHUNK", 3)
+    again = at.fit_fleet(logs, "free-1", tmp_path, engine="serial", effort=EFFORT)
+    pd.testing.assert_frame_equal(again.units, fitted.units, rtol=1e-9)
+
+
+def test_a_frame_gives_what_its_dataset_gives(fitted, fleet_units, tmp_path):
+    frame = pd.concat([each.trace.to_frame().assign(unit=each.name) for each in fleet_units]).reset_index()
+    again = at.fit_fleet(frame, "free-1", tmp_path, engine="serial", effort=EFFORT)
+    pd.testing.assert_frame_equal(again.units, fitted.units)
+
+
+@pytest.fixture
+def broken(fleet_units, tmp_path):
+    """A folder of traces of which seven cannot be fitted."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for each in fleet_units[:8]:
+        save_trace(f"{folder}/{each.name}.csv", each.trace)
+    trace = fleet_units[0].trace
+    save_trace(f"{folder}/no-reference.csv", _with(trace, drop="ambient_degC"))
+    save_trace(f"{folder}/other-columns.csv", _with(trace, rename=("usb_degC", "plug_degC")))
+    save_trace(f"{folder}/all-missing.csv", _with(trace, nan="usb_degC"))
+    lines = Path(f"{folder}/{fleet_units[1].name}.csv").read_text().splitlines()
+    header = next(index for index, line in enumerate(lines) if line.startswith("time_s"))
+    body = [*lines[: header + 1], *reversed(lines[header + 1 :])]
+    (folder / "backwards.csv").write_text("\n".join(body) + "\n")
+    (folder / "empty.csv").write_text("")
+    (folder / "header-only.csv").write_text(lines[header] + "\n")
+    with open(folder / "hole.csv", "wb") as stream:
+        stream.truncate(10 * 2**30)
+    return folder
+
+
+REASONS = {
+    "no-reference": "ambient_degC",
+    "other-columns": "usb_degC",
+    "all-missing": "usb_degC",
+    "backwards": "does not come after",
+    "empty": "empty",
+    "header-only": "no samples",
+    "hole": "bytes",
+}
+
+
+def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, tmp_path):
+    asked = ("fleet", broken, "--circuit", "free-1", "--engine", "serial", "--starts", 1)
+    status, _, _ = trainer(*asked, "-o", tmp_path / "one", "--json", tmp_path / "one.json")
+    assert status == 0
+    table = pd.read_parquet(tmp_path / "one" / "fleet.parquet").set_index("unit")
+    failed = table[table["status"] == "failed"]["reason"]
+    assert set(failed.index) == set(REASONS)
+    for name, word in REASONS.items():
+        assert word in failed[name], name
+    assert json.loads((tmp_path / "one.json").read_text())["failed"] == failed.to_dict()
+    assert trainer(*asked, "-o", tmp_path / "two", "--strict")[0] == 1
+
+
+def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "CHUNK", 4)
+    whole = at.fit_fleet(logs, "free-1", tmp_path / "whole", engine="serial", effort=EFFORT)
+    seen = []
+
+    def stop(what, done, total):
+        seen.append((what, done))
+        if what.startswith("looking") and done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        at.fit_fleet(logs, "free-1", tmp_path / "part", engine="serial", effort=EFFORT, progress=stop)
+    with pytest.raises(Refused):
+        at.fit_fleet(logs, "free-2", tmp_path / "part", engine="serial", effort=EFFORT, resume=True)
+    begun = []
+    monkeypatch.setattr(run, "begin", lambda *_: begun.append(1))
+    asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
+    at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
+    assert not begun
+    assert ("looking at 4 chunks", 2, 4) in seen
+    assert _bytes(tmp_path / "part") == _bytes(Path(whole.fitted.folder))
+
+
+@pytest.mark.parametrize("circuit", ["phone", "nothing"])
+def test_what_gives_no_ambient_is_refused(logs, tmp_path, circuit):
+    with pytest.raises(Refused):
+        at.fit_fleet(logs, circuit, tmp_path, engine="serial", effort=EFFORT)
+
+
+def _bytes(folder):
+    return (folder / "fleet.parquet").read_bytes()
+
+
+def _with(trace, drop=None, rename=None, nan=None):
+    columns = {name: values.copy() for name, values in trace.columns.items() if name != drop}
+    if rename:
+        columns[rename[1]] = columns.pop(rename[0])
+    if nan:
+        columns[nan][:] = np.nan
+    return trace.__class__(trace.path, trace.time_s, columns, trace.notes)

@@ -1,0 +1,88 @@
+"""``ambient-trainer fleet``: an estimator for each of many units, from their logs and what they have in common."""
+
+from __future__ import annotations
+
+import click
+
+from ambient_trainer.cli.options import (
+    circuit_option,
+    jobs_option,
+    output_options,
+    seed_option,
+    sensor_columns,
+    starts_option,
+)
+from ambient_trainer.cli.output import Output
+from ambient_trainer.cli.progress import counted_progress
+
+BROKEN = 1
+
+
+@click.command("fleet")
+@click.argument("logs", metavar="LOGS")
+@click.option("--by", default="unit", show_default=True, metavar="COLUMN", help="The column that holds the unit.")
+@circuit_option("A shipped circuit or observer, a .yaml file, or free-1 to free-4.")
+@click.option("-o", "--output", "folder", required=True, metavar="DIR", help="Where table and models go.")
+@click.option("--within", metavar="A,B,...", default="", help="Columns of groups of units, one level more.")
+@click.option(
+    "--sensors", metavar="A,B,...", help="What free-N and observers read (default: every _degC column of most units)."
+)
+@click.option(
+    "--engine",
+    default="local",
+    show_default=True,
+    metavar="local|serial|tcp://HOST:PORT",
+    help="A Dask cluster on this machine, none, or any scheduler.",
+)
+@jobs_option("Processes of the local cluster.")
+@click.option("--resume", is_flag=True, help="Go on where this command was interrupted.")
+@click.option("--strict", is_flag=True, help="End with status 1 where a unit failed.")
+@starts_option
+@seed_option("Of the places.")
+@output_options("what the terminal shows", page=True)
+def command(
+    logs: str,
+    by: str,
+    circuit: str,
+    folder: str,
+    within: str,
+    sensors: str | None,
+    engine: str,
+    jobs: int,
+    resume: bool,
+    strict: bool,
+    starts: int,
+    seed: int,
+    output: Output,
+) -> int:
+    """Fit an estimator to each unit in LOGS, partially pooled, and export one file a unit.
+
+    LOGS is a folder of traces, CSV or Parquet, one a unit; or a Parquet dataset with a unit column, partitioned or not.
+    DIR gets fleet.parquet, a row a unit, failures too; models/UNIT.json; and population.json, for a unit never seen.
+
+    What units share is learnt from all of them, what is a unit's own from its own log. A unit that cannot be read is a
+    row with the reason. Ctrl-C keeps what is done for --resume.
+    """
+    from ambient_trainer.api.fleet import fit_fleet  # scipy and pandas: --help should not wait for them
+    from ambient_trainer.estimators.base import Effort
+
+    groups = tuple(name for part in within.split(",") if (name := part.strip()))
+    output.check([logs, circuit], folder=folder)
+    with counted_progress() as progress:
+        result = fit_fleet(
+            logs,
+            circuit,
+            folder,
+            by=by,
+            within=groups,
+            sensors=sensor_columns(sensors),
+            engine=engine,
+            jobs=jobs,
+            resume=resume,
+            effort=Effort(starts=starts, seed=seed),
+            progress=progress,
+            announce=lambda address: click.echo(f"Dask's dashboard: {address}"),
+        )
+    output.show(result.summary)
+    click.echo(f"Table: {folder}/fleet.parquet, models: {folder}/models, for an unseen unit: {folder}/population.json")
+    return BROKEN if strict and len(result.failed) else 0

@@ -1,0 +1,345 @@
+"""What a worker does: begin a population, look at a chunk of units, and fit each under the population.
+
+A task reads what it needs and returns what the driver keeps; it knows no other task, no folder of the driver and no
+clock. The same task gives the same bytes, wherever it runs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from ambient_model.codec import encode
+from ambient_model.faults import Refused, refuse
+from ambient_model.model import SCORES, Model
+from ambient_model.trace import REFERENCE
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.registry import estimator
+from ambient_trainer.fleet.dataset import Entry, Log, Source, logs
+from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
+from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, Statistics, assembled, members, space_of
+
+_GRID_SAMPLES = 20_000
+"""The population's time constants are fitted to about so many samples of the units that it is begun with."""
+_KEPT = 201
+_WEIGHTS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
+"""How much of what is a unit's own may be kept: as much as did best on blocks that were held out."""
+OK, FAILED = "ok", "failed"
+
+
+@dataclass(frozen=True)
+class Start:
+    """The estimator as it was fitted to the first units, and the coordinates about it, by member."""
+
+    fit: Fit
+    spaces: Mapping[str, Space]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Looked:
+    """What one unit's log says of each member's coordinates, or the reason why it says nothing."""
+
+    unit: str
+    group: tuple[str, ...]
+    reason: str | None
+    samples: int = 0
+    seconds: float = 0.0
+    sha256: str = ""
+    main: Statistics | None = None
+    others: tuple[tuple[Array, Array, float, float], ...] = ()
+    """Of the secondary and the fallbacks in their order: H, g, r'r, seconds."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A unit's row of the table, and its model file."""
+
+    row: dict[str, Any]
+    model: str | None
+
+
+def begin(
+    wanted: Sequence[Entry], source: Source, circuit: str, sensors: Sequence[str], effort: Effort, enough: int
+) -> Start:
+    """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid.
+
+    Raises :class:`Refused` where fewer than two can be, and as the estimator does.
+    """
+    with threadpool_limits(1):
+        method = estimator(circuit, sensors)
+        traces, reasons = [], []
+        for log in _each(wanted, source):
+            if log.trace is None:
+                reasons.append(f"{log.unit}: {log.reason}")
+            else:
+                traces.append(log.trace)
+            if len(traces) == enough:
+                break
+        columns = tuple(sensors) or (_common(traces) if method.reads_any else ())
+        faults = [_unfit(method, trace, columns) for trace in traces]
+        reasons += [f"{trace.path}: {fault}" for trace, fault in zip(traces, faults) if fault]
+        traces = [trace for trace, fault in zip(traces, faults) if fault is None]
+        if len(traces) < 2:
+            why = f"; {reasons[0]}" if reasons else ""
+            raise refuse(
+                "fleet", "", f"fewer than two units can be begun with{why}", "see what the others have in common"
+            )
+        total_s = sum(float(trace.time_s[-1] - trace.time_s[0]) for trace in traces)
+        own_s = max(float(np.median(np.diff(trace.time_s))) for trace in traces)
+        period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))
+        fit = _slim(method.fit(traces, effort, None, period_s, columns or None))
+        spaces = {
+            name: space_of(each, [_thinned(trace, period_s) for trace in traces]) for name, each in members(fit).items()
+        }
+        return Start(fit, spaces, tuple(trace.path for trace in traces))
+
+
+def _each(wanted: Sequence[Entry], source: Source) -> Any:
+    for entry in wanted:
+        for log in logs([entry], source):
+            yield log if log.trace is None else log._replace(trace=replace(log.trace, path=entry.unit))
+
+
+def _common(traces: Sequence[Trace]) -> tuple[str, ...]:
+    """The temperatures that more than half of the traces have, in the order of the first that has them all."""
+    counts = Counter(name for trace in traces for name in trace.columns if name.endswith("_degC") and name != REFERENCE)
+    return tuple(name for name, count in counts.items() if 2 * count > len(traces))
+
+
+def _unfit(method: Estimator, trace: Trace, columns: Sequence[str]) -> str | None:
+    """Why a trace cannot be one of those that the population is begun with."""
+    try:
+        method.training([trace], columns or None, None, 1)
+    except Refused as refused:
+        return _problem(refused)
+    return None
+
+
+def _problem(refused: Refused) -> str:
+    return "; ".join(f"{each.place}: {each.problem}" if each.place else each.problem for each in refused.faults)
+
+
+def _thinned(trace: Trace, period_s: float) -> Trace:
+    step = max(1, round(period_s / float(np.median(np.diff(trace.time_s)))))
+    columns = {name: values[::step] for name, values in trace.columns.items()}
+    return replace(trace, time_s=trace.time_s[::step], columns=columns)
+
+
+def _slim(fit: Fit) -> Fit:
+    """The fit with quantiles of its errors instead of all of them: it goes to every worker."""
+    quantiles = tuple(np.quantile(each, np.linspace(0, 1, _KEPT)) for each in fit.errors_degC)
+    second = fit.secondary and fit.secondary._replace(fit=_slim(fit.secondary.fit))
+    return replace(
+        fit,
+        errors_degC=quantiles,
+        secondary=second,
+        fallbacks={name: _slim(each) for name, each in fit.fallbacks.items()},
+    )
+
+
+def look(wanted: Sequence[Entry], source: Source, start: Start) -> list[Looked]:
+    """What each unit of a chunk says of the coordinates."""
+    with threadpool_limits(1):
+        return [_looked(log, start) for log in logs(wanted, source)]
+
+
+def _looked(log: Log, start: Start) -> Looked:
+    if log.trace is None:
+        return Looked(log.unit, log.group, log.reason)
+    trace = log.trace
+    try:
+        every = {name: space.statistics(trace) for name, space in start.spaces.items()}
+    except Refused as refused:
+        return Looked(log.unit, log.group, _problem(refused))
+    digest = hashlib.sha256(np.ascontiguousarray(trace.time_s).tobytes())
+    for name in (*start.spaces[MAIN].inputs, REFERENCE):
+        digest.update(np.ascontiguousarray(trace.columns[name]).tobytes())
+    main = every.pop(MAIN)
+    others = tuple(
+        (s.H.sum(axis=0), s.g.sum(axis=0), float(s.square.sum()), float(s.seconds.sum())) for s in every.values()
+    )
+    known = int(np.count_nonzero(np.isfinite(trace.reference)))
+    return Looked(log.unit, log.group, None, known, float(main.seconds.sum()), digest.hexdigest(), main, others)
+
+
+def normal_of(looked: Sequence[Looked], member: int) -> Normal:
+    """The normal equations of units that have a log; member 0 is the main one."""
+    if member == 0:
+        totals = [
+            (s.H.sum(axis=0), s.g.sum(axis=0), s.square.sum(), s.seconds.sum()) for each in looked if (s := each.main)
+        ]
+    else:
+        totals = [each.others[member - 1] for each in looked]
+    return Normal(*(np.array(each) for each in zip(*totals)))
+
+
+def fit_chunk(
+    looked: Sequence[Looked],
+    start: Start,
+    populations: Mapping[str, Population],
+    groups: Sequence[tuple[str, ...]],
+    within: Sequence[str],
+    created: str,
+) -> list[Fitted]:
+    """Each unit of a chunk under the population: its row, and its model file."""
+    with threadpool_limits(1):
+        good = [each for each in looked if each.reason is None]
+        found = dict(zip((each.unit for each in good), _fitted(good, start, populations, groups, within, created)))
+        return [found[each.unit] if each.unit in found else _failed(each, within) for each in looked]
+
+
+def _failed(unit: Looked, within: Sequence[str]) -> Fitted:
+    return Fitted({"unit": unit.unit, **dict(zip(within, unit.group)), "status": FAILED, "reason": unit.reason}, None)
+
+
+def _fitted(
+    looked: Sequence[Looked],
+    start: Start,
+    populations: Mapping[str, Population],
+    groups: Sequence[tuple[str, ...]],
+    within: Sequence[str],
+    created: str,
+) -> list[Fitted]:
+    if not looked:
+        return []
+    numbers = {name: index for index, name in enumerate(groups)}
+    group = np.array([numbers.get(each.group, -1) for each in looked])
+    population, units = populations[MAIN], normal_of(looked, 0)
+    held = _held_out(looked, population, group)
+    posteriors = {
+        name: _kept(populations[name].posterior(normal_of(looked, index), group), populations[name], group, held.weight)
+        for index, name in enumerate(start.spaces)
+    }
+    main = posteriors[MAIN]
+    scale = population.variance_degC2 * population.memory_s
+    mean, between = population.prior(group)
+    distance, freedom = deviance(units.H / scale, units.g / scale, mean, between)
+    whole = np.linalg.inv(between)
+    shrinkage = 1 - held.weight * (
+        1 - np.einsum("uij,ji->u", population.posterior(units, group).covariance, whole) / len(whole)
+    )
+    misfit = units.squares(main.mean) / units.seconds
+    names, base, follow = start.spaces[MAIN].parameters
+    rows = []
+    for index, each in enumerate(looked):
+        values = base + follow @ main.mean[index]
+        half = SCORES[90] * np.sqrt(np.einsum("ki,ij,kj->k", follow, main.covariance[index], follow))
+        deviation = {
+            name: _deviation_degC(populations[name], post.covariance[index]) for name, post in posteriors.items()
+        }
+        row = {
+            "unit": each.unit,
+            **dict(zip(within, each.group)),
+            "status": OK,
+            "reason": None,
+            "samples": each.samples,
+            "duration_s": each.seconds,
+            "effective_samples": each.seconds / population.memory_s,
+            "shrinkage": float(shrinkage[index]),
+            "kept": float(held.weight[index]),
+            "rmse_pooled_degC": float(held.pooled[index]),
+            "rmse_separate_degC": float(held.separate[index]),
+            "rmse_partial_degC": float(held.partial[index]),
+            "half_width_90_degC": SCORES[90] * deviation[MAIN],
+            "distance": float(distance[index]),
+            "freedom": float(freedom[index]),
+            "misfit_degC2": float(misfit[index]),
+        }
+        for name, value, width in zip(names, values.tolist(), half.tolist()):
+            row |= {name: value, f"{name}_low90": value - width, f"{name}_high90": value + width}
+        systems = {name: start.spaces[name].system(post.mean[index]) for name, post in posteriors.items()}
+        said = {"unit": each.unit, **{name: row[name] for name in ("effective_samples", "shrinkage")}}
+        training = {"trace": each.unit, "sha256": each.sha256, "from_s": None, "to_s": None}
+        fit = assembled(start.fit, systems)
+        rows.append(Fitted(row, model_text(fit, deviation, said, [training], created)))
+    return rows
+
+
+def _deviation_degC(population: Population, covariance: Array) -> float:
+    """Of the error to expect of a unit: its noise, and what is not known of its gains, over the population's use."""
+    return float(np.sqrt(population.variance_degC2 + np.trace(covariance)))
+
+
+@dataclass(frozen=True)
+class _HeldOut:
+    """RMSE of each unit on its own blocks, each held out in turn, and how much of its own it may keep."""
+
+    pooled: Array
+    separate: Array
+    partial: Array
+    weight: Array
+
+
+def _held_out(looked: Sequence[Looked], population: Population, group: NDArray[np.intp]) -> _HeldOut:
+    blocks = Normal(
+        *(np.array([getattr(each.main, name) for each in looked]) for name in ("H", "g", "square", "seconds"))
+    )
+    total = Normal(*(each.sum(axis=1) for each in blocks))
+    mean, _ = population.prior(group)
+    count, options = len(looked), len(_WEIGHTS)
+    pooled, separate, partial = np.zeros(count), np.zeros(count), np.zeros((options, count))
+    for number in range(blocks.g.shape[1]):
+        block = Normal(*(each[:, number] for each in blocks))
+        rest = Normal(*(whole - part for whole, part in zip(total, block)))
+        here = population.posterior(rest, group)
+        pooled += block.squares(np.broadcast_to(population.mean, here.mean.shape))
+        alone = np.linalg.pinv(rest.H, rcond=1e-9, hermitian=True) @ rest.g[..., None]
+        separate += block.squares(alone[..., 0])
+        partial += np.array([block.squares(mean + weight * (here.mean - mean)) for weight in _WEIGHTS])
+    best = np.argmin(partial, axis=0)
+    chosen = partial[best, np.arange(count)]
+    rms = [np.sqrt(each / total.seconds) for each in (pooled, separate, chosen)]
+    return _HeldOut(rms[0], rms[1], rms[2], np.array(_WEIGHTS)[best])
+
+
+def _kept(post: Posterior, population: Population, group: NDArray[np.intp], weight: Array) -> Posterior:
+    """The posterior drawn towards the prior's mean; what is given up widens it."""
+    mean, _ = population.prior(group)
+    own = post.mean - mean
+    given_up = (1 - weight)[:, None] * own
+    return post._replace(
+        mean=mean + weight[:, None] * own, covariance=post.covariance + given_up[:, :, None] * given_up[:, None, :]
+    )
+
+
+def unseen_model(start: Start, populations: Mapping[str, Population], said: Mapping[str, Any], created: str) -> str:
+    """The model file for a unit that was never seen, with the interval that is honest for it."""
+    systems = {name: space.system(populations[name].mean) for name, space in start.spaces.items()}
+    deviation = {name: _deviation_degC(each, each.unseen_covariance) for name, each in populations.items()}
+    return model_text(assembled(start.fit, systems), deviation, said, [], created)
+
+
+def model_text(
+    fit: Fit,
+    deviation_degC: Mapping[str, float],
+    said: Mapping[str, Any],
+    training: Sequence[Mapping[str, Any]],
+    created: str,
+) -> str:
+    """The model file of ``fit``, each member's interval that of a normal error of its deviation."""
+
+    def interval(name: str) -> dict[int, tuple[float, float]]:
+        return {level: (-score * deviation_degC[name], score * deviation_degC[name]) for level, score in SCORES.items()}
+
+    model: Model = model_of(replace(fit, details={**fit.details, "fleet": dict(said)}), training, {})
+    second = model.secondary
+    if second is not None:
+        second = second._replace(estimator=second.estimator._replace(interval=interval(SECONDARY)))
+    return encode(
+        model._replace(
+            created=created,
+            main=model.main._replace(interval=interval(MAIN)),
+            fallbacks={name: each._replace(interval=interval(name)) for name, each in model.fallbacks.items()},
+            secondary=second,
+        )
+    )

@@ -1,0 +1,179 @@
+"""Partial pooling of linear-Gaussian units, from normal equations alone (empirical Bayes).
+
+    y_u = Z_u c_u + noise,    c_u ~ N(mean, between),    information L_u = Z'Z / (variance * memory)
+
+``memory`` is the autocorrelation time of the noise: so much time counts as one sample. Mean and between-unit covariance
+maximise the marginal likelihood by expectation-maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39(1),
+1977). Each unit counts with the weight of a Student t of few degrees of freedom (Lange, Little and Taylor, J. Am. Stat.
+Assoc. 84, 1989), so that a broken one does not bend them. Groups of units are one level more: their means are N(mean,
+between-group covariance), and the same function gives their posteriors from what their units say of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from ambient_trainer.data.trace import Array
+
+_FREEDOM = 4.0
+"""Of the Student t: the usual choice of robust regression."""
+_ROUNDS = 60
+_START_DEGC2 = 0.02
+_LEAST_DEGC2 = 1e-4
+_COUNTS_AS = 2.0
+"""Units that the prior of the between-unit covariance counts as."""
+_RIDGE = 1e-9
+
+
+class Normal(NamedTuple):
+    """Normal equations of u units in p coordinates: H = Z'Z (u, p, p), g = Z'r (u, p), r'r (u,), and the time (u,).
+
+    Samples are weighed by their period, so all four are integrals over time, in s."""
+
+    H: Array
+    g: Array
+    square: Array
+    seconds: Array
+
+    def of(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> Normal:
+        """Those of some units."""
+        return Normal(*(each[chosen] for each in self))
+
+    def squares(self, c: Array) -> Array:
+        """Per unit the sum of squared errors at coordinates c (u, p)."""
+        through = np.einsum("ui,uij,uj->u", c, self.H, c)
+        return np.asarray(np.maximum(self.square - 2 * np.einsum("ui,ui->u", c, self.g) + through, 0.0))
+
+
+class Posterior(NamedTuple):
+    """Means (u, p) and covariances (u, p, p), and the information on the prior's mean: (u, p, p) and (u, p)."""
+
+    mean: Array
+    covariance: Array
+    information: Array
+    vector: Array
+
+
+def posterior(information: Array, vector: Array, mean: Array, between: Array) -> Posterior:
+    """Posterior of units with likelihood exp(-c'Lc/2 + e'c) under c ~ N(mean, between).
+
+    With K = (I + L S)^-1 it is N(m + S K (e - L m), S - S K L S), and the unit says of m the information K L and the
+    vector K e. ``information`` L (u, p, p) may lack rank; ``mean`` is (p,) or (u, p).
+    """
+    p = len(between)
+    K = np.linalg.inv(np.eye(p) + information @ between)
+    means = np.broadcast_to(mean, vector.shape)
+    seen = K @ information
+    projected = np.einsum("uij,uj->ui", K, vector)
+    pull = projected - np.einsum("uij,uj->ui", seen, means)
+    covariance = between - between @ seen @ between
+    return Posterior(means + pull @ between, (covariance + covariance.swapaxes(1, 2)) / 2, seen, projected)
+
+
+@dataclass(frozen=True)
+class Population:
+    """The prior of a unit: mean (p,) and between-unit covariance (p, p) within a group, and how they were found.
+
+    ``variance_degC2`` is that of the noise, ``memory_s`` its autocorrelation time; ``groups`` (k, p) are the
+    means of the groups and ``group_covariance`` (k, p, p) how well they are known; ``group_between`` (p, p) is
+    the covariance of groups about ``mean``, zero where there is one.
+    """
+
+    mean: Array
+    mean_covariance: Array
+    between: Array
+    variance_degC2: float
+    memory_s: float
+    groups: Array
+    group_covariance: Array
+    group_between: Array
+    units: int
+
+    def prior(self, group: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Mean (u, p) and covariance (p, p) of units of the groups; -1 is a group that was never seen."""
+        known = np.where((group >= 0)[:, None], self.groups[np.maximum(group, 0)], self.mean)
+        return known, self.between
+
+    def posterior(self, units: Normal, group: NDArray[np.intp]) -> Posterior:
+        """What each unit is after its own log."""
+        scale = self.variance_degC2 * self.memory_s
+        mean, between = self.prior(group)
+        return posterior(units.H / scale, units.g / scale, mean, between)
+
+    @property
+    def unseen_covariance(self) -> Array:
+        """Of a unit that was never seen, about ``mean``."""
+        return self.between + self.group_between + self.mean_covariance
+
+
+def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Population:
+    """The population of ``units``, each of the group of that number from 0 on; at least two units."""
+    u, p = units.g.shape
+    groups = int(group.max()) + 1
+    member = np.eye(groups)[group]
+    unity = np.eye(p)
+    between, group_between = _START_DEGC2 * unity, _START_DEGC2 * unity * (groups > 1)
+    variance, weight = float(np.median(units.square / units.seconds)), np.ones(u)
+    mean = np.zeros(p)
+    for _ in range(_ROUNDS):
+        scale = variance * memory_s
+        L, e = units.H / scale, units.g / scale
+        alone = posterior(L, e, np.zeros(p), between)
+        projected = np.einsum("uk,uij->kij", member * weight[:, None], alone.information)
+        said = np.einsum("uk,ui->ki", member * weight[:, None], alone.vector)
+        above = posterior(projected, said, mean, group_between)
+        total = above.information.sum(axis=0) + _RIDGE * np.trace(above.information.sum(axis=0)) / p * unity
+        mean = np.linalg.solve(total, above.vector.sum(axis=0))
+        above = posterior(projected, said, mean, group_between)
+        centre = above.mean[group]
+        here = posterior(L, e, centre, between)
+        apart = here.mean - centre
+        second = here.covariance + apart[:, :, None] * apart[:, None, :]
+        prior = _COUNTS_AS * _LEAST_DEGC2 * unity
+        between = (np.einsum("u,uij->ij", weight, second) + prior) / (weight.sum() + _COUNTS_AS)
+        if groups > 1:
+            off = above.mean - mean
+            apart_groups = (above.covariance + off[:, :, None] * off[:, None, :]).sum(axis=0)
+            group_between = (apart_groups + prior) / (groups + _COUNTS_AS)
+        left = units.squares(here.mean) + np.einsum("uij,uji->u", units.H, here.covariance)
+        distance, freedom = deviance(L, e, centre, between)
+        misfit = units.squares(here.mean) / scale
+        place = (_FREEDOM + freedom) / (_FREEDOM + distance)
+        scatter = (_FREEDOM + units.seconds / memory_s) / (_FREEDOM + misfit)
+        weight = np.minimum(1.0, np.minimum(place, scatter))
+        variance = float((weight * left).sum() / (weight * units.seconds).sum())
+    return Population(
+        mean, np.linalg.inv(total), between, variance, memory_s, above.mean, above.covariance, group_between, u
+    )
+
+
+def deviance(information: Array, vector: Array, mean: Array, between: Array) -> tuple[Array, Array]:
+    """How far each unit lies from the prior: squared Mahalanobis distance (u,), and its degrees of freedom (u,).
+
+    Of q = e - L m, whose covariance under the prior is L + L S L; directions without information count for nothing.
+    """
+    p = len(between)
+    q = vector - np.einsum("uij,uj->ui", information, np.broadcast_to(mean, vector.shape))
+    whole = information + information @ between @ information
+    ridge = _RIDGE * np.trace(whole, axis1=1, axis2=2)[:, None, None] / p * np.eye(p) + 1e-12 * np.eye(p)
+    solved = np.linalg.solve(whole + ridge, q[..., None])[..., 0]
+    freedom = np.trace(np.linalg.solve(whole + ridge, whole), axis1=1, axis2=2)
+    return np.einsum("ui,ui->u", q, solved), freedom
+
+
+def improbability(distance: Array, freedom: Array, misfit: Array) -> Array:
+    """Minus the decimal logarithm of the p-value of each unit: of where it lies, and of what it leaves.
+
+    ``misfit`` is the mean square of its residual; its logarithm is compared with the median and the quartiles of all,
+    the two p-values are combined (Fisher 1932). The tails beyond double precision are those of log-survival functions.
+    """
+    log_misfit = np.log(np.maximum(misfit, 1e-12))
+    low, middle, high = np.percentile(log_misfit, [25, 50, 75])
+    z = (log_misfit - middle) / max((high - low) / 1.349, 1e-3)
+    statistic = -2 * (stats.chi2.logsf(distance, np.maximum(freedom, 1e-6)) + stats.norm.logsf(z))
+    return np.asarray(-stats.chi2.logsf(statistic, 4) / np.log(10.0))

@@ -1,0 +1,187 @@
+"""The report of a fleet: its population, errors under the three ways of pooling, and units that do not fit it."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from ambient_trainer.fleet.result import FleetFit
+from ambient_trainer.fleet.space import MAIN
+from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report.palette import BASELINE, ERROR, ESTIMATE, GREY, LIMIT
+from ambient_trainer.report.plots import add_curve, panel_figure
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+_WAYS = {"pooled": BASELINE, "separate": ERROR, "partial": ESTIMATE}
+_SHARES = (50, 90, 100)
+_SHOWN = 20
+
+
+def report_of(fleet: FleetFit) -> Report:
+    """What a fleet's run shows."""
+    table = fleet.table
+    good, failed = table[table["status"] != "failed"], fleet.failed
+    population = fleet.population
+    errors = {way: good[f"rmse_{way}_degC"].to_numpy() for way in _WAYS}
+    median = {way: float(np.median(each)) for way, each in errors.items()}
+    broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
+    rows = [(way, *(f"{np.percentile(errors[way], share):.2f}" for share in _SHARES)) for way in _WAYS]
+    names = fleet.start.spaces[MAIN].parameters[0]
+    return Report(
+        subject="A fleet",
+        title=f"{fleet.circuit}, {len(good)} units: {median['partial']:.2f} degC on blocks held out (median)",
+        lead=[
+            Finding(
+                f"The population alone leaves {median['pooled']:.2f} degC, each unit alone {median['separate']:.2f} "
+                f"degC, both weighed {median['partial']:.2f} degC (RMSE, median unit).",
+                "result",
+            ),
+            broken if len(failed) else None,
+            Facts(
+                [
+                    ("inputs", ", ".join(fleet.start.fit.inputs)),
+                    ("begun with", ", ".join(fleet.start.units)),
+                    ("groups", ", ".join("/".join(each) for each in fleet.groups if each) or "none"),
+                ]
+            ),
+        ],
+        sections=[
+            Section(
+                "Errors on blocks held out",
+                [
+                    Table("RMSE in degC", ("pooling", "median", "90 % of units", "worst"), rows),
+                    Figure(partial(_errors, errors), "Units in the order of their errors, for each way by itself."),
+                ],
+            ),
+            Section(
+                "The population",
+                [
+                    Table("", ("", "", ""), _hyperparameters(fleet, good)),
+                    Table(
+                        "DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), _parameters(good, names), 1
+                    ),
+                    Figure(
+                        partial(_distributions, good, names),
+                        "Units by parameter, about the median, over the interquartile range.",
+                    ),
+                    Figure(partial(_map, fleet, good, names), "Each unit; outliers are named."),
+                ],
+            ),
+            Section("Units that fit least", [_outliers(fleet)]),
+            Section("Units that failed", [_failures(failed)] if len(failed) else []),
+        ],
+        data={
+            "units": len(table),
+            "failed": {str(row["unit"]): row["reason"] for _, row in failed.iterrows()},
+            "rmse_degC": {way: dict(zip(map(str, _SHARES), _percentiles(errors[way]))) for way in _WAYS},
+            "population": {
+                "learnt_from": population.units,
+                "noise_degC": float(np.sqrt(population.variance_degC2)),
+                "memory_s": population.memory_s,
+                "between_units_degC": float(np.sqrt(np.trace(population.between))),
+            },
+            "outliers": [each._asdict() for each in fleet.outliers],
+        },
+    )
+
+
+def _percentiles(errors: Any) -> list[float]:
+    return [float(np.percentile(errors, share)) for share in _SHARES]
+
+
+def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str, str]]:
+    population = fleet.population
+    return [
+        ("between of units", f"{np.sqrt(np.trace(population.between)):.2f}", "degC in the estimate"),
+        ("noise", f"{np.sqrt(population.variance_degC2):.2f}", "degC that no gains explain"),
+        ("memory", f"{population.memory_s:.0f}", "s that errors go together"),
+        ("effective samples", f"{good['effective_samples'].median():.1f}", "a unit (median)"),
+        ("shrinkage", f"{good['shrinkage'].median():.2f}", "of a unit (median); 1 is all the population's"),
+        ("unseen unit", f"{1.645 * _unseen_degC(fleet):.2f}", "degC, half the 90 % interval"),
+    ]
+
+
+def _unseen_degC(fleet: FleetFit) -> float:
+    return float(np.sqrt(fleet.population.variance_degC2 + np.trace(fleet.population.unseen_covariance)))
+
+
+def _parameters(good: pd.DataFrame, names: tuple[str, ...]) -> list[tuple[str, ...]]:
+    return [(name, *(f"{np.percentile(good[name], share):.3f}" for share in (5, 50, 95))) for name in names]
+
+
+def _outliers(fleet: FleetFit) -> Table:
+    rows = [
+        (each.unit, f"10^-{each.improbability:.1f}", f"{each.cause or ''} {each.location or ''}".strip())
+        for each in fleet.outliers
+    ]
+    return Table("", ("unit", "probability", "cause"), rows)
+
+
+def _failures(failed: pd.DataFrame) -> Table:
+    rows = [(str(row["unit"]), str(row["reason"])) for _, row in failed.head(_SHOWN).iterrows()]
+    more = f"{len(failed) - _SHOWN} more in fleet.parquet" if len(failed) > _SHOWN else ""
+    return Table(more, ("unit", "reason"), rows, labels=2)
+
+
+def _errors(errors: dict[str, Any]) -> go.Figure:
+    figure = panel_figure("share of units, %", "RMSE in degC", 320)
+    for way, colour in _WAYS.items():
+        # two hundred points show ten thousand units as well as all of them
+        share = np.linspace(0, 100, 201)
+        add_curve(figure, share.tolist(), np.percentile(errors[way], share).tolist(), way, colour)
+    figure.update_traces(mode="lines")
+    figure.update_yaxes(type="log")
+    return figure
+
+
+def _distributions(good: pd.DataFrame, names: tuple[str, ...]) -> go.Figure:
+    figure = panel_figure("parameter", "(value - median) / (interquartile range)", 340)
+    for name in names:
+        values = good[name].to_numpy()
+        low, middle, high = np.percentile(values, [25, 50, 75])
+        shown = np.percentile((values - middle) / max(high - low, 1e-12), np.linspace(0, 100, 201))
+        label = name.replace("_degC", "")
+        figure.add_violin(y=shown, name=label, line={"color": ESTIMATE}, points=False, showlegend=False)
+    return figure
+
+
+def _map(fleet: FleetFit, good: pd.DataFrame, names: tuple[str, ...]) -> go.Figure:
+    """The two directions in which the parameters vary most."""
+    import plotly.graph_objects as go
+
+    values = good[list(names)].to_numpy()
+    scale = np.maximum(np.std(values, axis=0), 1e-12)
+    U, singular, _ = np.linalg.svd((values - np.median(values, axis=0)) / scale, full_matrices=False)
+    # a sign is arbitrary: the first unit has a positive one
+    at = U[:, :2] * singular[:2]
+    figure = panel_figure("first principal component", "second", 420)
+    rounded = np.round(at, 3)
+    figure.add_trace(
+        go.Scattergl(
+            x=rounded[:, 0],
+            y=rounded[:, 1],
+            mode="markers",
+            name="units",
+            text=good["unit"],
+            marker={"color": GREY, "size": 4},
+        )
+    )
+    named = {each.unit for each in fleet.outliers if each.improbability > 3}
+    rows = np.flatnonzero(good["unit"].isin(named).to_numpy())
+    figure.add_trace(
+        go.Scatter(
+            x=rounded[rows, 0],
+            y=rounded[rows, 1],
+            mode="markers+text",
+            name="outliers",
+            text=good["unit"].to_numpy()[rows],
+            textposition="top center",
+            marker={"color": LIMIT, "size": 8},
+        )
+    )
+    return figure

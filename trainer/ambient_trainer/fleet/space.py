@@ -1,0 +1,194 @@
+"""The coordinates in which units are pooled: the gains of the population's own filter, its time constants held.
+
+Whatever the estimator is, its fit is a linear system. With the responses of its modes to each input,
+x_j = (sI - A)^-1 b u_j,
+
+    y = offset + sum_j (d_j u_j + g_j' x_j)
+
+holds every filter with the same poles; units differ in d, g and the offset, which enter linearly. They are scaled so
+that the population's regressors are white: each of the coordinates is then what it changes in the estimate (RMS, degC).
+So sensors that go together, which no short log distinguishes, do not make the prior singular.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import schur
+
+from ambient_model.faults import refuse
+from ambient_model.trace import REFERENCE
+from ambient_trainer.data.grid import Segment, segments
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.estimators.base import Fit, SecondaryFit
+from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.response import states
+from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
+
+MAIN = "main"
+SECONDARY = "secondary"
+BLOCKS = 5
+"""A unit's log is cut in so many for its held-out error; as many as `fit` takes for its own."""
+_BRIDGED_S = 120.0
+_LEAST_RMS_DEGC = 1e-3
+"""A direction in which the population's regressors move less says nothing of any unit."""
+_WEAK_DEGC = 0.5
+"""The standard deviation of the weak prior under which a unit's residuals are looked at."""
+_NOISE_DEGC2, _MEMORY_S = 0.1, 100.0
+
+
+class Statistics(NamedTuple):
+    """What one unit's log says: per block H (k, p, p), g (k, p), r'r (k,), seconds (k,), mean regressor (p,)."""
+
+    H: Array
+    g: Array
+    square: Array
+    seconds: Array
+    memory_s: float
+
+
+@dataclass(frozen=True)
+class Space:
+    """Coordinates of the filters with the poles of one fit.
+
+    ``modes`` (n, n) is A in real Schur form, ``drive`` (n,) b, ``weights`` (P, p) turn coordinates into changes of the
+    P raw gains, whose values at the origin are ``origin`` (P,).
+    """
+
+    inputs: tuple[str, ...]
+    modes: Array
+    drive: Array
+    scale: Array
+    hold: Hold
+    origin: Array
+    weights: Array
+
+    def regressors(self, segment: Segment) -> Array:
+        """Inputs, one, and the modes' responses to each input: (P, N)."""
+        u, n = segment.inputs, len(self.modes)
+        rows = [u, np.ones((1, u.shape[1]))]
+        if n:
+            C = np.diag(self.scale)
+            one = StateSpace(self.modes, self.drive[:, None], C, np.zeros((n, 1)), np.zeros(n))
+            discrete = discretised(one, segment.period_s, self.hold)
+            x = states(discrete.A, discrete.B[..., None] * u, equilibrium(one) * u[:, 0])
+            read = np.tensordot(discrete.C, x, 1) + discrete.D[..., None] * u
+            rows.append(read.swapaxes(0, 1).reshape(-1, u.shape[1]))
+        return np.concatenate(rows)
+
+    def statistics(self, trace: Trace) -> Statistics:
+        """What ``trace`` says of the coordinates; raises :class:`Refused` where it says nothing."""
+        tables = []
+        for segment in grids(trace, self.inputs):
+            known = ~np.isnan(segment.outputs[0])
+            raw = self.regressors(segment)[:, known]
+            residual = segment.outputs[0, known] - self.origin @ raw
+            tables.append((segment.period_s, self.weights.T @ raw, residual))
+        H, g, square, seconds = [], [], [], []
+        Z, r = np.concatenate([each for _, each, _ in tables], axis=1), np.concatenate([each for _, _, each in tables])
+        weight = np.concatenate([np.full(len(each), period) for period, _, each in tables])
+        if not np.isfinite(Z).all():
+            raise refuse(trace.path, "", "the filter's responses are not finite", "look for error codes in the sensors")
+        for index in np.array_split(np.arange(len(r)), BLOCKS):
+            z = Z[:, index] * weight[index]
+            H.append(z @ Z[:, index].T)
+            g.append(z @ r[index])
+            square.append(float(weight[index] @ r[index] ** 2))
+            seconds.append(float(weight[index].sum()))
+        found = Statistics(np.array(H), np.array(g), np.array(square), np.array(seconds), 0.0)
+        return found._replace(memory_s=_memory_s(found, Z, r, tables[0][0]))
+
+    def system(self, c: Array) -> StateSpace:
+        """The filter at coordinates c: the transpose of its modes, driven by each input through that one's gains."""
+        beta, m, n = self.origin + self.weights @ c, len(self.inputs), len(self.modes)
+        B = self.scale[:, None] * beta[m + 1 :].reshape(m, n).T
+        return StateSpace(
+            self.modes.T.copy(), B, self.drive[None].copy(), beta[None, :m].copy(), beta[m : m + 1].copy()
+        )
+
+    @property
+    def parameters(self) -> tuple[tuple[str, ...], Array, Array]:
+        """Names of what a user can read, their values at the origin (k,), and how they follow the coordinates (k, p).
+
+        The DC gain of each input, and the offset.
+        """
+        m, n = len(self.inputs), len(self.modes)
+        raw = np.zeros((m + 1, len(self.origin)))
+        raw[:, : m + 1] = np.eye(m + 1)
+        if n:
+            at_rest = self.scale * np.linalg.solve(-self.modes, self.drive)
+            for j in range(m):
+                raw[j, m + 1 + j * n : m + 1 + (j + 1) * n] = at_rest
+        names = (*(f"dc_gain_{each.rpartition('_')[0]}" for each in self.inputs), "offset_degC")
+        return names, raw @ self.origin, raw @ self.weights
+
+
+def grids(trace: Trace, inputs: Sequence[str]) -> list[Segment]:
+    """The uniform stretches of a unit's log; raises :class:`Refused` where no sample has a reference."""
+    if not np.isfinite(trace.reference).any():
+        raise refuse(trace.path, f"column {REFERENCE}", "holds no value at all", "log a reference")
+    found = segments(trace, inputs, (REFERENCE,), None, _BRIDGED_S)
+    found = [each for each in found if not np.isnan(each.outputs).all()]
+    if sum(int(np.count_nonzero(~np.isnan(each.outputs))) for each in found) < 2 * BLOCKS:
+        raise refuse(trace.path, "", "fewer than ten samples have all sensors and a reference", "log longer")
+    return found
+
+
+def _memory_s(found: Statistics, Z: Array, r: Array, period_s: float) -> float:
+    """Autocorrelation time of what a unit's own weakly regularised least squares leave."""
+    scale = _NOISE_DEGC2 * _MEMORY_S
+    total = found.H.sum(axis=0) / scale + np.eye(len(Z)) / _WEAK_DEGC**2
+    left = r - np.linalg.solve(total, found.g.sum(axis=0) / scale) @ Z
+    return residual_memory(left) * period_s
+
+
+def members(fit: Fit) -> dict[str, Fit]:
+    """The linear systems of a fit by name: its main one, the secondary, and the fallbacks."""
+    second = {} if fit.secondary is None else {SECONDARY: fit.secondary.fit}
+    return {MAIN: fit, **second, **fit.fallbacks}
+
+
+def assembled(fit: Fit, systems: Mapping[str, StateSpace]) -> Fit:
+    """``fit`` with other systems in the places of its own."""
+
+    def changed(each: Fit, name: str) -> Fit:
+        states = tuple(f"mode{k + 1}" for k in range(len(systems[name].A)))
+        return replace(each, system=systems[name], states=states, error_variance=None)
+
+    second = fit.secondary and SecondaryFit(changed(fit.secondary.fit, SECONDARY), fit.secondary.threshold_degC)
+    fallbacks = {name: changed(each, name) for name, each in fit.fallbacks.items()}
+    return replace(changed(fit, MAIN), secondary=second, fallbacks=fallbacks)
+
+
+def space_of(fit: Fit, traces: Sequence[Trace]) -> Space:
+    """The coordinates about ``fit``, white over ``traces``, whose least squares are the origin.
+
+    Raises :class:`Refused` for a fit that estimates something else than the ambient.
+    """
+    if fit.outputs != ("ambient",):
+        what = ", ".join(fit.outputs)
+        raise refuse(fit.circuit, "outputs", f"it predicts {what}", "take a circuit whose output is 'ambient'")
+    n, m = len(fit.system.A), len(fit.inputs)
+    modes = schur(fit.system.A)[0] if n else np.zeros((0, 0))
+    drive = np.ones(n)
+    # one input of constant strength reaches every mode; each is scaled to what it is at rest
+    rest = np.abs(np.linalg.solve(-modes, drive)) if n else np.zeros(0)
+    size = m + 1 + n * m
+    start = Space(fit.inputs, modes, drive, 1 / np.maximum(rest, 1e-9), fit.hold, np.zeros(size), np.eye(size))
+    pieces = [each for trace in traces for each in grids(trace, fit.inputs)]
+    raw, y = [], []
+    for segment in pieces:
+        known = ~np.isnan(segment.outputs[0])
+        raw.append(start.regressors(segment)[:, known])
+        y.append(segment.outputs[0, known])
+    X, target = np.concatenate(raw, axis=1).T, np.concatenate(y)
+    lengths = np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-12)
+    U, singular, Vt = np.linalg.svd(X / lengths / np.sqrt(len(X)), full_matrices=False)
+    kept = singular > max(_LEAST_RMS_DEGC / np.linalg.norm(lengths), 1e-10 * singular[0])
+    weights = (Vt[kept].T / singular[kept]) / lengths[:, None]
+    origin = weights @ (U[:, kept].T @ target) / np.sqrt(len(X))
+    return replace(start, origin=origin, weights=weights)
