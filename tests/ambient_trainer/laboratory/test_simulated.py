@@ -72,9 +72,9 @@ def test_a_temperature_that_was_read_once_does_not_change() -> None:
     assert [made.at(at_s) for at_s in times] == before
 
 
-def test_bytes_come_one_after_the_other_and_take_their_time(tmp_path) -> None:
+def test_bytes_come_one_after_the_other_and_take_their_time() -> None:
     clock = Clock()
-    simulated = Simulated(CHAMBER, clock, folder=str(tmp_path))
+    simulated = Simulated(CHAMBER, clock)
     port = os.open(simulated.port, os.O_RDWR | os.O_NOCTTY)
     began_s = clock.now_s()
     os.write(port, b"$00I\r")

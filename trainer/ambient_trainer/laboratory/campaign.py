@@ -31,7 +31,7 @@ from ambient_trainer.laboratory.instruments import (
 from ambient_trainer.laboratory.messages import CHAMBER, MULTIPLEXER, THERMOMETER
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.laboratory.serial_line import is_missing
-from ambient_trainer.simulator.scenario import Scenario, Settle
+from ambient_trainer.simulator.scenario import Scenario
 
 _SUPPLY_UNITS = {"temp": "degC", "current_now": "A", "voltage_now": "V"}
 
@@ -221,24 +221,9 @@ class LoadedCampaign(NamedTuple):
 
 
 def load_campaign(path: str, ports: bool = True) -> LoadedCampaign:
-    """The campaign in a file.
+    """The campaign in the YAML file at ``path``, with the offsets of its probes.
 
-    Parameters
-    ----------
-    path : str
-        A YAML file.
-    ports : bool
-        Whether a port that is not there is a fault.
-
-    Returns
-    -------
-    LoadedCampaign
-        The campaign, with the offsets of its probes.
-
-    Raises
-    ------
-    Refused
-        With every fault in it.
+    With ``ports``, one that is not there is a fault; raises :class:`Refused` with every fault in it.
     """
     data = load_yaml(path)
     if not isinstance(data, dict):
@@ -278,79 +263,54 @@ def _model_for(data: Any) -> tuple[type[Campaign], list[Fault]]:
     return create_model("Campaign", __base__=Campaign, laboratory=(laboratory, ...)), faults
 
 
-def _at(data: Any, *keys: str) -> Any:
-    for key in keys:
-        data = data.get(key) if isinstance(data, dict) else None
-    return data
-
-
-_DEFAULTS = {"at_most_min": Settle.model_fields["at_most_min"].default}
-
-
 def faults_between(data: Any, ports: bool, offsets: Iterable[str] = ()) -> Iterator[Fault]:
-    """Every such fault in the ``data`` of a campaign file; ``ports``: also where a port is not there."""
+    """Every such fault in the ``data`` of a campaign file; ``ports``: also where a port is not there.
+
+    The data may be of any form: what is no campaign's is another check's fault.
+    """
     laboratory = _mapping(data, "laboratory")
-    yield from _port_faults(_mapping(laboratory, "instruments"), ports)
-    yield from _probe_faults(laboratory, offsets)
+    instruments, safety = _mapping(laboratory, "instruments"), _mapping(laboratory, "safety")
+    probes = _mapping(instruments, MULTIPLEXER, "probes") if instruments.get(MULTIPLEXER) else {THERMOMETER: None}
+    actions, signals = _mapping(laboratory, "actions"), _mapping(laboratory, "signals")
+    yield from _port_faults(instruments, ports)
+    if instruments and not any(instruments.get(role) for role in (MULTIPLEXER, THERMOMETER)):
+        yield Fault("laboratory.instruments", "nothing measures the ambient", "add a multiplexer or a thermometer")
+    if probes:
+        yield from _unknown("laboratory.ambient.probes", _sequence(laboratory, "ambient", "probes"), probes, "probe")
+    calibrated = () if THERMOMETER in probes else probes
+    yield from (
+        each._replace(place="laboratory.ambient.offsets") for each in _unknown("", offsets, calibrated, "probe")
+    )
     yield from _column_faults(laboratory)
-    yield from _outside("laboratory.safety", "set_point_degC", _mapping(laboratory, "safety"), laboratory)
-    yield from _missing_faults(data, laboratory)
-    for name, action in _mapping(laboratory, "actions").items():
-        for signal in _mapping(action, "signals"):
-            if signal not in _mapping(laboratory, "signals"):
-                place = f"laboratory.actions.{name}.signals.{signal}"
-                yield Fault(place, "no such signal", "add it under 'signals', with its value while no action lasts")
+    for name, action in actions.items():
+        yield from _unknown(f"laboratory.actions.{name}.signals", _mapping(action, "signals"), signals, "signal")
+    set_points = {f"laboratory.safety.{key}": safety.get(key) for key in ("set_point_degC", "chamber")}
     for part in ("before", "steps"):
         for index, step in enumerate(_sequence(data, part)):
-            yield from _step_faults(f"{part}[{index}]", _mapping(step), laboratory)
+            set_points[f"{part}[{index}].chamber_degC"] = _at(step, "chamber_degC")
+            yield from _unknown(f"{part}[{index}].load", _sequence(step, "load"), actions, "action")
+    if instruments:
+        yield from _set_point_faults(set_points, instruments.get(CHAMBER) is not None, safety)
+
+
+def _unknown(place: str, names: Iterable[Any], known: Iterable[Any], what: str) -> Iterator[Fault]:
+    for index, name in enumerate(names):
+        if name not in known:
+            there = f"{place}.{name}" if isinstance(names, dict) else f"{place}[{index}]"
+            yield Fault(there, f"no {what} is called {name!r}", f"known are {', '.join(map(str, known)) or 'none'}")
 
 
 def _port_faults(instruments: dict[Any, Any], ports: bool) -> Iterator[Fault]:
     owners: dict[str, str] = {}
     for name, settings in instruments.items():
-        port = _mapping(settings).get("port")
+        port, place = _at(settings, "port"), f"laboratory.instruments.{name}.port"
         if not isinstance(port, str):
             continue
-        place = f"laboratory.instruments.{name}.port"
         owner = owners.setdefault(os.path.realpath(port), str(name))
         if owner != name:
             yield Fault(place, f"{port} is the {owner}'s, too", "each instrument has a port of its own")
         if ports and is_missing(port):
             yield Fault(place, f"{port} is not there", "plug the adapter in, or name its port (see /dev/serial/by-id)")
-
-
-def _missing_faults(data: Any, laboratory: dict[Any, Any]) -> Iterator[Fault]:
-    """What a chamber needs and is not there, and the same without a chamber."""
-    instruments, safety = _at(laboratory, "instruments"), _at(laboratory, "safety")
-    if not isinstance(instruments, dict):
-        return
-    places = [(f"laboratory.safety.{key}", safety) for key in ("set_point_degC", "chamber")]
-    for part in ("before", "steps"):
-        places += [(f"{part}[{index}].chamber_degC", step) for index, step in enumerate(_sequence(data, part))]
-    chamber = instruments.get(CHAMBER) is not None
-    for place, part in places:
-        given = isinstance(part, dict) and part.get(place.rpartition(".")[2]) is not None
-        if given and not chamber:
-            yield Fault(place, "there is no chamber", "remove it, or add 'laboratory.instruments.chamber'")
-        elif isinstance(part, dict) and chamber and not given:
-            yield Fault(place, "missing", "add it: there is a chamber")
-    if not any(instruments.get(role) for role in (MULTIPLEXER, THERMOMETER)):
-        yield Fault("laboratory.instruments", "nothing measures the ambient", "add a multiplexer or a thermometer")
-
-
-def _probe_faults(laboratory: dict[Any, Any], offsets: Iterable[str]) -> Iterator[Fault]:
-    probes: Mapping[Any, Any] = _mapping(laboratory, "instruments", MULTIPLEXER, "probes")
-    if _at(laboratory, "instruments", MULTIPLEXER) is None:
-        probes = {THERMOMETER: None}
-    for index, name in enumerate(_sequence(_mapping(laboratory, "ambient"), "probes")):
-        if probes and str(name) not in map(str, probes):
-            known = ", ".join(map(str, probes))
-            place = f"laboratory.ambient.probes[{index}]"
-            yield Fault(place, f"there is no probe {name!r}", f"name one of {known}")
-    for name in offsets:
-        if name not in probes or name == THERMOMETER:
-            place = "laboratory.ambient.offsets"
-            yield Fault(place, f"has an offset for {name!r}", "there is no such probe")
 
 
 def _column_faults(laboratory: dict[Any, Any]) -> Iterator[Fault]:
@@ -361,46 +321,40 @@ def _column_faults(laboratory: dict[Any, Any]) -> Iterator[Fault]:
     places |= {f"laboratory.signals.{column}": column for column in _mapping(laboratory, "signals")}
     owners = {REFERENCE: "the reference", "time_s": "the time"}
     for place, column in places.items():
-        if isinstance(column, str):
-            if column in owners:
-                yield Fault(place, f"{column!r} is {owners[column]}, too", "give each column a name of its own")
-            owners.setdefault(column, place)
-    for column in _mapping(laboratory, "safety", "device_high_degC"):
-        if column not in [*zones.values(), *supply.values()] or not str(column).endswith("_degC"):
-            place = f"laboratory.safety.device_high_degC.{column}"
-            yield Fault(place, "the device has no such temperature", "name a column of its zones")
+        if isinstance(column, str) and (owner := owners.setdefault(column, place)) != place:
+            yield Fault(place, f"{column!r} is {owner}, too", "give each column a name of its own")
+    known = [column for column in [*zones.values(), *supply.values()] if str(column).endswith("_degC")]
+    limits = _mapping(laboratory, "safety", "device_high_degC")
+    yield from _unknown("laboratory.safety.device_high_degC", limits, known, "temperature")
 
 
-def _step_faults(place: str, step: dict[Any, Any], laboratory: dict[Any, Any]) -> Iterator[Fault]:
-    yield from _outside(place, "chamber_degC", step, laboratory)
-    actions = _mapping(laboratory, "actions")
-    for index, name in enumerate(_sequence(step, "load")):
-        if name not in actions:
-            known = ", ".join(map(str, actions)) or "none"
-            yield Fault(f"{place}.load[{index}]", f"no action is called {name!r}", f"known are {known}")
-    settle = {**_DEFAULTS, **_mapping(step, "settle")}
-    for_min, at_most_min = _number(settle.get("for_min")), _number(settle["at_most_min"])
-    if for_min is not None and at_most_min is not None and for_min > at_most_min:
-        yield Fault(f"{place}.settle", "'for_min' is longer than 'at_most_min'", "it could never settle: swap them")
+def _set_point_faults(values: Mapping[str, Any], chamber: bool, safety: dict[Any, Any]) -> Iterator[Fault]:
+    """What a chamber needs and is not there, the same without a chamber, and set points outside its limits."""
+    low, high = (_at(safety, "chamber", key) for key in ("low_degC", "high_degC"))
+    low, high = (limit if _is_number(limit) else None for limit in (low, high))
+    for place, value in values.items():
+        if value is None and chamber:
+            yield Fault(place, "missing", "add it: there is a chamber")
+        elif value is not None and not chamber:
+            yield Fault(place, "there is no chamber", "remove it, or add 'laboratory.instruments.chamber'")
+        elif _is_number(value) and ((low is not None and value < low) or (high is not None and value > high)):
+            within = f"{'?' if low is None else f'{low:g}'} to {'?' if high is None else f'{high:g}'} degC"
+            yield Fault(place, f"{value:g} degC is outside the chamber's limits", f"stay within {within}")
 
 
-def _outside(place: str, key: str, part: dict[Any, Any], laboratory: dict[Any, Any]) -> Iterator[Fault]:
-    limits = _mapping(laboratory, "safety", "chamber")
-    value, low, high = _number(part.get(key)), _number(limits.get("low_degC")), _number(limits.get("high_degC"))
-    if value is not None and ((low is not None and value < low) or (high is not None and value > high)):
-        within = f"{'?' if low is None else f'{low:g}'} to {'?' if high is None else f'{high:g}'} degC"
-        yield Fault(f"{place}.{key}", f"{value:g} degC is outside the chamber's limits", f"stay within {within}")
+def _at(data: Any, *keys: str) -> Any:
+    for key in keys:
+        data = data.get(key) if isinstance(data, dict) else None
+    return data
 
 
 def _mapping(data: Any, *keys: str) -> dict[Any, Any]:
-    inner = _at(data, *keys)
-    return inner if isinstance(inner, dict) else {}
+    return inner if isinstance(inner := _at(data, *keys), dict) else {}
 
 
-def _sequence(data: Any, key: str) -> list[Any]:
-    inner = _at(data, key)
-    return inner if isinstance(inner, list) else []
+def _sequence(data: Any, *keys: str) -> list[Any]:
+    return inner if isinstance(inner := _at(data, *keys), list) else []
 
 
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -34,14 +34,12 @@ class SimulatedInstrument(ABC):
     While ``muted`` it obeys and does not answer.
     """
 
-    def __init__(self, name: str, clock: Clock, baud: int, folder: str | None) -> None:
+    def __init__(self, name: str, clock: Clock, baud: int) -> None:
         self.muted = False
         self._clock = clock
         self._byte_s = _BITS_A_BYTE / baud
-        self._resources = contextlib.ExitStack()
-        if folder is None:
-            folder = self._resources.enter_context(tempfile.TemporaryDirectory(prefix="ambient-laboratory-"))
-        self._link = Path(folder, name)
+        self._folder = tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
+        self._link = Path(self._folder.name, name)
         self._lock = threading.RLock()
         self._due: deque[tuple[float, bytes]] = deque()
         self._distortions: deque[Callable[[bytes], Sequence[tuple[float, bytes]]]] = deque()
@@ -98,7 +96,7 @@ class SimulatedInstrument(ABC):
         self._thread.join()
         os.close(self._woken)
         os.close(self._wake)
-        self._resources.close()
+        self._folder.cleanup()
 
     @abstractmethod
     def _respond(self, data: bytes) -> Iterable[Response]:

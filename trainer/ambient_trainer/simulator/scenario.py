@@ -28,11 +28,17 @@ class Settle(Strict):
     at_most_min: _Positive = 240.0
     """After this the program continues unsettled, and reports it."""
 
+    @model_validator(mode="after")
+    def _possible(self) -> Settle:
+        if self.for_min > self.at_most_min:
+            raise wrong("'for_min' is longer than 'at_most_min'", "it could never settle: swap them")
+        return self
+
 
 class Step(Strict):
     """What chamber and device do for a while, until all is settled, or until both is true."""
 
-    chamber_degC: Annotated[float, Field(ge=-60, le=200)] | None = None
+    chamber_degC: Annotated[float, Field(ge=-100, le=250)] | None = None
     """A change of the set point takes its time within the step that asks for it; None where there is no chamber."""
     gradient_K_min: Annotated[float, Field(ge=0.1, le=99.9)] | None = None
     """How fast the set point may move; else as fast as the chamber can."""

@@ -69,7 +69,7 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def bench(tmp_path, clock, driver_at) -> Iterator[Callable[..., Bench]]:
+def bench(clock, driver_at) -> Iterator[Callable[..., Bench]]:
     """Makes a bench of a role, its driver with the given settings."""
     made: list[Any] = []
 
@@ -77,14 +77,14 @@ def bench(tmp_path, clock, driver_at) -> Iterator[Callable[..., Bench]]:
         air_degC = [21.5]
         simulated_class = instrument(KINDS[role]).Simulated
         if role == "chamber":
-            simulated = simulated_class(settings_of(role), clock, 1, folder=str(tmp_path))
+            simulated = simulated_class(settings_of(role), clock, 1)
             simulated.air.at = lambda at_s: air_degC[0]
         elif role == "multiplexer":
             errors_K = {"air": 0.0, "wall": 0.1, "shelf": 0.2}
             named = settings_of(role, probes={"air": 103, "wall": 101, "shelf": 102})
-            simulated = simulated_class(named, clock, lambda at_s: air_degC[0], 0, errors_K, str(tmp_path))
+            simulated = simulated_class(named, clock, lambda at_s: air_degC[0], 0, errors_K)
         else:
-            simulated = simulated_class(settings_of(role), clock, lambda at_s: air_degC[0], str(tmp_path))
+            simulated = simulated_class(settings_of(role), clock, lambda at_s: air_degC[0])
         driver = driver_at(role, simulated.port, clock, **values)
         made.extend((driver, simulated))
         return Bench(role, driver, simulated, clock, air_degC)

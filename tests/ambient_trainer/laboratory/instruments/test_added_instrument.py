@@ -50,7 +50,7 @@ class Driver(SerialDriver):
 class Simulated(SimulatedInstrument):
     def __init__(self, settings, clock, air):
         self._air = air
-        super().__init__("thermometer", clock, settings.baud, None)
+        super().__init__("thermometer", clock, settings.baud)
 
     def _respond(self, data):
         for line in data.split(b"\\n")[:-1]:

@@ -21,10 +21,10 @@ def offset(*points):
 
 
 @pytest.fixture
-def simulated(clock, tmp_path):
+def simulated(clock):
     """Five channels at their own temperatures: 10.1 degC on 101, and so on."""
     errors_K = {name: channel / 10.0 for name, channel in CHANNELS.items()}
-    made = Simulated(named(), clock, lambda at_s: 0.0, 0, errors_K, str(tmp_path))
+    made = Simulated(named(), clock, lambda at_s: 0.0, 0, errors_K)
     yield made
     made.close()
 
@@ -127,9 +127,9 @@ def test_settings_that_cannot_be_scanned_are_refused(values, parts) -> None:
     assert all(part in str(caught.value) for part in parts)
 
 
-def test_a_probe_follows_the_air_with_its_lag(clock, tmp_path) -> None:
+def test_a_probe_follows_the_air_with_its_lag(clock) -> None:
     air = lambda at_s: 0.0 if at_s < 1000.0 else 10.0  # noqa: E731
-    simulated = Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0}, str(tmp_path))
+    simulated = Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0})
     felt = [simulated.probes[101].felt(at_s) for at_s in (990.0, 1000.0, 1004.5, 1008.5, 1060.0)]
     simulated.close()
     # a lag of 4 s behind a step that is laid straight over the second before it

@@ -33,9 +33,9 @@ def test_it_switches_itself_off_and_is_switched_on_again(bench) -> None:
     assert bench.reading() == 21.5
 
 
-def test_one_of_another_address_is_not_taken_for_it(tmp_path, driver_at) -> None:
+def test_one_of_another_address_is_not_taken_for_it(driver_at) -> None:
     clock = Clock(20.0)
-    simulated = Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0, str(tmp_path))
+    simulated = Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0)
     first, second = (driver_at("thermometer", simulated.port, clock, address=address) for address in (1, 2))
     with pytest.raises(NoResponse):
         first.read()

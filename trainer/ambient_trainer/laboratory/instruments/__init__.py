@@ -30,24 +30,6 @@ from ambient_trainer.data.strict_yaml import Strict, validated, wrong
 from ambient_trainer.laboratory.messages import Reading
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
-__all__ = [
-    "ROLES",
-    "UNITS",
-    "ChamberDriver",
-    "ChamberLimits",
-    "ChamberSettings",
-    "Driver",
-    "MultiplexerSettings",
-    "NotNegative",
-    "ThermometerSettings",
-    "degC_from",
-    "instrument",
-    "probe_column",
-    "probe_values",
-    "settings",
-    "settings_by_kind",
-]
-
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -114,11 +96,9 @@ class MultiplexerSettings(Strict):
     def _one_channel_each(cls, probes: dict[str, Any]) -> dict[str, Any]:
         owners: dict[Any, str] = {}
         for name, probe in probes.items():
-            channel = getattr(probe, "channel", probe)
+            channel, hint = getattr(probe, "channel", probe), "give each probe a channel of its own"
             if (owner := owners.setdefault(channel, name)) != name:
-                raise wrong(
-                    f"channel {channel} is named for {owner} and {name}", "give each probe a channel of its own"
-                )
+                raise wrong(f"channel {channel} is named for {owner} and {name}", hint)
         return probes
 
 
@@ -134,8 +114,8 @@ class ThermometerSettings(Strict):
 class Driver(Protocol):
     """An instrument at its port, which is opened by the first query and again after it was lost.
 
-    Every method raises :class:`~ambient_trainer.laboratory.instruments.InstrumentError`; after any, the same instrument
-    may be asked again. Several threads may ask, one exchange at a time.
+    Every method raises :class:`~ambient_trainer.laboratory.messages.InstrumentError`; after any, it may be asked again.
+    Several threads may ask, one exchange at a time.
     """
 
     def identify(self) -> str:
@@ -161,6 +141,8 @@ class ChamberDriver(Driver, Protocol):
         """Stop heating and cooling."""
 
 
+PLAUSIBLE_DEGC = (-60.0, 250.0)
+"""Beyond them a reading of the kernel's stands for no reading, such as -274000 or -32768000."""
 SET_POINT, AIR, RUNNING = "chamber_set_degC", "chamber_degC", "chamber_on"
 """Columns of a chamber's reading."""
 THERMOMETER_COLUMN = "thermometer_degC"

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from ambient_trainer.data.strict_yaml import Strict, wrong
 from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_values
@@ -45,10 +45,6 @@ _A_REPLY = "readings, an error's number and text, or an identity"
 _SCAN_LOST = "switched off, it forgets its scan: the next reading sets it up again"
 
 
-def _as_channel(value: Any) -> Any:
-    return {"channel": value} if isinstance(value, int) else value
-
-
 Thermocouple = Literal["B", "E", "J", "K", "N", "R", "S", "T"]
 _SENSORS = {"thermistor-2k": "THER,2252", "thermistor-5k": "THER,5000", "thermistor-10k": "THER,10000"}
 for _name, _coefficient in (("Pt100", 85), ("Pt1000", 85), ("JPt100", 91)):  # 0.00385 of IEC 60751, 0.00391 of old JIS
@@ -59,10 +55,15 @@ _OTHER_WIRES = 10  # above the channel, in a 34901A
 
 
 class Channel(Strict):
-    """A probe's channel, and its sensor where that is not the multiplexer's thermocouple."""
+    """A probe's channel, its slot (1 to 3) and two digits, and its sensor where it is no plain thermocouple."""
 
     channel: int
     sensor: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_channel(cls, data: Any) -> Any:
+        return {"channel": data} if isinstance(data, int) else data
 
     @field_validator("sensor")
     @classmethod
@@ -71,11 +72,11 @@ class Channel(Strict):
             raise wrong(f"no sensor is called {sensor!r}", f"known are {', '.join(_SENSORS)}")
         return sensor
 
-
-def _slotted(probe: Channel) -> Channel:
-    if not (100 < probe.channel < 400 and probe.channel % 100):
-        raise wrong(f"channel {probe.channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
-    return probe
+    @model_validator(mode="after")
+    def _slotted(self) -> Channel:
+        if not (100 < self.channel < 400 and self.channel % 100):
+            raise wrong(f"channel {self.channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
+        return self
 
 
 class Settings(MultiplexerSettings):
@@ -85,9 +86,7 @@ class Settings(MultiplexerSettings):
     """
 
     kind: Literal["agilent-34970a"]
-    probes: Annotated[
-        dict[Name, Annotated[Channel, BeforeValidator(_as_channel), AfterValidator(_slotted)]], Field(min_length=1)
-    ]
+    probes: Annotated[dict[Name, Channel], Field(min_length=1)]
     baud: Annotated[int, Field(ge=1200)] = 57600
     thermocouple: Thermocouple = "K"
 
@@ -197,7 +196,7 @@ def encode(reply: Reply) -> bytes:
 
 
 class Driver(SerialDriver):
-    """The multiplexer on its serial line; ``read`` sets up the scan where the instrument may have none."""
+    """The multiplexer on its line; ``read`` sets up the scan where the instrument may have none."""
 
     def __init__(self, settings: Settings, clock: Clock, offsets: Mapping[str, ProbeOffset] | None = None) -> None:
         self._names = dict(sorted((each.channel, probe) for probe, each in settings.probes.items()))
@@ -218,7 +217,7 @@ class Driver(SerialDriver):
         self.identify()
         for command in (RESET, configure(self._sensors), CHANNELS_WITH_READINGS):
             self.line.write(command)
-        self._check_error("the scan to be set up", self.line.query(READ_ERROR))
+        self._check_error("the scan to be set up", self.line.query(READ_ERROR).reply)
         self._configured = True
 
     def read(self) -> Reading:
@@ -227,7 +226,8 @@ class Driver(SerialDriver):
             self.configure()
         try:
             asked_s, answered_s, scan = self._scan()
-            self._check_error(self._read_scan.expected, self.ask_between(READ_ERROR))
+            if between := self.ask_between(READ_ERROR):
+                self._check_error(self._read_scan.expected, between.reply)
         except InstrumentError:
             self._configured = False  # it may have been switched off in between: that forgets the scan
             raise
@@ -236,21 +236,18 @@ class Driver(SerialDriver):
 
     def close(self) -> None:
         """Give the port back."""
-        self.line.close()
+        super().close()
         self._configured = False
 
-    def _check_error(self, expected: str, answer: Answer | None) -> None:
-        if answer is not None and answer.reply.number:
-            raise self.line.failed(expected, f"error {answer.reply}", hint=_SCAN_LOST)
+    def _check_error(self, expected: str, error: Any, silence: str = "") -> None:
+        if isinstance(error, ErrorText) and error.number:
+            raise self.line.failed(expected, f"{silence}error {error}", hint=_SCAN_LOST)
 
     def _scan(self) -> Answer:
         try:
             return self.line.query(self._read_scan)
-        except NoResponse as silent:
-            error = self.line.synchronise()  # it is silent where it did not understand, and then reports it
-            if isinstance(error, ErrorText) and error.number:
-                got = f"{silent.got}, and to SYST:ERR? {error}"
-                raise self.line.failed(self._read_scan.expected, got, hint=_SCAN_LOST) from silent
+        except NoResponse as silent:  # where it did not understand, which it then reports
+            self._check_error(self._read_scan.expected, self.line.synchronise(), f"{silent.got}, and ")
             raise
 
 
@@ -261,6 +258,9 @@ _MOST_ERRORS = 10
 class Simulated(SimulatedInstrument):
     """The multiplexer with thermocouples in ``air``; what each reads too much is drawn, or given by ``errors_K``."""
 
+    _configured: frozenset[int]
+    _scanned: list[int]
+
     def __init__(
         self,
         settings: Settings,
@@ -268,20 +268,15 @@ class Simulated(SimulatedInstrument):
         air: Callable[[float], float],
         seed: int = 0,
         errors_K: Mapping[str, float] | None = None,
-        folder: str | None = None,
     ) -> None:
         random = np.random.default_rng(seed)
-        self.probes: dict[int, Probe] = {}
-        self.errors_K: dict[str, float] = {}
-        for channel, name in sorted((each.channel, name) for name, each in settings.probes.items()):
-            drawn_K = _PROBES.calibration_degC * float(random.standard_normal())
-            self.errors_K[name] = drawn_K if errors_K is None else errors_K[name]
-            self.probes[channel] = Probe(air, self.errors_K[name], random)
+        names = dict(sorted((each.channel, name) for name, each in settings.probes.items()))
+        drawn_K = _PROBES.calibration_degC * random.standard_normal(len(names))
+        self.errors_K = dict(errors_K or zip(names.values(), drawn_K.tolist()))
+        self.probes = {channel: Probe(air, self.errors_K[name], random) for channel, name in names.items()}
         self._errors: deque[ErrorText] = deque(maxlen=_MOST_ERRORS)
-        self._configured: list[int] = []
-        self._scanned: list[int] = []
-        self._with_channels = False
-        super().__init__("multiplexer", clock, settings.baud, folder)
+        self._reset()
+        super().__init__("multiplexer", clock, settings.baud)
 
     def _respond(self, data: bytes) -> Iterator[Response]:
         for line in self._lines(data, b"\n"):
@@ -304,7 +299,7 @@ class Simulated(SimulatedInstrument):
                 yield Response(_ANSWERS_AFTER_S, encode(error))
             case "CONF:TEMP":
                 self._scanned = self._channels(argument[argument.index("(") :])
-                self._configured = sorted({*self._configured, *self._scanned})
+                self._configured |= {*self._scanned}
                 self._with_channels = False
             case "ROUT:SCAN":
                 self._scanned = self._channels(argument)
@@ -318,13 +313,11 @@ class Simulated(SimulatedInstrument):
                 self._errors.append(ErrorText(-113, "Undefined header"))
 
     def _scan(self) -> Iterator[Response]:
-        if not self._scanned or not set(self._scanned) <= set(self._configured):
+        if not self._scanned or not set(self._scanned) <= self._configured:
             self._errors.append(ErrorText(-221, "Settings conflict"))
             return
-        now_s = self._clock.now_s()
-        readings = tuple(
-            self.probes[channel].read(now_s + (index + 1) * _CHANNEL_S) for index, channel in enumerate(self._scanned)
-        )
+        due_s = self._clock.now_s() + _CHANNEL_S * np.arange(1, len(self._scanned) + 1)
+        readings = tuple(self.probes[channel].read(at_s) for channel, at_s in zip(self._scanned, due_s.tolist()))
         channels = tuple(self._scanned) if self._with_channels else None
         yield Response(len(readings) * _CHANNEL_S, encode(Scan(readings, channels)))
 
@@ -337,5 +330,4 @@ class Simulated(SimulatedInstrument):
         return sorted(found)
 
     def _reset(self) -> None:
-        self._configured, self._scanned = [], []
-        self._with_channels = False
+        self._configured, self._scanned, self._with_channels = frozenset(), [], False

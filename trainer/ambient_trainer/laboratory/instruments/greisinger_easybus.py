@@ -39,12 +39,10 @@ FAULTS = {
     16367: "EEPROM checksum error",
     16371: "value invalid",
 }
-
 _BAUD = 4800
 _GROUP = 3
 _MOST_DECIMALS = 7  # of the nine digits that 27 bits hold
-_FAULTS_32 = 0x07F5E100
-_FAULTS_16 = 0x3FE0
+_FAULTS_32, _FAULTS_16 = 0x07F5E100, 0x3FE0
 
 
 class Settings(ThermometerSettings):
@@ -84,8 +82,18 @@ def check(first: int, second: int) -> int:
 def request(address: int, code: int) -> bytes:
     """The question for ``code``; from 15 on, it has a group of its own."""
     if code < FURTHER:
-        return _group(~address & 0xFF, code << 4)
-    return _group(~address & 0xFF, FURTHER << 4 | 1 << 1) + _group(~code & 0xFF, 0)
+        return _groups(address, code << 4)
+    return _groups(address, FURTHER << 4 | 1 << 1, bytes((~code & 0xFF, 0)))
+
+
+def reply(address: int, code: int, body: bytes, faulty: bool = False) -> bytes:
+    """The frame of a reply; ``body`` is of an even number of bytes, as on the line but for the checks."""
+    return _groups(address, code << 4 | faulty << 3 | len(body) // 2 << 1 | 1, body)
+
+
+def _groups(address: int, second: int, body: bytes = b"") -> bytes:
+    data = bytes((~address & 0xFF, second)) + body
+    return b"".join(bytes((*pair, check(*pair))) for pair in zip(data[::2], data[1::2]))
 
 
 def decode(data: bytes) -> tuple[list[Frame | Malformed], bytes]:
@@ -94,7 +102,8 @@ def decode(data: bytes) -> tuple[list[Frame | Malformed], bytes]:
     noise = b""
     while size := _frame_size(data):
         if size > 0:
-            found += [*_malformed(noise), _frame(data[:size])]
+            body = b"".join(data[at : at + 2] for at in range(_GROUP, size, _GROUP))
+            found += [*_malformed(noise), Frame(~data[0] & 0xFF, data[1] >> 4, body)]
             noise = b""
         else:
             size, noise = 1, noise + data[:1]
@@ -102,21 +111,16 @@ def decode(data: bytes) -> tuple[list[Frame | Malformed], bytes]:
     return [*found, *_malformed(noise)], data
 
 
-def _frame_size(data: bytes) -> int:
+def _frame_size(data: bytes, replies: int = 1) -> int:
     """The size of the frame that begins ``data``, 0 while it may become one, -1 where none begins."""
     size = _GROUP
     for at in range(0, len(data) - _GROUP + 1, _GROUP):
-        if check(data[at], data[at + 1]) != data[at + 2] or not data[1] & 1:
+        if check(data[at], data[at + 1]) != data[at + 2] or data[1] & 1 != replies:
             return -1
         size = _GROUP * (1 + (data[1] >> 1 & 3))
         if at + _GROUP == size:
             return size
     return 0
-
-
-def _frame(data: bytes) -> Frame:
-    body = b"".join(data[at : at + 2] for at in range(_GROUP, len(data), _GROUP))
-    return Frame(~data[0] & 0xFF, data[1] >> 4, body)
 
 
 def _malformed(noise: bytes) -> list[Malformed]:
@@ -140,26 +144,13 @@ def value_of(body: bytes) -> Value | Malformed:
     return Malformed("a value of one group or two", f"{len(body) // 2} groups")
 
 
+def _fault(number: int) -> Value:
+    return Value(None, FAULTS.get(number, f"fault {number}"))
+
+
 def number_of(body: bytes) -> int:
     """The whole number in the body of a reply."""
     return int.from_bytes(_upright(body), "big")
-
-
-def reply(address: int, code: int, body: bytes, faulty: bool = False) -> bytes:
-    """The frame of a reply; ``body`` is of an even number of bytes, as on the line but for the checks."""
-    groups = [body[at : at + 2] for at in range(0, len(body), 2)]
-    head = _group(~address & 0xFF, code << 4 | faulty << 3 | len(groups) << 1 | 1)
-    return head + b"".join(_group(*group) for group in groups)
-
-
-def body_of_value(value: float, decimals: int) -> bytes:
-    """The body that holds ``value``, rounded to so many decimals."""
-    return body_of_number((decimals + 15) << 27 | (round(value * 10**decimals) - 0x02000000) & 0x07FFFFFF)
-
-
-def body_of_fault(number: int) -> bytes:
-    """The body that holds a fault, one of :data:`FAULTS`."""
-    return body_of_number(17 << 27 | (_FAULTS_32 + number))
 
 
 def body_of_number(number: int) -> bytes:
@@ -167,12 +158,9 @@ def body_of_number(number: int) -> bytes:
     return _upright(number.to_bytes(4, "big"))
 
 
-def _fault(number: int) -> Value:
-    return Value(None, FAULTS.get(number, f"fault {number}"))
-
-
-def _group(first: int, second: int) -> bytes:
-    return bytes((first, second, check(first, second)))
+def body_of_value(value: float, decimals: int) -> bytes:
+    """The body that holds ``value``, rounded to so many decimals."""
+    return body_of_number((decimals + 15) << 27 | (round(value * 10**decimals) - 0x02000000) & 0x07FFFFFF)
 
 
 def _upright(body: bytes) -> bytes:
@@ -185,12 +173,11 @@ class Driver(SerialDriver):
 
     def __init__(self, settings: Settings, clock: Clock) -> None:
         self._read_value = _query(settings.address, VALUE, "its value")
-        self._read_identity = _query(settings.address, IDENTITY, "its number")
+        self._read_identity = identity = _query(settings.address, IDENTITY, "its number")
         self._read_unit = _query(settings.address, UNIT, "its unit") if settings.unit is None else None
         self._unit: str = settings.unit or "degC"
-        self.line = SerialLine(
-            "thermometer", settings, clock, decode, self._read_identity, baud=_BAUD, silent_hint="switch it on"
-        )
+        hint = "switch it on"
+        self.line = SerialLine("thermometer", settings, clock, decode, identity, baud=_BAUD, silent_hint=hint)
 
     def identify(self) -> str:
         """The number that stands on it."""
@@ -214,51 +201,34 @@ class Driver(SerialDriver):
 
 
 def _query(address: int, code: int, what: str) -> Query:
-    expected = f"{what}, a reply of address {address} to code {code}"
-    return Query(
-        request(address, code),
-        expected,
-        lambda frame: (frame.address, frame.code) == (address, min(code, FURTHER)),
-    )
+    expected, answer = f"{what}, a reply of address {address} to code {code}", (address, min(code, FURTHER))
+    return Query(request(address, code), expected, lambda frame: (frame.address, frame.code) == answer)
 
 
 _ANSWERS_AFTER_S = 0.02  # chosen
 _NUMBER = 0x32407008
 _DECIMALS = 2
-_NO_SENSOR = 16365
+_NO_SENSOR = 17 << 27 | (_FAULTS_32 + 16365)
 
 
 class Simulated(SimulatedInstrument):
     """The thermometer in ``air``, switched on."""
 
-    def __init__(
-        self, settings: Settings, clock: Clock, air: Callable[[float], float], folder: str | None = None
-    ) -> None:
+    def __init__(self, settings: Settings, clock: Clock, air: Callable[[float], float]) -> None:
         self.switched_on = self.sensor_plugged = True
         self.unit = 1
         self._air = air
         self._address = settings.address
-        super().__init__("thermometer", clock, _BAUD, folder)
+        super().__init__("thermometer", clock, _BAUD)
 
     def _respond(self, data: bytes) -> Iterator[Response]:
-        if not self.switched_on:
-            self._received = b""
-            return
-        self._received += data
-        while len(self._received) >= _GROUP:
-            if check(*self._received[:2]) != self._received[2]:
-                self._received = self._received[1:]
-                continue
-            size = _GROUP * (1 + (self._received[1] >> 1 & 3))
-            if len(self._received) < size:
-                return
-            asked, self._received = self._received[:size], self._received[size:]
+        self._received = self._received + data if self.switched_on else b""
+        while size := _frame_size(self._received, replies=0):
+            asked, self._received = self._received[: max(size, 1)], self._received[max(size, 1) :]
             for code in (VALUE, IDENTITY, UNIT):
                 if asked == request(self._address, code):
-                    number = min(code, FURTHER)
-                    yield Response(
-                        _ANSWERS_AFTER_S, reply(self._address, number, self._body(code), not self.sensor_plugged)
-                    )
+                    frame = reply(self._address, min(code, FURTHER), self._body(code), not self.sensor_plugged)
+                    yield Response(_ANSWERS_AFTER_S, frame)
 
     def _body(self, code: int) -> bytes:
         if code == IDENTITY:
@@ -266,6 +236,6 @@ class Simulated(SimulatedInstrument):
         if code == UNIT:
             return bytes((~UNIT & 0xFF, 0)) + _upright(self.unit.to_bytes(2, "big"))
         if not self.sensor_plugged:
-            return body_of_fault(_NO_SENSOR)
+            return body_of_number(_NO_SENSOR)
         scale, zero = UNITS[NAMES[self.unit]]
         return body_of_value(scale * self._air(self._clock.now_s()) + zero, _DECIMALS)

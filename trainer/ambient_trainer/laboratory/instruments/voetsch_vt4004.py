@@ -334,7 +334,6 @@ class Simulated(SimulatedInstrument):
         clock: Clock,
         seed: int | np.random.Generator = 0,
         room_degC: float = 22.0,
-        folder: str | None = None,
     ) -> None:
         from ambient_trainer.simulator.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
 
@@ -345,7 +344,7 @@ class Simulated(SimulatedInstrument):
         self._outputs: tuple[bool, ...] = (False,) * (settings.outputs or OUTPUTS)
         self._fault = Fault(0, "")
         self._broken = False
-        super().__init__("chamber", clock, _BAUD, folder)
+        super().__init__("chamber", clock, _BAUD)
 
     def air_degC(self, at_s: float | None = None) -> float:
         """The true air, now or at a time of the clock since the start."""

@@ -1,8 +1,7 @@
 """A simulated phone as its files: zones, gauge and uptime as a kernel shows them, an ``adb`` in front of a real shell.
 
 Who takes a sample reads the uptime first: it is a pipe, behind which the files are brought up to date for the answer.
-Second by second it is the phone of :mod:`ambient_trainer.simulator`, with the same equations, sensors and noise, in
-air that somebody else makes. What it does is what ``phone start ACTIVITY`` in its shell last said.
+What it does is what ``phone start ACTIVITY`` in its shell last said.
 """
 
 from __future__ import annotations
@@ -16,17 +15,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 
-import numpy as np
-
 from ambient_trainer.laboratory.campaign import PowerSupply
 from ambient_trainer.laboratory.messages import Clock
-from ambient_trainer.simulator.device import Bursts, Device, Zone
-from ambient_trainer.simulator.heat import Demand
-from ambient_trainer.simulator.run import bursts, stream
-from ambient_trainer.simulator.stepper import Stepper
+from ambient_trainer.simulator import Device, Zone
+from ambient_trainer.simulator.live_device import LiveDevice
 
-_STEP_S = 1.0
-_BLOCK = 3600
 _WIDTH = 12
 """Of a number in a file that is overwritten."""
 _READ_S = 0.0003
@@ -74,32 +67,19 @@ class SimulatedPhone:
         recording_s: float = 0.0,
     ) -> None:
         self._clock = clock
-        self._air_degC = air_degC
         self._types = tuple(zones)
-        self._zones = tuple(zones.values())
         self._supply = supply
-        self._seed = seed
-        self._recording_s = recording_s
-        self._began_s = clock.now_s()
-        self._booted_s = self._began_s - _UPTIME_S
+        self._idle, began_s = phone.idle, clock.now_s()
+        self._booted_s = began_s - _UPTIME_S
         self._folder = tempfile.TemporaryDirectory(prefix="simulated-phone-")
         self._here = Path(self._folder.name)
         self._ending = threading.Event()
         self._lock = threading.Lock()
-        self._phone = phone
-        self._stepper = Stepper([phone], self._zones, _STEP_S)
-        self._noise = [stream(seed, f"zone {zone.name}") for zone in self._zones]
-        self._seconds = 0
-        self._burst_block = np.ones(0)
-        air = np.array([air_degC(self._began_s)])
         activity = activity or phone.idle
-        demand = self._stepper.balance.demand(np.array([phone.activity_index([activity])]), np.ones(1))
-        self._stepper.start(air, demand)
-        self._current_A = self._drawn_A(demand)
-        self._readings = self._read()
+        self._live = LiveDevice(phone, tuple(zones.values()), air_degC, began_s, activity, seed, recording_s)
         self._make_files(activity)
         self._threads = [
-            threading.Thread(target=each, name="simulated phone", daemon=True) for each in (self._live, self._serve)
+            threading.Thread(target=each, name="simulated phone", daemon=True) for each in (self._pass, self._serve)
         ]
 
     @property
@@ -144,7 +124,7 @@ class SimulatedPhone:
         """Start it anew, with the cable out until ``plug_cable``: nothing runs, and its zones have new numbers."""
         self.pull_cable()
         with self._lock:
-            (self._here / "activity").write_text(f"{self._phone.idle}\n")
+            (self._here / "activity").write_text(f"{self._idle}\n")
             self._booted_s = self._clock.now_s()
             folder = self._here / "sys/class/thermal"
             for index in range(len(self._types)):
@@ -168,19 +148,18 @@ class SimulatedPhone:
         self._files = [os.open(place, os.O_WRONLY | os.O_CREAT, 0o644) for place in places]
         programs = self._here / "bin"
         programs.mkdir()
-        for name, text in (("adb", _ADB), ("phone", _PHONE.replace("IDLE", self._phone.idle))):
+        for name, text in (("adb", _ADB), ("phone", _PHONE.replace("IDLE", self._idle))):
             (programs / name).write_text(text)
             (programs / name).chmod(0o755)
         (self._here / "activity").write_text(f"{activity}\n")
         self.plug_cable()
         self._show()
 
-    def _live(self) -> None:
+    def _pass(self) -> None:
         while not self._ending.is_set():
             with self._lock:
                 self._advance()
-            due_s = self._began_s + (self._seconds + 1) * _STEP_S
-            self._clock.wait(self._ending, due_s - self._clock.now_s())
+            self._clock.wait(self._ending, self._live.next_s - self._clock.now_s())
 
     def _serve(self) -> None:
         while not self._ending.is_set():
@@ -193,58 +172,21 @@ class SimulatedPhone:
             self._ending.wait(_READ_S)
 
     def _advance(self) -> None:
-        now_s, activity = self._clock.now_s(), self._activity()
-        while self._began_s + (self._seconds + 1) * _STEP_S <= now_s:
-            self._step(activity)
-
-    def _activity(self) -> int:
-        """The index of what it does; what it does not know, it does not do."""
-        name = (self._here / "activity").read_text().strip()
-        return self._phone.activity_index([name] if name in self._phone.activities else [])
-
-    def _step(self, activity: int) -> None:
-        at_s = self._began_s + self._seconds * _STEP_S
-        swing = tuple(self._phone.activities.values())[activity].bursts
-        burst = self._burst(swing) if swing else 1.0
-        demand = self._stepper.balance.demand(np.array([activity]), np.array([burst]))
-        air = np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])
-        self._stepper.step(demand, air)
-        self._current_A = self._drawn_A(demand)
-        self._readings = self._read()
-        self._seconds += 1
-
-    def _drawn_A(self, demand: Demand) -> float:
-        return float(self._stepper.balance.drawn(self._stepper.nodes_degC, demand)[1][0])
-
-    def _read(self) -> list[int]:
-        """What the zones report now, in millidegrees."""
-        noise = np.array([[random.standard_normal() for random in self._noise]])
-        return [round(1000.0 * each) for each in self._stepper.readings_degC(noise)[0].tolist()]
-
-    def _burst(self, swing: Bursts) -> float:
-        place = self._seconds % _BLOCK
-        if place == 0 or not len(self._burst_block):
-            first = self._seconds - place - self._recording_s
-            self._burst_block = bursts(first + np.arange(_BLOCK, dtype=np.float64), swing, stream(self._seed, "bursts"))
-        return float(self._burst_block[place])
+        self._live.advance(self._clock.now_s(), (self._here / "activity").read_text().strip())
 
     def _show(self) -> None:
         """Bring what is so now into the files, in their place: who could read meanwhile waits at the pipe."""
-        values = [*self._readings, *(self._gauge(name) for name in (self._supply.columns if self._supply else ()))]
+        values = [round(1000.0 * each) for each in self._live.zones_degC]
+        if self._supply is not None:
+            sign = 1.0 if self._supply.charging_is == "positive" else -1.0
+            gauge = {
+                "temp": lambda: 10.0 * self._live.battery_degC,
+                "voltage_now": lambda: 1e6 * self._live.battery_V,
+                "current_now": lambda: 1e6 * sign * self._live.current_A,
+            }
+            values += [round(gauge[attribute]()) for attribute in self._supply.columns]
         for file, value in zip(self._files, values):
             os.pwrite(file, f"{value:<{_WIDTH}}\n".encode(), 0)
-
-    def _gauge(self, attribute: str) -> int:
-        """What the battery's gauge says, in its own units."""
-        current_A = self._current_A
-        cell = self._phone.battery
-        assert cell
-        if attribute == "temp":
-            return round(10.0 * self._stepper.nodes_degC[0, self._phone.index(cell.node)])
-        if attribute == "voltage_now":
-            return round(1e6 * (cell.volt_V + current_A * cell.ohm))
-        assert self._supply is not None
-        return round(1e6 * (current_A if self._supply.charging_is == "positive" else -current_A))
 
     def _end_shells(self) -> None:
         shells = self._here / "shells"
