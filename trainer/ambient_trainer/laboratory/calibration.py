@@ -51,6 +51,11 @@ class Settled:
     drift_K: float = 0.05
     samples: int = 30
 
+    def refusal(self, source: str, reasons: Sequence[str]) -> Refused:
+        """Of a bath that never settled; ``reasons`` are those of its best window."""
+        hint = f"in {self.window_s:g} s at most {self.drift_K:g} K are allowed: stir, insulate, wait"
+        return Refused(source, [Fault("not settled", reason, hint) for reason in reasons])
+
 
 def load_bath(path: str, reference: str = REFERENCE + _UNIT) -> pd.DataFrame:
     """A recorded bath: every other ``_degC`` column than the ``reference`` is a probe; raises :class:`Refused`."""
@@ -101,34 +106,14 @@ def settled_windows(bath: pd.DataFrame, settled: Settled, source: str) -> list[p
     reasons = [unsettled(window, settled) for window in windows]
     if found := [window for window, lacking in zip(windows, reasons) if not lacking]:
         return found
-    raise not_settled(source, min(reversed(reasons), key=len), settled)
-
-
-def not_settled(source: str, reasons: Sequence[str], settled: Settled) -> Refused:
-    """The refusal of a bath that never settled; ``reasons`` are those of its best window."""
-    hint = f"in {settled.window_s:g} s at most {settled.drift_K:g} K are allowed: stir, insulate, wait"
-    return Refused(source, [Fault("not settled", reason, hint) for reason in reasons])
+    raise settled.refusal(source, min(reversed(reasons), key=len))
 
 
 def calibrated(windows: Sequence[pd.DataFrame], source: str) -> dict[str, ProbeOffset]:
-    """The offsets from settled windows, by probe.
+    """The offsets by probe, from the steadiest of the settled ``windows`` of each temperature.
 
-    Parameters
-    ----------
-    windows : sequence of DataFrame
-        Of each temperature the steadiest gives a point.
-    source : str
-        Names the bath in a refusal.
-
-    Raises
-    ------
-    Refused
-        With each probe that is too far off to be in the bath.
-
-    Notes
-    -----
     The standard error of the mean of n samples with the integrated autocorrelation time tau (in samples) is
-    s / sqrt(n / tau).
+    s / sqrt(n / tau). Raises :class:`Refused` with each probe that is too far off to be in the bath ``source``.
     """
     points: dict[str, list[OffsetPoint]] = {}
     faults = []
@@ -201,8 +186,10 @@ def real_bath(
     """Two instruments at their ports."""
     clock = clock or Clock()
     with contextlib.ExitStack() as stack:
-        reference = stack.enter_context(closing(instrument(thermometer.kind).Driver(thermometer, clock)))
-        probes = stack.enter_context(closing(instrument(multiplexer.kind).Driver(multiplexer, clock)))
+        reference, probes = (
+            stack.enter_context(closing(instrument(each.kind).Driver(each, clock)))
+            for each in (thermometer, multiplexer)
+        )
         yield BathInstruments(reference, probes, tuple(multiplexer.probes), clock, go_to, errors_K)
 
 
@@ -214,28 +201,23 @@ def simulated_bath(
     clock = Clock(speed)
     bath = ChamberAir(clock.now_s(), room_degC, 0, _BATH)
     with contextlib.ExitStack() as stack:
-        reference = stack.enter_context(closing(instrument(thermometer.kind).Simulated(thermometer, clock, bath.at)))
-        probes = stack.enter_context(closing(instrument(multiplexer.kind).Simulated(multiplexer, clock, bath.at)))
-        instruments = real_bath(
-            thermometer.model_copy(update={"port": reference.port}),
-            multiplexer.model_copy(update={"port": probes.port}),
-            lambda point: bath.drive(clock.now_s(), BATHS_DEGC[point]),
-            clock,
-            probes.errors_K,
+        reference, probes = (
+            stack.enter_context(closing(instrument(each.kind).Simulated(each, clock, bath.at)))
+            for each in (thermometer, multiplexer)
         )
-        yield stack.enter_context(instruments)
+        thermometer = thermometer.model_copy(update={"port": reference.port})
+        multiplexer = multiplexer.model_copy(update={"port": probes.port})
+        go_to = lambda point: bath.drive(clock.now_s(), BATHS_DEGC[point])  # noqa: E731
+        yield stack.enter_context(real_bath(thermometer, multiplexer, go_to, clock, probes.errors_K))
 
 
 class BathRecorder:
     """Reads the instruments every ``period_s``, and keeps all readings of one run; a bath has ``patience_s``."""
 
     def __init__(self, instruments: BathInstruments, period_s: float, patience_s: float) -> None:
-        self._instruments = instruments
-        self._period_s = period_s
-        self._patience_s = patience_s
-        self._clock = instruments.clock
+        self._instruments, self._period_s, self._patience_s = instruments, period_s, patience_s
+        self._clock, self._began_s = instruments.clock, instruments.clock.now_s()
         self._rows: dict[float, dict[str, float | None]] = {}
-        self._began_s = self._clock.now_s()
 
     def record(self) -> pd.DataFrame:
         """What was read so far."""
@@ -283,7 +265,7 @@ class BathRecorder:
             elif now_s - answered_s > settled.window_s:
                 raise failure
             if now_s - began_s > self._patience_s:
-                raise not_settled("the bath", reasons, settled)
+                raise settled.refusal("the bath", reasons)
             due_s = max(due_s + self._period_s, self._clock.now_s())
             self._clock.sleep(due_s - self._clock.now_s())
 

@@ -11,11 +11,10 @@ from collections.abc import Callable
 from functools import partial
 
 from ambient_trainer.laboratory.campaign import Device
+from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, InstrumentError, Reading
 from ambient_trainer.laboratory.shell import Connection, Shell
 
-PLAUSIBLE_DEGC = (-60.0, 250.0)
-"""Beyond them a reading stands for no reading, such as -274000 or -32768000."""
 _PER_UNIT = {"temp": 10.0, "current_now": 1e6, "voltage_now": 1e6}
 
 
@@ -26,12 +25,15 @@ def degrees_from_millidegrees(text: str) -> float | None:
 
 def supply_value(attribute: str, text: str, device: Device) -> float | None:
     """What an attribute of the power supply holds, in degC, A (positive into the battery) or V; None for nothing."""
-    value = _quotient(text, _PER_UNIT[attribute])
+    value, supply = _quotient(text, _PER_UNIT[attribute]), device.power_supply
     if attribute == "temp":
         return _plausible(value)
-    supply = device.power_supply
     reverse = attribute == "current_now" and supply is not None and supply.charging_is == "negative"
     return -value + 0.0 if reverse and value is not None else value
+
+
+def _plausible(temp_degC: float | None) -> float | None:
+    return temp_degC if temp_degC is not None and PLAUSIBLE_DEGC[0] <= temp_degC <= PLAUSIBLE_DEGC[1] else None
 
 
 def _quotient(text: str, per_unit: float) -> float | None:
@@ -39,11 +41,6 @@ def _quotient(text: str, per_unit: float) -> float | None:
         return int(text) / per_unit
     except ValueError:
         return None
-
-
-def _plausible(temp_degC: float | None) -> float | None:
-    low_degC, high_degC = PLAUSIBLE_DEGC
-    return temp_degC if temp_degC is not None and low_degC <= temp_degC <= high_degC else None
 
 
 _SAMPLES_UNTIL_SEARCH = 30
@@ -62,13 +59,11 @@ class DeviceUnderTest:
     """The device of a campaign. Raises :class:`InstrumentError`; after any, it may simply be asked again."""
 
     def __init__(self, device: Device, connection: Connection, clock: Clock) -> None:
-        self.device = device
-        self.port = connection.label
+        self.device, self.port = device, connection.label
         self.missing: tuple[str, ...] = ()
         """The zones that are not there."""
         self._shell = Shell(connection, clock, device.timeout_s, _SAMPLE.replace("ROOT", device.root))
-        self._opened = 0
-        self._until_search = 0
+        self._opened = self._until_search = 0
         self._uptime_s = 0.0
         self._columns: dict[str, tuple[str, Callable[[str], float | None]]] = {}
         """By column the file, and what turns its text into the column's unit."""

@@ -14,35 +14,16 @@ import os
 import threading
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ambient_model.faults import refuse
-from ambient_trainer.laboratory.messages import (
-    CHAMBER_GRADIENT,
-    CHAMBER_SET_POINT,
-    End,
-    Entry,
-    Failure,
-    Identity,
-    LoadState,
-    Note,
-    Sample,
-    StepBegan,
-)
+from ambient_trainer.laboratory import messages
+from ambient_trainer.laboratory.messages import ENTRIES, End, Entry, Failure, Identity, LoadState, Sample, StepBegan
 
 FORMAT, VERSION = "ambient-journal", 1
 SYNC_S = 1.0
 """The machine's seconds between two flushes of the file to the disk; to the file, all is written at once."""
-_KINDS: dict[str, type[Any]] = {
-    "sample": Sample,
-    "trouble": Failure,
-    "doing": LoadState,
-    "began": StepBegan,
-    "note": Note,
-    "identity": Identity,
-    "end": End,
-}
-_NAMES = {kind: name for name, kind in _KINDS.items()}
+_NAMES = {kind: name for name, kind in ENTRIES.items()}
 
 
 class Head(NamedTuple):
@@ -99,7 +80,7 @@ class Record(NamedTuple):
     @property
     def deviations(self) -> list[str]:
         """What the chamber did not do of all that the program asks for."""
-        sources = (CHAMBER_SET_POINT, CHAMBER_GRADIENT)
+        sources = (messages.CHAMBER_SET_POINT, messages.CHAMBER_GRADIENT)
         return [each.text for each in self.entries if isinstance(each, Failure) and each.source in sources]
 
     @property
@@ -131,15 +112,12 @@ class Journal:
     def __init__(self, path: str, head: Head | None = None) -> None:
         """A new journal with ``head``, or without one the one at ``path`` to go on with; raises :class:`Refused`."""
         self.path = path
-        self.samples_on_disk = 0
-        """Of those added here: acknowledged, and never lost from now on."""
         self.failure: OSError | None = None
-        self._lock = threading.Lock()
+        self.samples_on_disk = self._samples_added = 0
+        """Of those added here: acknowledged, and never lost from now on."""
+        self._lock, self._added = threading.Lock(), threading.Event()
         self._waiting: list[str] = []
-        self._samples_added = 0
-        self._added = threading.Event()
-        self._closing = False
-        self._synced_s = -math.inf
+        self._closing, self._synced_s = False, -math.inf
         self._file = _opened(path, new=head is not None)
         if head is not None:
             self._waiting.append(json.dumps({"format": FORMAT, "version": VERSION, **head._asdict()}) + "\n")
@@ -232,7 +210,7 @@ def _head(path: str, line: str) -> Head:
 def _entry(path: str, number: int, line: str) -> Entry:
     try:
         kind, *values = json.loads(line)
-        entry: Entry = _KINDS[kind](*values)
+        entry: Entry = ENTRIES[kind](*values)
     except (ValueError, TypeError, KeyError):
         hint = "it is damaged: remove the line, then --resume"
         raise refuse(path, f"line {number}", "not an entry of a journal", hint) from None

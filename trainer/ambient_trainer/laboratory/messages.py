@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Clock:
@@ -169,5 +169,10 @@ class End(NamedTuple):
 
 
 Message = Sample | Failure | Recovered | LoadState | Crash
-Entry = Sample | Failure | LoadState | StepBegan | Note | Identity | End
 Post = Callable[[Message], None]
+Entry = Sample | Failure | LoadState | StepBegan | Note | Identity | End
+ENTRIES: dict[str, type[Any]] = {
+    **{"sample": Sample, "trouble": Failure, "doing": LoadState, "began": StepBegan},
+    **{"note": Note, "identity": Identity, "end": End},
+}
+"""By its name in a journal the kind of an entry."""

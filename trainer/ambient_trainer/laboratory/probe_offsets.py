@@ -12,7 +12,7 @@ from typing import Annotated
 
 import numpy as np
 import yaml
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 
@@ -28,16 +28,17 @@ class OffsetPoint(Strict):
     standard_error_K: float = Field(ge=0.0)
 
 
-def _increasing(points: tuple[OffsetPoint, ...]) -> tuple[OffsetPoint, ...]:
-    if any(one.reading_degC >= other.reading_degC for one, other in itertools.pairwise(points)):
-        raise wrong("the readings do not increase", "sort the points, and drop doubles")
-    return points
-
-
 class ProbeOffset(Strict):
     """The offset of one probe at all temperatures of its calibration; beyond them the nearest holds."""
 
-    points: Annotated[tuple[OffsetPoint, ...], Field(min_length=1), AfterValidator(_increasing)]
+    points: Annotated[tuple[OffsetPoint, ...], Field(min_length=1)]
+
+    @field_validator("points")
+    @classmethod
+    def _increasing(cls, points: tuple[OffsetPoint, ...]) -> tuple[OffsetPoint, ...]:
+        if any(one.reading_degC >= other.reading_degC for one, other in itertools.pairwise(points)):
+            raise wrong("the readings do not increase", "sort the points, and drop doubles")
+        return points
 
     def at(self, reading_degC: float) -> float:
         """What to add to ``reading_degC``, in K."""

@@ -19,8 +19,7 @@ class SteadyState:
     """Whether the ambient stays at the set point, or without one where it is, and zones where they are, long enough."""
 
     def __init__(self, settle: Settle, set_degC: float | None) -> None:
-        self._settle = settle
-        self._set_degC = set_degC
+        self._settle, self._set_degC = settle, set_degC
         self._near_degC = math.nan if set_degC is None else set_degC
         self._since_s: float | None = None
         self._zones: Mapping[str, float] = {}
@@ -41,11 +40,9 @@ class SteadyState:
         return self._since_s is not None and now_s - self._since_s >= 60.0 * self._settle.for_min
 
     def _drifted(self, zones: Mapping[str, float]) -> bool:
-        drift_K = self._settle.drift_K
-        if drift_K is None:
-            return False
         # a zone without a reading may drift
-        return any(name not in zones or abs(zones[name] - before) > drift_K for name, before in self._zones.items())
+        most_K = math.inf if self._settle.drift_K is None else self._settle.drift_K
+        return any(abs(zones.get(name, math.inf) - before) > most_K for name, before in self._zones.items())
 
 
 class Reached(NamedTuple):
@@ -60,9 +57,7 @@ class Program:
     """The position in ``steps``; it starts ``elapsed_s`` into step ``step``."""
 
     def __init__(self, steps: Sequence[Step], now_s: float, step: int = 0, elapsed_s: float = 0.0) -> None:
-        self.steps = tuple(steps)
-        self.step = step
-        self.began_s = now_s - elapsed_s
+        self.steps, self.step, self.began_s = tuple(steps), step, now_s - elapsed_s
         self._steady = self._steady_state()
 
     @property
@@ -98,10 +93,8 @@ class Program:
             return None
         if step.settle is None or self._steady is None:
             return least_s, False  # the next one begins when this should have ended: no delay adds up
-        if self._steady.reached(now_s):
-            return now_s, False
-        given_up = now_s - self.began_s >= 60.0 * step.settle.at_most_min
-        return (now_s, True) if given_up else None
+        reached, given_up = self._steady.reached(now_s), now_s - self.began_s >= 60.0 * step.settle.at_most_min
+        return (now_s, not reached) if reached or given_up else None
 
     def _steady_state(self) -> SteadyState | None:
         if self.over or self.now.settle is None:
@@ -113,8 +106,7 @@ class SafetyLimits:
     """The limits of a laboratory, from ``now_s`` on."""
 
     def __init__(self, safety: Safety, now_s: float) -> None:
-        self._safety = safety
-        self._ambient_s = now_s
+        self._safety, self._ambient_s = safety, now_s
         self._crossed: str | None = None
 
     def check_ambient(self, now_s: float, ambient_degC: float | None) -> None:
@@ -140,10 +132,8 @@ class SafetyLimits:
         return self._crossed
 
     def _check_air(self, what: str, temp_degC: float) -> None:
-        limits = self._safety.chamber
-        if limits is None:
+        if (limits := self._safety.chamber) is None:
             return
-        if temp_degC > limits.high_degC + limits.margin_K:
-            self._crossed = f"{what}: {temp_degC:.1f} degC is above the limit of {limits.high_degC:g} degC"
-        elif temp_degC < limits.low_degC - limits.margin_K:
-            self._crossed = f"{what}: {temp_degC:.1f} degC is below the limit of {limits.low_degC:g} degC"
+        for name, limit_degC, sign in (("above", limits.high_degC, 1.0), ("below", limits.low_degC, -1.0)):
+            if sign * (temp_degC - limit_degC) > limits.margin_K:
+                self._crossed = f"{what}: {temp_degC:.1f} degC is {name} the limit of {limit_degC:g} degC"

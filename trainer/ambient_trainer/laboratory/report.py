@@ -114,13 +114,11 @@ def column_table(trace: pd.DataFrame) -> Table:
     """Per column of a trace: samples, gaps, and the range of what stands there."""
     lines = []
     for name, values in trace.items():
-        missing = values.isna()
+        missing, known = values.isna(), values.dropna()
         gaps = missing.groupby((missing != missing.shift()).cumsum()).sum()
-        known = values.dropna()
         texts = [f"{each:.3f}" for each in (known.min(), known.mean(), known.max())] if len(known) else ["-"] * 3
-        lines.append(
-            (str(name), f"{len(known):,}", f"{(gaps > 0).sum():,}", f"{gaps.max() if len(gaps) else 0:,}", *texts)
-        )
+        longest = gaps.max() if len(gaps) else 0
+        lines.append((str(name), f"{len(known):,}", f"{(gaps > 0).sum():,}", f"{longest:,}", *texts))
     caption = f"Of {len(trace):,} rows. Longest: the most rows in a row without a value."
     return Table(caption, ("column", "samples", "gaps", "longest", "min", "mean", "max"), tuple(lines), labels=1)
 
@@ -130,23 +128,18 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
     begins: dict[int, float] = {}
     for each in record.steps:
         begins.setdefault(each.step, each.at_s - each.elapsed_s)
-    mean_degC = campaign.laboratory.ambient.mean_degC
-    reference = campaign.laboratory.reference
-    ambient = [(each.at_s, mean_degC(each.values)) for each in record.samples if each.source == reference]
+    laboratory, program = campaign.laboratory, campaign.program
+    scans = [each for each in record.samples if each.source == laboratory.reference]
+    ambient = pd.Series(
+        [laboratory.ambient.mean_degC(each.values) for each in scans], [each.at_s for each in scans], float
+    )
     lines = []
-    program = campaign.program
-    for index, step in enumerate(program):
-        set_degC, before_degC = step.chamber_degC, program[index - 1].chamber_degC if index else None
-        if set_degC is None or set_degC == before_degC or index not in begins:
+    for index, (step, before) in enumerate(zip(program, (None, *program))):
+        set_degC = step.chamber_degC
+        if set_degC is None or (before and set_degC == before.chamber_degC) or index not in begins:
             continue
-        begin_s, end_s = begins[index], begins.get(index + 1, float("inf"))
-        there_s = (
-            at_s
-            for at_s, value in ambient
-            if value is not None and begin_s <= at_s < end_s and abs(value - set_degC) <= _AT_SET_POINT_K
-        )
-        first_s = next(there_s, None)
-        took = "never in its time" if first_s is None else clock_text(first_s - begin_s)
+        within = ambient[(ambient - set_degC).abs() <= _AT_SET_POINT_K].loc[begins[index] : begins.get(index + 1)]
+        took = clock_text(within.index[0] - begins[index]) if len(within) else "never in its time"
         lines.append((campaign.step_name(index), f"{set_degC:g}", took))
     caption = f"Until the ambient was first within {_AT_SET_POINT_K:g} K of the set point (h:mm:ss)."
     return Table(caption, ("step", "set degC", "air there after"), tuple(lines), labels=1)
@@ -182,20 +175,15 @@ def problems_of(outcome: Outcome, job: Job) -> list[str]:
     """What is not as it should be at the end of a run, and what to do about it."""
     safe_degC = job.loaded.campaign.laboratory.safety.set_point_degC
     problems = []
-    if safe_degC is None:
-        pass
-    elif not outcome.safe:
+    if safe_degC is not None and not outcome.safe:
         left = "" if job.simulated else " (for an hour, a process left behind goes on sending it)"
         problems.append(f"the chamber has NOT confirmed its safe set point, {safe_degC:g} degC: see to it{left}")
-    elif outcome.alarm is not None:
+    elif safe_degC is not None and outcome.alarm is not None:
         problems.append(f"the chamber is stopped, after its alarm: {outcome.alarm}")
     if not outcome.finished:
         held = safe_degC is not None and outcome.safe and outcome.alarm is None
-        where = f"the chamber holds {safe_degC:g} degC; " if held else ""
-        again = (
-            "the trace is whole, and its note says so"
-            if outcome.ending is Ending.DEVIATED
-            else "--resume goes on with it"
-        )
+        where, again = f"the chamber holds {safe_degC:g} degC; " if held else "", "--resume goes on with it"
+        if outcome.ending is Ending.DEVIATED:
+            again = "the trace is whole, and its note says so"
         problems.append(f"{outcome.why}; {where}{again}")
     return problems

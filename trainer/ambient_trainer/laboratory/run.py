@@ -13,12 +13,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
-from ambient_trainer.laboratory.instruments import ChamberDriver, Driver, instrument
+from ambient_trainer.laboratory.instruments import instrument
 from ambient_trainer.laboratory.journal import Journal
 from ambient_trainer.laboratory.messages import (
     CHAMBER,
@@ -45,39 +45,28 @@ from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Samp
 
 
 class Equipment(NamedTuple):
-    """The chamber, what is sampled with its period, and the connection to the device for its actions."""
+    """Instruments and device by source, the chamber first, with their periods; the connection is for the actions."""
 
-    chamber: ChamberDriver | None
-    sampled: Mapping[str, tuple[Driver, float]]
+    drivers: Mapping[str, tuple[Any, float]]
     connection: Connection
 
     def close(self) -> None:
         """Close every port."""
-        for each in self.drivers.values():
-            each.close()
-
-    @property
-    def drivers(self) -> dict[str, Driver]:
-        """All of them by source, the chamber first."""
-        chamber = {CHAMBER: self.chamber} if self.chamber else {}
-        return {**chamber, **{source: driver for source, (driver, _) in self.sampled.items()}}
+        for driver, _ in self.drivers.values():
+            driver.close()
 
 
 def equipment_of(loaded: LoadedCampaign, clock: Clock, environment: Mapping[str, str] | None = None) -> Equipment:
     """The equipment that a campaign names; ``environment`` is added to that of the device's shells."""
     laboratory = loaded.campaign.laboratory
+    further = {CHAMBER: (laboratory.safety.chamber,), MULTIPLEXER: (loaded.offsets,)}
+    drivers: dict[str, tuple[Any, float]] = {
+        role: (instrument(named.kind).Driver(named, clock, *further.get(role, ())), named.period_s)
+        for role, named in laboratory.instruments.named.items()
+    }
     connection = connection_to(laboratory.device.connect, environment)
-    device = DeviceUnderTest(laboratory.device, connection, clock)
-    chamber = None
-    sampled: dict[str, tuple[Driver, float]] = {}
-    for role, named in laboratory.instruments.named.items():
-        further = {CHAMBER: (laboratory.safety.chamber,), MULTIPLEXER: (loaded.offsets,)}.get(role, ())
-        driver = instrument(named.kind).Driver(named, clock, *further)
-        if role == CHAMBER:
-            chamber = driver
-        else:
-            sampled[role] = (driver, named.period_s)
-    return Equipment(chamber, {**sampled, DEVICE: (device, laboratory.device.period_s)}, connection)
+    drivers[DEVICE] = DeviceUnderTest(laboratory.device, connection, clock), laboratory.device.period_s
+    return Equipment(drivers, connection)
 
 
 def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[tuple[str, str]], list[str]]:
@@ -89,25 +78,23 @@ def identify(equipment: Equipment, loaded: LoadedCampaign) -> tuple[list[tuple[s
     found: list[tuple[str, str]] = []
     slow: list[str] = []
     faults: list[Fault] = []
-    for source, driver in equipment.drivers.items():
+    for source, (driver, period_s) in equipment.drivers.items():
+        port = getattr(laboratory.instruments.named.get(source), "port", "")
         try:
             found.append((source, driver.identify()))
-            port = getattr(laboratory.instruments.named.get(source), "port", "")
             reading = driver.read()
             if source == CHAMBER and reading.note:
                 hint = "see to it, and acknowledge it at the chamber"
                 raise InstrumentError(source, port, "no alarm", reading.note, hint)
-            if source == laboratory.reference:
-                readings = laboratory.ambient.readings(reading.values)
-                if silent := [name for name, value in readings.items() if value is None]:
-                    expected, got = "a reading of every probe of the ambient", f"no reading of {', '.join(silent)}"
-                    hint = "connect it, or take it out of 'laboratory.ambient.probes'"
-                    raise InstrumentError(source, port, expected, got, hint)
-            if source != CHAMBER and (text := _slowness(source, reading, equipment.sampled[source][1])):
+            probes = laboratory.ambient.readings(reading.values) if source == laboratory.reference else {}
+            if silent := [name for name, value in probes.items() if value is None]:
+                expected, got = "a reading of every probe of the ambient", f"no reading of {', '.join(silent)}"
+                hint = "connect it, or take it out of 'laboratory.ambient.probes'"
+                raise InstrumentError(source, port, expected, got, hint)
+            if source != CHAMBER and (text := _slowness(source, reading, period_s)):
                 slow.append(text)
         except InstrumentError as error:
-            problem = f"expected {error.expected}, got {error.got}"
-            faults.append(Fault(f"{source} on {error.port}", problem, error.hint))
+            faults.append(Fault(f"{source} on {error.port}", f"expected {error.expected}, got {error.got}", error.hint))
     if faults:
         raise Refused("the laboratory is not ready, and nothing was moved", faults)
     return found, slow
@@ -157,7 +144,7 @@ class Outcome(NamedTuple):
 
     @property
     def finished(self) -> bool:
-        """Whether the program came to its end, and the chamber did all of it."""
+        """Whether the chamber did all of the program."""
         return self.ending is Ending.FINISHED
 
 
@@ -188,17 +175,12 @@ class Run:
         program: Program,
         supervision: Supervision,
     ) -> None:
-        self.campaign = campaign
-        self.clock = clock
-        self.journal = journal
-        self.program = program
+        self.campaign, self.clock, self.journal, self.program = campaign, clock, journal, program
         self.latest: dict[str, Sample] = {}
         self.failures: dict[str, Failure] = {}
         self.ambient_degC: float | None = None
         self.alarm: str | None = None
-        self._laboratory = campaign.laboratory
-        self._equipment = equipment
-        self._supervision = supervision
+        self._laboratory, self._equipment, self._supervision = campaign.laboratory, equipment, supervision
         self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         self._limits = SafetyLimits(self._laboratory.safety, clock.now_s())
         self._failure_texts: dict[str, set[str]] = {}
@@ -210,8 +192,9 @@ class Run:
         self.load = LoadControl(self._laboratory, equipment.connection, clock, post)
         self._workers: list[Worker] = [self.load]
         self.chamber = self._new_chamber_control(_target(program))
-        for source, (driver, period_s) in equipment.sampled.items():
-            self._workers.append(Sampler(source, driver, period_s, clock, post))
+        for source, (driver, period_s) in equipment.drivers.items():
+            if source != CHAMBER:
+                self._workers.append(Sampler(source, driver, period_s, clock, post))
 
     def conduct(self) -> Outcome:
         """Run the program to its end, or to safety."""
@@ -240,12 +223,11 @@ class Run:
         return Outcome(ending, why, self.alarm, safe)
 
     def _new_chamber_control(self, target: Target) -> ChamberControl | None:
-        settings, confirm_s = self._laboratory.instruments.chamber, self._laboratory.safety.confirm_s
-        chamber, post = self._equipment.chamber, self._messages.put
-        if chamber is None or settings is None:
+        if CHAMBER not in self._equipment.drivers:
             return None
-        gradients = self.campaign.gradients
-        control = ChamberControl(chamber, self.clock, post, settings.period_s, target, gradients, confirm_s)
+        driver, period_s = self._equipment.drivers[CHAMBER]
+        gradients, confirm_s = self.campaign.gradients, self._laboratory.safety.confirm_s
+        control = ChamberControl(driver, self.clock, self._messages.put, period_s, target, gradients, confirm_s)
         self._workers.append(control)
         return control
 
@@ -335,8 +317,7 @@ class Run:
             self.program.update(sample.answered_s, self.ambient_degC, self._zones(sample.answered_s))
         else:
             self._limits.check(sample.values)
-        if sample.source in self._equipment.sampled:
-            self._check_pace(sample)
+        self._check_pace(sample)
         if sample.note != self._notes.get(sample.source):
             self._notes[sample.source] = sample.note
             if self.chamber is not None and sample.source == CHAMBER and sample.note is not None:
@@ -349,8 +330,8 @@ class Run:
                 self._note(f"{sample.source}: {sample.note}")
 
     def _check_pace(self, sample: Sample) -> None:
-        slow = _slowness(sample.source, sample, self._equipment.sampled[sample.source][1])
-        if self._slow[sample.source] < _SLOW_TIMES:
+        slow = _slowness(sample.source, sample, self._equipment.drivers[sample.source][1])
+        if sample.source != CHAMBER and self._slow[sample.source] < _SLOW_TIMES:
             self._slow[sample.source] = self._slow[sample.source] + 1 if slow else 0
             if slow and self._slow[sample.source] == _SLOW_TIMES:
                 self._note(slow)
@@ -381,21 +362,18 @@ class Run:
         if self.chamber is not None:
             self.chamber.go_to(safe)
         self.load.go_to(())
-        began_s, stopped = time.monotonic(), self._supervision.stopping()
+        began_s, stopped, safe_now = time.monotonic(), self._supervision.stopping(), False
         while (waited_s := time.monotonic() - began_s) < _SAFE_S:
             if self._supervision.giving_up() or (self._supervision.stopping() and not stopped):
                 break
             with contextlib.suppress(Exception):  # that the chamber is safe matters more than what is posted meanwhile
                 self._receive()
             self._update_monitor()
+            safe_now = self.chamber is None or self.chamber.confirmed
             settled = (self.chamber is None or self.chamber.settled) and self.load.confirmed
-            if self._safe and (settled or waited_s > _PATIENCE_S):
+            if safe_now and (settled or waited_s > _PATIENCE_S):
                 break
-        return self._safe
-
-    @property
-    def _safe(self) -> bool:
-        return self.chamber is None or self.chamber.confirmed
+        return safe_now
 
     def _note(self, text: str) -> None:
         now_s = self.clock.now_s()

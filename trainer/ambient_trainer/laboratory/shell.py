@@ -44,15 +44,14 @@ class Result(NamedTuple):
 def connection_to(connect: str, environment: Mapping[str, str] | None = None) -> Connection:
     """The connection that a campaign's ``connect`` names."""
     kind, _, whom = connect.partition(" ")
-    argv: tuple[str, ...] = ("sh",)
-    hint = "does 'sh' work here?"
+    argv, hint = ["sh"], "does 'sh' work here?"
     if kind == "adb":
-        argv = ("adb", *(("-s", whom) if whom else ()), "shell", "-T", "sh")
+        argv = ["adb", *(("-s", whom) if whom else ()), "shell", "-T", "sh"]
         hint = "is it listed as 'device' by 'adb devices' (cable, USB debugging, authorisation)?"
     elif kind == "ssh":
-        argv = ("ssh", "-T", *(part for each in _SSH_OPTIONS for part in ("-o", each)), whom, "sh")
+        argv = ["ssh", "-T", *(part for each in _SSH_OPTIONS for part in ("-o", each)), whom, "sh"]
         hint = f"does 'ssh {whom} true' work without a question (network, key, known host)?"
-    return Connection(argv, connect, environment or {}, hint)
+    return Connection(tuple(argv), connect, environment or {}, hint)
 
 
 class Shell:
@@ -64,17 +63,10 @@ class Shell:
 
     def __init__(self, connection: Connection, clock: Clock, timeout_s: float, setup: str = "") -> None:
         self.label = connection.label
-        self.opened = 0
+        self.opened = self._count = 0
         """How many have been opened."""
-        self._connection = connection
-        self._clock = clock
-        self._timeout_s = timeout_s
-        self._setup = setup
+        self._connection, self._clock, self._timeout_s, self._setup = connection, clock, timeout_s, setup
         self._process: subprocess.Popen[bytes] | None = None
-        self._pipes = (-1, -1)
-        self._received = b""
-        self._printed = b""
-        self._count = 0
 
     @property
     def alive(self) -> bool:
@@ -178,9 +170,8 @@ class Shell:
         self._printed = (self._printed + b" " + printed)[-_MOST_KEPT:]
 
     def _ended(self) -> Disconnected:
-        return Disconnected(
-            DEVICE, self.label, "an answer", f"the end of the shell{self._shown()}", self._connection.hint
-        )
+        got = f"the end of the shell{self._shown()}"
+        return Disconnected(DEVICE, self.label, "an answer", got, self._connection.hint)
 
     def _shown(self) -> str:
         printed = self._printed.decode("utf-8", "replace").strip()

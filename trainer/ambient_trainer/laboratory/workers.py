@@ -43,11 +43,8 @@ class Worker(threading.Thread):
 
     def __init__(self, source: str, clock: Clock, post: Post) -> None:
         super().__init__(name=source, daemon=True)
-        self.source = source
-        self.clock = clock
-        self.post = post
-        self.woken = threading.Event()
-        self.finished = False
+        self.source, self.clock, self.post = source, clock, post
+        self.woken, self.finished = threading.Event(), False
 
     def turn(self) -> float:
         """Do what is due; returns the time of the next turn."""
@@ -88,9 +85,7 @@ class Sampler(Worker):
 
     def __init__(self, source: str, instrument: Driver, period_s: float, clock: Clock, post: Post) -> None:
         super().__init__(source, clock, post)
-        self._instrument = instrument
-        self._period_s = period_s
-        self._scheduled = False
+        self._instrument, self._period_s, self._scheduled = instrument, period_s, False
 
     def turn(self) -> float:
         """Read the instrument, and post the sample."""
@@ -167,15 +162,11 @@ class ChamberControl(Worker):
         self.target = target
         self.error: InstrumentError | None = None
         """Why the newest turn failed, or None."""
-        self._chamber = chamber
-        self._period_s = period_s
-        self._gradients = gradients
-        self._confirm_s = confirm_s
+        self._chamber, self._period_s, self._gradients, self._confirm_s = chamber, period_s, gradients, confirm_s
         self._begun: Target | None = None
-        self._got = ""
-        self._gradient_attempts = 0
-        self._gradient_error: InstrumentError | None = None
         self._confirmed: Target | None = None
+        self._got, self._gradient_attempts = "", 0
+        self._gradient_error: InstrumentError | None = None
         self._reported_degC: float | None = None
 
     @property
@@ -195,10 +186,9 @@ class ChamberControl(Worker):
 
     def turn(self) -> float:
         """Send what is not confirmed, and read the chamber."""
-        target = self.target
+        target, self.error = self.target, None
         if target is not self._begun:
             self._begin(target)
-        self.error = None
         try:
             if target.urgent:
                 self._send(target)
@@ -239,10 +229,7 @@ class ChamberControl(Worker):
             return
         self._attempts += 1
         _log.info("%s is sent", target)
-        if target.set_degC is None:
-            self._chamber.stop()
-        else:
-            self._chamber.set_point(target.set_degC)
+        self._chamber.stop() if target.set_degC is None else self._chamber.set_point(target.set_degC)
         self._to_send = False
 
     def _send_gradient(self, target: Target) -> None:
@@ -336,9 +323,7 @@ class LoadControl(Worker):
                 self._set_active(None)
                 self.shell.close()
             if self._active is None:  # a known state: nothing is active
-                for name in self._actions:
-                    self._run(name, "stop")
-                self._set_active(())
+                self._change(tuple(reversed(self._actions)), ())
             if self._active != target:
                 self._change(self._active or (), target)
         except InstrumentError as error:
@@ -366,9 +351,6 @@ class LoadControl(Worker):
             self.post(LoadState(self.clock.now_s(), actions))
 
     def _run(self, name: str, what: str) -> None:
-        action = self._actions[name]
-        status = self.shell.run(action.start if what == "start" else action.stop).status
-        if status:
-            raise InstrumentError(
-                DEVICE, self.shell.label, f"action {name} to {what}", f"exit status {status}", _FAILED
-            )
+        if status := self.shell.run(getattr(self._actions[name], what)).status:
+            got = f"exit status {status}"
+            raise InstrumentError(DEVICE, self.shell.label, f"action {name} to {what}", got, _FAILED)

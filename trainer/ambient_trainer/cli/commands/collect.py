@@ -90,8 +90,8 @@ def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed
 
 
 def _run(job: Job, again: bool) -> int:
+    from ambient_trainer.cli.monitor import monitor_of
     from ambient_trainer.laboratory.collect import collect, resume
-    from ambient_trainer.laboratory.monitor import monitor_of
     from ambient_trainer.laboratory.report import collection_report, problems_of
     from ambient_trainer.laboratory.run import Supervision
 

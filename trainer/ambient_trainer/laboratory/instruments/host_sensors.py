@@ -19,11 +19,10 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, Positive, probe_values
+from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC, MultiplexerSettings, Name, Positive, probe_values
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
-_PLAUSIBLE_DEGC = (-60.0, 250.0)
 _POWER_ON_DEGC = 85.0
 _CHANNEL_HINT = "name a file below /sys, such as bus/iio/devices/iio:device0/in_temp_input, or a 1-wire number"
 
@@ -49,10 +48,11 @@ class Settings(MultiplexerSettings):
 class _Question(threading.Thread):
     """One file, read in a thread of its own: a bus takes its time, and some of them side by side take it once."""
 
+    answer: tuple[float | None, str | None] = None, None
+
     def __init__(self, root: str, channel: str) -> None:
         super().__init__(name=channel, daemon=True)
         self._root, self._channel = Path(root), channel
-        self.answer: tuple[float | None, str | None] = None, None
         self.start()
 
     def run(self) -> None:
@@ -62,13 +62,11 @@ class _Question(threading.Thread):
             if len(files) != 1:
                 raise ValueError(f"{len(files)} files where one is expected")
             value = _read(files[0])
-            if not _PLAUSIBLE_DEGC[0] <= value <= _PLAUSIBLE_DEGC[1]:
+            if not PLAUSIBLE_DEGC[0] <= value <= PLAUSIBLE_DEGC[1]:
                 raise ValueError(f"{value:g} degC")
             self.answer = value, None
-        except OSError as error:
-            self.answer = None, os.strerror(error.errno or 0)
-        except ValueError as error:
-            self.answer = None, str(error)
+        except (OSError, ValueError) as error:
+            self.answer = None, os.strerror(error.errno or 0) if isinstance(error, OSError) else str(error)
 
 
 def _read(file: Path) -> float:
@@ -80,11 +78,9 @@ def _read(file: Path) -> float:
             raise ValueError("its check is wrong")
     value = float(text)
     if file.name.endswith("_raw"):
-        beside = {}
-        for name, default in (("offset", 0.0), ("scale", 1.0)):
-            other = file.with_name(file.name.removesuffix("raw") + name)
-            beside[name] = float(other.read_text()) if other.exists() else default
-        value = (value + beside["offset"]) * beside["scale"]
+        offset, scale = (file.with_name(file.name.removesuffix("raw") + name) for name in ("offset", "scale"))
+        value += float(offset.read_text()) if offset.exists() else 0.0
+        value *= float(scale.read_text()) if scale.exists() else 1.0
     if "/w1/" in str(file) and value == 1000.0 * _POWER_ON_DEGC:
         raise ValueError("85 degC, its value before the first conversion")
     return value / 1000.0
@@ -107,14 +103,14 @@ class Driver:
         asked_s = self._clock.now_s()
         end_s = time.monotonic() + self._clock.patience_s(self._settings.timeout_s)
         # what is not over yet is not asked again, and its answer is of no use any more
-        self._late = {name: each for name, each in self._late.items() if each.is_alive()}
+        late = {name: each for name, each in self._late.items() if each.is_alive()}
         port, probes = self._settings.port, self._settings.probes
-        asked = {name: _Question(port, probes[name]) for name in probes if name not in self._late}
+        asked = {name: _Question(port, probes[name]) for name in probes if name not in late}
         for each in asked.values():
             each.join(max(end_s - time.monotonic(), 0.0))
-        self._late.update({name: each for name, each in asked.items() if each.is_alive()})
-        late = None, "no answer in time"
-        results = {name: late if name in self._late else asked[name].answer for name in probes}
+        self._late = late | {name: each for name, each in asked.items() if each.is_alive()}
+        nothing = None, "no answer in time"
+        results = {name: nothing if name in self._late else asked[name].answer for name in probes}
         reasons = "; ".join(f"{name}: {reason}" for name, (_, reason) in results.items() if reason)
         if all(value is None for value, _ in results.values()):
             kind = NoResponse if "no answer" in reasons else Disconnected
