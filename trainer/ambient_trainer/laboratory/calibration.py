@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -176,21 +176,21 @@ class BathInstruments(NamedTuple):
 
 
 @contextlib.contextmanager
+def _each(what: str, links: Sequence[Any], *arguments: object) -> Iterator[list[Any]]:
+    """A ``Driver``, or what is ``Simulated``, of each instrument, closed in the end."""
+    with contextlib.ExitStack() as stack:
+        kinds = [getattr(instrument(link.kind), what) for link in links]
+        yield [stack.enter_context(closing(kind(link, *arguments))) for kind, link in zip(kinds, links)]
+
+
+@contextlib.contextmanager
 def real_bath(
-    thermometer: ThermometerSettings,
-    multiplexer: MultiplexerSettings,
-    go_to: Callable[[int], None],
-    clock: Clock | None = None,
-    errors_K: Mapping[str, float] | None = None,
+    thermometer: ThermometerSettings, multiplexer: MultiplexerSettings, go_to: Callable[[int], None]
 ) -> Iterator[BathInstruments]:
     """Two instruments at their ports."""
-    clock = clock or Clock()
-    with contextlib.ExitStack() as stack:
-        reference, probes = (
-            stack.enter_context(closing(instrument(each.kind).Driver(each, clock)))
-            for each in (thermometer, multiplexer)
-        )
-        yield BathInstruments(reference, probes, tuple(multiplexer.probes), clock, go_to, errors_K)
+    clock = Clock()
+    with _each("Driver", (thermometer, multiplexer), clock) as drivers:
+        yield BathInstruments(drivers[0], drivers[1], tuple(multiplexer.probes), clock, go_to)
 
 
 @contextlib.contextmanager
@@ -199,16 +199,13 @@ def simulated_bath(
 ) -> Iterator[BathInstruments]:
     """The same instruments simulated, ``speed`` times as fast; their bath goes to :data:`BATHS_DEGC`."""
     clock = Clock(speed)
-    bath = ChamberAir(clock.now_s(), room_degC, 0, _BATH)
-    with contextlib.ExitStack() as stack:
-        reference, probes = (
-            stack.enter_context(closing(instrument(each.kind).Simulated(each, clock, bath.at)))
-            for each in (thermometer, multiplexer)
-        )
-        thermometer = thermometer.model_copy(update={"port": reference.port})
-        multiplexer = multiplexer.model_copy(update={"port": probes.port})
+    bath, links = ChamberAir(clock.now_s(), room_degC, 0, _BATH), (thermometer, multiplexer)
+    with _each("Simulated", links, clock, bath.at) as there:
+        ports = [link.model_copy(update={"port": each.port}) for link, each in zip(links, there)]
         go_to = lambda point: bath.drive(clock.now_s(), BATHS_DEGC[point])  # noqa: E731
-        yield stack.enter_context(real_bath(thermometer, multiplexer, go_to, clock, probes.errors_K))
+        with _each("Driver", ports, clock) as drivers:
+            probes, errors_K = tuple(multiplexer.probes), there[1].errors_K
+            yield BathInstruments(drivers[0], drivers[1], probes, clock, go_to, errors_K)
 
 
 class BathRecorder:

@@ -61,7 +61,7 @@ class Instruments(Strict):
 
     @property
     def named(self) -> dict[str, Any]:
-        """The settings of those that are there, by role."""
+        """Those that are there, by role."""
         return {role: settings for role, settings in self if settings is not None}
 
 

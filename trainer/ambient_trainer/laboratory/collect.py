@@ -39,11 +39,6 @@ class Job(NamedTuple):
     simulated: bool = False
     environment: Mapping[str, str] | None = None
 
-    @property
-    def journal_path(self) -> str:
-        """Where the run's journal is."""
-        return journal_path(self.output)
-
 
 class Collected(NamedTuple):
     """What came of a run; ``trace`` is None where the recording had not begun."""
@@ -60,16 +55,14 @@ def journal_path(output: str) -> str:
 
 def laboratory_path(output: str) -> str:
     """Where the instruments' own readings go."""
-    for ending in (".csv.gz", ".csv"):
-        if output.endswith(ending):
-            return f"{output.removesuffix(ending)}.laboratory{ending}"
-    return f"{output}.laboratory.csv"
+    ending = next((each for each in (".csv.gz", ".csv") if output.endswith(each)), "")
+    return f"{output.removesuffix(ending)}.laboratory{ending or '.csv'}"
 
 
 def collect(job: Job, supervision: Supervision) -> Collected:
     """Run the campaign from its beginning; raises :class:`Refused` before anything moves."""
-    if os.path.exists(job.journal_path):
-        Journal(job.journal_path, _head(job))  # is refused, with what to do about it
+    if os.path.exists(journal_path(job.output)):
+        Journal(journal_path(job.output), _head(job))  # is refused, with what to do about it
     clock = Clock(job.speed)
     equipment = equipment_of(job.loaded, clock, job.environment)
     try:
@@ -78,7 +71,7 @@ def collect(job: Job, supervision: Supervision) -> Collected:
         equipment.close()
         raise
     clock.set(0.0)
-    journal = Journal(job.journal_path, _head(job))
+    journal = Journal(journal_path(job.output), _head(job))
     for identity in identities:
         journal.add(Identity(*identity))
     for text in slow:
@@ -89,13 +82,13 @@ def collect(job: Job, supervision: Supervision) -> Collected:
 
 def resume(job: Job, supervision: Supervision) -> Collected:
     """Go on with the run whose journal is there; raises :class:`Refused` where it is another campaign's."""
-    record = read_journal(job.journal_path)
+    record = read_journal(journal_path(job.output))
     _check_same(job, record)
     campaign = job.loaded.campaign
     last_s, left = record.last_s, record.left
     if left.step >= len(campaign.program):  # only the trace is missing
         return _written(job, Outcome(Ending.FINISHED, "finished", None, True))
-    journal = Journal(job.journal_path)
+    journal = Journal(journal_path(job.output))
     # the calendar may have been set back in between: time goes on all the same
     now_s = max(record.head.now_s(), last_s + campaign.period_s)
     clock = Clock(job.speed)
@@ -126,24 +119,18 @@ def _run(
 
 def _written(job: Job, outcome: Outcome) -> Collected:
     """The trace, whole, of what there is; a journal that has come to its end is removed."""
-    record = read_journal(job.journal_path)
-    campaign = job.loaded.campaign
-    over = outcome.finished
+    record, campaign = read_journal(journal_path(job.output)), job.loaded.campaign
+    over, trace = outcome.finished, None
     if over and record.deviations:
         outcome = outcome._replace(ending=Ending.DEVIATED, why="; ".join(record.deviations))
-    grid = grid_of(record, campaign)
-    trace = None
-    if grid is not None:
-        notes = _notes(job, record, outcome)
-        trace = trace_rows(record, campaign, grid)
-        for path, table in (
-            (job.output, trace),
-            (laboratory_path(job.output), laboratory_rows(record, campaign, grid)),
-        ):
+    if (grid := grid_of(record, campaign)) is not None:
+        notes, trace = _notes(job, record, outcome), trace_rows(record, campaign, grid)
+        beside = laboratory_rows(record, campaign, grid)
+        for path, table in ((job.output, trace), (laboratory_path(job.output), beside)):
             columns = {str(name): values.to_numpy() for name, values in table.items()}
             save_trace(path, Trace(path, table.index.to_numpy(), columns, notes))
     if over:
-        os.unlink(job.journal_path)
+        os.unlink(journal_path(job.output))
     return Collected(outcome, record, trace)
 
 
@@ -156,10 +143,10 @@ def _check_same(job: Job, record: Record) -> None:
     if head.sha256 != job.loaded.sha256:
         problem = f"holds a run of campaign {head.campaign!r} as it was with SHA-256 {head.sha256[:12]}"
         hint = f"{job.loaded.path} is another, or was changed since: give the one that it began with"
-        raise refuse(job.journal_path, "", problem, hint)
+        raise refuse(journal_path(job.output), "", problem, hint)
     if (head.simulated, head.speed) != (job.simulated, job.speed):
         began = f"--simulate --speed {head.speed:g}" if head.simulated else "real instruments"
-        raise refuse(job.journal_path, "", f"holds a run that began with {began}", "resume it the same way")
+        raise refuse(journal_path(job.output), "", f"holds a run that began with {began}", "resume it the same way")
 
 
 def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
@@ -181,16 +168,16 @@ def _notes(job: Job, record: Record, outcome: Outcome) -> dict[str, str]:
 
 def _delays(record: Record) -> dict[str, str]:
     """How long answers took, and what the device's clock was ahead of the run's."""
-    samples = record.samples
-    notes = {}
-    for source in dict.fromkeys(sample.source for sample in samples):
-        delays = sorted(each.answered_s - each.asked_s for each in samples if each.source == source)
-        notes[f"{source}_delay_s"] = f"median {delays[len(delays) // 2]:.4f}, worst {delays[-1]:.4f}"
-    offsets = [
-        (each.answered_s - each.asked_s, offset_s)
-        for each in samples
-        if each.source == DEVICE and (offset_s := each.values.get(CLOCK_OFFSET)) is not None
-    ]
+    took_s: dict[str, list[float]] = {}
+    offsets: list[tuple[float, float]] = []
+    for each in record.samples:
+        took_s.setdefault(each.source, []).append(each.answered_s - each.asked_s)
+        if each.source == DEVICE and (offset_s := each.values.get(CLOCK_OFFSET)) is not None:
+            offsets.append((each.answered_s - each.asked_s, offset_s))
+    notes = {
+        f"{source}_delay_s": f"median {sorted(delays)[len(delays) // 2]:.4f}, worst {max(delays):.4f}"
+        for source, delays in took_s.items()
+    }
     if offsets:
         delay_s, offset_s = min(offsets)  # the quickest answer leaves the least doubt
         drift_s = offsets[-1][1] - offsets[0][1]
@@ -223,8 +210,8 @@ def grid_of(record: Record, campaign: Campaign) -> Grid | None:
     if began is None:
         return None
     # on the samplers' own schedule, so that a sample which comes a little late does not change its row
-    period_s = campaign.period_s
-    return Grid(math.floor((began.at_s - began.elapsed_s) / period_s + _ROUNDING_S) * period_s, period_s)
+    first = math.floor((began.at_s - began.elapsed_s) / campaign.period_s + _ROUNDING_S)
+    return Grid(first * campaign.period_s, campaign.period_s)
 
 
 def trace_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFrame:
@@ -264,8 +251,5 @@ def laboratory_rows(record: Record, campaign: Campaign, grid: Grid) -> pd.DataFr
 
 def signals_while(laboratory: Laboratory, actions: Sequence[str]) -> dict[str, float]:
     """The signals while ``actions`` last: where several have one, the largest."""
-    found = dict(laboratory.signals)
-    active = [laboratory.actions[action].signals for action in actions]
-    for name in {signal for signals in active for signal in signals}:
-        found[name] = max(signals[name] for signals in active if name in signals)
-    return found
+    active = [item for action in actions for item in laboratory.actions[action].signals.items()]
+    return {**laboratory.signals, **dict(sorted(active, key=lambda item: item[1]))}

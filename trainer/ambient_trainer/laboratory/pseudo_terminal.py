@@ -35,16 +35,14 @@ class SimulatedInstrument(ABC):
     """
 
     def __init__(self, name: str, clock: Clock, baud: int) -> None:
-        self.muted = False
-        self._clock = clock
-        self._byte_s = _BITS_A_BYTE / baud
+        self.muted = self._stopped = self._ended = False
+        self._clock, self._byte_s = clock, _BITS_A_BYTE / baud
         self._folder = tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
         self._link = Path(self._folder.name, name)
         self._lock = threading.RLock()
         self._due: deque[tuple[float, bytes]] = deque()
         self._distortions: deque[Callable[[bytes], Sequence[tuple[float, bytes]]]] = deque()
         self._free_s = self._sent_s = clock.now_s()
-        self._stopped = self._ended = False
         self._received = b""
         self._ends: tuple[int, int] | None = None
         self._woken, self._wake = os.pipe()

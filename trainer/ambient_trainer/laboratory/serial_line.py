@@ -31,7 +31,7 @@ _BETWEEN_S = 0.05
 _MOST_SHOWN = 48
 _VISA = "is it listed by 'pyvisa-shell' (list), and does no other program use it?"
 _NETWORK = "is it on the network, is this its address and port, and is no other program connected?"
-_FOREIGN = re.compile(rb"[^\x20-\x7e]")
+_UP_TO_FOREIGN = re.compile(rb".*[^\x20-\x7e]", re.DOTALL)
 _VISA_SERIAL = re.compile(r"ASRL(/.+)::INSTR", re.IGNORECASE)
 _VISA_SOCKET = re.compile(r"TCPIP\d*::(.+)::(\d+)::SOCKET", re.IGNORECASE)
 
@@ -78,22 +78,14 @@ def text_replies(ending: bytes, ignored: bytes, longest: int, parse: Callable[[s
         return Malformed(f"at most {longest} characters of text and {shown(ending)}", shown(data))
 
     def read(line: bytes) -> list[Any]:
-        foreign = [match.end() for match in _FOREIGN.finditer(line)]
-        if not foreign and len(line) <= longest:
-            return [parse(line.decode("ascii"))]
-        behind = line[foreign[-1] :] if foreign else b""
-        found: list[Any] = [malformed(line[: len(line) - len(behind)])]
-        if 0 < len(behind) <= longest:
-            found.append(parse(behind.decode("ascii")))
-        return found
+        text = _UP_TO_FOREIGN.sub(b"", line)
+        noise, text = (line[: len(line) - len(text)], text) if len(text) <= longest else (line, b"")
+        return [malformed(noise)] * bool(noise) + [parse(text.decode("ascii"))] * bool(text or not noise)
 
     def decode(data: bytes) -> tuple[list[Any], bytes]:
         *lines, rest = data.split(ending)
-        found = [reply for line in lines for reply in read(line.strip(ignored))]
-        rest = rest.lstrip(ignored)
-        if len(rest) > longest:
-            return [*found, malformed(rest)], b""
-        return found, rest
+        found, rest = [reply for line in lines for reply in read(line.strip(ignored))], rest.lstrip(ignored)
+        return (found, rest) if len(rest) <= longest else ([*found, malformed(rest)], b"")
 
     return decode
 
@@ -112,9 +104,8 @@ class _SerialPort:
 
     def __init__(self, name: str, baud: int, xonxoff: bool, patience_s: float) -> None:
         # two instruments on one port would read each other's answers
-        self._port = port = serial.serial_for_url(
-            name, baud, timeout=0, write_timeout=patience_s, xonxoff=xonxoff, exclusive=True
-        )
+        options = {"timeout": 0, "write_timeout": patience_s, "xonxoff": xonxoff, "exclusive": True}
+        self._port = port = serial.serial_for_url(name, baud, **options)
         self.write = port.write
         if xonxoff and "://" not in name:  # an XOFF that nobody took back stays with the port: stop it, and let it go
             port.set_output_flow_control(False)
@@ -185,9 +176,9 @@ class SerialLine:
     """One instrument's line; opened by the first query, and again after it was lost.
 
     ``synchronise_query`` is one whose answer no other query has, or else comes after a silence of ``quiet_s``;
-    ``pause_s`` is the least time between two requests; with ``xonxoff`` the instrument stops the sender with XOFF;
-    ``silent_hint`` is what to do where it is silent. A port is a path, a URL of pyserial's such as
-    ``socket://HOST:2049``, or a VISA resource.
+    ``settings.pause_s`` is the least time between two requests, 0 where there is none; with ``xonxoff`` the instrument
+    stops the sender with XOFF; ``silent_hint`` is what to do where it is silent. A port is a path, a URL of pyserial's
+    such as ``socket://HOST:2049``, or a VISA resource.
     """
 
     instrument: str
@@ -196,7 +187,6 @@ class SerialLine:
     decode: Decode
     synchronise_query: Query
     baud: int
-    pause_s: float = 0.0
     xonxoff: bool = False
     quiet_s: float = QUIET_S
     silent_hint: str | None = None
@@ -345,15 +335,12 @@ class SerialLine:
         port = self._port
         assert port is not None, "nothing is sent on a line that is not open"
         time.sleep(max(self._may_send_s - time.monotonic(), 0.0))
-        self._may_send_s = time.monotonic() + self.clock.wall_s(self.pause_s)
+        self._may_send_s = time.monotonic() + self.clock.wall_s(getattr(self.settings, "pause_s", 0.0))
         asked_s = self.clock.now_s()
         try:
             port.write(request)
-        except serial.SerialTimeoutException as error:
-            self.close()  # with it goes what was not sent
-            raise self.failed(f"{shown(request)} to be taken", "XOFF all the time", NoResponse) from error
-        except Exception as error:  # pyserial and pyvisa raise a dozen kinds
-            raise self._lost(error) from error
+        except Exception as error:
+            raise self._lost(error, f"{shown(request)} to be taken") from error
         return asked_s
 
     def _receive(self, patience_s: float) -> bytes:
@@ -361,12 +348,15 @@ class SerialLine:
         assert self._port is not None, "nothing is received on a line that is not open"
         try:
             return self._port.read(patience_s)
-        except Exception as error:  # pyserial and pyvisa raise a dozen kinds
+        except Exception as error:
             raise self._lost(error) from error
 
-    def _lost(self, error: Exception) -> InstrumentError:
-        self.close()
-        return self.failed("the port to stay", _reason(error), Disconnected)
+    def _lost(self, error: Exception, expected: str = "the port to stay") -> InstrumentError:
+        """What to raise for an error of the port, of which pyserial and pyvisa have a dozen kinds."""
+        self.close()  # with it goes what was not sent
+        if isinstance(error, serial.SerialTimeoutException):
+            return self.failed(expected, "XOFF all the time", NoResponse)
+        return self.failed(expected, _reason(error), Disconnected)
 
 
 class SerialDriver:

@@ -11,7 +11,6 @@ import json
 import logging
 import subprocess
 import sys
-from types import TracebackType
 
 from ambient_trainer.laboratory.instruments import ChamberDriver, ChamberLimits, ChamberSettings, instrument
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError
@@ -37,18 +36,11 @@ class Watchdog:
 
     def __enter__(self) -> Watchdog:
         # a session of its own: what ends this one does not end it
-        self.process = subprocess.Popen(
-            self.argv,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+        pipe, silent = subprocess.PIPE, subprocess.DEVNULL
+        self.process = subprocess.Popen(self.argv, stdin=pipe, stdout=silent, stderr=silent, start_new_session=True)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Release it, as the run has seen to the chamber itself; but not after an error or ``take_over``."""
         assert self.process.stdin is not None
         if self._taken_over or kind is not None:

@@ -4,16 +4,15 @@ A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one
 ``ambient_trainer.laboratory.instruments``. It holds three classes:
 
 ``Settings``
-    Its part of a campaign: a subclass of the settings of its role, :class:`ChamberSettings`,
-    :class:`MultiplexerSettings` or :class:`ThermometerSettings`.
+    Its part of a campaign: a subclass of the settings of its role, one of :data:`ROLES`.
 ``Driver``
     Made of (settings, clock); a chamber's also of its set point's limits, a multiplexer's of the probes' offsets. It is
     a :class:`Driver`, a chamber's a :class:`ChamberDriver`.
 ``Simulated``
-    The instrument at the far end of a pseudo-terminal, for ``--simulate``: a
-    :class:`~ambient_trainer.laboratory.pseudo_terminal.SimulatedInstrument` made of (settings, clock, seed
-    of the air, temperature at the start) for a chamber, which has ``air_degC(at_s)``, of (settings, clock, air, seed,
-    errors_K by probe or None) for a multiplexer and of (settings, clock, air) for a thermometer.
+    The instrument for ``--simulate``, with a ``port`` and ``close()``, made of (settings, clock, seed of the air,
+    temperature at the start) for a chamber, which has ``air_degC(at_s)``, of (settings, clock, air, seed, errors_K by
+    probe or None) for a multiplexer and of (settings, clock, air) for a thermometer. On a serial line it is a
+    :class:`~ambient_trainer.laboratory.pseudo_terminal.SimulatedInstrument`.
 """
 
 from __future__ import annotations

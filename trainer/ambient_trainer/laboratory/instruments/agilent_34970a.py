@@ -206,7 +206,6 @@ class Driver(SerialDriver):
         self._configured = False
 
     def identify(self) -> str:
-        """Maker, model and firmware."""
         identity = self.line.query(READ_IDENTITY).reply
         if identity.model not in MODELS:
             raise self.line.failed(READ_IDENTITY.expected, f"that of a {identity.maker} {identity.model}")
@@ -235,7 +234,6 @@ class Driver(SerialDriver):
         return Reading(asked_s, answered_s, values)
 
     def close(self) -> None:
-        """Give the port back."""
         super().close()
         self._configured = False
 

@@ -180,11 +180,9 @@ class Driver(SerialDriver):
         self.line = SerialLine("thermometer", settings, clock, decode, identity, baud=_BAUD, silent_hint=hint)
 
     def identify(self) -> str:
-        """The number that stands on it."""
         return f"GMH thermometer, number {number_of(self.line.query(self._read_identity).reply.body):x}"
 
     def read(self) -> Reading:
-        """The temperature; where there is none, the note has the reason."""
         asked_s, answered_s, frame = self.line.query(self._read_value)
         between = self.ask_between(self._read_unit or self._read_identity)
         if between and self._read_unit:

@@ -94,7 +94,6 @@ class Driver:
         self._late: dict[str, _Question] = {}
 
     def identify(self) -> str:
-        """Where they are."""
         self.read()
         return f"{len(self._settings.probes)} sensors of this machine: {', '.join(self._settings.probes.values())}"
 
@@ -141,19 +140,17 @@ class Simulated:
         errors_K: Mapping[str, float] | None = None,
     ) -> None:
         self.errors_K = dict(errors_K or dict.fromkeys(settings.probes, 0.0))
-        self._clock, self._air = clock, air
+        self._clock, self._air, self._ending = clock, air, threading.Event()
         self._folder = tempfile.TemporaryDirectory(prefix="ambient-sensors-")
         self.port = self._folder.name
         self.files = {name: Path(self.port, channel.replace("*", "0")) for name, channel in settings.probes.items()}
         for file in self.files.values():
             file.parent.mkdir(parents=True, exist_ok=True)
         self._update()
-        self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulated sensors", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Take them away."""
         self._ending.set()
         self._thread.join()
         self._folder.cleanup()

@@ -67,7 +67,6 @@ class Driver:
         self._client: Any = None
 
     def identify(self) -> str:
-        """The topic, once the broker can be reached."""
         self._connect()
         return f"MQTT topic {self._settings.topic}"
 
@@ -92,7 +91,6 @@ class Driver:
         return Reading(at_s, at_s, {THERMOMETER_COLUMN: value})
 
     def close(self) -> None:
-        """Leave the broker."""
         client, self._client = self._client, None
         if client is not None:
             client.disconnect()
@@ -159,7 +157,6 @@ class Simulated:
         self._thread.start()
 
     def close(self) -> None:
-        """Take it away."""
         self._ended.set()
         self._thread.join()
         self._server.close()

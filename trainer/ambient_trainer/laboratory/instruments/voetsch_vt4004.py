@@ -49,7 +49,7 @@ _NUMBER = r"(?:\d{4}|-\d{3})\.\d"
 _FIELDS = re.compile(r"((?:\s[A-Z]V\d\d)+)((?:\s+DO\d\d)+)")
 _STATE = re.compile(rf"({_NUMBER}(?: {_NUMBER})+) ([01]{{8,}})[A-Z]?")
 _FAULT = re.compile(r"(\d\d)(?: +(.*))?")
-_A_REPLY = "pairs of values and outputs, '0', or a fault's two digits and text"
+_A_REPLY = "values and outputs, '0', or a fault's two digits and text"
 
 
 @cache
@@ -136,12 +136,6 @@ class Done(NamedTuple):
     """``0``: the command was taken."""
 
 
-class Text(NamedTuple):
-    """Any other line."""
-
-    text: str
-
-
 class Fault(NamedTuple):
     """The reply to ``F``; number 0 is no fault."""
 
@@ -163,7 +157,8 @@ def set_gradients(up_K_min: float, down_K_min: float, outputs: Sequence[bool] | 
     return b"U %s %s" % (_numbers((up_K_min, down_K_min)), further)
 
 
-Reply = State | Done | Fault | Text
+Reply = State | Done | Fault | str
+"""Of the text of another line."""
 
 
 def _parsed(line: str) -> Reply | Malformed:
@@ -175,7 +170,7 @@ def _parsed(line: str) -> Reply | Malformed:
         return State(tuple(map(float, match[1].split(" "))), tuple(bit == "1" for bit in match[2]))
     if match := _FAULT.fullmatch(line):
         return Fault(int(match[1]), (match[2] or "").strip())
-    return Text(line)
+    return line
 
 
 decode = text_replies(b"\r", b"\n", _LONGEST, _parsed)
@@ -186,8 +181,8 @@ def encode(reply: Reply) -> bytes:
     """The bytes of a reply."""
     if isinstance(reply, State):
         return b"%s %s\r" % (_numbers(reply.values), _bits(reply.outputs))
-    assert not isinstance(reply, Text), "only other chambers send one"
-    return b"0\r" if isinstance(reply, Done) else f"{reply.number:02d} {reply.text}".rstrip().encode("ascii") + b"\r"
+    text = f"{reply.number:02d} {reply.text}".rstrip() if isinstance(reply, Fault) else "0"
+    return (reply if isinstance(reply, str) else text).encode("ascii") + b"\r"
 
 
 def _numbers(values: Sequence[float]) -> bytes:
@@ -204,24 +199,17 @@ class Driver(SerialDriver):
     """The chamber on its line; a set point or a stop is sent even where it does not answer."""
 
     def __init__(self, settings: Settings, clock: Clock, limits: ChamberLimits) -> None:
-        self._settings = settings
-        self._limits = limits
+        self._settings, self._limits = settings, limits
         self._layout: Layout | None = None
         self._last: State | None = None
         self._read_state = self._query(b"I", "a state, values and outputs", self._is_state)
         self._read_fault = self._query(b"F", "a fault, two digits and text", lambda reply: isinstance(reply, Fault))
         faults = ", and does it know 'F' (else 'alarms: false')" if settings.alarms else ""
-        self.line = SerialLine(
-            "chamber",
-            settings,
-            clock,
-            decode,
-            self._read_fault if settings.alarms else self._read_state,
-            _BAUD,
-            pause_s=settings.pause_s,
-            quiet_s=QUIET_S if settings.alarms else settings.timeout_s,
-            silent_hint=f"{NoResponse.hint} is its address {settings.address}{faults}?",
-        )
+        hint = f"{NoResponse.hint} is its address {settings.address}{faults}?"
+        marker, quiet_s = self._read_state, settings.timeout_s
+        if settings.alarms:
+            marker, quiet_s = self._read_fault, QUIET_S
+        self.line = SerialLine("chamber", settings, clock, decode, marker, _BAUD, quiet_s=quiet_s, silent_hint=hint)
 
     def identify(self) -> str:
         """The chamber's state: the protocol has no name."""
@@ -229,7 +217,6 @@ class Driver(SerialDriver):
         return f"ASCII-2 chamber, {'running' if values[RUNNING] else 'stopped'}, at {values[AIR]:.1f} degC"
 
     def read(self) -> Reading:
-        """Set point, temperature and whether it runs; its fault is the note."""
         asked_s, answered_s, state = self._state()
         alarm = None
         if self._settings.alarms:
@@ -243,12 +230,10 @@ class Driver(SerialDriver):
         return Reading(asked_s, answered_s, values, alarm)
 
     def set_point(self, temp_degC: float) -> None:
-        """Go to ``temp_degC`` and start."""
         allowed_degC = self._limits.set_point(temp_degC)
         self._set(allowed_degC, True, f"'0' to the set point {allowed_degC:.1f} degC")
 
     def gradient(self, rate_K_min: float, rising: bool = True) -> None:
-        """Let the set point rise and fall no faster than this; 0 does not limit it."""
         up_K_min = down_K_min = self._limits.gradient(rate_K_min)
         if self._settings.gradient == "needed":
             up_K_min, down_K_min = (up_K_min, 0.0) if rising else (0.0, down_K_min)
@@ -257,10 +242,8 @@ class Driver(SerialDriver):
         self.line.query(self._query(set_gradients(up_K_min, down_K_min, outputs), expected, _is_done))
 
     def stop(self) -> None:
-        """Stop heating and cooling."""
-        low_degC, high_degC = self._limits.low_degC, self._limits.high_degC
-        nominal_degC = self._last.values[0] if self._last else min(max(20.0, low_degC), high_degC)
-        self._set(nominal_degC, False, "'0' to the stop")
+        default_degC = min(max(20.0, self._limits.low_degC), self._limits.high_degC)
+        self._set(self._last.values[0] if self._last else default_degC, False, "'0' to the stop")
 
     def _command(self, text: bytes) -> bytes:
         return b"$%02d%s%s" % (self._settings.address, text, b"\r\n" if self._settings.terminator == "CRLF" else b"\r")
@@ -338,12 +321,10 @@ class Simulated(SimulatedInstrument):
         from ambient_trainer.simulator.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
 
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
-        self._settings = settings
-        self._receives_from_s = -math.inf
+        self._settings, self._receives_from_s = settings, -math.inf
         self._nominal: tuple[float, ...] = (room_degC, *(0.0,) * ((settings.values or VALUES) - 1))
         self._outputs: tuple[bool, ...] = (False,) * (settings.outputs or OUTPUTS)
-        self._fault = Fault(0, "")
-        self._broken = False
+        self._fault, self._broken = Fault(0, ""), False
         super().__init__("chamber", clock, _BAUD)
 
     def air_degC(self, at_s: float | None = None) -> float:

@@ -42,8 +42,7 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
     """The simulated laboratory for a campaign, for the time of a ``with`` block.
 
     It begins with the chamber at the program's first set point, or without one with a room's air, and the phone in
-    equilibrium with it. With the same
-    ``seed``, chamber, probes and phone have the swing, errors and noise of
+    equilibrium with it. With the same ``seed``, chamber, probes and phone have the swing, errors and noise of
     :func:`ambient_trainer.simulator.simulate`. Raises :class:`Refused` for what the simulated phone has not.
     """
     campaign = loaded.campaign
@@ -65,17 +64,15 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
             made["chamber"] = simulated(named.chamber, stream(seed, "wobble"), first.chamber_degC)
         air_degC = made["chamber"].air_degC if made["chamber"] else room_air(seed)
         if named.multiplexer is not None:
-            channels = {name: str(probe) for name, probe in named.multiplexer.probes.items()}
-            probes = sorted(channels, key=channels.__getitem__)
+            channels = named.multiplexer.probes
+            probes = sorted(channels, key=lambda name: str(channels[name]))
             errors_K = device.chamber.probes.calibration_degC * stream(seed, "probes").standard_normal(len(probes))
             made["multiplexer"] = simulated(named.multiplexer, air_degC, seed, dict(zip(probes, errors_K.tolist())))
         if named.thermometer is not None:
             made["thermometer"] = simulated(named.thermometer, air_degC)
-        supply = campaign.laboratory.device.power_supply
-        activity = first.load[0] if first.load else device.idle
-        phone = stack.enter_context(
-            SimulatedPhone(clock, air_degC, device, zones, supply, activity, seed, campaign.before_s)
-        )
+        supply, activity = campaign.laboratory.device.power_supply, first.load[0] if first.load else device.idle
+        phone = SimulatedPhone(clock, air_degC, device, zones, supply, activity, seed, campaign.before_s)
+        stack.enter_context(phone)
         ports = {role: each.port for role, each in made.items() if each}
         there = loaded._replace(campaign=_with_simulated(campaign, ports, phone.root))
         yield SimulatedLaboratory(there, phone.environment, **made, air_degC=air_degC, phone=phone)
@@ -84,14 +81,10 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
 def room_air(seed: int) -> Callable[[float], float]:
     """A room's air in degC over time: the day's swing, the heating's, and a window now and then."""
     phases = stream(seed, "room").uniform(0.0, 2.0 * math.pi, len(_ROOM_SWINGS))
-
-    def air_degC(at_s: float) -> float:
-        swings = zip(_ROOM_SWINGS.items(), phases)
-        return _ROOM_DEGC + sum(
-            size * math.sin(2.0 * math.pi * at_s / each_s + phase) for (each_s, size), phase in swings
-        )
-
-    return air_degC
+    swings = [(each_s, size_K, phase) for (each_s, size_K), phase in zip(_ROOM_SWINGS.items(), phases.tolist())]
+    return lambda at_s: (
+        _ROOM_DEGC + sum(size_K * math.sin(math.tau * at_s / each_s + phase) for each_s, size_K, phase in swings)
+    )
 
 
 def _with_simulated(campaign: Campaign, ports: Mapping[str, str], root: str) -> Campaign:

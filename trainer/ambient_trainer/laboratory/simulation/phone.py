@@ -13,7 +13,6 @@ import tempfile
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 
 from ambient_trainer.laboratory.campaign import PowerSupply
 from ambient_trainer.laboratory.messages import Clock
@@ -97,9 +96,7 @@ class SimulatedPhone:
             thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._ending.set()
         asking = os.open(self._here / "proc/uptime", os.O_RDONLY | os.O_NONBLOCK)  # nobody waits for a reader now
         for thread in self._threads:
