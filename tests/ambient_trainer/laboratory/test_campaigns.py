@@ -47,7 +47,7 @@ LABORATORY = [
     (
         "instruments.multiplexer.probes.air2",
         {"channel": 102, "sensor": "Pt7"},
-        "instruments.multiplexer.probes.air2.sensor",
+        "",
         "'Pt7'",
     ),
     ("instruments.multiplexer.probes", WIRES, "instruments.multiplexer", "111; 101"),

@@ -17,17 +17,8 @@ from pydantic import AfterValidator, Field, create_model, field_validator, model
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
-from ambient_trainer.laboratory.instruments import (
-    ROLES,
-    ChamberLimits,
-    ChamberSettings,
-    MultiplexerSettings,
-    Name,
-    Positive,
-    ThermometerSettings,
-    probe_column,
-    settings_by_kind,
-)
+from ambient_trainer.laboratory import instruments as kinds
+from ambient_trainer.laboratory.instruments import ChamberLimits, ChamberSettings, Name, Positive
 from ambient_trainer.laboratory.messages import CHAMBER, MULTIPLEXER, THERMOMETER
 from ambient_trainer.laboratory.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.laboratory.serial_line import is_missing
@@ -56,8 +47,8 @@ class Instruments(Strict):
     """The instruments; on a desk there is no chamber."""
 
     chamber: ChamberSettings | None = None
-    multiplexer: MultiplexerSettings | None = None
-    thermometer: ThermometerSettings | None = None
+    multiplexer: kinds.MultiplexerSettings | None = None
+    thermometer: kinds.ThermometerSettings | None = None
 
     @property
     def named(self) -> dict[str, Any]:
@@ -87,7 +78,7 @@ class Ambient(Strict):
 
     def readings(self, values: Mapping[str, float | None]) -> dict[str, float | None]:
         """What each probe reads; a thermometer alone has a column of its own."""
-        return {name: values.get(probe_column(name), values.get(f"{name}_degC")) for name in self.probes}
+        return {name: values.get(kinds.probe_column(name), values.get(f"{name}_degC")) for name in self.probes}
 
     def mean_degC(self, values: Mapping[str, float | None]) -> float | None:
         """The mean of the probes that answered, to the digits of a probe; None where they are too few."""
@@ -124,7 +115,7 @@ class Device(Strict):
     timeout_s: Positive = 5.0
     zones: Annotated[dict[str, _TemperatureColumn], Field(min_length=1)]
     power_supply: PowerSupply | None = None
-    setup: str = ""
+    setup: Annotated[str, Field(max_length=32768)] = ""
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -251,8 +242,8 @@ def _model_for(data: Any) -> tuple[type[Campaign], list[Fault]]:
     """The campaign whose instruments have the settings of their kinds, and a fault for each kind that is unknown."""
     settings: dict[str, Any] = {}
     faults = []
-    for role in ROLES:
-        kind, known = _at(data, "laboratory", "instruments", role, "kind"), settings_by_kind(role)
+    for role in kinds.ROLES:
+        kind, known = _at(data, "laboratory", "instruments", role, "kind"), kinds.settings_by_kind(role)
         if isinstance(kind, str):
             settings[role] = (known.get(kind, Any), ...)
             if kind not in known:

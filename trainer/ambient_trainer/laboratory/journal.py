@@ -178,10 +178,8 @@ def _opened(path: str, new: bool) -> int:
     with open(path, "rb") as stream:
         os.truncate(file, stream.read().rfind(b"\n") + 1)
     folder = os.open(os.path.dirname(path) or ".", os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    os.fsync(folder)
+    os.close(folder)
     return file
 
 

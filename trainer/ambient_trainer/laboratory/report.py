@@ -105,8 +105,7 @@ def clock_text(duration_s: float) -> str:
     return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
 
 
-_AT_SET_POINT_K = 2.0
-"""The air is called at its set point this near to it; a chamber's swing is about 1 K."""
+_AT_SET_POINT_K = 2.0  # the air is called at its set point this near to it; a chamber's swing is about 1 K
 _MOST_SHOWN = 20
 
 

@@ -12,33 +12,17 @@ import queue
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
+from ambient_trainer.laboratory import messages
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign
 from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.instruments import instrument
 from ambient_trainer.laboratory.journal import Journal
-from ambient_trainer.laboratory.messages import (
-    CHAMBER,
-    CHAMBER_GRADIENT,
-    CHAMBER_SET_POINT,
-    DEVICE,
-    MULTIPLEXER,
-    Clock,
-    Crash,
-    End,
-    Failure,
-    InstrumentError,
-    LoadState,
-    Message,
-    Note,
-    Reading,
-    Recovered,
-    Sample,
-    StepBegan,
-)
+from ambient_trainer.laboratory.messages import CHAMBER, DEVICE, MULTIPLEXER, Clock, InstrumentError, Reading, Sample
 from ambient_trainer.laboratory.program import Program, SafetyLimits
 from ambient_trainer.laboratory.shell import Connection, connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target, Worker
@@ -109,18 +93,12 @@ def _slowness(source: str, reading: Reading | Sample, period_s: float) -> str | 
     return f"{source} takes {took_s:.1f} s for an answer, so that cells stay empty; {wanted}"
 
 
-_POLL_S = 0.02
-"""The machine's seconds between two looks at the program where nothing comes in."""
-_PATIENCE_S = 15.0
-"""For the device to stop its actions, for gradients to be lifted, and for threads to end."""
-_SAFE_S = 60.0
-"""The machine's seconds for the chamber to confirm its safe set point."""
-_LONGEST_WAIT_S = 1800.0
-"""For a set point that the campaign waits for; then the run ends."""
-_FRESH_PERIODS = 3.0
-"""An older sample of the device is no evidence of its steady state."""
-_SLOW_TIMES = 5
-"""An instrument whose answers take longer than its period so many times in a row cannot hold it."""
+_POLL_S = 0.02  # the machine's seconds between two looks at the program where nothing comes in
+_PATIENCE_S = 15.0  # for the device to stop its actions, for gradients to be lifted, and for threads to end
+_SAFE_S = 60.0  # the machine's seconds for the chamber to confirm its safe set point
+_LONGEST_WAIT_S = 1800.0  # for a set point that the campaign waits for; then the run ends
+_FRESH_PERIODS = 3.0  # an older sample of the device is no evidence of its steady state
+_SLOW_TIMES = 5  # an instrument whose answers take longer than its period so many times in a row cannot hold it
 
 
 class Ending(Enum):
@@ -160,41 +138,39 @@ class Supervision(NamedTuple):
     giving_up: Callable[[], bool]
 
 
+@dataclass(eq=False)
 class Run:
     """One run of the program on ``equipment``, from the program's position on.
 
     ``latest`` holds the newest sample of each instrument, ``failures`` what does not work now, as it began.
     """
 
-    def __init__(
-        self,
-        campaign: Campaign,
-        equipment: Equipment,
-        clock: Clock,
-        journal: Journal,
-        program: Program,
-        supervision: Supervision,
-    ) -> None:
-        self.campaign, self.clock, self.journal, self.program = campaign, clock, journal, program
+    campaign: Campaign
+    _equipment: Equipment
+    clock: Clock
+    journal: Journal
+    program: Program
+    _supervision: Supervision
+
+    def __post_init__(self) -> None:
         self.latest: dict[str, Sample] = {}
-        self.failures: dict[str, Failure] = {}
+        self.failures: dict[str, messages.Failure] = {}
         self.ambient_degC: float | None = None
         self.alarm: str | None = None
-        self._laboratory, self._equipment, self._supervision = campaign.laboratory, equipment, supervision
-        self._messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
-        self._limits = SafetyLimits(self._laboratory.safety, clock.now_s())
+        self._laboratory = self.campaign.laboratory
+        self._messages: queue.SimpleQueue[messages.Message] = queue.SimpleQueue()
+        self._limits = SafetyLimits(self._laboratory.safety, self.clock.now_s())
         self._failure_texts: dict[str, set[str]] = {}
         self._notes: dict[str, str | None] = {}
         self._slow: Counter[str] = Counter()
         self._crash: BaseException | None = None
         self._held_s: float | None = None
-        post = self._messages.put
-        self.load = LoadControl(self._laboratory, equipment.connection, clock, post)
+        self.load = LoadControl(self._laboratory, self._equipment.connection, self.clock, self._messages.put)
         self._workers: list[Worker] = [self.load]
-        self.chamber = self._new_chamber_control(_target(program))
-        for source, (driver, period_s) in equipment.drivers.items():
+        self.chamber = self._new_chamber_control(_target(self.program))
+        for source, (driver, period_s) in self._equipment.drivers.items():
             if source != CHAMBER:
-                self._workers.append(Sampler(source, driver, period_s, clock, post))
+                self._workers.append(Sampler(source, driver, period_s, self.clock, self._messages.put))
 
     def conduct(self) -> Outcome:
         """Run the program to its end, or to safety."""
@@ -205,21 +181,20 @@ class Run:
             self._apply_step()
             self._begin_step()
             ending, why = self._until_over()
-        except Exception as error:
-            # whatever it is: the chamber comes first, and then it is shown
+        except Exception as error:  # whatever it is: the chamber comes first, and then it is shown
             why = f"{type(error).__name__}: {error}"
         finally:
-            self.journal.add(End(self.clock.now_s(), why))
+            self.journal.add(messages.End(self.clock.now_s(), why))
             safe = self._make_safe()
             if ending is Ending.FINISHED:
                 self._show(self.clock.now_s(), "the program is over")
             else:
                 self._note(why)
-            running = [worker for worker in self._workers if worker.is_alive()]
-            for worker in running:
+            for worker in self._workers:
                 worker.finish()
-            for worker in running:
-                worker.join(_PATIENCE_S)
+            for worker in self._workers:
+                with contextlib.suppress(RuntimeError):  # it was never started
+                    worker.join(_PATIENCE_S)
         return Outcome(ending, why, self.alarm, safe)
 
     def _new_chamber_control(self, target: Target) -> ChamberControl | None:
@@ -247,18 +222,18 @@ class Run:
             for reached in self.program.advance(now_s) if self._held_s is None else ():
                 if reached.unsettled:
                     self._note(f"step {reached.step} went on unsettled: it was given no more time")
-                self.journal.add(StepBegan(reached.at_s, reached.step, 0.0))
+                self.journal.add(messages.StepBegan(reached.at_s, reached.step, 0.0))
                 self._apply_step()
             self._update_monitor()
         return Ending.FINISHED, "finished"
 
     def _begin_step(self) -> None:
         now_s = self.clock.now_s()
-        self.journal.add(StepBegan(now_s, self.program.step, now_s - self.program.began_s))
+        self.journal.add(messages.StepBegan(now_s, self.program.step, now_s - self.program.began_s))
 
     def _unconfirmed(self, now_s: float) -> str | None:
         """Why the run ends because of a set point that is not confirmed; holds the program where that is asked for."""
-        failure, wanted = self.failures.get(CHAMBER_SET_POINT), self._laboratory.safety.unconfirmed
+        failure, wanted = self.failures.get(messages.CHAMBER_SET_POINT), self._laboratory.safety.unconfirmed
         if failure is not None and wanted == "wait" and self._held_s is None:
             self._held_s = failure.at_s
         elif failure is None and self._held_s is not None:
@@ -273,7 +248,7 @@ class Run:
         if self.alarm is not None or self.program.over:
             return
         if self.chamber is not None and (target := _target(self.program)) != self.chamber.target:
-            for source in (CHAMBER_SET_POINT, CHAMBER_GRADIENT):  # of the target before
+            for source in (messages.CHAMBER_SET_POINT, messages.CHAMBER_GRADIENT):  # of the target before
                 self.failures.pop(source, None)
             self.chamber.go_to(target)
         self.load.go_to(self.program.now.load)
@@ -288,19 +263,19 @@ class Run:
         except queue.Empty:
             return
 
-    def _take(self, message: Message) -> None:
-        if isinstance(message, Crash):
+    def _take(self, message: messages.Message) -> None:
+        if isinstance(message, messages.Crash):
             self._crash = self._crash or message.error
-        elif isinstance(message, Failure):
+        elif isinstance(message, messages.Failure):
             self.failures.setdefault(message.source, message)
             texts = self._failure_texts.setdefault(message.source, set())
             if message.text not in texts:  # the same, every second of a night, would be the log
                 texts.add(message.text)
                 self.journal.add(message)
                 self._show(message.at_s, message.text)
-        elif isinstance(message, Recovered):
+        elif isinstance(message, messages.Recovered):
             self._recovered(*message)
-        elif isinstance(message, LoadState):
+        elif isinstance(message, messages.LoadState):
             self.journal.add(message)
             if message.actions is not None:
                 self._recovered(self.load.source, message.at_s)
@@ -325,7 +300,7 @@ class Run:
                 self.chamber.go_to(Target(None, urgent=True))
                 self.load.go_to(())
                 text = f"the chamber raised an alarm ({sample.note}): it was stopped, and the logging goes on"
-                self._take(Failure(CHAMBER_SET_POINT, sample.at_s, text))
+                self._take(messages.Failure(messages.CHAMBER_SET_POINT, sample.at_s, text))
             elif sample.note is not None:
                 self._note(f"{sample.source}: {sample.note}")
 
@@ -377,7 +352,7 @@ class Run:
 
     def _note(self, text: str) -> None:
         now_s = self.clock.now_s()
-        self.journal.add(Note(now_s, text))
+        self.journal.add(messages.Note(now_s, text))
         self._show(now_s, text)
 
     def _show(self, at_s: float, text: str) -> None:

@@ -134,8 +134,7 @@ class _VisaPort:
         except ImportError as error:
             raise OSError("no pyvisa here; install ambientd[visa]") from error
         self._resource: Any = pyvisa.ResourceManager().open_resource(name)
-        self._timeout = pyvisa.constants.StatusCode.error_timeout
-        self._due = False
+        self._timeout, self._due = pyvisa.constants.StatusCode.error_timeout, False
         self.close = self._resource.close
 
     def write(self, data: bytes) -> None:
@@ -257,9 +256,7 @@ class SerialLine:
                 pass
             self._send(self.synchronise_query.request)
             self._synchronisations_due += 1
-            answer: Any = None
-            rest = b""
-            end_s = self._patience_end_s()
+            answer, rest, end_s = None, b"", self._patience_end_s()
             while self._synchronisations_due and (data := self._receive(end_s - time.monotonic())):
                 replies, rest = self.decode(rest + data)
                 for reply in replies:
@@ -268,8 +265,7 @@ class SerialLine:
                         answer = reply
             if answer is None:
                 raise self._missing(self.synchronise_query, rest)
-            self._synchronisations_due = 0
-            self._synchronised = True
+            self._synchronisations_due, self._synchronised = 0, True
             return answer
 
     def close(self) -> None:
@@ -285,10 +281,8 @@ class SerialLine:
         return time.monotonic() + self.clock.patience_s(self.settings.timeout_s)
 
     def _exchange(self, query: Query) -> Answer:
-        asked_s = self._send(query.request)
-        end_s = self._patience_end_s()
-        replies: list[Any] = []
-        rest = b""
+        asked_s, end_s = self._send(query.request), self._patience_end_s()
+        replies, rest = list[Any](), b""
         while not replies:
             data = self._receive(end_s - time.monotonic())
             answered_s = self.clock.now_s()
@@ -306,16 +300,15 @@ class SerialLine:
         return Answer(asked_s, answered_s, first)
 
     def _missing(self, query: Query, rest: bytes) -> InstrumentError:
-        if rest:
-            return self.failed(query.expected, f"only {shown(rest)} in {self.settings.timeout_s:g} s")
-        return self.failed(query.expected, f"nothing in {self.settings.timeout_s:g} s", NoResponse, self.silent_hint)
+        got = f"{f'only {shown(rest)}' if rest else 'nothing'} in {self.settings.timeout_s:g} s"
+        return self.failed(query.expected, got, InstrumentError if rest else NoResponse, self.silent_hint)
 
     def failed(
         self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError, hint: str | None = None
     ) -> InstrumentError:
         """An error of this instrument, ready to be raised; the line is synchronised before the next query."""
         self._synchronised = False
-        if kind is not InstrumentError:
+        if kind in (Disconnected, NoResponse):
             hint = _VISA if "::" in self.port else _NETWORK if "://" in self.port else hint
         return kind(self.instrument, self.port, expected, got, hint)
 
@@ -326,9 +319,7 @@ class SerialLine:
             port = _opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
         except Exception as error:  # pyserial and pyvisa raise a dozen kinds
             raise self.failed("a port that can be opened", _reason(error), Disconnected) from error
-        self._port = port
-        self._synchronisations_due = 0
-        self._synchronised = False
+        self._port, self._synchronisations_due, self._synchronised = port, 0, False
         return port
 
     def _send(self, request: bytes) -> float:

@@ -13,7 +13,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ambient_trainer.laboratory.messages import DEVICE, Clock, Disconnected, InstrumentError, NoResponse
 
@@ -66,7 +66,7 @@ class Shell:
         self.opened = self._count = 0
         """How many have been opened."""
         self._connection, self._clock, self._timeout_s, self._setup = connection, clock, timeout_s, setup
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Any = None
 
     @property
     def alive(self) -> bool:
@@ -94,28 +94,19 @@ class Shell:
         process.wait()
         for pipe in (process.stdin, process.stdout):
             with contextlib.suppress(OSError):  # what was never sent cannot be flushed
-                assert pipe is not None
                 pipe.close()
 
     def _open(self) -> None:
         try:
-            self._process = process = subprocess.Popen(
-                self._connection.argv,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, **self._connection.environment},
-                bufsize=0,
-                # Ctrl-C is this program's business: actions have to be stopped over this shell
-                start_new_session=True,
+            # a session of its own: Ctrl-C is this program's business, actions have to be stopped over this shell
+            pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+            environment = {**os.environ, **self._connection.environment}
+            self._process = subprocess.Popen(
+                self._connection.argv, **pipes, env=environment, bufsize=0, start_new_session=True
             )
         except OSError as error:
             expected, hint = f"to start {self._connection.argv[0]}", "install it, or see that it is on the PATH"
             raise Disconnected(DEVICE, self.label, expected, f"{error.strerror}", hint) from error
-        assert process.stdin is not None
-        assert process.stdout is not None
-        self._pipes = (process.stdin.fileno(), process.stdout.fileno())
-        os.set_blocking(self._pipes[0], False)
         self._received = self._printed = b""
         self.opened += 1
 
@@ -125,7 +116,7 @@ class Shell:
         text = f'answer=\n{{\n{command}\n}} </dev/null\necho "={self._count} $? $answer"\n'
         end_s = time.monotonic() + self._clock.patience_s(self._timeout_s)
         asked_s = self._clock.now_s()
-        self._send(text.encode(), end_s)
+        self._send(text.encode())
         while True:
             line = self._line(end_s)
             # what stands before it is a prompt, and what is echoed has no number there
@@ -135,23 +126,22 @@ class Shell:
                 return Result(asked_s, self._clock.now_s(), answer.decode("utf-8", "replace"), int(status))
             self._keep(line)
 
-    def _send(self, data: bytes, end_s: float) -> None:
-        while data:
-            self._wait(self._pipes[0], select.POLLOUT, end_s)
-            try:
-                data = data[os.write(self._pipes[0], data) :]
-            except BlockingIOError:
-                continue
-            except OSError:
-                if select.select([self._pipes[1]], [], [], 0.0)[0]:  # what it printed before it ended
-                    self._keep(os.read(self._pipes[1], _CHUNK).replace(b"\n", b" "))
-                raise self._ended() from None
+    def _send(self, data: bytes) -> None:
+        """Write it; the pipe is empty and holds more than any command, so this does not wait."""
+        try:
+            self._process.stdin.write(data)
+        except OSError:
+            if self._readable(time.monotonic()):  # what it printed before it ended
+                self._keep(self._read().replace(b"\n", b" "))
+            raise self._ended() from None
 
     def _line(self, end_s: float) -> bytes:
         """The next line, without its end; a pseudo-terminal ends lines with a carriage return, too."""
         while b"\n" not in self._received:
-            self._wait(self._pipes[1], select.POLLIN, end_s)
-            chunk = os.read(self._pipes[1], _CHUNK)
+            if not self._readable(end_s):
+                got = f"nothing in {self._timeout_s:g} s{self._shown()}"
+                raise NoResponse(DEVICE, self.label, "an answer", got, self._connection.hint)
+            chunk = self._read()
             if not chunk or len(self._received) > _LONGEST:
                 self._keep(self._received)
                 raise self._ended()
@@ -159,12 +149,11 @@ class Shell:
         line, _, self._received = self._received.partition(b"\n")
         return line.rstrip(b"\r")
 
-    def _wait(self, pipe: int, event: int, end_s: float) -> None:
-        poll = select.poll()
-        poll.register(pipe, event)
-        if not poll.poll(1000.0 * max(end_s - time.monotonic(), 0.0)):
-            got = f"nothing in {self._timeout_s:g} s{self._shown()}"
-            raise NoResponse(DEVICE, self.label, "an answer", got, self._connection.hint)
+    def _readable(self, end_s: float) -> bool:
+        return bool(select.select([self._process.stdout], [], [], max(end_s - time.monotonic(), 0.0))[0])
+
+    def _read(self) -> bytes:
+        return os.read(self._process.stdout.fileno(), _CHUNK)
 
     def _keep(self, printed: bytes) -> None:
         self._printed = (self._printed + b" " + printed)[-_MOST_KEPT:]

@@ -21,8 +21,7 @@ _RETRY_S = 1.0
 _LONGEST_S = 3600.0
 _BUSY_TIMES = 4
 """A port that is in use for so long has a collector again, which sees to the chamber; once, it may still be closing."""
-_SILENT_TIMES = 3
-"""After so many questions without an answer the set point is sent all the same."""
+_SILENT_TIMES = 3  # after so many questions without an answer the set point is sent all the same
 _log = logging.getLogger("ambient_trainer.laboratory")
 
 

@@ -13,23 +13,9 @@ import math
 import threading
 from typing import TYPE_CHECKING, NamedTuple
 
+from ambient_trainer.laboratory import messages
 from ambient_trainer.laboratory.instruments import RUNNING, SET_POINT, ChamberDriver, Driver
-from ambient_trainer.laboratory.messages import (
-    CHAMBER,
-    CHAMBER_GRADIENT,
-    CHAMBER_SET_POINT,
-    DEVICE,
-    Clock,
-    Crash,
-    Disconnected,
-    Failure,
-    InstrumentError,
-    LoadState,
-    Post,
-    Reading,
-    Recovered,
-    Sample,
-)
+from ambient_trainer.laboratory.messages import CHAMBER, DEVICE, Clock, Disconnected, InstrumentError, Post, Reading
 from ambient_trainer.laboratory.shell import Connection, Shell
 
 if TYPE_CHECKING:
@@ -58,10 +44,10 @@ class Worker(threading.Thread):
         self.finished = True
         self.woken.set()
 
-    def failed(self, error: InstrumentError, again_after_s: float) -> float:
-        """Post ``error``; returns the time of the next attempt."""
+    def failed(self, error: InstrumentError | str | None, again_after_s: float = 0.0, source: str = "") -> float:
+        """Post a failure, of another ``source`` if there is one; returns the time of the next attempt."""
         now_s = self.clock.now_s()
-        self.post(Failure(self.source, now_s, str(error)))
+        self.post(messages.Failure(source or self.source, now_s, str(error)))
         return now_s + again_after_s
 
     def run(self) -> None:
@@ -75,7 +61,7 @@ class Worker(threading.Thread):
                 if not self.finished:
                     self.woken.clear()
         except BaseException as error:
-            self.post(Crash(self.source, error))
+            self.post(messages.Crash(self.source, error))
         finally:
             self.close()
 
@@ -91,9 +77,9 @@ class Sampler(Worker):
         """Read the instrument, and post the sample."""
         try:
             if self._scheduled:
-                self.post(Sample(self.source, *self._instrument.read()))
+                self.post(messages.Sample(self.source, *self._instrument.read()))
         except InstrumentError as error:
-            self.failed(error, 0.0)
+            self.failed(error)
         self._scheduled = True
         return next_multiple(self.clock.now_s(), self._period_s)
 
@@ -111,11 +97,9 @@ RESOLUTION_K = 0.06
 """A set point that is reported this near is the one that was sent: controllers have tenths."""
 _BEHIND_MIN, _BEHIND_K = 1.0, 0.5
 """How far a nominal value that moves under a gradient may be from the straight line; chosen."""
-_LEAST_WALL_S = 10.0
-"""However fast the clock, a loaded machine may need this long to confirm."""
+_LEAST_WALL_S = 10.0  # however fast the clock, a loaded machine may need this long to confirm
 _RETRY_S = 1.0
-_QUICK_RETRIES = 5
-"""After so many attempts the next ones come once a period; a gradient is then given up."""
+_QUICK_RETRIES = 5  # after so many attempts the next ones come once a period; a gradient is then given up
 
 
 class Target(NamedTuple):
@@ -204,7 +188,7 @@ class ChamberControl(Worker):
         self._reported_degC = reading.values[SET_POINT]
         state = "running" if reading.values[RUNNING] else "stopped"
         self._check_overdue(f"a nominal value of {self._reported_degC:.1f} degC, {state}")
-        self.post(Sample(CHAMBER, *reading))
+        self.post(messages.Sample(CHAMBER, *reading))
         now_s = self.clock.now_s()
         quick = not self.settled and self._attempts < _QUICK_RETRIES
         return now_s + _RETRY_S if quick else next_multiple(now_s, self._period_s)
@@ -267,7 +251,7 @@ class ChamberControl(Worker):
         if self._confirmed is self._begun:  # whatever the newest target is by now
             self._agreed_s, self._got = now_s, ""
             if self._overdue:
-                self.post(Recovered(CHAMBER_SET_POINT, now_s))
+                self.post(messages.Recovered(messages.CHAMBER_SET_POINT, now_s))
             self._overdue = False
         else:
             self._got = reported
@@ -279,18 +263,16 @@ class ChamberControl(Worker):
             self._overdue = True
             hint = "compare it with the chamber's panel: is it in manual or program mode, is its layout another?"
             text = f"{CHAMBER}: expected {target} within {self._confirm_s:g} s, got {self._got}; {hint}"
-            self.post(Failure(CHAMBER if target.urgent else CHAMBER_SET_POINT, self.clock.now_s(), text))
+            self.failed(text, source=CHAMBER if target.urgent else messages.CHAMBER_SET_POINT)
 
     def _fail_gradient(self, target: Target) -> None:
         if self._gradient_error is not None:
-            source = CHAMBER if target.urgent else CHAMBER_GRADIENT
-            self.post(Failure(source, self.clock.now_s(), str(self._gradient_error)))
+            self.failed(self._gradient_error, source=CHAMBER if target.urgent else messages.CHAMBER_GRADIENT)
 
 
 _PERIOD_S = 2.0
 _LOAD_RETRY_S = 5.0
-_TIMEOUT_S = 60.0
-"""A camera takes its time."""
+_TIMEOUT_S = 60.0  # a camera takes its time
 _FAILED = "try the command in a shell on the device; it is tried again"
 
 
@@ -348,7 +330,7 @@ class LoadControl(Worker):
         self._active = actions
         if actions != self._posted:
             self._posted = actions
-            self.post(LoadState(self.clock.now_s(), actions))
+            self.post(messages.LoadState(self.clock.now_s(), actions))
 
     def _run(self, name: str, what: str) -> None:
         if status := self.shell.run(getattr(self._actions[name], what)).status:

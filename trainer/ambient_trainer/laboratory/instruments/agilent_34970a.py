@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from ambient_trainer.data.strict_yaml import Strict, wrong
 from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_values
@@ -37,8 +37,7 @@ MODELS = ("34970A", "34972A", "DAQ970A")
 _PROBES = Probes()
 _LONGEST = 8192  # 120 channels of 16 characters, with the numbers of the channels
 _NUMBER = r"[+-]\d\.\d{8}E[+-]\d\d"
-_SCAN = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*")
-_SCAN_WITH_CHANNELS = re.compile(rf"{_NUMBER},[1-3]\d\d(?:,{_NUMBER},[1-3]\d\d)*")
+_SCAN = re.compile(rf"{_NUMBER}(?:,{_NUMBER})*|{_NUMBER},[1-3]\d\d(?:,{_NUMBER},[1-3]\d\d)*")
 _ERROR = re.compile(r'([+-]\d+),"([^"]*)"')
 _IDENTITY = re.compile(r"[^,]*[A-Za-z][^,]*,[^,]+,[^,]+,[^,]+")
 _A_REPLY = "readings, an error's number and text, or an identity"
@@ -65,15 +64,10 @@ class Channel(Strict):
     def _as_channel(cls, data: Any) -> Any:
         return {"channel": data} if isinstance(data, int) else data
 
-    @field_validator("sensor")
-    @classmethod
-    def _known(cls, sensor: str | None) -> str | None:
-        if sensor is not None and sensor not in _SENSORS:
-            raise wrong(f"no sensor is called {sensor!r}", f"known are {', '.join(_SENSORS)}")
-        return sensor
-
     @model_validator(mode="after")
-    def _slotted(self) -> Channel:
+    def _possible(self) -> Channel:
+        if self.sensor is not None and self.sensor not in _SENSORS:
+            raise wrong(f"no sensor is called {self.sensor!r}", f"known are {', '.join(_SENSORS)}")
         if not (100 < self.channel < 400 and self.channel % 100):
             raise wrong(f"channel {self.channel}", "a channel is its slot, 1 to 3, and two digits, as 101")
         return self
@@ -137,12 +131,8 @@ READ_IDENTITY = Query(b"*IDN?\n", f"the identity of a {', '.join(MODELS)}", lamb
 
 def read_scan(channels: tuple[int, ...]) -> Query:
     """The query for a scan of ``channels``, which stand in the instrument's order."""
-    count = f"{len(channels)} reading{'s' * (len(channels) > 1)}"
-    return Query(
-        b"READ?\n",
-        f"{count}, of {channel_list(channels).decode('ascii')}",
-        lambda reply: isinstance(reply, Scan) and reply.channels == channels,
-    )
+    expected = f"{len(channels)} reading{'s' * (len(channels) > 1)}, of {channel_list(channels)}"
+    return Query(b"READ?\n", expected, lambda reply: isinstance(reply, Scan) and reply.channels == channels)
 
 
 def configure(sensors: Mapping[int, str]) -> bytes:
@@ -150,16 +140,15 @@ def configure(sensors: Mapping[int, str]) -> bytes:
     commands = []
     for sensor in dict.fromkeys(sensors.values()):
         channels = channel_list(channel for channel, each in sensors.items() if each == sensor)
-        called = _SENSORS[sensor].encode("ascii")
-        commands.append(b"CONF:TEMP %s,%s\n" % (called, channels))
+        commands.append(f"CONF:TEMP {_SENSORS[sensor]},{channels}\n")
         if sensor.startswith("Pt1000"):  # else 100 ohm, the instrument's own default
-            commands.append(b"SENS:TEMP:TRAN:%s:RES 1000,%s\n" % (called.split(b",")[0], channels))
-    return b"%sROUT:SCAN %s\n" % (b"".join(commands), channel_list(sensors))
+            commands.append(f"SENS:TEMP:TRAN:{_SENSORS[sensor].split(',')[0]}:RES 1000,{channels}\n")
+    return f"{''.join(commands)}ROUT:SCAN {channel_list(sensors)}\n".encode("ascii")
 
 
-def channel_list(channels: Iterable[int]) -> bytes:
+def channel_list(channels: Iterable[int]) -> str:
     """``(@101,102,105)``: the channels in the instrument's order."""
-    return f"(@{','.join(map(str, sorted(channels)))})".encode("ascii")
+    return f"(@{','.join(map(str, sorted(channels)))})"
 
 
 def _parsed(line: str) -> Reply | Malformed:
@@ -167,9 +156,8 @@ def _parsed(line: str) -> Reply | Malformed:
     if match := _ERROR.fullmatch(line):
         return ErrorText(int(match[1]), match[2])
     if _SCAN.fullmatch(line):
-        return Scan(tuple(map(_reading, fields)), None)
-    if _SCAN_WITH_CHANNELS.fullmatch(line):
-        return Scan(tuple(map(_reading, fields[::2])), tuple(map(int, fields[1::2])))
+        readings = tuple(_reading(field) for field in fields if "." in field)
+        return Scan(readings, tuple(int(field) for field in fields if "." not in field) or None)
     if _IDENTITY.fullmatch(line):
         return Identity(*[field.strip() for field in fields])
     return Malformed(_A_REPLY, repr(line))
@@ -186,12 +174,10 @@ decode = text_replies(b"\n", b"\r", _LONGEST, _parsed)
 
 def encode(reply: Reply) -> bytes:
     """The bytes of a reply."""
+    texts = [str(reply)] if isinstance(reply, ErrorText) else list(map(str, reply))
     if isinstance(reply, Scan):
         texts = [f"{OPEN if value is None else value:+.8E}" for value in reply.readings]
-        if reply.channels is not None:
-            texts = [f"{text},{channel}" for text, channel in zip(texts, reply.channels)]
-    else:
-        texts = [str(reply)] if isinstance(reply, ErrorText) else list(reply)
+        texts = [f"{text},{channel}" for text, channel in zip(texts, reply.channels)] if reply.channels else texts
     return ",".join(texts).encode("ascii") + b"\r\n"
 
 

@@ -14,7 +14,9 @@ import socket
 import threading
 from collections.abc import Callable
 from functools import reduce
+from pathlib import Path
 from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
 
 from pydantic import Field
 
@@ -106,23 +108,23 @@ class Driver:
             from paho.mqtt import client as mqtt
         except ImportError as error:
             raise self._failed("no paho-mqtt here", Disconnected, "install ambientd[mqtt]") from error
-        scheme, _, address = self._settings.port.partition("://")
-        host, _, port = address.partition(":")
-        client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+        address, client = urlsplit(self._settings.port), mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
         client.on_connect, client.on_message = self._connected, self._received
         client.on_disconnect = lambda *parts: self._came.put(f"the end of the connection ({parts[3]})")
         try:
-            if scheme == "mqtts":
+            if address.scheme == "mqtts":
                 client.tls_set()
             if self._settings.user is not None:
-                path = self._settings.password_file
-                with open(path, encoding="utf-8") if path else contextlib.nullcontext([None]) as lines:
-                    client.username_pw_set(self._settings.user, (next(iter(lines), None) or "").rstrip("\n") or None)
-            client.connect(host, int(port or _PORTS[scheme]))
+                client.username_pw_set(self._settings.user, self._password())
+            client.connect(address.hostname or "", address.port or _PORTS[address.scheme])
         except OSError as error:
             raise self._failed(error.strerror or str(error), Disconnected, _NETWORK) from error
         client.loop_start()
         self._client = client
+
+    def _password(self) -> str | None:
+        path = self._settings.password_file
+        return Path(path).read_text("utf-8").partition("\n")[0] if path else None
 
     def _connected(self, client: Any, data: object, flags: object, reason: Any, properties: object) -> None:
         if reason.is_failure:
@@ -149,26 +151,25 @@ class Simulated:
 
     def __init__(self, settings: Settings, clock: Clock, air: Callable[[float], float]) -> None:
         self._settings, self._clock, self._air = settings, clock, air
-        self._server = socket.create_server(("127.0.0.1", 0))
+        self._server, self._ended = socket.create_server(("127.0.0.1", 0)), False
         self._server.settimeout(0.2)
         self.port = f"mqtt://127.0.0.1:{self._server.getsockname()[1]}"
-        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="simulated broker", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        self._ended.set()
+        self._ended = True
         self._thread.join()
         self._server.close()
 
     def _run(self) -> None:
-        while not self._ended.is_set():
+        while not self._ended:
             with contextlib.suppress(OSError), self._server.accept()[0] as connection:
                 self._serve(connection)
 
     def _serve(self, connection: socket.socket) -> None:
         due_s, subscribed = 0.0, False
-        while not self._ended.is_set():
+        while not self._ended:
             now_s = self._clock.now_s()
             if subscribed and now_s >= due_s:
                 due_s = now_s + _PUBLISHES_S

@@ -19,12 +19,9 @@ from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.simulator import Device, Zone
 from ambient_trainer.simulator.live_device import LiveDevice
 
-_WIDTH = 12
-"""Of a number in a file that is overwritten."""
-_READ_S = 0.0003
-"""The machine's seconds that a reader takes to go: one who is still there would be taken for the next."""
-_UPTIME_S = 5000.0
-"""When the simulation begins; chosen."""
+_WIDTH = 12  # of a number in a file that is overwritten
+_READ_S = 0.0003  # the machine's seconds that a reader takes to go: one who is still there would be taken for the next
+_UPTIME_S = 5000.0  # when the simulation begins; chosen
 
 _ADB = """#!/bin/sh
 # Like `adb [-s SERIAL] shell -T sh`, where there is a cable.
