@@ -281,7 +281,8 @@ def _left_out(fitted: Fitted, record: Record, run: Run, without: Record) -> floa
     unseen = np.isfinite(record.sensors) & ~np.isfinite(without.sensors)
     read = simulate(fitted.model, record, fitted.model.z()[None], run.start[None])[0]
     left = (record.weights * (record.sensors - read))[unseen]
-    return float(left @ left)
+    with np.errstate(over="ignore"):
+        return float(left @ left)
 
 
 def _comb(record: Record) -> Array:

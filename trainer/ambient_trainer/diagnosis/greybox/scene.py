@@ -126,7 +126,8 @@ class Scene:
         """Simplest first: columns, squares of currents and speeds, rates, then products with known drivers of heat."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith(_SQUARED))]
-        found += [f"{each} - {rest:.4g}" for each in plain if (rest := self._rest(each)) is not None]
+        metered = [each for each in plain if not each.endswith((*_WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]
+        found += [f"{each} - {rest:.4g}" for each in metered if (rest := self._rest(each)) is not None]
         heats = [each for each in self.known_heat if each.endswith("_frac")]
         found += [f"d({each})/dt" for each in plain if each.endswith(_RATES) or each in heats]
         for driver in self.known_heat:
@@ -142,7 +143,7 @@ class Scene:
         low, high = np.quantile(row, [0.02, 0.98])
         rest = float(np.median(row[np.abs(row - low) <= _NEAR_REST * (high - low)]))
         rests = np.mean(np.abs(row - rest) <= _NEAR_REST * (high - low)) > _RESTS
-        return rest if rests and abs(rest) > 2 * _NEAR_REST * (high - low) else None
+        return rest if rests and rest > 2 * _NEAR_REST * (high - low) else None
 
     @cached_property
     def tuned_drivers(self) -> list[Expression]:
