@@ -37,7 +37,7 @@ LABORATORY = [
     ("safety.set_point_degC", 70, "", "70 degC"),
     ("safety.ambient_lost_s", "soon", "", "'soon'"),
     ("safety.unconfirmed", "hope", "", "'hope'; 'go-on', 'wait' or 'end'"),
-    ("instruments.chamber.readings", 7, "instruments.chamber", "other_values"),
+    ("instruments.chamber.other_values", [1, 2], "instruments.chamber", "other_values"),
     ("safety.device_high_degC", {"skin_degC": 45}, "safety.device_high_degC.skin_degC", "no temperature; soc_degC"),
     ("safety.device_high_degC", {"battery_A": 45}, "safety.device_high_degC.battery_A", "no temperature; soc_degC"),
     ("safety.chamber", {"low_degC": 20, "high_degC": 20}, "", "20 to 20 degC"),

@@ -28,7 +28,6 @@ import tty
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import load_trace
@@ -37,7 +36,7 @@ from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect, resume
 from ambient_trainer.laboratory.instruments import ChamberLimits, agilent_34970a, greisinger_easybus, settings
-from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Settings
+from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Clock, InstrumentError
 from ambient_trainer.laboratory.run import Ending, Supervision
@@ -335,6 +334,11 @@ ROWS = {
         {"model": "one-value"},
         {1, 3},
     ),
+    "no pairs, not asked": (
+        {"fields": CABINET, "single": ("SV01", "SV02"), "unknown": None},
+        {"model": "vt3-7060", "marker": None, "values": 9, "other_values": tuple(1.5 * each for each in range(1, 9))},
+        {1},
+    ),
     "as the first two states": (
         {"fields": VC3[:5], "bits": 32, "address": "00", "unknown": None, "slopes": "pair"},
         {"model": None, "alarms": False},
@@ -375,9 +379,6 @@ def test_another_layout_than_the_one_given_or_seen_is_no_state(chamber):
         with pytest.raises(InstrumentError):
             driver.read()
         driver.close()
-    for values in ({"values": 3, "other_values": (1.0,)}, {"values": 9, "readings": 16}):
-        with pytest.raises(ValidationError):
-            Settings(kind="voetsch-vt4004", port="/dev/a", **values)
 
 
 @pytest.mark.parametrize("answer", [None, "0", "'$01F' is an unknown command."])

@@ -16,11 +16,11 @@ from pydantic import AfterValidator, Field, create_model, field_validator, model
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
+from ambient_trainer.data.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, validated, wrong
 from ambient_trainer.laboratory import instruments as kinds
 from ambient_trainer.laboratory.instruments import ChamberLimits, ChamberSettings, Name, Positive
 from ambient_trainer.laboratory.messages import CHAMBER, MULTIPLEXER, THERMOMETER
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset, load_offsets
 from ambient_trainer.laboratory.serial_line import is_missing
 from ambient_trainer.simulator.scenario import Scenario
 

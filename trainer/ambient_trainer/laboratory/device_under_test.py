@@ -7,6 +7,7 @@ Millidegrees, tenths, microamperes and microvolts of a kernel become degC, A and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -70,14 +71,12 @@ class DeviceUnderTest:
 
     def identify(self) -> str:
         """How it is reached, and how long it is up; raises where it lacks what the campaign logs."""
-        reading = self.read()
-        zones = f"no zone {', '.join(self.missing)}" if self.missing else ""
-        silent = [column for column, value in reading.values.items() if value is None]
-        problem = "; ".join(part for part in (zones, f"nothing for {', '.join(silent)}" if silent else "") if part)
-        if problem:
+        silent = [column for column, value in self.read().values.items() if value is None]
+        problems = [f"no zone {', '.join(self.missing)}"] * bool(self.missing)
+        if problems := problems + [f"nothing for {', '.join(silent)}"] * bool(silent):
             hint = "correct 'laboratory.device' after what is in /sys/class on the device"
             expected = f"values for {len(self.device.columns)} columns"
-            raise InstrumentError(DEVICE, self.port, expected, problem, hint)
+            raise InstrumentError(DEVICE, self.port, expected, "; ".join(problems), hint)
         return f"{self.port}, up for {self._uptime_s:.0f} s"
 
     def read(self) -> Reading:
@@ -92,9 +91,9 @@ class DeviceUnderTest:
         try:
             uptime_s = float(uptime)
         except ValueError:
-            raise self._unexpected("its uptime and its zones", answer.text) from None
-        if len(texts) != len(self._columns):
-            raise self._unexpected(f"{len(self._columns)} values", answer.text)
+            uptime_s = math.nan
+        if math.isnan(uptime_s) or len(texts) != len(self._columns):
+            raise self._unexpected(f"its uptime and {len(self._columns)} values", answer.text)
         rebooted, self._uptime_s = uptime_s < self._uptime_s, uptime_s
         values: dict[str, float | None] = dict.fromkeys(self.device.columns)
         values.update((column, convert(text)) for (column, (_, convert)), text in zip(self._columns.items(), texts))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from ambient_model.faults import refuse
 from ambient_trainer.laboratory import messages
-from ambient_trainer.laboratory.messages import ENTRIES, End, Entry, Failure, Identity, LoadState, Sample, StepBegan
+from ambient_trainer.laboratory.messages import ENTRIES, End, Entry, Failure, LoadState, Sample, StepBegan
 
 FORMAT, VERSION = "ambient-journal", 1
 SYNC_S = 1.0
@@ -86,7 +86,8 @@ class Record(NamedTuple):
     @property
     def last_s(self) -> float:
         """The time of the newest entry."""
-        return max((_time_s(entry) for entry in self.entries), default=0.0)
+        times_s = (getattr(entry, "answered_s", getattr(entry, "at_s", 0.0)) for entry in self.entries)
+        return max(times_s, default=0.0)
 
     @property
     def left(self) -> StepBegan:
@@ -98,12 +99,6 @@ class Record(NamedTuple):
             elif isinstance(entry, End):
                 until_s = entry.at_s
         return StepBegan(until_s, newest.step, newest.elapsed_s + max(until_s - newest.at_s, 0.0))
-
-
-def _time_s(entry: Entry) -> float:
-    if isinstance(entry, Sample):
-        return entry.answered_s
-    return 0.0 if isinstance(entry, Identity) else entry.at_s
 
 
 class Journal:
@@ -178,8 +173,10 @@ def _opened(path: str, new: bool) -> int:
     with open(path, "rb") as stream:
         os.truncate(file, stream.read().rfind(b"\n") + 1)
     folder = os.open(os.path.dirname(path) or ".", os.O_RDONLY)
-    os.fsync(folder)
-    os.close(folder)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
     return file
 
 

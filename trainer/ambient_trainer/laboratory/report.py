@@ -80,17 +80,11 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
     recorded_s = sum(each.length_s for each in steps[len(campaign.before) :])
     whole_s = steps[-1].begins_s + steps[-1].length_s
     rows = round(recorded_s / campaign.period_s)
-    missing = [
-        Finding(f"{name}: {settings.port} is not there now.")
-        for name, settings in campaign.laboratory.instruments.named.items()
-        if is_missing(settings.port)
-    ]
-    blocks: list[Block] = [
-        schedule_table(campaign),
-        Finding(f"{clock_text(whole_s)} in all, {clock_text(recorded_s)} of it recorded: {rows:,} rows."),
-        Finding(f"From {', '.join(loaded.files)}"),
-        *missing,
-    ]
+    there = campaign.laboratory.instruments.named
+    found = [f"{clock_text(whole_s)} in all, {clock_text(recorded_s)} of it recorded: {rows:,} rows."]
+    found.append(f"From {', '.join(loaded.files)}")
+    found += [f"{name}: {each.port} is not there now." for name, each in there.items() if is_missing(each.port)]
+    blocks: list[Block] = [schedule_table(campaign), *map(Finding, found)]
     return Report(f"{loaded.name}: {campaign.about}", blocks, [], {}, "Schedule")
 
 
@@ -129,9 +123,8 @@ def settling_table(record: Record, campaign: Campaign) -> Table:
         begins.setdefault(each.step, each.at_s - each.elapsed_s)
     laboratory, program = campaign.laboratory, campaign.program
     scans = [each for each in record.samples if each.source == laboratory.reference]
-    ambient = pd.Series(
-        [laboratory.ambient.mean_degC(each.values) for each in scans], [each.at_s for each in scans], float
-    )
+    means_degC = [laboratory.ambient.mean_degC(each.values) for each in scans]
+    ambient = pd.Series(means_degC, [each.at_s for each in scans], float)
     lines = []
     for index, (step, before) in enumerate(zip(program, (None, *program))):
         set_degC = step.chamber_degC

@@ -282,7 +282,8 @@ class SerialLine:
 
     def _exchange(self, query: Query) -> Answer:
         asked_s, end_s = self._send(query.request), self._patience_end_s()
-        replies, rest = list[Any](), b""
+        replies: list[Any] = []
+        rest = b""
         while not replies:
             data = self._receive(end_s - time.monotonic())
             answered_s = self.clock.now_s()

@@ -74,7 +74,6 @@ class Sampler(Worker):
         self._instrument, self._period_s, self._scheduled = instrument, period_s, False
 
     def turn(self) -> float:
-        """Read the instrument, and post the sample."""
         try:
             if self._scheduled:
                 self.post(messages.Sample(self.source, *self._instrument.read()))
@@ -84,7 +83,6 @@ class Sampler(Worker):
         return next_multiple(self.clock.now_s(), self._period_s)
 
     def close(self) -> None:
-        """Close the instrument."""
         self._instrument.close()
 
 
@@ -118,11 +116,10 @@ class Target(NamedTuple):
 
     def confirmed_by(self, reading: Reading, moving_K: float = 0.0) -> bool:
         """Whether the chamber's ``reading`` agrees, its nominal value at most ``moving_K`` away."""
+        running, reported_degC = bool(reading.values[RUNNING]), reading.values[SET_POINT] or 0.0
         if self.set_degC is None:
-            return not reading.values[RUNNING]
-        reported_degC = reading.values[SET_POINT]
-        assert reported_degC is not None, "a chamber reports its set point"
-        return bool(reading.values[RUNNING]) and abs(reported_degC - self.set_degC) <= RESOLUTION_K + moving_K
+            return not running
+        return running and abs(reported_degC - self.set_degC) <= RESOLUTION_K + moving_K
 
 
 class ChamberControl(Worker):
@@ -189,12 +186,11 @@ class ChamberControl(Worker):
         state = "running" if reading.values[RUNNING] else "stopped"
         self._check_overdue(f"a nominal value of {self._reported_degC:.1f} degC, {state}")
         self.post(messages.Sample(CHAMBER, *reading))
-        now_s = self.clock.now_s()
-        quick = not self.settled and self._attempts < _QUICK_RETRIES
-        return now_s + _RETRY_S if quick else next_multiple(now_s, self._period_s)
+        if not self.settled and self._attempts < _QUICK_RETRIES:
+            return self.clock.now_s() + _RETRY_S
+        return next_multiple(self.clock.now_s(), self._period_s)
 
     def close(self) -> None:
-        """Close the line; the chamber goes on as it is."""
         self._chamber.close()
 
     def _begin(self, target: Target) -> None:
@@ -213,25 +209,26 @@ class ChamberControl(Worker):
             return
         self._attempts += 1
         _log.info("%s is sent", target)
-        self._chamber.stop() if target.set_degC is None else self._chamber.set_point(target.set_degC)
+        if target.set_degC is None:
+            self._chamber.stop()
+        else:
+            self._chamber.set_point(target.set_degC)
         self._to_send = False
 
     def _send_gradient(self, target: Target) -> None:
         """Limit how fast the set point moves; a chamber that refuses it goes to its set point all the same."""
         if not self._gradient_attempts or target.set_degC is None:
             return
-        self._gradient_attempts -= 1
         rate_K_min = target.gradient_K_min or 0.0
         _log.info("the gradient %g K/min is sent", rate_K_min)
         try:
             self._chamber.gradient(rate_K_min, rising=target.set_degC >= (self._from_degC or 0.0))
             self._gradient_attempts = 0
         except Disconnected:
-            self._gradient_attempts += 1
             raise
         except InstrumentError as error:
             _log.info("%s", error)
-            self._gradient_error = error
+            self._gradient_attempts, self._gradient_error = self._gradient_attempts - 1, error
             if not self._gradient_attempts:
                 self._fail_gradient(target)
 
@@ -298,7 +295,6 @@ class LoadControl(Worker):
         self.woken.set()
 
     def turn(self) -> float:
-        """Stop what is not in the target, start what is."""
         target = self._target
         try:
             if self._active is not None and not self.shell.alive:
@@ -314,7 +310,6 @@ class LoadControl(Worker):
         return self.clock.now_s() + _PERIOD_S
 
     def close(self) -> None:
-        """Close the shell."""
         self.shell.close()
 
     def _change(self, active: tuple[str, ...], target: tuple[str, ...]) -> None:

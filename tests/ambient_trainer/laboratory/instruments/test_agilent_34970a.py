@@ -3,10 +3,10 @@ from __future__ import annotations
 import pytest
 
 from ambient_model.faults import Refused
+from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.instruments import probe_column, settings
 from ambient_trainer.laboratory.instruments.agilent_34970a import Driver, Simulated
 from ambient_trainer.laboratory.messages import InstrumentError
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
 CHANNELS = {"c101": 101, "c102": 102, "c103": 103, "c105": 105, "c203": 203}
 

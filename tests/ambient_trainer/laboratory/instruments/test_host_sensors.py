@@ -7,10 +7,10 @@ import os
 import pytest
 
 from ambient_model.faults import Refused
+from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.host_sensors import Driver
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
 W1 = "bus/w1/devices/28-0316a279d1ff/w1_slave"
 GOOD = "72 01 4b 46 7f ff 0e 10 57 : crc=57 {}\n72 01 4b 46 7f ff 0e 10 57 t={}\n"

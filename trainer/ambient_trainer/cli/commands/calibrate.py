@@ -82,20 +82,11 @@ def command(
     NAME_degC are the probes; or with --simulate. Nothing is written before the bath has settled. A campaign takes the
     file as its 'offsets'.
     """
-    from ambient_trainer.laboratory.calibration import (
-        BATHS_DEGC,
-        BathRecorder,
-        Settled,
-        calibrated,
-        load_bath,
-        real_bath,
-        report_of,
-        settled_windows,
-        simulated_bath,
-    )
+    from ambient_trainer.data.probe_offsets import offsets_text
+    from ambient_trainer.estimation.bath import Settled, calibrated, load_bath, settled_windows
+    from ambient_trainer.laboratory.calibration import BATHS_DEGC, BathRecorder, real_bath, report_of, simulated_bath
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.messages import InstrumentError
-    from ambient_trainer.laboratory.probe_offsets import offsets_text
 
     live = bool(thermometer or multiplexer or probes)
     readings = int(window_s / period_s) + 1

@@ -17,7 +17,7 @@ A module ``my_meter.py`` is the kind ``my-meter``; an installed package adds one
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import ModuleType
 from typing import Annotated, Any, Protocol
 
@@ -25,10 +25,12 @@ from pydantic import Field, field_validator, model_validator
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
+from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.data.strict_yaml import Strict, validated, wrong
 from ambient_trainer.laboratory.messages import Reading
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
+Air = Callable[[float], float]
+"""The temperature in degC at a time of the clock."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]*$")]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.data.strict_yaml import Strict, wrong
-from ambient_trainer.laboratory.instruments import MultiplexerSettings, Name, probe_values
+from ambient_trainer.laboratory.instruments import Air, MultiplexerSettings, Name, probe_values
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
 from ambient_trainer.simulator.chamber import Probes
@@ -246,12 +246,7 @@ class Simulated(SimulatedInstrument):
     _scanned: list[int]
 
     def __init__(
-        self,
-        settings: Settings,
-        clock: Clock,
-        air: Callable[[float], float],
-        seed: int = 0,
-        errors_K: Mapping[str, float] | None = None,
+        self, settings: Settings, clock: Clock, air: Air, seed: int = 0, errors_K: Mapping[str, float] | None = None
     ) -> None:
         random = np.random.default_rng(seed)
         names = dict(sorted((each.channel, name) for name, each in settings.probes.items()))

@@ -13,12 +13,12 @@ The instrument switches itself off; without a sensor it reports that instead of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, ThermometerSettings, degC_from
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
 from ambient_trainer.laboratory.messages import Clock, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Malformed, Query, SerialDriver, SerialLine, shown
@@ -212,7 +212,7 @@ _NO_SENSOR = 17 << 27 | (_FAULTS_32 + 16365)
 class Simulated(SimulatedInstrument):
     """The thermometer in ``air``, switched on."""
 
-    def __init__(self, settings: Settings, clock: Clock, air: Callable[[float], float]) -> None:
+    def __init__(self, settings: Settings, clock: Clock, air: Air) -> None:
         self.switched_on = self.sensor_plugged = True
         self.unit = 1
         self._air = air

@@ -12,16 +12,23 @@ import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.data.strict_yaml import wrong
-from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC, MultiplexerSettings, Name, Positive, probe_values
+from ambient_trainer.laboratory.instruments import (
+    PLAUSIBLE_DEGC,
+    Air,
+    MultiplexerSettings,
+    Name,
+    Positive,
+    probe_values,
+)
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse, Reading
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset
 
 _POWER_ON_DEGC = 85.0
 _CHANNEL_HINT = "name a file below /sys, such as bus/iio/devices/iio:device0/in_temp_input, or a 1-wire number"
@@ -132,12 +139,7 @@ class Simulated:
     """The sensors in ``air``; what each reads too much is drawn, or given by ``errors_K``. ``port`` is their /sys."""
 
     def __init__(
-        self,
-        settings: Settings,
-        clock: Clock,
-        air: Callable[[float], float],
-        seed: int = 0,
-        errors_K: Mapping[str, float] | None = None,
+        self, settings: Settings, clock: Clock, air: Air, seed: int = 0, errors_K: Mapping[str, float] | None = None
     ) -> None:
         self.errors_K = dict(errors_K or dict.fromkeys(settings.probes, 0.0))
         self._clock, self._air, self._ending = clock, air, threading.Event()

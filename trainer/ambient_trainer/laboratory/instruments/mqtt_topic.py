@@ -20,13 +20,7 @@ from urllib.parse import urlsplit
 
 from pydantic import Field
 
-from ambient_trainer.laboratory.instruments import (
-    THERMOMETER_COLUMN,
-    UNITS,
-    Positive,
-    ThermometerSettings,
-    degC_from,
-)
+from ambient_trainer.laboratory.instruments import THERMOMETER_COLUMN, UNITS, Air, ThermometerSettings, degC_from
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse, Reading
 
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
@@ -46,8 +40,8 @@ class Settings(ThermometerSettings):
     topic: Annotated[str, Field(pattern=r"^[^#+]{1,80}$")]
     key: str = ""
     unit: Literal["degC", "degF", "K"] = "degC"
-    period_s: Positive = 1.0
-    timeout_s: Positive = 120.0
+    period_s: Annotated[float, Field(gt=0)] = 1.0
+    timeout_s: Annotated[float, Field(gt=0)] = 120.0
     user: str | None = None
     password_file: str | None = None
 
@@ -149,7 +143,7 @@ _ANSWERS: dict[int, Callable[[bytes], bytes]] = {
 class Simulated:
     """The thermometer in ``air``, and a broker that serves one subscriber."""
 
-    def __init__(self, settings: Settings, clock: Clock, air: Callable[[float], float]) -> None:
+    def __init__(self, settings: Settings, clock: Clock, air: Air) -> None:
         self._settings, self._clock, self._air = settings, clock, air
         self._server, self._ended = socket.create_server(("127.0.0.1", 0)), False
         self._server.settimeout(0.2)

@@ -21,19 +21,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from ambient_trainer.data.strict_yaml import load_yaml, wrong
+from ambient_trainer.laboratory import serial_line
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, ChamberSettings, NotNegative
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse, Reading
 from ambient_trainer.laboratory.pseudo_terminal import Response, SimulatedInstrument
-from ambient_trainer.laboratory.serial_line import (
-    QUIET_S,
-    Answer,
-    Malformed,
-    Query,
-    SerialDriver,
-    SerialLine,
-    shown,
-    text_replies,
-)
+from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine
 
 if TYPE_CHECKING:
     import numpy as np
@@ -63,8 +55,8 @@ class Settings(ChamberSettings):
     """The chamber; a ``model`` of :func:`models` gives what stands here.
 
     ``pause_s`` is the least time between two strings: a later controller needs 5 s. ``values`` is how many nominal
-    values are set at once, ``other_values`` what all but the first are then (else: as last reported), ``readings`` how
-    many a state has (else: two for each), ``outputs`` its outputs, and ``start`` those that are on while it runs.
+    values are set at once, ``other_values`` what all but the first are then (else: as last reported, in pairs with the
+    actual ones), ``outputs`` how many there are, and ``start`` those that are on while it runs.
     ``gradient`` is the form of the gradients' command: ``both`` ways in one, the one way that is ``needed`` and 0 for
     the other, or both and the ``outputs``. With ``alarms: false`` it is not asked for faults, which some chambers do
     not know: then it is not noticed where one stops it. ``marker`` is then another command that changes nothing and is
@@ -79,7 +71,6 @@ class Settings(ChamberSettings):
     lowest_degC: float = -45.0
     highest_degC: float = 185.0
     values: Annotated[int, Field(ge=1, le=20)] | None = None
-    readings: Annotated[int, Field(ge=2, le=40)] | None = None
     other_values: tuple[float, ...] | None = None
     outputs: Annotated[int, Field(ge=8, le=64)] | None = None
     start: tuple[Annotated[int, Field(ge=0, lt=64)], ...] | None = None
@@ -101,8 +92,6 @@ class Settings(ChamberSettings):
         values = self.values or 1 + len(self.other_values or ())
         if self.other_values is not None and len(self.other_values) != values - 1:
             raise wrong(f"{len(self.other_values)} of other_values", f"give all but the first of the {values} values")
-        if self.readings is not None and self.readings != 2 * values and self.other_values is None:
-            raise wrong("readings that are no pairs", "give 'values', and 'other_values': what is set but the first")
         return self
 
 
@@ -173,7 +162,7 @@ def _parsed(line: str) -> Reply | Malformed:
     return line
 
 
-decode = text_replies(b"\r", b"\n", _LONGEST, _parsed)
+decode = serial_line.text_replies(b"\r", b"\n", _LONGEST, _parsed)
 """From the bytes that a chamber sends to its replies."""
 
 
@@ -208,7 +197,7 @@ class Driver(SerialDriver):
         hint = f"{NoResponse.hint} is its address {settings.address}{faults}?"
         marker, quiet_s = self._read_state, settings.timeout_s
         if settings.alarms:
-            marker, quiet_s = self._read_fault, QUIET_S
+            marker, quiet_s = self._read_fault, serial_line.QUIET_S
         self.line = SerialLine("chamber", settings, clock, decode, marker, _BAUD, quiet_s=quiet_s, silent_hint=hint)
 
     def identify(self) -> str:
@@ -225,7 +214,7 @@ class Driver(SerialDriver):
         elif self._settings.marker:
             text = self.line.text(self._command(self._settings.marker.encode()))
             if not text or any(isinstance(reply, State | Done) for reply in decode(text)[0]):
-                raise self.line.failed("text that answers the marker", shown(text))
+                raise self.line.failed("text that answers the marker", serial_line.shown(text))
         values = {SET_POINT: state.values[0], AIR: state.values[1], RUNNING: float(state.outputs[START])}
         return Reading(asked_s, answered_s, values, alarm)
 
@@ -260,16 +249,16 @@ class Driver(SerialDriver):
 
     def _layout_like(self, state: State) -> Layout:
         """The layout by what the campaign gives, and else by a state."""
-        given = self._settings
-        readings = given.readings or (2 * given.values if given.values else len(state.values))
-        nominal = range(0, 2 * given.values if given.values else readings, 2)
-        return Layout(tuple(nominal), readings, given.outputs or len(state.outputs))
+        given, readings = self._settings, len(state.values)
+        if given.values and given.other_values is None:
+            readings = 2 * given.values
+        return Layout(tuple(range(0, readings, 2)), readings, given.outputs or len(state.outputs))
 
     def _state(self) -> Answer:
         known = self._layout
         try:
             if known is None:
-                if not any((self._settings.values, self._settings.readings, self._settings.outputs)):
+                if not (self._settings.values or self._settings.outputs):
                     self._layout = layout_in(self.line.text(self._command(b"?")).decode("ascii", "replace"))
                 self._layout = self._layout or self._layout_like(self.line.query(self._read_state).reply)
             answer = self.line.query(self._read_state)
@@ -312,11 +301,7 @@ class Simulated(SimulatedInstrument):
     """The chamber with the air inside it, stopped; during ``pause_s`` after a string it receives nothing."""
 
     def __init__(
-        self,
-        settings: Settings,
-        clock: Clock,
-        seed: int | np.random.Generator = 0,
-        room_degC: float = 22.0,
+        self, settings: Settings, clock: Clock, seed: int | np.random.Generator = 0, room_degC: float = 22.0
     ) -> None:
         from ambient_trainer.simulator.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
 
@@ -349,8 +334,7 @@ class Simulated(SimulatedInstrument):
     def put(self, nominal: tuple[float, ...], outputs: tuple[bool, ...]) -> None:
         """Set nominal values and outputs, as at the chamber's panel."""
         run = outputs[START] and not self._fault.number
-        self._nominal = nominal
-        self._outputs = (*outputs[:START], run, *outputs[START + 1 :])
+        self._nominal, self._outputs = nominal, (*outputs[:START], run, *outputs[START + 1 :])
         self.air.drive(self._clock.now_s(), self.held_degC)
 
     def answer(self, command: str) -> bytes:

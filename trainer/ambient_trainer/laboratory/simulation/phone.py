@@ -11,10 +11,11 @@ import os
 import signal
 import tempfile
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from ambient_trainer.laboratory.campaign import PowerSupply
+from ambient_trainer.laboratory.instruments import Air
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.simulator import Device, Zone
 from ambient_trainer.simulator.live_device import LiveDevice
@@ -54,7 +55,7 @@ class SimulatedPhone:
     def __init__(
         self,
         clock: Clock,
-        air_degC: Callable[[float], float],
+        air_degC: Air,
         phone: Device,
         zones: Mapping[str, Zone],
         supply: PowerSupply | None,
@@ -120,11 +121,10 @@ class SimulatedPhone:
         with self._lock:
             (self._here / "activity").write_text(f"{self._idle}\n")
             self._booted_s = self._clock.now_s()
-            folder = self._here / "sys/class/thermal"
-            for index in range(len(self._types)):
-                (folder / f"thermal_zone{index}").rename(folder / f"was{index}")
-            for index in range(len(self._types)):
-                (folder / f"was{index}").rename(folder / f"thermal_zone{len(self._types) - 1 - index}")
+            folder, count = self._here / "sys/class/thermal", len(self._types)
+            was = [(folder / f"thermal_zone{index}").rename(folder / f"was{index}") for index in range(count)]
+            for index, zone in enumerate(reversed(was)):
+                zone.rename(folder / f"thermal_zone{index}")
 
     def _make_files(self, activity: str) -> None:
         places = []

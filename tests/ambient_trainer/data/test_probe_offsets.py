@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.laboratory.probe_offsets import ProbeOffset, load_offsets
+from ambient_trainer.data.probe_offsets import ProbeOffset, load_offsets
 
 FILE = """\
 format: probe-offsets
