@@ -12,6 +12,7 @@ from ambient_trainer.simulator.scenario import load_scenario, scenario_names, sc
 STEP = {"duration_min": 5, "chamber_degC": 20}
 NEVER = {"chamber_degC": 20, "settle": {"within_K": 1, "for_min": 50, "at_most_min": 5}}
 WIRES = {"air1": {"channel": 101, "sensor": "Pt100-4w"}, "air2": 111, "air3": 103, "air4": 104}
+PORT = {"kind": "voetsch-vt4004", "port": "/dev/ttyUSB0"}
 FILES = {"air1": "/etc", "air2": "28-1", "air3": "28-2", "air4": "28-3"}
 # what is changed of the laboratory, to what, the place of the one fault where it is another, and what the fault names
 LABORATORY = [
@@ -37,7 +38,7 @@ LABORATORY = [
     ("safety.set_point_degC", 70, "", "70 degC"),
     ("safety.ambient_lost_s", "soon", "", "'soon'"),
     ("safety.unconfirmed", "hope", "", "'hope'; 'go-on', 'wait' or 'end'"),
-    ("instruments.chamber.other_values", [1, 2], "instruments.chamber", "other_values"),
+    ("instruments.chamber", {**PORT, "values": 5, "other_values": [1, 2]}, "", "2 of other_values; the 5 values"),
     ("safety.device_high_degC", {"skin_degC": 45}, "safety.device_high_degC.skin_degC", "no temperature; soc_degC"),
     ("safety.device_high_degC", {"battery_A": 45}, "safety.device_high_degC.battery_A", "no temperature; soc_degC"),
     ("safety.chamber", {"low_degC": 20, "high_degC": 20}, "", "20 to 20 degC"),

@@ -283,6 +283,24 @@ def test_what_is_not_ready_is_named_and_nothing_moves(night):
     assert (len(faults), lab.held_degC, lab.part.exists()) == (3, None, False)
 
 
+def test_a_stop_while_an_instrument_is_waited_for_moves_nothing(night, monkeypatch):
+    asked = threading.Event()
+
+    def waits(_):
+        asked.set()
+        threading.Event().wait()
+
+    monkeypatch.setattr(DeviceUnderTest, "identify", waits)
+    lab = night(minutes((2, 22)))
+
+    class Impatient(Recorder):
+        stop = property(lambda self: "stopped by SIGINT" if asked.is_set() else None, lambda self, value: None)
+
+    with pytest.raises(Refused, match=r"stopped by SIGINT.*nothing was moved"):
+        lab.run(monitor=Impatient)
+    assert (lab.held_degC, lab.part.exists()) == (None, False)
+
+
 def test_a_period_that_an_instrument_cannot_hold_is_said_before_the_run_and_while_it_lasts(night):
     lab = night(minutes((1, 22)), {"instruments.multiplexer.period_s": 0.1})
     said = [text for text in lab.run().events if text.startswith("multiplexer takes")]

@@ -13,6 +13,8 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import queue
+import threading
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timezone
 from typing import NamedTuple
@@ -28,6 +30,9 @@ from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, Ide
 from ambient_trainer.laboratory.program import Program
 from ambient_trainer.laboratory.run import Ending, Equipment, Outcome, Run, Supervision, equipment_of, identify
 from ambient_trainer.laboratory.watchdog import Watchdog
+
+Identified = tuple[list[tuple[str, str]], list[str]]
+_POLL_S = 0.1
 
 
 class Job(NamedTuple):
@@ -66,7 +71,7 @@ def collect(job: Job, supervision: Supervision) -> Collected:
     clock = Clock(job.speed)
     equipment = equipment_of(job.loaded, clock, job.environment)
     try:
-        identities, slow = identify(equipment, job.loaded)
+        identities, slow = _identified(equipment, job.loaded, supervision)
     except BaseException:
         equipment.close()
         raise
@@ -78,6 +83,25 @@ def collect(job: Job, supervision: Supervision) -> Collected:
         journal.add(Note(0.0, text))
         supervision.event(0.0, text)
     return _run(job, equipment, journal, clock, Program(job.loaded.campaign.program, 0.0), supervision)
+
+
+def _identified(equipment: Equipment, loaded: LoadedCampaign, supervision: Supervision) -> Identified:
+    """What :func:`identify` finds; raises :class:`Refused` at once where it is to stop, as nothing has moved."""
+    found: queue.SimpleQueue[Identified | BaseException] = queue.SimpleQueue()
+
+    def ask() -> None:
+        try:
+            found.put(identify(equipment, loaded))
+        except BaseException as error:
+            found.put(error)
+
+    threading.Thread(target=ask, name="identify", daemon=True).start()
+    while not (why := supervision.stopping()):
+        with contextlib.suppress(queue.Empty):
+            if isinstance(result := found.get(timeout=_POLL_S), BaseException):
+                raise result
+            return result
+    raise refuse("the laboratory", "", why, "nothing was moved")
 
 
 def resume(job: Job, supervision: Supervision) -> Collected:

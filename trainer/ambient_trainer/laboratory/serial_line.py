@@ -301,8 +301,10 @@ class SerialLine:
         return Answer(asked_s, answered_s, first)
 
     def _missing(self, query: Query, rest: bytes) -> InstrumentError:
-        got = f"{f'only {shown(rest)}' if rest else 'nothing'} in {self.settings.timeout_s:g} s"
-        return self.failed(query.expected, got, InstrumentError if rest else NoResponse, self.silent_hint)
+        within = f"in {self.settings.timeout_s:g} s"
+        if rest:
+            return self.failed(query.expected, f"only {shown(rest)} {within}")
+        return self.failed(query.expected, f"nothing {within}", NoResponse, self.silent_hint)
 
     def failed(
         self, expected: str, got: str, kind: type[InstrumentError] = InstrumentError, hint: str | None = None

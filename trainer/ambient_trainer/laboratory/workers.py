@@ -44,7 +44,7 @@ class Worker(threading.Thread):
         self.finished = True
         self.woken.set()
 
-    def failed(self, error: InstrumentError | str | None, again_after_s: float = 0.0, source: str = "") -> float:
+    def failed(self, error: InstrumentError | str, again_after_s: float = 0.0, source: str = "") -> float:
         """Post a failure, of another ``source`` if there is one; returns the time of the next attempt."""
         now_s = self.clock.now_s()
         self.post(messages.Failure(source or self.source, now_s, str(error)))

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.instruments import probe_column, settings
 from ambient_trainer.laboratory.instruments.agilent_34970a import Driver, Simulated
@@ -110,21 +109,6 @@ def test_readings_of_other_channels_are_refused(driver, simulated) -> None:
     with pytest.raises(InstrumentError) as caught:
         multiplexer.read()
     assert "(@101,102)" in caught.value.expected
-
-
-@pytest.mark.parametrize(
-    ("values", "parts"),
-    [
-        ({"probes": {}}, ["probes"]),
-        ({"probes": {"a": 100}}, ["probes.a", "100"]),
-        ({"probes": {"a": 101, "b": 101}}, ["probes", "101", "a and b"]),
-        ({"thermocouple": "Q"}, ["thermocouple", "'Q'"]),
-    ],
-)
-def test_settings_that_cannot_be_scanned_are_refused(values, parts) -> None:
-    with pytest.raises(Refused) as caught:
-        named(**values)
-    assert all(part in str(caught.value) for part in parts)
 
 
 def test_a_probe_follows_the_air_with_its_lag(clock) -> None:

@@ -24,15 +24,6 @@ def test_without_a_sensor_it_reports_that_instead_of_a_number(bench) -> None:
     assert bench.reading() == 21.5
 
 
-def test_it_switches_itself_off_and_is_switched_on_again(bench) -> None:
-    bench = bench("thermometer")
-    assert bench.reading() == 21.5
-    bench.simulated.switched_on = False
-    assert bench.failure(NoResponse).hint == "switch it on"
-    bench.simulated.switched_on = True
-    assert bench.reading() == 21.5
-
-
 def test_one_of_another_address_is_not_taken_for_it(driver_at) -> None:
     clock = Clock(20.0)
     simulated = Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0)
