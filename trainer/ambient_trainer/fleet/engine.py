@@ -9,6 +9,8 @@ order asks for it by number.
 from __future__ import annotations
 
 import contextlib
+import signal
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -94,7 +96,7 @@ class Dask(Engine):
                 "distributed.worker.daemon": True,
                 "distributed.admin.log-format": "%(message)s",
             }
-            with dask.config.set(settings):
+            with dask.config.set(settings), _without_interrupts():
                 self._cluster = distributed.LocalCluster(
                     n_workers=self._wanted, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
                 )
@@ -213,6 +215,19 @@ def engine_of(name: str, workers: int) -> Engine:
         hint = f"write {LOCAL}, {SERIAL}, or the address of a scheduler such as tcp://127.0.0.1:8786"
         raise refuse("--engine", "", f"{name!r} is no engine", hint)
     return Dask(name, workers)
+
+
+@contextlib.contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Processes that are started meanwhile ignore Ctrl-C: the driver ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _connection_lost(error: Exception) -> bool:
