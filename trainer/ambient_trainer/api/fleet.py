@@ -119,7 +119,7 @@ def fit_fleet(
     -----
     With the poles of a first fit held, :math:`y_u = Z_u c_u + e` is linear in a unit's gains :math:`c_u`. Their prior
     :math:`N(\\mu, \\Sigma)` maximises the marginal likelihood of all units (empirical Bayes: Efron and Morris, J. Am.
-    Stat. Assoc. 70, 1975), with the weights of a Student t. A log of duration T counts as T / memory samples, as its
+    Stat. Assoc. 70, 1975), robustly weighed. A log of duration T counts as T / memory samples, as its
     errors go together.
     """
     place = os.fspath(folder)

@@ -97,7 +97,7 @@ def begin(
         total_s = sum(float(trace.time_s[-1] - trace.time_s[0]) for trace in traces)
         own_s = max(float(np.median(np.diff(trace.time_s))) for trace in traces)
         period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))
-        fit = _slim(method.fit(traces, effort, None, period_s, columns or None))
+        fit = _slim(method.fit(traces, effort, None, period_s, columns or None), (own_s,))
         spaces = {
             name: space_of(each, [_thinned(trace, period_s) for trace in traces]) for name, each in members(fit).items()
         }
@@ -135,15 +135,16 @@ def _thinned(trace: Trace, period_s: float) -> Trace:
     return replace(trace, time_s=trace.time_s[::step], columns=columns)
 
 
-def _slim(fit: Fit) -> Fit:
-    """The fit with quantiles of its errors instead of all of them: it goes to every worker."""
+def _slim(fit: Fit, periods_s: tuple[float, ...]) -> Fit:
+    """The fit as it goes to every worker: quantiles of its errors instead of all of them, and the logs' periods."""
     quantiles = tuple(np.quantile(each, np.linspace(0, 1, _KEPT)) for each in fit.errors_degC)
-    second = fit.secondary and fit.secondary._replace(fit=_slim(fit.secondary.fit))
+    second = fit.secondary and fit.secondary._replace(fit=_slim(fit.secondary.fit, periods_s))
     return replace(
         fit,
+        periods_s=periods_s,
         errors_degC=quantiles,
         secondary=second,
-        fallbacks={name: _slim(each) for name, each in fit.fallbacks.items()},
+        fallbacks={name: _slim(each, periods_s) for name, each in fit.fallbacks.items()},
     )
 
 
@@ -229,6 +230,8 @@ def _fitted(
         1 - np.einsum("uij,ji->u", population.posterior(units, group).covariance, whole) / len(whole)
     )
     misfit = units.squares(main.mean) / units.seconds
+    # one for a unit whose sensors go together as the population's do
+    leverage = np.trace(units.H, axis1=1, axis2=2) / units.seconds / len(whole)
     names, base, follow = start.spaces[MAIN].parameters
     rows = []
     for index, each in enumerate(looked):
@@ -253,6 +256,7 @@ def _fitted(
             "half_width_90_degC": SCORES[90] * deviation[MAIN],
             "distance": float(distance[index]),
             "freedom": float(freedom[index]),
+            "leverage": float(leverage[index]),
             "misfit_degC2": float(misfit[index]),
         }
         for name, value, width in zip(names, values.tolist(), half.tolist()):

@@ -4,9 +4,10 @@
 
 ``memory`` is the autocorrelation time of the noise: so much time counts as one sample. Mean and between-unit covariance
 maximise the marginal likelihood by expectation-maximisation (Dempster, Laird and Rubin, J. R. Stat. Soc. B 39(1),
-1977). Each unit counts with the weight of a Student t of few degrees of freedom (Lange, Little and Taylor, J. Am. Stat.
-Assoc. 84, 1989), so that a broken one does not bend them. Groups of units are one level more: their means are N(mean,
-between-group covariance), and the same function gives their posteriors from what their units say of them.
+1977). A unit that lies far outside, or leaves far more than others, loses its weight (a redescending M-estimator: Huber
+and Ronchetti, Robust Statistics, 2009, section 4.8), so that a broken one does not bend them. Groups of units are one
+level more: their means are N(mean, between-group covariance), and the same function gives their posteriors from what
+their units say of them.
 """
 
 from __future__ import annotations
@@ -20,14 +21,16 @@ from scipy import stats
 
 from ambient_trainer.data.trace import Array
 
-_FREEDOM = 4.0
-"""Of the Student t: the usual choice of robust regression."""
+_WIDE = 3.0
+"""A unit counts in full up to so many times the square that is expected of it: 5e-5 of normal ones lie beyond."""
 _ROUNDS = 60
 _START_DEGC2 = 0.02
 _LEAST_DEGC2 = 1e-4
 _COUNTS_AS = 2.0
 """Units that the prior of the between-unit covariance counts as."""
 _RIDGE = 1e-9
+_QUARTILES_APART = 1.349
+"""Of a standard normal number."""
 
 
 class Normal(NamedTuple):
@@ -142,14 +145,16 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
             group_between = (apart_groups + prior) / (groups + _COUNTS_AS)
         left = units.squares(here.mean) + np.einsum("uij,uji->u", units.H, here.covariance)
         distance, freedom = deviance(L, e, centre, between)
-        misfit = units.squares(here.mean) / scale
-        place = (_FREEDOM + freedom) / (_FREEDOM + distance)
-        scatter = (_FREEDOM + units.seconds / memory_s) / (_FREEDOM + misfit)
-        weight = np.minimum(1.0, np.minimum(place, scatter))
+        scatter = units.squares(here.mean) / scale
+        weight = _weight(distance, freedom) * _weight(scatter, 1 + units.seconds / memory_s)
         variance = float((weight * left).sum() / (weight * units.seconds).sum())
     return Population(
         mean, np.linalg.inv(total), between, variance, memory_s, above.mean, above.covariance, group_between, u
     )
+
+
+def _weight(square: Array, expected: Array) -> Array:
+    return np.minimum(1.0, _WIDE * expected / np.maximum(square, 1e-300)) ** 2
 
 
 def deviance(information: Array, vector: Array, mean: Array, between: Array) -> tuple[Array, Array]:
@@ -166,14 +171,17 @@ def deviance(information: Array, vector: Array, mean: Array, between: Array) -> 
     return np.einsum("ui,ui->u", q, solved), freedom
 
 
-def improbability(distance: Array, freedom: Array, misfit: Array) -> Array:
-    """Minus the decimal logarithm of the p-value of each unit: of where it lies, and of what it leaves.
+def improbability(*squares: Array) -> Array:
+    """Minus the decimal logarithm of how probable each unit is, from several squares (u,) that grow with what is odd.
 
-    ``misfit`` is the mean square of its residual; its logarithm is compared with the median and the quartiles of all,
-    the two p-values are combined (Fisher 1932). The tails beyond double precision are those of log-survival functions.
+    The logarithm of each is compared with the median and the quartiles of all units; the one-sided p-values are
+    combined (Fisher, Statistical Methods for Research Workers, 1932, section 21.1). They are not independent: the
+    numbers order units, and are no frequencies.
     """
-    log_misfit = np.log(np.maximum(misfit, 1e-12))
-    low, middle, high = np.percentile(log_misfit, [25, 50, 75])
-    z = (log_misfit - middle) / max((high - low) / 1.349, 1e-3)
-    statistic = -2 * (stats.chi2.logsf(distance, np.maximum(freedom, 1e-6)) + stats.norm.logsf(z))
-    return np.asarray(-stats.chi2.logsf(statistic, 4) / np.log(10.0))
+    statistic = np.zeros(len(squares[0]))
+    for each in squares:
+        logarithm = np.log(np.maximum(each, 1e-12))
+        low, middle, high = np.percentile(logarithm, [25, 50, 75])
+        z = (logarithm - middle) / max((high - low) / _QUARTILES_APART, 1e-3)
+        statistic -= 2 * stats.norm.logsf(z)
+    return np.asarray(-stats.chi2.logsf(statistic, 2 * len(squares)) / np.log(10.0))

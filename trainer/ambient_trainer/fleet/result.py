@@ -25,6 +25,7 @@ NUMBERS = (
     "half_width_90_degC",
     "distance",
     "freedom",
+    "leverage",
     "misfit_degC2",
 )
 

@@ -143,7 +143,9 @@ def _learnt(parts: _Parts, chunks: int, start: Start) -> tuple[dict[str, Populat
     seconds, memory = (np.array([each[k] for each in brief]) for k in (3, 4))
     order = np.argsort(memory, kind="stable")
     share = np.cumsum(seconds[order]) / seconds.sum()
-    memory_s = float(memory[order][np.searchsorted(share, _MEMORY_PERCENT / 100)])
+    # a short log shows less memory than there is: a device's own time constant is the least
+    measured_s = float(memory[order][np.searchsorted(share, _MEMORY_PERCENT / 100)])
+    memory_s = max(measured_s, start.spaces[MAIN].slowest_s)
     by_group = sorted(range(len(brief)), key=lambda k: (brief[k][2], k))
     evenly = [by_group[k * len(brief) // _LEARNT_FROM] for k in range(_LEARNT_FROM)]
     longest = sorted(range(len(brief)), key=lambda k: (-seconds[k], k))[:_LONGEST]
@@ -184,9 +186,10 @@ def _written(
     names, _, _ = start.spaces[MAIN].parameters
     table = table_of(rows, question.within, names)
     good = (table["status"] != FAILED).to_numpy()
-    numbers = (table.loc[good, name].to_numpy(dtype=float) for name in ("distance", "freedom", "misfit_degC2"))
+    squares = table.loc[good, ["distance", "leverage", "misfit_degC2"]].to_numpy(dtype=float).T
+    errors = table.loc[good, "rmse_pooled_degC"].to_numpy(dtype=float) ** 2
     table["improbability"] = np.nan
-    table.loc[good, "improbability"] = improbability(*numbers)
+    table.loc[good, "improbability"] = improbability(*squares, errors)
     save_table(os.path.join(folder, "fleet.parquet"), table)
     population = populations[MAIN]
     said = {

@@ -67,6 +67,11 @@ class Space:
     origin: Array
     weights: Array
 
+    @property
+    def slowest_s(self) -> float:
+        """The longest time constant; 0 of a static filter."""
+        return float(max(-1 / np.linalg.eigvals(self.modes).real, default=0.0))
+
     def regressors(self, segment: Segment) -> Array:
         """Inputs, one, and the modes' responses to each input: (P, N)."""
         u, n = segment.inputs, len(self.modes)
