@@ -32,7 +32,7 @@ _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
 _KEPT = 201
 _WEIGHTS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
-"""How much of what is a unit's own may be kept: as much as did best on blocks that were held out."""
+"""How much of what is a unit's own may be kept: all, unless the population did better on blocks that were held out."""
 OK, FAILED = "ok", "failed"
 
 
@@ -300,7 +300,8 @@ def _held_out(looked: Sequence[Looked], population: Population, group: NDArray[n
         alone = np.linalg.pinv(rest.H, rcond=1e-9, hermitian=True) @ rest.g[..., None]
         separate += block.squares(alone[..., 0])
         partial += np.array([block.squares(mean + weight * (here.mean - mean)) for weight in _WEIGHTS])
-    best = np.argmin(partial, axis=0)
+    # the first, which keeps most, that is no worse than the population; the last is the population or its group
+    best = np.argmax((partial <= pooled) | (np.arange(options) == options - 1)[:, None], axis=0)
     chosen = partial[best, np.arange(count)]
     rms = [np.sqrt(each / total.seconds) for each in (pooled, separate, chosen)]
     return _HeldOut(rms[0], rms[1], rms[2], np.array(_WEIGHTS)[best])
