@@ -1,7 +1,7 @@
 """Robust tests: what the residual goes along with, against residuals that remember alike and go along with nothing.
 
 The residual and what may drive it are both whitened by the residual's memory; their correlation is taken as a Student's
-t. A thousand residuals are simulated with that memory and treated alike, memory refitted: that gives each subject the
+t. Hundreds of residuals are simulated with that memory and treated alike, memory refitted: that gives each subject the
 t of its own chance, and all subjects together one factor on it, so that one of them fails by chance in 5 % of reports.
 """
 
@@ -23,7 +23,7 @@ from ambient_trainer.estimation.noise import (
 
 Array = NDArray[np.float64]
 
-REPLICATES = 1000
+REPLICATES = 300
 _OWN_LEVEL = 0.99
 _TURN_FRAC = 1 / 3
 

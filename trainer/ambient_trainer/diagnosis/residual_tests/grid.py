@@ -1,4 +1,4 @@
-"""Every test looks at the same uniform grid of means, few enough that a residual can be simulated a thousand times."""
+"""Every test looks at the same uniform grid of means, few enough that a residual can be simulated hundreds of times."""
 
 from __future__ import annotations
 
