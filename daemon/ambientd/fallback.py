@@ -11,7 +11,8 @@ fallback runs: see :mod:`ambient_model.validation`.
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ambient_model.model import Estimator, Model
 from ambient_model.tracking import (
@@ -26,8 +27,11 @@ from ambient_model.tracking import (
 from ambientd.health import MAIN, decide, has_all_inputs
 
 if TYPE_CHECKING:
+    from types import CodeType
+
     from ambient_model.observer import Background, Observer
 
+_NONE_REFUSED: dict[str, str] = {}
 _MOST_BEHIND = 128
 """Samples in a batch of the fallbacks: enough for the cost to vanish, few enough to be processed in a millisecond."""
 
@@ -45,6 +49,13 @@ class FallbackState(NamedTuple):
     last_s: float
     background: "Background | None" = None
     """Of a model with a secondary estimator or an error variance model."""
+
+
+def usual_code(model: Model, period_s: float, level: int) -> "CodeType":
+    """The compiled code of the main estimator's usual sample; see :mod:`ambient_model.straight`."""
+    from ambient_model.straight import compiled
+
+    return compiled(model, nearest_discrete(model.main, period_s), level)
 
 
 class _Member:
@@ -77,13 +88,24 @@ class FallbackTracker:
     Secondary estimator and error variance model belong to the main one: a fallback has its own interval.
 
     ``period_s`` is how far apart the samples will lie. Two missing inputs leave no fallback: the main one coasts, for
-    ``coast_s`` or, where that is None, as long as a gap is bridged.
+    ``coast_s`` or, where that is None, as long as a gap is bridged. ``code`` is what :func:`usual_code` returned.
     """
 
-    def __init__(self, model: Model, period_s: float, level: int = 90, coast_s: float | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        period_s: float,
+        level: int = 90,
+        coast_s: float | None = None,
+        code: "CodeType | None" = None,
+    ) -> None:
         self._main = _Member(model, model.main, period_s, level, coast_s)
         self._observer = _observer(model, self._main.tracker, level, coast_s)
+        self._validation = None if self._observer is None else self._observer.validation
         self._update_main = self._main.tracker.update if self._observer is None else self._observer.update
+        self._update_usual = _usual_update(
+            code or usual_code(model, period_s, level), self._main.tracker, self._observer
+        )
         # validated readings are never missing
         fallbacks = model.fallbacks if model.readings is None else {}
         self._fallbacks = [_Member(model, each, period_s, level, coast_s) for each in fallbacks.values()]
@@ -101,10 +123,11 @@ class FallbackTracker:
     @property
     def refused(self) -> dict[str, str]:
         """Why readings are refused, by the input's name."""
-        if self._observer is None or self._observer.validation is None:
-            return {}
+        validation = self._validation
+        if validation is None or not validation.refused:
+            return _NONE_REFUSED
         inputs = self._main.tracker.estimator.inputs
-        return {inputs[i].name: str(each) for i, each in self._observer.validation.refused.items()}
+        return {inputs[i].name: str(each) for i, each in validation.refused.items()}
 
     @property
     def _members(self) -> list[_Member]:
@@ -157,7 +180,7 @@ class FallbackTracker:
 
     def update(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate at ``time_s`` from one reading per input of the model (degC, A, ...; None where missing)."""
-        main = self._update_main(time_s, readings)
+        main = self._update_usual(time_s, readings) or self._update_main(time_s, readings)
         if not self._fallbacks:
             return main
         if has_all_inputs(main.status) and (self._active is self._main or self._settled):
@@ -207,6 +230,18 @@ class FallbackTracker:
         if member is not self._active:
             return self._last_degC - ambient_degC
         return self._difference_degC * math.exp(-passed_s / self._decay_s)
+
+
+def _usual_update(
+    code: "CodeType", main: Tracker, observer: "Observer | None"
+) -> Callable[[float, Readings], Estimate | None]:
+    """The function of :mod:`ambient_model.straight` at work on these."""
+    space: dict[str, Any] = {"main": main, "observer": observer}
+    if observer is not None:
+        space.update(secondary=observer.secondary, validation=observer.validation)
+    exec(code, space)
+    update: Callable[[float, Readings], Estimate | None] = space["update"]
+    return update
 
 
 def _observer(model: Model, main: Tracker, level: int, coast_s: float | None) -> "Observer | None":

@@ -1,7 +1,7 @@
 """Configuration and model are read, checked and decoded in a child process: its modules and its memory go with it.
 
-What the child makes of them comes back as plain data through a pipe, so that the process that ticks for months imports
-neither argparse nor json nor any of the checks.
+What the child makes of them comes back as plain data and byte code through a pipe, so that the process that ticks for
+months imports neither argparse nor json nor any of the checks, and compiles nothing.
 """
 
 import _signal as signal  # type: ignore[import-not-found]  # whose public name takes enum and functools along
@@ -20,6 +20,7 @@ def prepare(settings: Settings) -> Prepared:
     """Read the model of ``settings``; raises :class:`Refused`."""
     from ambient_model.codec import load_model
     from ambient_model.model import Conformance
+    from ambientd.fallback import usual_code
 
     model = load_model(settings.model)
     identity = ""
@@ -27,7 +28,8 @@ def prepare(settings: Settings) -> Prepared:
         from ambientd.state import model_identity
 
         identity = model_identity(model)
-    return Prepared(settings, model._replace(provenance={}, conformance=Conformance((), {})), identity)
+    bare = model._replace(provenance={}, conformance=Conformance((), {}))
+    return Prepared(settings, bare, identity, usual_code(model, 1 / settings.rate_hz, settings.level_percent))
 
 
 class Child:

@@ -33,6 +33,8 @@ class Outlets:
         self._claims = Claims()
         self._paths: set[str] = set()
         """The files among what is published, and the state: no other daemon may write them."""
+        self._unclaimed: set[str] = set()
+        """Those of them whose folders were not there yet."""
 
     @property
     def unpublished(self) -> list[str]:
@@ -84,6 +86,7 @@ class Outlets:
         self._open = {spec: opened[spec] for spec in sorted(specs, key=lambda spec: opened[spec][0].last)}
         self._paths = paths
         self._claims.keep(paths)
+        self._unclaimed = paths - self._claims.held.keys()
         self._report_unused()
 
     def _report_unused(self) -> None:
@@ -113,8 +116,9 @@ class Outlets:
                 return
             problem = ""
             try:
-                if spec.path in self._paths and spec.path not in self._claims.held:
+                if self._unclaimed and spec.path in self._unclaimed:
                     self._claims.take(spec.path)
+                    self._unclaimed.discard(spec.path)
                 publisher.publish(report)
                 if self._unpublished:
                     self._unpublished.discard(spec)

@@ -34,7 +34,13 @@ class _Form:
     """The text of a report that is the same at every tick, with ``%s`` where its values go."""
 
     inputs: tuple[Input, ...] | None = None
-    model = text = ""
+    model = text = text_of_sensors = line = ""
+    report: Report | None = None
+    """What ``line`` is the text of: several outputs ask for it."""
+    raw: Sequence[float | None] = ()
+    used: Sequence[float | None] = ()
+    sensors = ""
+    """The text of these two, which mostly are those of the tick before."""
 
     def fit(self, model: str, inputs: tuple[Input, ...]) -> None:
         import json  # a daemon that publishes files alone does without
@@ -43,11 +49,12 @@ class _Form:
             return json.dumps(text).replace("%", "%%")
 
         sensors = [f'{quoted(each.name)}: {{"unit": {quoted(each.unit)}, "raw": %s, "used": %s}}' for each in inputs]
-        self.model, self.inputs = model, inputs
+        self.model, self.inputs, self.raw, self.used = model, inputs, (), ()
+        self.text_of_sensors = ", ".join(sensors)
         self.text = (
             f'{{"time_s": %s, "model": {quoted(model)}, "status": "%s", "ambient_degC": %s, "low_degC": %s,'
             ' "high_degC": %s, "level_percent": %s, "age_s": %s, "missed_ticks": %s, "clock_steps_back": %s,'
-            f' "sensors": {{{", ".join(sensors)}}}}}'
+            ' "sensors": {%s}}'
         )
 
 
@@ -56,15 +63,23 @@ _FORM = _Form()
 
 def as_json(report: Report) -> str:
     """``report`` as one JSON object on one line, without the newline; what is not known is null."""
+    if report is _FORM.report:
+        return _FORM.line
     model, inputs, level_percent, time_s, raw, estimate, age_s, missed_ticks, steps_back, offset = report
     if inputs is not _FORM.inputs or model != _FORM.model:
         _FORM.fit(model, inputs)
     ambient, low, high, status, used = estimate
-    values = [time_s, status, ambient, low, high, level_percent, age_s, missed_ticks, steps_back]
-    for pair in zip(raw, used):
-        values += pair
-    line = _FORM.text % tuple(["null" if value is None else value for value in values])
-    return line if offset is None else f"{line[:-1]}, {_offset_text(offset)}}}"
+    if raw is not _FORM.raw or used != _FORM.used:
+        _FORM.raw, _FORM.used = raw, used
+        _FORM.sensors = _FORM.text_of_sensors % _shown([value for pair in zip(raw, used) for value in pair])
+    values = [time_s, status, ambient, low, high, level_percent, age_s, missed_ticks, steps_back, _FORM.sensors]
+    line = _FORM.text % _shown(values)
+    _FORM.report, _FORM.line = report, line if offset is None else f"{line[:-1]}, {_offset_text(offset)}}}"
+    return _FORM.line
+
+
+def _shown(values: "Sequence[object]") -> tuple[object, ...]:
+    return tuple(["null" if value is None else value for value in values])
 
 
 class _LastText:

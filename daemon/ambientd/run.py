@@ -74,8 +74,8 @@ def run_sensors(first: Callable[[], Prepared], again: Callable[[], Prepared]) ->
 
 
 def _opened(prepared: Prepared, waiter: Waiter) -> _Work:
-    settings, model, identity = prepared
-    tracker = FallbackTracker(model, 1 / settings.rate_hz, settings.level_percent, settings.coast_s)
+    settings, model, identity, code = prepared
+    tracker = FallbackTracker(model, 1 / settings.rate_hz, settings.level_percent, settings.coast_s, code)
     state = learner = None
     if settings.state is not None:
         from ambientd.state import StateFile
@@ -152,7 +152,7 @@ class _Poll:
         estimate = self._tick((now_s, work.sensors.read(now_s)), ticks.missed, ticks.steps_back)
         self._pace.ticked(now_s)
         refused = work.tracker.refused
-        if refused or self._refused:
+        if refused is not self._refused:
             if refused.keys() != self._refused.keys():
                 _note_refused(self._refused, refused)
             self._refused = refused
@@ -178,8 +178,9 @@ class _Pace:
 
     def ticked(self, now_s: float) -> None:
         """Look at the last tick, and now and then at those of the last seconds."""
-        if self._forwards.changed(now_s, self._ticks.back_s > 0) and self._ticks.back_s:
-            log(f"the clock went back by {self._ticks.back_s:.3g} s: the estimate starts anew")
+        back_s = self._ticks.back_s
+        if (back_s or self._forwards.wrong) and self._forwards.changed(now_s, back_s > 0) and back_s:
+            log(f"the clock went back by {back_s:.3g} s: the estimate starts anew")
         if 0 <= now_s - self._since_s < self._window_s:
             return
         missed = self._ticks.missed - self._missed

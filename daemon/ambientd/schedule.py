@@ -122,11 +122,13 @@ class Waiter:
 
         What is ready is always served.
         """
-        now_s = start_s = clock_s()
+        clock = time.clock_gettime
+        now_s = start_s = clock(_CLOCK)
         while not (self.ended or self._paused):
-            for descriptor in select.select(self._watched, _NONE, _NONE, max(0.0, due_s - now_s))[0]:
+            ready = select.select(self._watched, _NONE, _NONE, due_s - now_s if due_s > now_s else 0.0)[0]
+            for descriptor in ready:
                 self._served[descriptor]()
-            now_s = clock_s()
+            now_s = clock(_CLOCK)
             if not start_s <= now_s < due_s:
                 break
         if self.ended:  # nothing blocks: what follows is the end itself, and may take its time
@@ -197,6 +199,7 @@ class Ticks:
     """The time at each deadline, the first at once, until ``until`` is false; counts the deadlines that were missed.
 
     A suspend costs none, as the monotonic clock does not count it. Where the clock goes back, the grid begins anew.
+    A tick that ends before the next is due, which is the usual one, needs neither that clock nor the grid.
     """
 
     def __init__(self, period_s: float, until: Callable[[float], bool], clock: Callable[[], float] = clock_s) -> None:
@@ -209,22 +212,28 @@ class Ticks:
         self.steps_back = 0
 
     def __iter__(self) -> Iterator[float]:
-        due_s = last_s = self._clock()
-        awake_s = time.monotonic()
-        while self._until(due_s):
-            now_s = self._clock()
-            self.back_s = max(0.0, last_s - now_s)
-            if self.back_s:
+        clock, until, period_s = self._clock, self._until, self._period_s
+        due_s = last_s = clock()
+        asleep_s = last_s - time.monotonic()
+        while until(due_s):
+            now_s = clock()
+            if now_s < last_s:
+                self.back_s = last_s - now_s
                 self.steps_back += 1
                 due_s = now_s
+            elif self.back_s:
+                self.back_s = 0.0
             last_s = now_s
             yield now_s
-            now_s = self._clock()
-            next_s = next_deadline(due_s, now_s, self._period_s)
-            before_s, awake_s = awake_s, time.monotonic()
-            skipped = round((next_s - due_s) / self._period_s) - 1
-            self.missed += min(skipped, int((awake_s - before_s) / self._period_s))
-            due_s = min(next_s, now_s + self._period_s)
+            now_s = clock()
+            if due_s <= now_s < due_s + period_s:
+                due_s += period_s
+                continue
+            next_s = next_deadline(due_s, now_s, period_s)
+            before_s, asleep_s = asleep_s, now_s - time.monotonic()
+            late_s = now_s - due_s - max(0.0, asleep_s - before_s)
+            self.missed += min(round((next_s - due_s) / period_s) - 1, max(0, int(late_s / period_s)))
+            due_s = min(next_s, now_s + period_s)
 
 
 def next_deadline(due_s: float, now_s: float, period_s: float) -> float:

@@ -32,7 +32,7 @@ class Service:
         self, model: Model, level_percent: int, tracker: FallbackTracker, learner: "OffsetLearner | None" = None
     ) -> None:
         """Use another model from the next tick on."""
-        self._model = model
+        self._name, self._inputs = model.name, model.main.inputs
         self._level_percent = level_percent
         self._tracker = tracker
         self._learner = learner
@@ -47,7 +47,7 @@ class Service:
         if estimate.status in (WARMING_UP, TRACKING, DEGRADED):
             self._fresh_s = time_s
         age_s = None if self._fresh_s is None else time_s - self._fresh_s
-        inputs = self._model.main.inputs
-        about = (self._model.name, inputs, self._level_percent, time_s, raw, estimate, age_s)
-        self._publish(Report(*about, missed_ticks, clock_steps_back, None if learner is None else learner.report()))
+        offset = None if learner is None else learner.report()
+        about = (self._name, self._inputs, self._level_percent)
+        self._publish(Report(*about, time_s, raw, estimate, age_s, missed_ticks, clock_steps_back, offset))
         return estimate

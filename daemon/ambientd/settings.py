@@ -2,13 +2,16 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.model import Model
 from ambientd.publish.access import Access
 from ambientd.publish.spec import Spec
 from ambientd.sources.spec import Location
 from ambientd.sources.supervision import Rules
+
+if TYPE_CHECKING:
+    from types import CodeType
 
 
 class StateSpec(NamedTuple):
@@ -71,3 +74,5 @@ class Prepared(NamedTuple):
     """Without provenance and conformance, which no tick needs."""
     identity: str
     """The model's, where a state is kept: see :func:`ambientd.state.model_identity`."""
+    code: "CodeType"
+    """Of the usual sample: see :func:`ambientd.fallback.usual_code`."""

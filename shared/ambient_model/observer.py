@@ -48,12 +48,13 @@ class Observer:
         self.tracker = tracker
         self.sigma_degC: float | None = None
         """Standard deviation of the last estimate's error; None without an error variance model or an estimate."""
-        self._secondary: Tracker | None = None
+        self.secondary: Tracker | None = None
+        """The secondary estimator's tracker."""
         self._threshold_degC = 0.0
         if model.secondary is not None:
             estimator, self._threshold_degC = model.secondary
             [discrete] = [each for each in estimator.discrete if each.period_s == tracker.discrete.period_s]
-            self._secondary = Tracker(estimator, discrete, level, coast_s)
+            self.secondary = Tracker(estimator, discrete, level, coast_s)
         self._error_variance = model.error_variance
         self._low, self._high = (0.0, 0.0) if model.error_variance is None else model.error_variance.quantiles[level]
         self._variance: VarianceState | None = None
@@ -64,9 +65,8 @@ class Observer:
         self._readings = model.readings
         self.validation: Validation | None = None
         if model.readings is not None:
-            self._limit_s = bridge_limit_s(tracker.discrete.period_s)
-            self._coast_s = self._limit_s if coast_s is None else coast_s
-            self.validation = Validation(model.readings, model.main, self._limit_s)
+            self._coast_s = bridge_limit_s(tracker.discrete.period_s) if coast_s is None else coast_s
+            self.validation = Validation(model.readings, model.main, tracker.discrete.period_s)
             self._ranges = [(each.min, each.max) for each in model.main.inputs]
             self._score = SCORES[level]
             self._coasted_s = 0.0
@@ -79,7 +79,7 @@ class Observer:
         if self.tracker.snapshot() is None:
             return Background(None, None)
         return Background(
-            None if self._secondary is None else self._secondary.snapshot(),
+            None if self.secondary is None else self.secondary.snapshot(),
             self._variance,
             None if self.validation is None else self.validation.snapshot(),
         )
@@ -87,14 +87,14 @@ class Observer:
     def fits(self, main: Snapshot, background: Background) -> bool:
         """Whether ``background`` is of this model and of the same sample as the main estimator's snapshot."""
         secondary, variance, validation = background
-        own = (self._secondary, self._error_variance, self.validation)
+        own = (self.secondary, self._error_variance, self.validation)
         if [each is None for each in own] != [each is None for each in background]:
             return False
         if self.validation is not None and validation is not None and not self.validation.fits(validation):
             return False
-        if self._secondary is not None and secondary is not None:
+        if self.secondary is not None and secondary is not None:
             together = (secondary.start_s, secondary.step) == (main.start_s, main.step)
-            if not (together and self._secondary.fits(secondary)):
+            if not (together and self.secondary.fits(secondary)):
                 return False
         if self._error_variance is not None and variance is not None:
             lengths = {len(self._error_variance.terms), len(variance.means_degC), len(variance.squares_degC2)}
@@ -103,8 +103,8 @@ class Observer:
 
     def restore(self, main: Snapshot, background: Background) -> None:
         """Continue from ``background``, which :meth:`fits`, once the tracker has been restored to ``main``."""
-        if self._secondary is not None and background.secondary is not None:
-            self._secondary.restore(background.secondary)
+        if self.secondary is not None and background.secondary is not None:
+            self.secondary.restore(background.secondary)
         if self._error_variance is not None and background.variance is not None:
             self._variance, self._step = background.variance, main.step
             self.sigma_degC = sigma_degC(self._error_variance, background.variance)
@@ -121,7 +121,7 @@ class Observer:
         ]
         used = self.validation.update(time_s, known)
         if self.validation.starts_anew:
-            for each in (self.tracker, self._secondary):
+            for each in (self.tracker, self.secondary):
                 if each is not None:
                     each.restart()
         estimate = self._blended(time_s, used or [None] * len(known))
@@ -157,7 +157,7 @@ class Observer:
     def _blended(self, time_s: float, readings: Readings) -> Estimate:
         """The estimate from validated readings."""
         estimate = self.tracker.update(time_s, readings)
-        secondary_degC = None if self._secondary is None else self._secondary.update(time_s, readings).ambient_degC
+        secondary_degC = None if self.secondary is None else self.secondary.update(time_s, readings).ambient_degC
         ambient, low, high, status, used = estimate
         if ambient is None:
             self.sigma_degC = None

@@ -16,15 +16,17 @@ _DOUBLINGS = 40
 """2^40 steps are longer than anything that is ever simulated."""
 
 
+def dot(factors: Vector, values: Vector) -> float:
+    """The scalar product."""
+    total = 0.0
+    for factor, value in zip(factors, values):
+        total += factor * value
+    return total
+
+
 def equilibrium(initial: Matrix, u: Vector) -> list[float]:
     """The state in thermal equilibrium with the inputs ``u``: x0 = X0 u."""
-    x = []
-    for row in initial:
-        total = 0.0
-        for factor, value in zip(row, u):
-            total += factor * value
-        x.append(total)
-    return x
+    return [dot(row, u) for row in initial]
 
 
 def output(discrete: Discrete, offset: float, x: Vector, u: Vector) -> float:

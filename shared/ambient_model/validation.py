@@ -20,7 +20,7 @@ again once it has changed and has agreed with its expectation for 10 s, and for 
 refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a
 reading is held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
 rounding adds more to its error variance than training left. What is missing for a short while keeps its value, or moves
-with the others. Time comes in as an argument.
+with the others. Time comes in as an argument; a sample less than half a period early or late counts as one that is due.
 """
 
 import itertools
@@ -30,7 +30,8 @@ from operator import mul, sub
 from typing import NamedTuple
 
 from ambient_model.model import SCORES, Estimator, ReadingModel
-from ambient_model.recursion import equilibrium
+from ambient_model.recursion import dot, equilibrium
+from ambient_model.tracking import bridge_limit_s
 
 SLOW_S = 600.0
 """Time constant of the low-pass filtered difference: as long as the slowest part of a phone."""
@@ -52,7 +53,10 @@ _CERTAIN_S = 60.0
 _COASTING_STD_DEGC = 3.0
 _START_K = 5.0
 """At the start a reading may lie so far beyond its gate, as no equilibrium is certain."""
-_DOUBT_S = 10.0
+DOUBT_S = 10.0
+"""How long a doubt lasts."""
+_LOOK_S = DOUBT_S / 2
+"""How often what stands still is looked at."""
 _FAR = 2.0
 _MOST_EXPECTATIONS = 512
 SENTINELS_DEGC = (-273.15, -127.0, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
@@ -118,11 +122,12 @@ class _Start:
 
 
 class Validation:
-    """Validates the readings of one model, sample by sample; ``limit_s`` is the longest gap between two samples."""
+    """Validates the readings of one model, sample by sample; they are due ``period_s`` apart."""
 
-    def __init__(self, model: ReadingModel, estimator: Estimator, limit_s: float) -> None:
+    def __init__(self, model: ReadingModel, estimator: Estimator, period_s: float) -> None:
         self._model = model
-        self._limit_s = limit_s
+        self._period_s = period_s
+        self._limit_s = bridge_limit_s(period_s)
         self._count = count = len(estimator.inputs)
         columns = [[float(row == column) for row in range(count)] for column in range(count)]
         states = [equilibrium(estimator.initial, column) for column in columns]
@@ -170,6 +175,10 @@ class Validation:
         self._doubt_s = -math.inf
         """When the readings were last doubted, and what that adds to the variance."""
         self._replaced_degC2 = 0.0
+        self.is_usual = False
+        """Whether nothing is set aside, missing, coarse or new, so that :mod:`ambient_model.straight` may go on."""
+        self._look_s = -math.inf
+        """When to look next at what stands still."""
         self._forget()
         stds = [self._expectation(_NONE, i).std for i in range(count)]
         self._tails = [max(each.gate / (_SIGMAS * std), 1.0) for each, std in zip(model.sensors, stds)]
@@ -200,6 +209,7 @@ class Validation:
     def restore(self, state: ValidationState) -> None:
         """Continue from ``state``, which :meth:`fits`."""
         self._begun, self._start, self._slack = True, None, 1.0
+        self.is_usual, self._look_s = False, -math.inf
         self._time_s = state.time_s
         z = [*state.used, *state.lows]
         self._still = [(state.time_s, value, z) for value in state.used]
@@ -222,6 +232,8 @@ class Validation:
         if self._start is not None:
             return self._wait(self._start, time_s, readings)
         self._time_s = time_s
+        if abs(passed_s - self._period_s) < 0.5 * self._period_s:
+            passed_s = self._period_s
         if passed_s != self._passed_s:
             self._set_passed(passed_s)
         if self._slack > 1 and time_s - self._start_s > _STARTING_S:
@@ -235,7 +247,10 @@ class Validation:
             self._refuse(jumped, readings)
             for i in jumped:
                 z[i] = self._used[i]
-        self._refuse_stuck(readings, z)
+        self._note_changes(readings, z)
+        if time_s >= self._look_s:
+            self._refuse_stuck(readings, z)
+            self._look_s = self._next_look_s()
         self._follow(readings, z)
         if self.refused:
             self._release(readings, z, passed_s)
@@ -247,6 +262,8 @@ class Validation:
         """Compute expectations anew: a resolution or the slack has changed."""
         self._known: dict[tuple[Sensors, int], _Expectation] = {}
         self._current: list[_Expectation] = []
+        self._limits: tuple[float, ...] = ()
+        """Per sensor release, gate and slow gate while nothing is set aside, where they have been asked for."""
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
         self._coarse_degC2 = sum([effect * effect for effect in effects])
 
@@ -278,7 +295,7 @@ class Validation:
         rounding = _ROUNDING * math.hypot(step, *map(mul, weights, self._steps))
         gate = math.hypot(own.gate * wider, 2 * _SIGMAS * rounding)
         return _Expectation(
-            constant=model.mean[i] - sum(map(mul, weights, model.mean)),
+            constant=model.mean[i] - dot(weights, model.mean),
             weights=weights,
             gate=gate,
             slow_gate=math.hypot(own.slow_gate * wider, _SIGMAS * rounding),
@@ -316,6 +333,11 @@ class Validation:
             self._offsets = {}
             self._replaced_degC2 = self._replacement_degC2()
 
+    def usual(self) -> list[tuple[float, list[float], float]]:
+        """Constant, weights of z and DC gain of each sensor while nothing is set aside."""
+        found = [self._expectation(_NONE, i) for i in range(self._count)]
+        return [(each.constant, each.weights, gain) for each, gain in zip(found, self._gains)]
+
     # Samples
 
     def _wait(self, start: _Start, time_s: float, readings: Sequence[float | None]) -> list[float] | None:
@@ -326,7 +348,7 @@ class Validation:
         refused = {i: each for i, each in start.refused.items() if start.readings[i] in (None, each.value)}
         missing = [i for i, value in enumerate(start.readings) if value is None and i not in refused]
         if len(missing) == self._count - len(refused):
-            self._begun = False
+            self._begun = self.is_usual = False
             return None
         self._waits_s = list(start.waits_s)
         used = self._begin(time_s, start.readings, refused)
@@ -339,7 +361,7 @@ class Validation:
         self, time_s: float, readings: Sequence[float | None], refused: dict[int, _Refusal]
     ) -> list[float] | None:
         """Start in equilibrium with the sensors that agree, without those that were ``refused`` and read the same."""
-        self._begun, self._time_s, self._start_s = True, time_s, time_s
+        self._begun, self._time_s, self._start_s, self._look_s = True, time_s, time_s, -math.inf
         self._slack, self.refused, self._slow = _STARTING_SLACK, refused, [0.0] * self._count
         self._learn_steps(readings)
         self._forget()
@@ -401,7 +423,7 @@ class Validation:
             if value is None or i in self.refused:
                 continue
             constant, weights, gate, slow_gate, release, _ = expectation
-            d = value - constant - sum(map(mul, weights, z))
+            d = value - constant - dot(weights, z)
             if not -release <= d <= release:
                 if value in SENTINELS_DEGC and self._still[i][1] != value:
                     jumped.append(i)
@@ -461,8 +483,7 @@ class Validation:
 
     def _expected(self, apart: Sensors, i: int, z: list[float]) -> float:
         expectation = self._expectation(apart, i)
-        expected: float = expectation.constant + sum(map(mul, expectation.weights, z))
-        return expected
+        return expectation.constant + dot(expectation.weights, z)
 
     def _refuse(self, sensors: Iterable[int], readings: Sequence[float | None]) -> None:
         for i in sensors:
@@ -473,25 +494,33 @@ class Validation:
         self._slow = [0.0] * self._count
         self._set_apart(self._apart.union(self.refused))
 
+    def _note_changes(self, readings: Sequence[float | None], z: list[float]) -> None:
+        for i, (value, still) in enumerate(zip(readings, self._still)):
+            if value is not None and value != still[1] and i not in self._apart:
+                self._still[i] = (self._time_s, value, z)
+
+    def _next_look_s(self) -> float:
+        """When something has stood still for long enough to be looked at, or the gates change, and not too soon."""
+        stuck_s = min([still[0] + each.still_s / 2 for still, each in zip(self._still, self._model.sensors)])
+        look_s = max(stuck_s, self._time_s + _LOOK_S)
+        return min(look_s, self._start_s + _STARTING_S) if self._slack > 1 else look_s
+
     def _refuse_stuck(self, readings: Sequence[float | None], z: list[float]) -> None:
         """Doubt, and after longer refuse, what reads the same to the last bit while its expectation moves."""
         stuck, longest = [], 0.0
         for i, (value, still) in enumerate(zip(readings, self._still)):
-            if value is None or i in self._apart:
+            if value is None or i in self._apart or self._steps[i]:
                 continue
-            if value != still[1]:
-                self._still[i] = (self._time_s, value, z)
-            elif not self._steps[i]:
-                share = (self._time_s - still[0]) / self._model.sensors[i].still_s
-                if share > 0.5:
-                    stuck.append(i)
-                    longest = max(longest, share)
+            share = (self._time_s - still[0]) / self._model.sensors[i].still_s
+            if share > 0.5:
+                stuck.append(i)
+                longest = max(longest, share)
         # two at once are as unlikely after half the time
         long = longest * len(stuck) > 1
         apart = self._apart.union(stuck)
         for i in stuck:
             expectation = self._expectation(apart, i)
-            moved = sum(map(mul, expectation.weights, z)) - sum(map(mul, expectation.weights, self._still[i][2]))
+            moved = dot(expectation.weights, z) - dot(expectation.weights, self._still[i][2])
             gate = self._expectation(self._apart, i).gate
             # no step is read where many are due: doubted before its difference is as large as heat may make it
             if abs(moved) > max(gate / 2, expectation.std):
@@ -508,13 +537,13 @@ class Validation:
             if value is None and i not in self._apart:
                 continue
             if value is None or i in self._apart:
-                expected = expectation.constant + sum(map(mul, expectation.weights, z))
+                expected = expectation.constant + dot(expectation.weights, z)
                 offset = self._offsets.get(i, self._used[i] - expected) * self._kept[i]
                 self._offsets[i] = offset
                 z[i] = expected + offset
                 continue
             self._offsets.pop(i, None)
-            d = self._last[i] = value - expectation.constant - sum(map(mul, expectation.weights, z))
+            d = self._last[i] = value - expectation.constant - dot(expectation.weights, z)
             self._slow[i] += self._slow_a * (d - self._slow[i])
 
     def _move_held(self, readings: Sequence[float | None], z: list[float]) -> None:
@@ -527,7 +556,7 @@ class Validation:
         doubt_degC2 = 0.0
         for i, read_z in self._held.items():
             expectation = self._expectation(absent, i)
-            moved = sum(map(mul, expectation.weights, map(sub, z, read_z)))
+            moved = dot(expectation.weights, list(map(sub, z, read_z)))
             error = abs(moved)
             if error <= expectation.std:
                 z[i] = read_z[i]
@@ -536,7 +565,7 @@ class Validation:
                 z[i], error = read_z[i] + moved, expectation.std
             doubt_degC2 = max(doubt_degC2, (self._gains[i] * error) ** 2)
         if doubt_degC2 > self._usual_degC2:
-            recent_degC2 = self._doubt_degC2 if self._time_s - self._doubt_s <= _DOUBT_S else 0.0
+            recent_degC2 = self._doubt_degC2 if self._time_s - self._doubt_s <= DOUBT_S else 0.0
             self._doubt_degC2, self._doubt_s = max(doubt_degC2, recent_degC2), self._time_s
 
     def _release(self, readings: Sequence[float | None], z: list[float], passed_s: float) -> None:
@@ -547,7 +576,7 @@ class Validation:
                 continue
             refusal.changed = refusal.changed or value != refusal.value
             expectation = self._expectation(self._apart, i)
-            difference = value - expectation.constant - sum(map(mul, expectation.weights, z))
+            difference = value - expectation.constant - dot(expectation.weights, z)
             agrees = refusal.changed and refusal.agrees(value, z[i])
             if not agrees or abs(difference) > expectation.release:
                 refusal.agreed_s = 0.0
@@ -572,12 +601,17 @@ class Validation:
         self._z = z
         self._used = used = z[:count]
         self._lows = [low + a * (u - low) for low, a, u in zip(self._lows, self._a, itertools.cycle(used))]
-        doubted = self._time_s - self._doubt_s <= _DOUBT_S
+        doubted = self._time_s - self._doubt_s <= DOUBT_S
         replaced_degC2 = self._replaced_degC2 if self._apart else 0.0
         coarse = self._coarse_degC2 > self._usual_degC2 and self._time_s - self._start_s >= _CERTAIN_S
         self.is_degraded = doubted or coarse or bool(self._apart)
         self.is_coasting = replaced_degC2 > _COASTING_STD_DEGC**2
         self.variance_degC2 = self._coarse_degC2 + replaced_degC2 + (self._doubt_degC2 if doubted else 0.0)
+        self.is_usual = not (self._start or self._apart or self._held or any(self._steps)) and used == [
+            still[1] for still in self._still
+        ]
+        if self.is_usual and not self._limits:
+            self._limits = tuple([limit for each in self._expectations() for limit in each[2:5]])
         return None if len(self._apart) == count else used
 
 

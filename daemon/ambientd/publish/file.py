@@ -81,7 +81,8 @@ def content(report: Report, spec: Spec) -> bytes | None:
     """The file's content for ``report``, or None where there is to be no file."""
     ambient_degC = report.estimate.ambient_degC
     if ambient_degC is not None and abs(ambient_degC) * 1000 < MILLIDEGREES_LIMIT - 1:
-        return b"%d\n" % (round(ambient_degC * 1000) + options_of(spec).offset_millidegC)
+        offset = 0 if spec.options is None else spec.options.offset_millidegC
+        return b"%d\n" % (round(ambient_degC * 1000) + offset)
     return poison(spec)
 
 

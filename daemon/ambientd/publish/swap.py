@@ -10,6 +10,7 @@ import os
 
 from ambientd.publish.access import Access, described, grant
 
+_AS_USUAL = Access()
 _CREATE = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
 
 
@@ -24,7 +25,8 @@ def put(path: str, content: bytes, access: Access) -> int:
         descriptor = _created(temporary, 0o644 if access.mode is None else 0o600)
         if os.write(descriptor, content) < len(content):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
-        grant(descriptor, access)
+        if access != _AS_USUAL:
+            grant(descriptor, access)
         os.rename(temporary, path)
         return descriptor
     except BaseException:  # an alarm, too, that ends a write which blocks

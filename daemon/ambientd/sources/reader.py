@@ -13,6 +13,10 @@ from ambientd.sources.quantities import BUFFER_BYTES
 
 PATIENCE_S = 0.25
 """A reading that takes longer is a failure; the clock stands still in a suspend."""
+_FIRST_LOOK_S = 0.05
+"""By then all sensors have been read, usually: the alarm is set once for all, and no clock is read."""
+
+_NOTHING = (-1, 0.0)
 
 Content = bytes | OSError | None
 """An attribute's content, or its error; None where it did not answer in time."""
@@ -25,23 +29,23 @@ class Reader:
         self._set_alarm = set_alarm
         self._turn = 0
         self._current = -1
-        """The descriptor that is being read, since:"""
-        self._since_s = 0.0
+        """The descriptor that is being read."""
+        self._looked = _NOTHING
+        """What was being read when the alarm came, and since when at the latest."""
         self._hung: set[int] = set()
 
     def read(self, descriptors: Sequence[int]) -> list[Content]:
         """The content of each, in their order; None for one that hung, or below 0."""
-        turn, hung, clock = self._turn, self._hung, time.monotonic
+        turn, hung, pread = self._turn, self._hung, os.pread
         contents: list[Content] = []
-        self._since_s = clock()
-        self._set_alarm(PATIENCE_S)
+        self._set_alarm(min(_FIRST_LOOK_S, PATIENCE_S))
         for descriptor in descriptors:
             if descriptor < 0 or descriptor in hung:
                 contents.append(None)
                 continue
-            self._since_s, self._current = clock(), descriptor
+            self._current = descriptor
             try:
-                content: Content = os.pread(descriptor, BUFFER_BYTES, 0)
+                content: Content = pread(descriptor, BUFFER_BYTES, 0)
             except OSError as error:
                 content = error
             if turn != self._turn:  # another thread has taken over
@@ -49,14 +53,21 @@ class Reader:
             contents.append(content)
         self._current = -1
         self._set_alarm(0)
-        hung.clear()
+        if hung:
+            hung.clear()
+        self._looked = _NOTHING
         return contents
 
     def leave(self) -> bool:
         """Whether the current read hangs: then its thread ends when it returns. Else the alarm is set again."""
-        left_s = self._since_s + PATIENCE_S - time.monotonic()
-        if self._current < 0 or left_s > 0:
-            self._set_alarm(max(left_s, 0.001) if self._current >= 0 else 0)
+        current, now_s = self._current, time.monotonic()
+        if current < 0:
+            return False
+        if current != self._looked[0]:
+            self._looked = (current, now_s)
+        left_s = self._looked[1] + PATIENCE_S - now_s
+        if left_s > 0:
+            self._set_alarm(max(left_s, 0.001))
             return False
         self._hung.add(self._current)
         self._current = -1

@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Sequence
 from ambient_model.faults import Fault
 from ambientd.notices import Notice
 from ambientd.sources import reader
-from ambientd.sources.reader import Reader
+from ambientd.sources.reader import Content, Reader
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
 from ambientd.sources.trial import Trial, finished
@@ -33,6 +33,9 @@ class Sensors:
         self.reader = Reader(set_alarm)
         self._supervision = Supervision([each.given for each in sensors], rules)
         self._note = note
+        self._contents: list[Content] = []
+        """What the last reading read, where every sensor gave a value and none is doubted, and its values:"""
+        self._values: list[float | None] = []
         for sensor in sensors:
             sensor.open()
             if len(sensor.paths) > 1:
@@ -44,13 +47,18 @@ class Sensors:
         A value outside its input's range is reported and returned, so that it is published as read; no estimate uses
         it.
         """
-        values = self._values(self._sensors)
+        contents = self.reader.read([sensor.descriptor for sensor in self._sensors])
+        if contents == self._contents:  # most zones read the same for a second
+            return self._values
+        values = self._taken(self._sensors, contents)
+        self._contents = []
         if None in values:
             self._try_again(now_s, values)
         doubts = self._supervision.doubts(now_s, values)
         for value, (sensor, notice, low, high) in zip(values, self._watched):
             if value is not None and low <= value <= high and not (doubts or notice.wrong):
                 continue
+            contents = []
             if value is None:
                 trouble = f"no value ({sensor.trouble})"
             else:
@@ -60,10 +68,11 @@ class Sensors:
                 self._note(f"sensor {sensor.name}: {trouble or 'is back'}")
         for index in doubts:
             values[index] = None
+        if not self._supervision.watches:  # which needs the time of each reading
+            self._contents, self._values = contents, values
         return values
 
-    def _values(self, sensors: Sequence[Sensor]) -> list[float | None]:
-        contents = self.reader.read([sensor.descriptor for sensor in sensors])
+    def _taken(self, sensors: Sequence[Sensor], contents: Sequence[Content]) -> list[float | None]:
         return [sensor.take(content) for sensor, content in zip(sensors, contents)]
 
     def faults(self, names: Collection[str]) -> list[Fault]:
@@ -81,7 +90,8 @@ class Sensors:
         sensors = [self._sensors[place] for place in places]
         for sensor in sensors:
             sensor.open()
-        for place, value in zip(places, self._values(sensors)):
+        contents = self.reader.read([sensor.descriptor for sensor in sensors])
+        for place, value in zip(places, self._taken(sensors, contents)):
             values[place] = value
 
     def close(self) -> None:
