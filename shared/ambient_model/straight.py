@@ -142,7 +142,7 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
     count = len(u)
     lows, before, slow = _names("l", len(model.mean) - count), _names("b", count), _names("s", count)
     z, d = [*u, *lows], _names("d", count)
-    limits = [name for i in range(count) for name in (f"release{i}", f"gate{i}", f"slow_gate{i}")]
+    limits = [name for i in range(count) for name in (f"gate{i}", f"slow_gate{i}", f"release{i}")]
     jumps = " or ".join(f"abs({u[i]} - {before[i]}) > {each.jump!r}" for i, each in enumerate(model.sensors))
     slow_a = -math.expm1(-period_s / SLOW_S)
     a = [-math.expm1(-period_s / lag_s) for lag_s in model.lags_s for _ in range(count)]

@@ -263,7 +263,7 @@ class Validation:
         self._known: dict[tuple[Sensors, int], _Expectation] = {}
         self._current: list[_Expectation] = []
         self._limits: tuple[float, ...] = ()
-        """Per sensor release, gate and slow gate while nothing is set aside, where they have been asked for."""
+        """Per sensor gate, slow gate and release while nothing is set aside, where they have been asked for."""
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
         self._coarse_degC2 = sum([effect * effect for effect in effects])
 

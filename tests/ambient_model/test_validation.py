@@ -82,7 +82,7 @@ def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str) -> None:
 @pytest.mark.parametrize("away", [(1,), (0, 2), (0, 1, 3)])
 def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, away: tuple[int, ...]) -> None:
     assert model.readings is not None
-    validation = Validation(model.readings, model.main, 30.0)
+    validation = Validation(model.readings, model.main, 1.0)
     u = np.array([24.0, 25.5, 25.0, 26.0])
     given = [None if i in away else float(value) for i, value in enumerate(u)]
     used = validation.update(0.0, given)

@@ -13,6 +13,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.readings import reading_model
 from ambient_trainer.simulator.simulate import simulate
 
 HERE = Path(__file__).parent
@@ -73,10 +74,9 @@ def _without(estimator: Estimator, index: int) -> Estimator:
 
 @pytest.fixture(scope="session")
 def model() -> Model:
-    """4 inputs, 3 states, and a fallback without each input."""
-    fit = CircuitEstimator(load_circuit("model2_ss_free_cd")).fit(
-        [simulate("5", seed=1, period_s=5.0).trace], Effort(starts=1)
-    )
-    found = model_of(fit, [], {})
+    """4 inputs, 3 states, what the readings are expected to be, and a fallback without each input."""
+    trace = simulate("5", seed=1, period_s=5.0).trace
+    fit = CircuitEstimator(load_circuit("model2_ss_free_cd")).fit([trace], Effort(starts=1))
+    found = model_of(fit, [], {}, reading_model(fit, [trace]))
     others = {each.name: _without(found.main, index) for index, each in enumerate(found.main.inputs)}
     return found._replace(fallbacks=others)

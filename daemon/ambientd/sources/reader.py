@@ -16,8 +16,6 @@ PATIENCE_S = 0.25
 _FIRST_LOOK_S = 0.05
 """By then all sensors have been read, usually: the alarm is set once for all, and no clock is read."""
 
-_NOTHING = (-1, 0.0)
-
 Content = bytes | OSError | None
 """An attribute's content, or its error; None where it did not answer in time."""
 
@@ -30,14 +28,16 @@ class Reader:
         self._turn = 0
         self._current = -1
         """The descriptor that is being read."""
-        self._looked = _NOTHING
-        """What was being read when the alarm came, and since when at the latest."""
+        self._rounds = 0
+        self._looked = (0, -1, 0.0)
+        """Round and descriptor that were being read when the alarm came, and since when at the latest."""
         self._hung: set[int] = set()
 
     def read(self, descriptors: Sequence[int]) -> list[Content]:
         """The content of each, in their order; None for one that hung, or below 0."""
         turn, hung, pread = self._turn, self._hung, os.pread
         contents: list[Content] = []
+        self._rounds += 1
         self._set_alarm(min(_FIRST_LOOK_S, PATIENCE_S))
         for descriptor in descriptors:
             if descriptor < 0 or descriptor in hung:
@@ -55,21 +55,20 @@ class Reader:
         self._set_alarm(0)
         if hung:
             hung.clear()
-        self._looked = _NOTHING
         return contents
 
     def leave(self) -> bool:
         """Whether the current read hangs: then its thread ends when it returns. Else the alarm is set again."""
-        current, now_s = self._current, time.monotonic()
+        rounds, current, now_s = self._rounds, self._current, time.monotonic()
         if current < 0:
             return False
-        if current != self._looked[0]:
-            self._looked = (current, now_s)
-        left_s = self._looked[1] + PATIENCE_S - now_s
+        if (rounds, current) != self._looked[:2]:
+            self._looked = (rounds, current, now_s)
+        left_s = self._looked[2] + PATIENCE_S - now_s
         if left_s > 0:
             self._set_alarm(max(left_s, 0.001))
             return False
-        self._hung.add(self._current)
+        self._hung.add(current)
         self._current = -1
         self._turn += 1
         return True

@@ -90,7 +90,7 @@ def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z: np.n
     mean, others, found, variance = regressed(z, added_noise(readings, z), i)
     main = model_of(fit, [], {}, readings).main
     u = z[-1, :SENSORS]
-    validation = Validation(readings, main, 30.0)
+    validation = Validation(readings, main, 1.0)
     given = [None if j == i else float(value) for j, value in enumerate(u)]
     for k in range(16):
         used = validation.update(float(k), given)
