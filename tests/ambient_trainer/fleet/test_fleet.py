@@ -128,7 +128,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
     asked = {"engine": "serial", "effort": EFFORT, "progress": lambda *now: seen.append(now)}
     at.fit_fleet(logs, "free-1", tmp_path / "part", resume=True, **asked)
     assert not begun
-    assert ("looking at 4 chunks", 2, 4) in seen
+    assert ("looking at units", 2, 4) in seen
     assert _bytes(tmp_path / "part") == _bytes(Path(whole.fitted.folder))
 
 

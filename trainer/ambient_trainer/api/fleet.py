@@ -74,6 +74,7 @@ def fit_fleet(
     engine: str = "local",
     jobs: int | None = None,
     resume: bool = False,
+    diagnose: str | None = None,
     effort: Effort | None = None,
     progress: Callable[[str, int, int], None] | None = None,
     announce: Callable[[str], None] | None = None,
@@ -100,6 +101,9 @@ def fit_fleet(
         Processes of the local cluster; by default one a core.
     resume : bool
         Whether to go on where the same call was interrupted.
+    diagnose : str, optional
+        A circuit that is simulated forward (``phone``): the units that fit least are diagnosed with it, typical ones
+        being known as good.
     effort : Effort, optional
         Starts and seed of the search that begins the population.
     progress, announce : callable, optional
@@ -125,7 +129,7 @@ def fit_fleet(
     place = os.fspath(folder)
     os.makedirs(place, exist_ok=True)
     path = _written(logs, by, place) if isinstance(logs, pd.DataFrame) else os.fspath(logs)
-    question = Question(path, circuit, by, tuple(within), sensor_columns(sensors), effort or Effort())
+    question = Question(path, circuit, by, tuple(within), sensor_columns(sensors), effort or Effort(), diagnose)
     with engine_of(engine, jobs or os.cpu_count() or 1) as running:
         if announce and running.address:
             announce(running.address)

@@ -15,7 +15,7 @@ import os
 import pickle
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from urllib.parse import quote
 
@@ -26,7 +26,7 @@ from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import sha256_of
 from ambient_trainer.estimators.base import USUAL, Effort
-from ambient_trainer.estimators.registry import estimator
+from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.fleet.dataset import Entry, Source, entries
 from ambient_trainer.fleet.engine import Engine
 from ambient_trainer.fleet.fit_units import (
@@ -40,6 +40,7 @@ from ambient_trainer.fleet.fit_units import (
     normal_of,
     unseen_model,
 )
+from ambient_trainer.fleet.outliers import diagnose_units, least_probable, to_diagnose, typical
 from ambient_trainer.fleet.pooling import Population, improbability, pooled
 from ambient_trainer.fleet.result import FleetFit, Outlier, save_table, table_of
 from ambient_trainer.fleet.space import MAIN
@@ -68,6 +69,8 @@ class Question:
     within: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
     effort: Effort = USUAL
+    forward: str | None = None
+    """The circuit with which outliers are diagnosed; None: they are not."""
 
 
 def fit_fleet(
@@ -80,6 +83,8 @@ def fit_fleet(
     """
     if not estimator(question.circuit, question.sensors).reads_any and question.sensors:
         raise refuse("--sensors", "", f"{question.circuit} names its own", "leave them out")
+    if question.forward is not None:
+        thermal_circuit(question.forward)
     source = Source(question.by, question.within)
     progress("listing units", 0, 1)
     listed = entries(question.path, source)
@@ -89,15 +94,48 @@ def fit_fleet(
     source = Source(question.by, question.within, wanted)
     chunks = [listed[first : first + CHUNK] for first in range(0, len(listed), CHUNK)]
 
-    parts.fill("look", len(chunks), engine, look, lambda n: (chunks[n], (source, start)), _lost, progress, "looking at")
+    def looked(number: int) -> tuple[Sequence[Any], tuple[Any, ...]]:
+        return chunks[number], (source, start)
+
+    def fitted(number: int) -> tuple[Sequence[Any], tuple[Any, ...]]:
+        return parts.load("look", number), (start, populations, groups, question.within, parts.created)
+
+    parts.fill("look", len(chunks), engine, look, looked, _lost, progress, "looking at units")
     populations, groups = parts.kept("population", lambda: _learnt(parts, len(chunks), start))
-    rest = (start, populations, groups, question.within, parts.created)
-    parts.fill(
-        "fit", len(chunks), engine, fit_chunk, lambda n: (parts.load("look", n), rest), _unfitted, progress, "fitting"
-    )
+    parts.fill("fit", len(chunks), engine, fit_chunk, fitted, _unfitted, progress, "fitting units")
     found = _written(parts, len(chunks), folder, question, start, populations, groups)
+    if question.forward is not None:
+        found = replace(found, outliers=_diagnosed(parts, found, question, listed, engine, progress))
     parts.remove()
     return found
+
+
+def _diagnosed(
+    parts: _Parts, found: FleetFit, question: Question, listed: Sequence[Entry], engine: Engine, progress: Progress
+) -> tuple[Outlier, ...]:
+    """The outliers with the cause of each that is worth a diagnosis."""
+    places = {each.unit: each for each in listed}
+    worst, good = to_diagnose(found.outliers), [places[unit] for unit in typical(found.table)]
+    rest = (Source(question.by, question.within), good, question.forward)
+    parts.fill(
+        "diagnosis",
+        len(worst),
+        engine,
+        diagnose_units,
+        lambda n: ([places[worst[n]]], rest),
+        _undiagnosed,
+        progress,
+        "diagnosing outliers",
+    )
+    named = {each.unit: each for number in range(len(worst)) for each in parts.load("diagnosis", number)}
+    return tuple(
+        each._replace(cause=named[each.unit].cause, location=named[each.unit].location) if each.unit in named else each
+        for each in found.outliers
+    )
+
+
+def _undiagnosed(entry: Entry) -> Outlier:
+    return Outlier(entry.unit, float("nan"), "not diagnosed: its worker died")
 
 
 def _columns_of(start: Start) -> list[str]:
@@ -200,9 +238,7 @@ def _written(
         "between_units_degC": float(np.sqrt(np.trace(population.between))),
     }
     write_whole(os.path.join(folder, "population.json"), unseen_model(start, populations, said, parts.created).encode())
-    worst = table.loc[good].sort_values(["improbability", "unit"], ascending=[False, True]).head(15)
-    outliers = [Outlier(unit, float(value)) for unit, value in zip(worst["unit"], worst["improbability"])]
-    return FleetFit(question.circuit, folder, table, population, start, tuple(groups), tuple(outliers))
+    return FleetFit(question.circuit, folder, table, population, start, tuple(groups), least_probable(table))
 
 
 def _identity(question: Question, listed: Sequence[Entry]) -> str:
@@ -274,11 +310,11 @@ class _Parts:
         """Do the chunks of a stage that are not there."""
         missing = [number for number in range(count) if not os.path.exists(self._path(stage, number))]
         done = count - len(missing)
-        progress(f"{what} {count} chunks", done, count)
+        progress(what, done, count)
         for number, found in engine.run(task, missing, arguments, lost):
             self._keep(stage, number, found)
             done += 1
-            progress(f"{what} {count} chunks", done, count)
+            progress(what, done, count)
 
     def remove(self) -> None:
         """Forget everything: the run has ended."""

@@ -35,6 +35,12 @@ BROKEN = 1
     help="A Dask cluster on this machine, none, or any scheduler.",
 )
 @jobs_option("Processes of the local cluster.")
+@click.option(
+    "--diagnose",
+    "forward",
+    metavar="NAME|FILE",
+    help="Diagnose the units that fit least, with this circuit, as `diagnose` does; typical units are the baseline.",
+)
 @click.option("--resume", is_flag=True, help="Go on where this command was interrupted.")
 @click.option("--strict", is_flag=True, help="End with status 1 where a unit failed.")
 @starts_option
@@ -49,6 +55,7 @@ def command(
     sensors: str | None,
     engine: str,
     jobs: int,
+    forward: str | None,
     resume: bool,
     strict: bool,
     starts: int,
@@ -79,6 +86,7 @@ def command(
             engine=engine,
             jobs=jobs,
             resume=resume,
+            diagnose=forward,
             effort=Effort(starts=starts, seed=seed),
             progress=progress,
             announce=lambda address: click.echo(f"Dask's dashboard: {address}"),

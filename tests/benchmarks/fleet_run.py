@@ -1,0 +1,51 @@
+"""One run over a fleet in a process of its own: DATASET ENGINE WORKERS; what it took, as JSON."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import tempfile
+import time
+
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.fleet.engine import Serial, engine_of
+from ambient_trainer.fleet.run import Question, fit_fleet
+
+
+class Timed(Serial):
+    """This process; ``task_s`` is the time of the tasks alone, without what keeps, reads and writes their results."""
+
+    task_s = 0.0
+
+    def run(self, task, numbers, arguments, lost):
+        def timed(*args):
+            since = time.perf_counter()
+            found = list(task(*args))
+            self.task_s += time.perf_counter() - since
+            return found
+
+        return super().run(timed, numbers, arguments, lost)
+
+
+def main() -> None:
+    path, name, workers = sys.argv[1:]
+    begun = time.perf_counter()
+    engine = Timed() if name == "serial" else engine_of(name, int(workers))
+    with engine, tempfile.TemporaryDirectory() as folder:
+        ready = time.perf_counter()
+        fit_fleet(Question(path, "free-2", effort=Effort(starts=4)), folder, engine)
+        done = time.perf_counter()
+    found = {
+        "start_s": ready - begun,
+        "run_s": done - ready,
+        "task_s": getattr(engine, "task_s", None),
+        "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        "load": os.getloadavg()[0],
+    }
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()
