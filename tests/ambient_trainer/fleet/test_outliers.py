@@ -1,0 +1,62 @@
+"""Planted outliers are listed first, whatever is wrong with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ambient_trainer as at
+from ambient_trainer.fleet.dataset import Source, entries, write_dataset
+from ambient_trainer.fleet.outliers import diagnose_units, least_probable, to_diagnose, typical
+from ambient_trainer.simulator.fleet import FleetPlan, fleet
+
+PLANTED = (
+    "sensor_bias:usb:4K:from=0:to=end",
+    "sensor_bias:display:-4K:from=0:to=end",
+    "sensor_bias:battery:4K:from=0:to=end",
+    "sensor_gain:display:10%",
+    "sensor_drift:usb:6K/h",
+    "ambient_coupling:all:-40%:from=0:to=end",
+    "ambient_coupling:back:-60%:from=0:to=end",
+    "heat_source:board2:2W:from=0:to=end",
+    "contact:back:0.2W/K:body=hand:from=0:to=end",
+    "path:flash-usb:0.2W/K:from=0:to=end",
+)
+
+
+def test_the_least_probable_come_first_and_typical_ones_from_the_middle():
+    table = pd.DataFrame({"unit": list("edcba"), "improbability": [0.2, np.nan, 7.0, 0.3, 7.0]})
+    assert [each.unit for each in least_probable(table)] == ["a", "c", "b", "e"]
+    assert to_diagnose(least_probable(table)) == ["a", "c"]
+    assert set(typical(table)) == {"a", "b", "c", "e"}
+
+
+@pytest.mark.slow
+def test_nine_of_ten_planted_outliers_are_among_the_first_fifteen_of_a_thousand(tmp_path):
+    found = []
+
+    def rows():
+        for each in fleet(FleetPlan("5", 1000, seed=31, period_s=10.0, minutes=180.0, cased=0.0, hide=PLANTED)):
+            found.extend([each.name] if each.truth["hidden"] else [])
+            yield each.name, each.trace, {"case": each.case}
+
+    write_dataset(str(tmp_path / "logs"), rows())
+    fitted = at.fit_fleet(tmp_path / "logs", "free-2", tmp_path, engine="serial", effort=at.Effort(starts=2))
+    assert len(found) == len(PLANTED)
+    assert len(set(found) & set(fitted.outliers.index[:15])) >= 9
+
+
+@pytest.mark.slow
+def test_an_outlier_is_diagnosed_beside_typical_units(tmp_path):
+    plan = FleetPlan(
+        "5", 6, seed=9, period_s=20.0, minutes=120.0, cased=0.0, hide=("contact:back:0.2W/K:body=hand:from=0",)
+    )
+    drawn = list(fleet(plan))
+    write_dataset(str(tmp_path / "logs"), ((each.name, each.trace, {}) for each in drawn))
+    odd = next(each.name for each in drawn if each.truth["hidden"])
+    places = entries(str(tmp_path / "logs"), Source("unit"))
+    wanted = [each for each in places if each.unit == odd]
+    good = [each for each in places if each.unit != odd][:3]
+    (found,) = diagnose_units(wanted, Source("unit"), good, "phone")
+    assert (found.unit, found.cause) == (odd, "contact")
