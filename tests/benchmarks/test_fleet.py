@@ -55,6 +55,7 @@ def took(path: str, engine: str, workers: int) -> dict[str, float]:
     return json.loads(subprocess.run(command, env=environment, capture_output=True, check=True).stdout)
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="fleet")
 def test_two_workers_beside_one_process(hours, benchmark, noted):
     one = took(hours, "serial", 1)
@@ -66,6 +67,7 @@ def test_two_workers_beside_one_process(hours, benchmark, noted):
     noted(task, "local, 2 workers", two["run_s"], f"{ratio}; driver {two['peak_MB']:.0f} MB; load {two['load']:.0f}")
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="fleet")
 def test_the_driver_s_memory(many_hours, benchmark, noted):
     found = benchmark.pedantic(took, (many_hours, "local", 2), rounds=1, iterations=1)
@@ -104,12 +106,17 @@ def scores(folder, names, traces):
     return np.array(rows).T
 
 
-def alone(trace, fresh):
-    """The RMSE on a fresh run of a unit's own fit, of nothing but its log."""
-    fit = at.fit(trace.to_frame(), "free-2", effort=at.Effort(starts=1)).fitted
-    return rms(fresh.reference - fit.estimate_degC(fresh))
+def alone(units):
+    """Each unit's own fit, of nothing but its log."""
+    return [at.fit(each.trace.to_frame(), "free-2", effort=at.Effort(starts=1)).fitted for each in units]
 
 
+def separate_rms(fits, traces):
+    """The RMSE of each on a fresh run of the same unit."""
+    return np.array([rms(trace.reference - fit.estimate_degC(trace)) for fit, trace in zip(fits, traces)])
+
+
+@pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="pooling")
 @pytest.mark.parametrize(("cased", "within"), [(0.0, ()), (0.5, ()), (0.5, ("case",))])
 def test_errors_on_fresh_runs(cased, within, tmp_path, benchmark, noted):
@@ -120,22 +127,24 @@ def test_errors_on_fresh_runs(cased, within, tmp_path, benchmark, noted):
     asked = {"engine": "serial", "effort": at.Effort(starts=4), "within": within}
     benchmark.pedantic(at.fit_fleet, (tmp_path / "logs", "free-2", tmp_path), asked, rounds=1, iterations=1)
     label = f"pooling, {cased:.0%} in a case{', within case' if within else ''}"
+    short, full = alone(units[LONG::10]), alone(units[:LONG:2])
     for number, scenario in enumerate(SCENARIOS, 1):
         fresh = [each.trace for each in fleet(replace(plan, scenario=scenario, run=number))]
         pooled, partial, unseen, seen = scores(tmp_path, [each.name for each in units], fresh)
-        separate = np.median([alone(each.trace, trace) for each, trace in zip(units[LONG::10], fresh[LONG::10])])
-        full = np.array([alone(each.trace, trace) for each, trace in zip(units[:LONG], fresh[:LONG])])
+        separate = np.median(separate_rms(short, fresh[LONG::10]))
+        of_pooled = np.median(separate_rms(full, fresh[:LONG:2]) / pooled[:LONG:2])
         ratio = partial / pooled
         result = (
             f"pooled {np.median(pooled):.3f}, separate {separate:.1f}, partial {np.median(partial):.3f} degC, ratio "
             f"{np.median(partial) / np.median(pooled):.2f}; worst unit {ratio.max():.2f} of pooled, "
             f"{np.count_nonzero(ratio > 1.05)} above 1.05; inside 90 %: seen {100 * seen.mean():.1f}, "
             f"unseen {100 * unseen.mean():.1f}; with all of scenario 5: separate "
-            f"{np.median(full) / np.median(pooled[:LONG]):.2f}, partial {np.median(ratio[:LONG]):.2f} of pooled"
+            f"{of_pooled:.2f}, partial {np.median(ratio[:LONG]):.2f} of pooled"
         )
         noted(label, f"fresh {scenario}", benchmark.stats.stats.min, result)
 
 
+@pytest.mark.timeout(3600)
 @pytest.mark.benchmark(group="pooling")
 def test_error_by_length_of_the_log(tmp_path, benchmark, noted):
     """Sixty units of 10 to 300 minutes beside twenty of all of scenario 5; half are in a case."""
@@ -155,7 +164,7 @@ def test_error_by_length_of_the_log(tmp_path, benchmark, noted):
         (pooled, partial, _, _), cut = (
             benchmark.pedantic(fitted, (minutes,), rounds=1, iterations=1) if minutes == 10 else fitted(minutes)
         )
-        separate = np.median([alone(each.trace, trace) for each, trace in zip(cut[::4], fresh[::4])])
+        separate = np.median(separate_rms(alone(cut[::4]), fresh[::4]))
         result = f"pooled {np.median(pooled):.3f}, partial {np.median(partial):.3f}, separate {separate:.2f} degC"
         noted("pooling, by length", f"{minutes} min", 0.0, result)
         assert np.median(partial) < last

@@ -132,6 +132,24 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
     assert _bytes(tmp_path / "part") == _bytes(Path(whole.fitted.folder))
 
 
+@pytest.mark.parametrize(
+    ("circuit", "fallbacks"),
+    [
+        ("linear_combined", 0),
+        ("model2_ss", 0),
+        pytest.param("free_observer", 5, marks=pytest.mark.slow),
+    ],
+)
+def test_every_kind_of_estimator_is_pooled(logs, fleet_units, tmp_path, circuit, fallbacks):
+    found = at.fit_fleet(logs, circuit, tmp_path, engine="serial", effort=at.Effort(starts=1))
+    assert found.failed.empty
+    assert found.units["rmse_partial_degC"].median() <= found.units["rmse_pooled_degC"].median()
+    for each in fleet_units[:2]:
+        model = load_model(str(tmp_path / "models" / f"{each.name}.json"))
+        assert len(model.fallbacks) == fallbacks
+        assert np.isfinite(evaluate_trace(model, each.trace).metrics.rmse_degC)
+
+
 @pytest.mark.parametrize("circuit", ["phone", "nothing"])
 def test_what_gives_no_ambient_is_refused(logs, tmp_path, circuit):
     with pytest.raises(Refused):
