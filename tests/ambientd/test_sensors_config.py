@@ -80,7 +80,12 @@ supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 
         *("sensors.h.sign", "supervision.stuck_after_s", "supervision.stuck_within_K", "supervision.jump_K_per_s"),
         "supervision.spikes",
     ]
-    forms = ("{hwmon: CHIP, label: LABEL}", "{power_supply: NAME, property: PROPERTY}", "{zone: TYPE}")
+    forms = (
+        "{hwmon: CHIP, label: LABEL}",
+        "{iio: DEVICE, channel: CHANNEL}",
+        "{power_supply: NAME, property: PROPERTY}",
+        "{zone: TYPE}",
+    )
     assert all(form in refused.value.faults[1].hint for form in forms)
 
 

@@ -4,6 +4,7 @@ import math
 
 BUFFER_BYTES = 32
 """More than any attribute that holds one number; what fills it holds something else."""
+_DECIMALS = frozenset(b"-.0123456789")
 _ABSOLUTE_ZERO_DEGC = -273.15
 """Drivers give -274000 or -32768000 for a sensor without a value."""
 
@@ -16,6 +17,17 @@ def degC_from_millidegrees(content: bytes) -> float | None:
 def degC_from_tenths(content: bytes) -> float | None:
     """The temperature in the bytes of a power supply's ``temp``, or None where they hold none."""
     return _in_steps(content, 10, _ABSOLUTE_ZERO_DEGC)
+
+
+def degC_from_raw(content: bytes, offset: float, scale: float) -> float | None:
+    """The temperature in the bytes of an iio attribute, (number + offset) scale millidegrees, or None."""
+    if len(content) >= BUFFER_BYTES or not _DECIMALS.issuperset(content.strip()):
+        return None
+    try:
+        value = (float(content) + offset) * scale / 1000
+    except ValueError:
+        return None
+    return value if _ABSOLUTE_ZERO_DEGC <= value < math.inf else None
 
 
 def from_micro(content: bytes) -> float | None:
