@@ -32,7 +32,9 @@ while True:
     except OSError:
         pass
 """
-FOR_S = 4.0
+FOR_S = 12.0
+PERIOD_S = 0.1
+MOST_MISSED = 0.1
 
 
 @pytest.mark.slow
@@ -67,9 +69,17 @@ def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones)
         first_s = None
         while first_s is None or heard[-1][-1] < first_s + FOR_S:
             for lines, times_s in zip(readers, heard):
-                times_s.append(json.loads(lines.readline())["time_s"])
+                report = json.loads(lines.readline())
+                times_s.append(report["time_s"])
             first_s = first_s or heard[-1][0]
     everyone = [times_s[times_s.index(first_s) :] for times_s in heard]
     count = min(map(len, everyone))
     assert count > 10
+    # a busy machine costs single ones; what the daemon itself says it cannot hold is a tenth
+    assert report["missed_ticks"] <= MOST_MISSED * count
     assert all(each[:count] == everyone[0][:count] for each in everyone), "someone lost a line"
+    late_s = sorted((time_s - heard[0][0]) % PERIOD_S for time_s in heard[0])
+    # from the earliest of the grid, which wraps where a tick was a moment before the first
+    late_s = sorted((each - late_s[0] + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2 for each in late_s)
+    print(f"{flood}: {len(late_s)} ticks, late by {1e3 * late_s[len(late_s) // 2]:.1f} ms (median),", end=" ")
+    print(f"{1e3 * late_s[int(0.99 * len(late_s))]:.1f} ms (99th percentile)")

@@ -1,6 +1,7 @@
 """``ambientd-mqtt`` on a real mosquitto: discovery, the estimate, the last will, and restarts of either side."""
 
 import importlib.util
+import itertools
 import json
 import shutil
 import signal
@@ -50,8 +51,28 @@ def retained(broker, until):
     return look
 
 
+@pytest.fixture
+def states(broker):
+    """The content of each state that is published from when it is called on."""
+    from paho.mqtt import client as mqtt
+
+    client = mqtt.Client(mqtt.CallbackAPIVersion.VERSION2)
+
+    def listen():
+        heard = []
+        client.on_message = lambda client, data, message: heard.append(json.loads(message.payload))
+        client.connect("127.0.0.1", broker[0])
+        client.subscribe(STATE)
+        client.loop_start()
+        return heard
+
+    yield listen
+    client.loop_stop()
+    client.disconnect()
+
+
 def test_it_follows_the_daemon_over_restarts_of_either_side(
-    broker, retained, spawn, until, deployed, model_file, phone
+    broker, retained, states, spawn, until, deployed, model_file, phone
 ):
     port, start_broker = broker
     path = str(phone.parent / "s")
@@ -72,9 +93,19 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     assert (config["state_topic"], config["device_class"], config["availability"][0]["topic"]) == (
         *(STATE, "temperature", AVAILABLE),
     )
-    for kind in ("thermal_zone1", "thermal_zone2"):
-        (phone / "class/thermal" / kind / "temp").write_text("31500\n")
-    until(lambda: ambient() != pytest.approx(23.0), "it does not follow")
+    heard = states()
+    until(lambda: heard, "the state is not retained")
+    with socket.socket(socket.AF_UNIX) as beside:
+        beside.connect(path)
+        ticks = map(json.loads, beside.makefile())
+        for kind in ("thermal_zone1", "thermal_zone2"):
+            (phone / "class/thermal" / kind / "temp").write_text("31500\n")
+        changed = next(each for each in ticks if each["ambient_degC"] != pytest.approx(23.0))
+        until(lambda: heard[-1]["ambient_degC"] != pytest.approx(23.0), "it does not follow")
+        # on the clock of the ticks: which of them the broker has
+        first = next(each for each in heard if each["ambient_degC"] != pytest.approx(23.0))
+        following = [changed, *itertools.islice(ticks, 19)]
+    assert first["ambient_degC"] in [each["ambient_degC"] for each in following], "it follows more than 2 s later"
 
     daemon.send_signal(signal.SIGTERM)
     until(lambda: retained().get(AVAILABLE) == "offline", "a daemon that has ended is not noticed")
