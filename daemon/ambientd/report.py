@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.model import Input
 from ambient_model.tracking import Estimate
+from ambientd.json_text import json_text, quoted
 
 if TYPE_CHECKING:
     from ambientd.reference import LastReference, OffsetReport
@@ -43,16 +44,14 @@ class _Form:
     """The text of these two, which mostly are those of the tick before."""
 
     def fit(self, model: str, inputs: tuple[Input, ...]) -> None:
-        import json  # a daemon that publishes files alone does without
+        def literal(text: str) -> str:
+            return quoted(text).replace("%", "%%")
 
-        def quoted(text: str) -> str:
-            return json.dumps(text).replace("%", "%%")
-
-        sensors = [f'{quoted(each.name)}: {{"unit": {quoted(each.unit)}, "raw": %s, "used": %s}}' for each in inputs]
+        sensors = [f'{literal(each.name)}: {{"unit": {literal(each.unit)}, "raw": %s, "used": %s}}' for each in inputs]
         self.model, self.inputs, self.raw, self.used = model, inputs, (), ()
         self.text_of_sensors = ", ".join(sensors)
         self.text = (
-            f'{{"time_s": %s, "model": {quoted(model)}, "status": "%s", "ambient_degC": %s, "low_degC": %s,'
+            f'{{"time_s": %s, "model": {literal(model)}, "status": "%s", "ambient_degC": %s, "low_degC": %s,'
             ' "high_degC": %s, "level_percent": %s, "age_s": %s, "missed_ticks": %s, "clock_steps_back": %s,'
             ' "sensors": {%s}}'
         )
@@ -92,7 +91,5 @@ class _LastText:
 def _offset_text(offset: "OffsetReport") -> str:
     offset_degC, std_degC, last = offset
     if last is not _LastText.of:
-        import json
-
-        _LastText.of, _LastText.text = last, json.dumps(last and last._asdict())
+        _LastText.of, _LastText.text = last, json_text(last and last._asdict())
     return f'"offset_degC": {offset_degC!r}, "offset_std_degC": {std_degC!r}, "last_reference": {_LastText.text}'

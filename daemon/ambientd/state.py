@@ -5,7 +5,6 @@ very model, and up to an age. Anything else is ignored with one line in the log.
 counts from boot and through suspend. The unit's offset needs only the same model: it outlives a boot, at any age.
 """
 
-import json
 import math
 import os
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from ambient_model.intake import read_whole
 from ambient_model.model import Model
 from ambient_model.tracking import Snapshot
 from ambientd.fallback import FallbackState, FallbackTracker
+from ambientd.json_text import json_text
 from ambientd.notices import Notice
 from ambientd.publish.claims import open_own
 from ambientd.publish.swap import swap_in, sweep
@@ -98,7 +98,7 @@ def encode(state: State) -> bytes:
             data["background"]["readings"] = validation._asdict()
     if offset is not None:
         data["offset"] = {**offset._asdict(), "last": offset.last and offset.last._asdict()}
-    line = json.dumps(data).encode()
+    line = json_text(data).encode()
     return b"%s\n%s\n" % (line, _sha256(line).encode())
 
 
@@ -107,6 +107,8 @@ def decode(content: bytes) -> State:
     line, newline, rest = content.partition(b"\n")
     if not newline or rest != _sha256(line).encode() + b"\n":
         raise ValueError("it is damaged")
+    import json  # only where there is a state to go on from
+
     try:
         return _state(json.loads(line))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
