@@ -22,7 +22,7 @@ _LISTED = 15
 _KNOWN_GOOD = 4
 """Typical units train the forward circuit: what they leave of each other counts as the sensors' noise."""
 _DIAGNOSED_FROM = 4.0
-"""Of a thousand units of a simulated fleet none is as improbable without a cause; a diagnosis takes a minute or two."""
+"""Six of a thousand simulated units are as improbable without a planted cause; a diagnosis takes a minute or two."""
 
 
 def least_probable(table: pd.DataFrame) -> tuple[Outlier, ...]:
