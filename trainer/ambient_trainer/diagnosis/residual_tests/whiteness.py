@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
@@ -12,7 +14,7 @@ from ambient_trainer.diagnosis.words import duration, share
 Array = NDArray[np.float64]
 
 MOST_LAGS = 20
-_ONE_OVER_E = 1 / np.e
+_ONE_OVER_E = math.exp(-1)
 
 
 def autocorrelation(series: Array, lags: int) -> tuple[Array, Array]:
