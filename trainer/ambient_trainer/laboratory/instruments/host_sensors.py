@@ -79,6 +79,8 @@ class _Question(threading.Thread):
 def _read(file: Path) -> float:
     """The temperature in a file, in degC; raises ``ValueError`` with the reason where it holds none."""
     text = file.read_text()
+    if not text.endswith("\n"):
+        raise ValueError("an answer that is cut")
     if file.name == "w1_slave":
         checked, _, text = text.rpartition("t=")
         if "YES" not in checked:
