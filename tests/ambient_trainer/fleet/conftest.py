@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import warnings
 from dataclasses import replace
 
 import pytest
@@ -10,6 +12,15 @@ from ambient_trainer.fleet.dataset import write_dataset
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
 
 PLAN = FleetPlan("5", 14, seed=3, period_s=10.0, minutes=60.0)
+
+
+@pytest.fixture(autouse=True)
+def _sockets_of_a_cluster():
+    """Those that killed processes and cut connections leave to the garbage collector go here, not in another test."""
+    yield
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ResourceWarning)
+        gc.collect()
 
 
 @pytest.fixture(scope="session")

@@ -129,7 +129,7 @@ def test_whatever_a_bus_answers_no_reading_is_wrong(tmp_path):
     stop.set()
     with open(path):
         thread.join()
-    assert 50 < known < 120
+    assert 20 < known < 120
 
 
 @pytest.mark.parametrize("channel", ["/etc/passwd", "../class/slow", ""])
