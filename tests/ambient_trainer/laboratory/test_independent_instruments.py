@@ -528,7 +528,7 @@ class Night:
     def update(self, run):
         if not os.path.exists(kept := os.path.join(os.path.dirname(self.output), "kept")):
             os.link(run.journal.path, kept)
-        self.began = self.began or (run.clock.now_s(), time.monotonic())
+        self.began = self.began or at_once(run.clock)
         if run.program.over:
             self.over_s = self.over_s or time.monotonic()
         if self.stop_s is not None and run.clock.now_s() > self.stop_s:
@@ -540,6 +540,13 @@ class Night:
     def wall_s(self, at_s):
         """The machine's time of a time of the run."""
         return self.began[1] + (at_s - self.began[0]) / self.job.speed
+
+
+def at_once(clock):
+    """One moment by a clock and by the machine's: of many tries, the one with the least time in between."""
+    tries = [(time.monotonic(), clock.now_s(), time.monotonic()) for _ in range(100)]
+    before_s, now_s, after_s = min(tries, key=lambda each: each[2] - each[0])
+    return now_s, 0.5 * (before_s + after_s)
 
 
 def minutes(*steps):
