@@ -19,9 +19,8 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.modes import passive_modes
 from ambient_trainer.lti.response import response, response_slopes, states
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, passive_modes
 
 _SLOWEST_PER_S = 1e-15
 
@@ -30,15 +29,22 @@ class CircuitStructure(Structure):
     """A circuit over segments; ``free_start`` says that they start anywhere, as in a forward simulation."""
 
     def __init__(self, circuit: Circuit, segments: Sequence[Segment], free_start: bool = False) -> None:
-        self.circuit = circuit
-        self.segments = segments
-        self.free_start = free_start
-        self.linear_parameters = [
-            each for each in circuit.parameters if each.free and each.name in _linear_names(circuit)
-        ]
-        self.searched = [each for each in circuit.parameters if each.free and each not in self.linear_parameters]
-        self._logarithmic = np.array([each.name in _positive_names(circuit) for each in self.searched], dtype=bool)
-        self.search = self._unknowns(self.searched, self._logarithmic)
+        self.circuit, self.segments, self.free_start = circuit, segments, free_start
+        positive = {each.resistance for each in circuit.edges} | {each.capacitance for each in circuit.states}
+        shares = {source.share for source in circuit.sources}
+        weights = {
+            name
+            for each in circuit.outputs
+            for name in (*(each.states or {}).values(), *each.inputs.values(), each.offset)
+        }
+        free = [each for each in circuit.parameters if each.free]
+        # what appears in outputs alone
+        self.linear_parameters = [each for each in free if each.name in weights - positive - shares]
+        searched = [each for each in free if each not in self.linear_parameters]
+        self._logarithmic = np.array([each.name in positive for each in searched], dtype=bool)
+        self.search = self._unknowns(searched, self._logarithmic)
+        lasted = [(each.inputs.shape[1] * each.period_s, each.period_s) for each in segments]
+        self._longest_s, self._shortest_s = max(lasted)[0], min(each for _, each in lasted)
         starts = [
             Parameter(f"start{index}_{node.name}", "degC", 0.0, -math.inf, math.inf, True)
             for index in range(len(segments) * free_start)
@@ -47,7 +53,7 @@ class CircuitStructure(Structure):
         unknowns = [*self.linear_parameters, *starts]
         self.linear = self._unknowns(unknowns, np.zeros(len(unknowns), dtype=bool))
         position = {each.name: index for index, each in enumerate(circuit.parameters)}
-        self._order = [position[each.name] for each in (*self.searched, *self.linear_parameters)]
+        self._order = [position[each.name] for each in (*searched, *self.linear_parameters)]
         self._last: tuple[bytes, Assembled] | None = None
 
     @staticmethod
@@ -69,13 +75,11 @@ class CircuitStructure(Structure):
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
         found = self._assembled(theta)
-        longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
-        shortest = min(segment.period_s for segment in self.segments) / 10
         eigenvalues, V, W = passive_modes(found.value.A, found.capacitance)
         # a circuit that has all but lost its way out has a rate of rounding, of either sign
         rates = np.maximum(-eigenvalues, _SLOWEST_PER_S)
         slopes = -np.einsum("in,knm,mi->ki", W, found.derivative.A[: len(theta)], V) / rates
-        slow, fast = -np.log(rates * longest), np.log(rates * shortest)
+        slow, fast = -np.log(rates * self._longest_s), np.log(rates * self._shortest_s / 10)
         penalty = np.concatenate([np.maximum(slow, 0.0), np.maximum(fast, 0.0)])
         jacobian = np.concatenate([np.where(slow > 0, -slopes, 0.0), np.where(fast > 0, slopes, 0.0)], axis=1)
         return penalty, jacobian.T
@@ -91,9 +95,8 @@ class CircuitStructure(Structure):
         capacity = np.array([name in capacities for name in self.search.names], dtype=bool)
         if capacity.any():
             rates = np.diag(self._assembled(theta).value.A)
-            longest = max(segment.inputs.shape[1] * segment.period_s for segment in self.segments)
-            shortest = min(segment.period_s for segment in self.segments)
-            wanted = math.exp(random.uniform(math.log(3 * shortest), math.log(max(longest / 10, 4 * shortest))))
+            low_s, high_s = 3 * self._shortest_s, max(self._longest_s / 10, 4 * self._shortest_s)
+            wanted = math.exp(random.uniform(math.log(low_s), math.log(high_s)))
             theta[capacity] += math.log(wanted * float(np.exp(np.mean(np.log(-rates)))))
         return np.clip(theta, self.search.low, self.search.high)
 
@@ -159,20 +162,3 @@ class CircuitStructure(Structure):
         still, unweighted = replace(by, offset=0 * by.offset), self._assembled(theta).value
         decayed = response_slopes(unweighted, still, hold, 0 * u, period_s, start)
         return response_slopes(found.value, by, hold, u, period_s) + decayed
-
-
-def _positive_names(circuit: Circuit) -> set[str]:
-    return {node.capacitance for node in circuit.states if node.capacitance} | {
-        edge.resistance for edge in circuit.edges
-    }
-
-
-def _linear_names(circuit: Circuit) -> set[str]:
-    """The parameters that appear in outputs alone."""
-    outputs = circuit.outputs
-    weights = {name for each in outputs for name in (*(each.states or {}).values(), *each.inputs.values(), each.offset)}
-    return (
-        {name for name in weights if name is not None}
-        - _positive_names(circuit)
-        - {source.share for source in circuit.sources}
-    )

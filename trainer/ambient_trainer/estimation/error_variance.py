@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize, nnls
-from scipy.signal import lfilter
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Term
 from ambient_trainer.data.trace import Array
+from ambient_trainer.lti.lag import low_pass
 
 _LAGS_PERIODS = (1, 3, 10, 30, 100)
 """None below a period: what such a lag lets through depends on how often a device ticks."""
@@ -66,7 +66,8 @@ def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVaria
     terms = tuple(term._replace(weight=weight) for term, weight in zip(wanted, weights) if weight > 0)
     unscaled = ErrorVariance(constant, terms, {})
     off = np.abs(errors) / np.concatenate([sigma_degC(unscaled, each, 0 * each, period_s) for each in estimates])
-    return _with_quantiles(unscaled, {level: float(np.nanpercentile(off, level)) for level in LEVELS_PERCENT})
+    reaches = np.nanpercentile(off, LEVELS_PERCENT).tolist()
+    return unscaled._replace(quantiles={level: (-reach, reach) for level, reach in zip(LEVELS_PERCENT, reaches)})
 
 
 def fit_weighted_error_variance(terms: Sequence[Term], runs: Sequence[WeightedRun]) -> ErrorVariance:
@@ -76,9 +77,12 @@ def fit_weighted_error_variance(terms: Sequence[Term], runs: Sequence[WeightedRu
     weight = np.concatenate([np.full(len(each.error_degC), each.weight) for each in runs])
     constant, *factors = (weights := least_squares_weights(error, table, weight)).tolist()
     reach = np.abs(error) / np.sqrt(np.maximum(weights @ table, _LEAST_VARIANCE_DEGC2))
-    weighted = tuple(term._replace(weight=factor) for term, factor in zip(terms, factors))
-    model = ErrorVariance(max(constant, _LEAST_VARIANCE_DEGC2), weighted, {})
-    return _with_quantiles(model, {level: weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT})
+    reaches = [weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT]
+    return ErrorVariance(
+        max(constant, _LEAST_VARIANCE_DEGC2),
+        tuple(term._replace(weight=factor) for term, factor in zip(terms, factors)),
+        {level: (-reach, reach) for level, reach in zip(LEVELS_PERCENT, reaches)},
+    )
 
 
 def half_widths(model: ErrorVariance, estimates: Iterable[tuple[Array, Array]], period_s: float) -> dict[str, float]:
@@ -146,20 +150,8 @@ def weighted_quantile(values: Array, weight: Array, share: float) -> float:
     return float(np.interp(share, np.cumsum(weight[order]) / weight.sum(), values[order]))
 
 
-def _with_quantiles(model: ErrorVariance, reaches: dict[int, float]) -> ErrorVariance:
-    return model._replace(quantiles={level: (-reach, reach) for level, reach in reaches.items()})
-
-
 def _regressor_degC2(term: Term, ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:
+    off = apart_degC
     if term.of == "movement":
-        squares = (ambient_degC - _low_pass(ambient_degC, term.lag_s, period_s)) ** 2
-    else:
-        squares = apart_degC**2
-    return _low_pass(squares, term.lag_s, period_s)
-
-
-def _low_pass(values: Array, lag_s: float, period_s: float) -> Array:
-    """L[k] = L[k-1] + a (z[k] - L[k-1]), L[0] = z[0]."""
-    gain, kept = -np.expm1(-period_s / lag_s), np.exp(-period_s / lag_s)
-    passed, _ = lfilter([gain], [1.0, -kept], values, zi=[kept * values[0]])
-    return np.asarray(passed, dtype=np.float64)
+        off = ambient_degC - low_pass(ambient_degC, term.lag_s, period_s, ambient_degC[0])
+    return low_pass(off**2, term.lag_s, period_s, off[0] ** 2)

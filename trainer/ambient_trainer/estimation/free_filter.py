@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import block_diag, expm_frechet
+from scipy.linalg import block_diag, expm
 from scipy.signal import lfilter
 
 from ambient_trainer.data.grid import Segment
@@ -24,6 +24,8 @@ from ambient_trainer.lti.statespace import StateSpace
 _FASTEST_PER_PERIOD = 2.0
 _TIMES_SHOWN = 10
 _LEAST_DAMPING, _MOST_DAMPING = 0.3, 30.0
+_PAIRINGS = {3: ((0, 1, 2), (1, 2, 0), (0, 2, 1)), 4: ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))}
+"""The ways to take three or four things two by two, the last of three alone."""
 
 
 class FreeFilter(Structure):
@@ -33,31 +35,27 @@ class FreeFilter(Structure):
     offset is multiplied with in each segment.
     """
 
+    slowest: float
+    """Logarithm of the rate below which a pole is penalised."""
+
     def __init__(self, order: int, segments: Sequence[Segment], ones: Sequence[float] | None = None) -> None:
-        self.order = order
-        self.segments = segments
+        self.order, self.segments = order, segments
         self._ones = ones or [1.0] * len(segments)
-        self.period_s = segments[0].period_s
-        self.inputs = segments[0].inputs.shape[0]
+        self.period_s, self.inputs = segments[0].period_s, segments[0].inputs.shape[0]
         self.pairs, self.singles = divmod(order, 2)
-        self.search = self._search()
+        longest_s = max(segment.inputs.shape[1] for segment in segments) * self.period_s
+        self._fastest = math.log(_FASTEST_PER_PERIOD / self.period_s)
+        self.slowest = min(math.log(_TIMES_SHOWN / longest_s), self._fastest - 1.0)
+        names = [f"{name}{k + 1}" for k in range(self.pairs) for name in ("omega", "zeta")] + ["rate"] * self.singles
+        rate, damping = (self.slowest, self._fastest), (math.log(_LEAST_DAMPING), math.log(_MOST_DAMPING))
+        low, high = np.array([rate, damping] * self.pairs + [rate] * self.singles).reshape(-1, 2).T
+        # rates distributed over what the trace can show
+        start = self._from_rates(np.exp(np.linspace(*rate, order + 2)[1:-1]))
+        self.search = Unknowns(tuple(names), np.clip(start, low, high), low, high)
         self._last: tuple[bytes, list[tuple[Array, Array]]] = b"", []
         p = self.inputs * (1 + order) + 1
         free = np.full(p, np.inf)
         self.linear = Unknowns(tuple(f"gain{index}" for index in range(p)), np.zeros(p), -free, free)
-
-    def _search(self) -> Unknowns:
-        longest = max(segment.inputs.shape[1] for segment in self.segments) * self.period_s
-        self._fastest = math.log(_FASTEST_PER_PERIOD / self.period_s)
-        self.slowest = min(math.log(_TIMES_SHOWN / longest), self._fastest - 1.0)
-        """Logarithm of the rate below which a pole is penalised."""
-        names = [f"{name}{k + 1}" for k in range(self.pairs) for name in ("omega", "zeta")] + ["rate"] * self.singles
-        rate = (self.slowest, self._fastest)
-        bounds = [rate, (math.log(_LEAST_DAMPING), math.log(_MOST_DAMPING))] * self.pairs + [rate] * self.singles
-        low, high = np.array(bounds).reshape(-1, 2).T
-        # rates distributed over what the trace can show
-        rates = np.linspace(*rate, self.order + 2)[1:-1]
-        return Unknowns(tuple(names), np.clip(self._from_rates(np.exp(rates)), low, high), low, high)
 
     def _from_rates(self, rates: Array) -> Array:
         """The theta of real poles at -rates, taken two by two."""
@@ -89,13 +87,12 @@ class FreeFilter(Structure):
         """
         poles = [np.linalg.eigvals(F) for F, _ in self._sections(theta)]
         free = [k for k, each in enumerate(poles) if not np.iscomplex(each).any()]
-        rates = np.sort(np.concatenate([-poles[k].real for k in free])) if free else np.zeros(0)
+        rates = np.sort(np.concatenate([np.zeros(0), *(-poles[k].real for k in free)]))
         if len(rates) < 3:
             return theta
-        best = min(_pairings(len(rates)), key=lambda order: _span(rates[list(order)]))
         found = theta.copy()
         positions = np.concatenate([np.arange(2 * k, min(2 * k + 2, self.order)) for k in free])
-        found[positions] = self._from_rates(rates[list(best)])
+        found[positions] = self._from_rates(min((rates[list(each)] for each in _PAIRINGS[len(rates)]), key=_span))
         return np.clip(found, self.search.low, self.search.high)
 
     def random_start(self, random: np.random.Generator) -> Array:
@@ -106,43 +103,29 @@ class FreeFilter(Structure):
     def _sections(self, theta: Array) -> list[tuple[Array, Array]]:
         """Per section the companion matrix F (k, k) and its slopes in its own theta (k, k, k)."""
         found = []
-        for k in range(self.pairs):
-            omega, zeta = np.exp(theta[2 * k : 2 * k + 2])
+        for omega, zeta in np.exp(theta[: 2 * self.pairs]).reshape(-1, 2):
             F = np.array([[0.0, 1.0], [-(omega**2), -2 * zeta * omega]])
-            by_omega = np.array([[0.0, 0.0], [-2 * omega**2, -2 * zeta * omega]])
-            by_zeta = np.array([[0.0, 0.0], [0.0, -2 * zeta * omega]])
-            found.append((F, np.array([by_omega, by_zeta])))
+            found.append((F, np.array([F * [[0], [1]] * [2, 1], F * [[0], [1]] * [0, 1]])))
         if self.singles:
-            rate = math.exp(theta[-1])
-            found.append((np.array([[-rate]]), np.array([[[-rate]]])))
+            F = -np.exp(theta[-1:, None])
+            found.append((F, F[None]))
         return found
 
     def _denominators(self, theta: Array) -> list[tuple[Array, Array]]:
         """Per section the discrete denominator's coefficients after 1 (k,), and their slopes (k in theta, k).
 
-        Every segment asks for them in turn: those of the last theta are kept.
+        With E = exp(F T) they are -tr E and det E, and d tr E = T tr(E dF). Every segment asks for them in turn: those
+        of the last theta are kept.
         """
         if self._last[0] != theta.tobytes():
-            self._last = theta.tobytes(), self._discrete_denominators(theta)
+            found = []
+            for F, slopes in self._sections(theta):
+                E, T = expm(F * self.period_s), self.period_s
+                det = math.exp(T * np.trace(F))
+                moved = [(-T * np.trace(E @ each), det * T * np.trace(each)) for each in slopes]
+                found.append((np.array([-np.trace(E), det])[: len(F)], np.array(moved)[:, : len(F)]))
+            self._last = theta.tobytes(), found
         return self._last[1]
-
-    def _discrete_denominators(self, theta: Array) -> list[tuple[Array, Array]]:
-        T = self.period_s
-        found = []
-        for F, slopes in self._sections(theta):
-            moved = [expm_frechet(F * T, slope * T) for slope in slopes]
-            E = moved[0][0]
-            if len(F) == 1:
-                found.append((np.array([-E[0, 0]]), np.array([[-each[1][0, 0]] for each in moved])))
-                continue
-            det = math.exp(T * np.trace(F))
-            found.append(
-                (
-                    np.array([-np.trace(E), det]),
-                    np.array([[-np.trace(dE), det * T * np.trace(slope)] for (_, dE), slope in zip(moved, slopes)]),
-                )
-            )
-        return found
 
     def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
         """The inputs, one, and per section the delayed inputs over p."""
@@ -155,56 +138,41 @@ class FreeFilter(Structure):
 
     def slopes(self, theta: Array, beta: Array, index: int) -> Array:
         """Per section v/p, whose slope is minus d(denominator) times the delayed v over p^2."""
-        u, m = self.segments[index].inputs, self.inputs
-        column, found = m + 1, []
-        for tail, slopes in self._denominators(theta):
-            numerators = beta[column : column + len(tail) * m].reshape(-1, m) @ u
-            column += len(tail) * m
-            section = np.sum([_delayed(row[None], 1 + delay) for delay, row in enumerate(numerators)], axis=0)
+        u, found = self.segments[index].inputs, []
+        for (tail, slopes), numerators in zip(self._denominators(theta), self._numerators(beta)):
+            section = np.sum([_delayed(row[None], 1 + delay) for delay, row in enumerate(numerators @ u)], axis=0)
             twice = _over(tail, _over(tail, section))
-            delayed = np.concatenate([_delayed(twice, 1 + delay) for delay in range(len(tail))])
-            found.append(-slopes @ delayed)
+            found.append(-slopes @ np.concatenate([_delayed(twice, 1 + delay) for delay in range(len(tail))]))
         return np.concatenate([np.zeros((0, u.shape[1])), *found])[:, None]
+
+    def _numerators(self, beta: Array) -> list[Array]:
+        """Per section the weights (k, m) of the inputs, by delay."""
+        rows = beta[self.inputs + 1 :].reshape(-1, self.inputs)
+        return np.split(rows, range(2, len(rows), 2)) if len(rows) else []
 
     def system(self, theta: Array, beta: Array) -> StateSpace:
         """The continuous state space with the same discrete transfer function under a first-order hold.
 
         Per section, observer form with C = [1, 0, ...]: B follows from the first k Markov parameters.
         """
-        T, m = self.period_s, self.inputs
-        D = beta[:m].copy()[None]
-        sections = []
-        column = m + 1
-        for (F, _), (tail, _) in zip(self._sections(theta), self._denominators(theta)):
+        m = self.inputs
+        D = beta[None, :m].copy()
+        A, Bs, Cs = [np.zeros((0, 0))], [np.zeros((0, m))], [np.zeros((1, 0))]
+        denominators, numerators = self._denominators(theta), self._numerators(beta)
+        for (F, _), (tail, _), markov in zip(self._sections(theta), denominators, numerators):
             k = len(tail)
-            numerators = beta[column : column + k * m].reshape(k, m)
-            column += k * m
-            markov = numerators.copy()
-            if k == 2:
-                markov[1] -= tail[0] * markov[0]
-            C = np.eye(1, k)
-            probe = discretised(StateSpace(F, np.eye(k), C, np.zeros((1, k)), np.zeros(1)), T, "first-order")
-            B = np.linalg.solve(
-                np.vstack([probe.C @ np.linalg.matrix_power(probe.A, i) @ probe.B for i in range(k)]), markov
-            )
+            C, unit = np.eye(1, k), np.eye(k)
+            probe = discretised(StateSpace(F, unit, C, np.zeros((1, k)), np.zeros(1)), self.period_s, "first-order")
+            impulse = np.vstack([probe.C @ np.linalg.matrix_power(probe.A, i) @ probe.B for i in range(k)])
+            B = np.linalg.solve(impulse, markov - np.eye(k, k=-1) @ markov * tail[0])
             D -= probe.D @ B
-            sections.append((F, B, C))
-        blocks, drives, reads = zip(*sections) if sections else ((), (), ())
-        A = block_diag(np.zeros((0, 0)), *blocks)
-        B, C = np.vstack([np.zeros((0, m)), *drives]), np.hstack([np.zeros((1, 0)), *reads])
-        return StateSpace(A, B, C, D, beta[m : m + 1].copy())
+            A, Bs, Cs = [*A, F], [*Bs, B], [*Cs, C]
+        return StateSpace(block_diag(*A), np.vstack(Bs), np.hstack(Cs), D, beta[m : m + 1].copy())
 
     def time_constants_s(self, theta: Array) -> list[complex]:
         """-1/pole for every pole, slowest first; a damped pair is complex."""
-        poles = np.concatenate([np.linalg.eigvals(F) for F, _ in self._sections(theta)]) if self.order else np.zeros(0)
+        poles = (pole for F, _ in self._sections(theta) for pole in np.linalg.eigvals(F))
         return sorted((complex(-1 / pole) for pole in poles), key=lambda tau: -abs(tau))
-
-
-def _pairings(count: int) -> tuple[tuple[int, ...], ...]:
-    """The ways to take three or four things two by two, the last of three alone."""
-    if count == 3:
-        return ((0, 1, 2), (1, 2, 0), (0, 2, 1))
-    return ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))
 
 
 def _span(rates: Array) -> float:
@@ -216,9 +184,7 @@ def _span(rates: Array) -> float:
 def _over(tail: Array, rows: Array) -> Array:
     """rows / (1 + tail_1 z^-1 + tail_2 z^-2), started in equilibrium with the first sample."""
     a = np.concatenate([[1.0], tail])
-    level = rows[:, :1] / a.sum()
-    filtered: Array = lfilter([1.0], a, rows - rows[:, :1], axis=-1)
-    return filtered + level
+    return np.asarray(lfilter([1.0], a, rows - rows[:, :1], axis=-1) + rows[:, :1] / a.sum())
 
 
 def _delayed(rows: Array, steps: int) -> Array:

@@ -1,4 +1,6 @@
-"""Least squares by Gram matrices: inner products are formed once, and weights are solved for as often as wanted.
+"""Linear least squares: by Gram matrices, under a linear constraint, and the baseline, the best static linear map.
+
+By Gram matrices inner products are formed once, and weights are solved for as often as wanted.
 
 The mean square of target - table' w is the quadratic function w' G w - 2 g' w + c of the weights, with G the inner
 products of the regressors, g those with the target, and c the target's own.
@@ -6,13 +8,16 @@ products of the regressors, g those with the target, and c the target's own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
 
+STATIC_LINEAR = "static linear"
+"""What a model file calls the baseline."""
 _TINY = 1e-30
 
 
@@ -55,3 +60,22 @@ def constrained_solution(matrix: Array, side: Array, unit: Array) -> Array:
     free, by_unit = solved[..., 0], solved[..., 1]
     beyond = (free @ unit - 1) / (by_unit @ unit)
     return np.asarray(free - by_unit * beyond[..., None])
+
+
+class StaticLinear(NamedTuple):
+    """ambient = gains' u + offset; ``rmse_degC`` on the samples it was fitted to."""
+
+    gains: Array
+    offset: float
+    rmse_degC: float
+
+
+def fit_static_linear(segments: Sequence[Segment]) -> StaticLinear:
+    """The least-squares static map from the sensors to the first output over ``segments``."""
+    u = np.concatenate([segment.inputs for segment in segments], axis=1)
+    y = np.concatenate([segment.outputs[0] for segment in segments])
+    known = ~np.isnan(y)
+    table = np.column_stack([u[:, known].T, np.ones(int(known.sum()))])
+    solution = np.linalg.lstsq(table, y[known], rcond=None)[0]
+    errors = y[known] - table @ solution
+    return StaticLinear(solution[:-1], float(solution[-1]), float(np.sqrt(np.mean(errors**2))))

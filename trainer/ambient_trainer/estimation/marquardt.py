@@ -49,10 +49,8 @@ def descend(
 ) -> End:
     """Minimise |residual|^2 over low <= point <= high from ``start`` with at most ``most`` evaluations.
 
-    It ends, unsettled, after the evaluation that makes ``over`` true.
-
-    It gives up, unsettled, when ``patience`` evaluations have not brought the square down by 1e-4 of itself: it then
-    creeps along a valley without a floor. None is never.
+    It ends, unsettled, after the evaluation that makes ``over`` true, and gives up when ``patience`` evaluations have
+    not brought the square down by 1e-4 of itself: it then creeps along a valley without a floor. None is never.
     """
     point = np.clip(start, low, high)
     here = evaluate(point)

@@ -55,25 +55,9 @@ Progress = Callable[[int, int, float], None]
 def search(
     structure: Structure, starts: int, seed: int, progress: Progress | None = None, budget: Budget | None = None
 ) -> SearchResult:
-    """Best of several descents from the initial values and from random places.
+    """Best of several descents: the first from the initial values, the others from random places.
 
-    Parameters
-    ----------
-    structure : Structure
-        What is fitted, with its data.
-    starts : int
-        Descents: the first from the initial values, the others from random places.
-    seed : int
-        Of the random places.
-    progress : callable, optional
-        Called after each evaluation.
-    budget : Budget, optional
-        Where it ends the search, the result is the best so far, marked as stopped; at least one evaluation is made.
-
-    Returns
-    -------
-    SearchResult
-        The best solution, the end of every start, and what was spent.
+    Where the ``budget`` ends it, the result is the best so far, marked as stopped; at least one evaluation is made.
     """
     if starts < 1:
         raise ValueError("a search needs at least one start")
@@ -93,18 +77,15 @@ def search(
 class _Run:
     """The descents of a search, and the best point that any of them has seen."""
 
-    best: Solution
     _end: Solution
 
     def __init__(self, structure: Structure, progress: Progress | None, budget: Budget) -> None:
-        self.structure = structure
-        self.progress = progress
-        self.budget = budget
+        self.structure, self.progress, self.budget = structure, progress, budget
         self.spent = 0
         """Evaluations of all descents."""
+        self.best = Solution(structure.search.initial, np.zeros(0), math.inf, math.inf, False, 0)
         self.weight = math.sqrt(sum(float(np.nansum(each.outputs**2)) for each in structure.segments))
         self.samples = sum(int(np.count_nonzero(~np.isnan(each.outputs))) for each in structure.segments)
-        self._least = math.inf
 
     def over(self) -> bool:
         """Whether the budget is spent."""
@@ -146,14 +127,11 @@ class _Run:
             self.spent += 1
             square = float(found.residual @ found.residual)
             self._end = Solution(theta.copy(), found.beta, square, float(residual @ residual), False, self._evaluations)
-            if self._end.objective < self._least:
-                self._keep(self._end)
+            if self._end.objective < self.best.objective:
+                self.best = self._end
             if self.progress is not None:
                 self.progress(self._number, self._evaluations, self.best.sum_of_squares)
         return self._at[1]
-
-    def _keep(self, solution: Solution) -> None:
-        self.best, self._least = solution, solution.objective
 
     def _closed(self, end: End) -> Solution:
         if self.over():
@@ -161,8 +139,8 @@ class _Run:
         self._evaluate(end.point)
         converged = end.settled and self._stationary(end.point)
         solution = replace(self._end, converged=converged, evaluations=self._evaluations)
-        if solution.objective <= self._least:
-            self._keep(solution)
+        if solution.objective <= self.best.objective:
+            self.best = solution
         return solution
 
     def _stationary(self, theta: Array) -> bool:

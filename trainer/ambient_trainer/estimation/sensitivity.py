@@ -82,16 +82,22 @@ def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: in
     ]
     names = parameter_names(structure)
     effect = np.linalg.norm(here, axis=0)
-    blind, projector = _blindness(places)
+    # the null space where it is smallest, and the mean projector onto it there
+    spaces = [_null_space(J) for J in places]
+    blind = min(len(each) for each in spaces)
+    projector = np.mean([each.T @ each for each in spaces if len(each) == blind], axis=0)
     share, directions = np.linalg.eigh(projector)
-    products = [each for each in _reduced(directions[:, share < _SAME].T) if np.count_nonzero(each) > 1]
+    symmetries, products = (
+        [{name: value for name, value in zip(names, row) if value != 0} for row in _reduced(space.T).tolist()]
+        for space in (directions[:, share > 1 - _SAME], directions[:, share < _SAME])
+    )
     blind_here, mixed_here = _blind_here(here, places, effect >= SILENT_DEGC)
     return Sensitivity(
         singular_degC=tuple(np.linalg.svd(here, compute_uv=False).tolist()),
         effect_degC=dict(zip(names, effect.tolist())),
         blind=blind,
-        symmetries=tuple(_named(each, names) for each in _reduced(directions[:, share > 1 - _SAME].T)),
-        products=tuple(_named(each, names) for each in products),
+        symmetries=tuple(symmetries),
+        products=tuple(each for each in products if len(each) > 1),
         mixed=tuple(name for name, involved in zip(names, np.diag(projector)) if involved > _INVOLVED**2),
         blind_here=blind_here,
         mixed_here=tuple(names[index] for index in mixed_here),
@@ -117,13 +123,6 @@ def log_jacobian(structure: CircuitStructure, theta: Array, beta: Array) -> Arra
         Q = np.linalg.qr(starts)[0]
         J = J - Q @ (Q.T @ J)
     return J
-
-
-def _blindness(places: list[Array]) -> tuple[int, Array]:
-    """The dimension of the null space where it is smallest, and the mean projector onto it there."""
-    spaces = [_null_space(J) for J in places]
-    least = min(len(each) for each in spaces)
-    return least, np.mean([each.T @ each for each in spaces if len(each) == least], axis=0)
 
 
 def _null_space(J: Array) -> Array:
@@ -163,7 +162,3 @@ def _reduced(rows: Array) -> Array:
         done += 1
     whole = np.round(rows)
     return np.where(np.abs(rows - whole) < _WHOLE, whole, rows)[:done]
-
-
-def _named(exponents: Array, names: tuple[str, ...]) -> Exponents:
-    return {name: value for name, value in zip(names, exponents.tolist()) if value != 0}

@@ -54,9 +54,8 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     """The uncertainty of every unknown at ``solution``."""
     rows, errors = _rows(structure, solution)
     names = (*structure.search.names, *structure.linear.names)
-    at_bound = np.concatenate(
-        [_at_bound(solution.theta, structure.search), _at_bound(solution.beta, structure.linear)]
-    ).astype(bool)
+    ends = _at_bound(solution.theta, structure.search), _at_bound(solution.beta, structure.linear)
+    at_bound = np.concatenate(ends).astype(bool)
     loose = np.flatnonzero(~at_bound)
     J = np.concatenate([each[:, loose] for each in rows])
     scale = np.linalg.norm(J, axis=0)
@@ -69,7 +68,9 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     inverse = (Vt[kept].T / singular[kept]) @ (Vt[kept] / singular[kept][:, None]) / np.outer(scale, scale)
     memory = max((residual_memory(each) for each in errors if len(each)), default=1.0)
     batch = 1 if memory < _WHITE else math.ceil(_MEMORIES_PER_BATCH * memory)
-    scores = np.concatenate([_batched(J_t[:, loose] * r[:, None], batch) for J_t, r in zip(rows, errors)])
+    slopes = [J_t[:, loose] * r[:, None] for J_t, r in zip(rows, errors) if len(r)]
+    empty = np.zeros((0, len(loose)))
+    scores = np.concatenate([empty, *(np.add.reduceat(s, np.arange(0, len(s), batch), axis=0) for s in slopes)])
     spare = len(scores) - len(loose)
     standard_error = np.full(len(names), np.nan)
     if spare >= 5:
@@ -79,9 +80,8 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
         standard_error[loose] = np.where(known, np.sqrt(np.diag(covariance)), np.nan)
     identifiable = np.ones(len(names), dtype=bool)
     identifiable[loose] = known
-    confounded = tuple(
-        tuple(names[loose[k]] for k in np.flatnonzero(np.abs(direction) > _INVOLVED)) for direction in blind
-    )
+    involved = [loose[np.abs(direction) > _INVOLVED] for direction in blind]
+    confounded = tuple(tuple(names[k] for k in each) for each in involved)
     quantile = float(stats.t.ppf(0.975, max(spare, 1)))
     return Uncertainty(names, standard_error, quantile, at_bound, identifiable, confounded, memory)
 
@@ -115,7 +115,3 @@ def _at_bound(values: Array, unknowns: Unknowns) -> NDArray[np.bool_]:
     low, high = unknowns.low, unknowns.high
     span = np.where(np.isfinite(high - low), high - low, 1.0)
     return (values <= low + 1e-6 * span) | (values >= high - 1e-6 * span)
-
-
-def _batched(scores: Array, batch: int) -> Array:
-    return np.add.reduceat(scores, np.arange(0, len(scores), batch), axis=0) if len(scores) else scores

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -31,8 +31,7 @@ _WORST_DEGC2 = 1e12
 """Stands for the square of what is beyond any number."""
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """Samples ``start`` to ``stop`` of a segment are held out; ``first`` to ``last`` train nothing."""
 
     segment: int
@@ -102,8 +101,7 @@ class Spending(NamedTuple):
     without: int
 
 
-@dataclass(frozen=True)
-class Refitted:
+class Refitted(NamedTuple):
     """The fit to everything, and per block the sum of squared errors in degC^2 of the fit without it."""
 
     solution: Solution
@@ -115,20 +113,14 @@ def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) 
     best = search(structure, spending.starts, 0, budget=Budget(spending.whole)).best
     squares = []
     for block in blocks:
-        part = _without(structure, block)
-        part.search = replace(part.search, initial=best.theta)
+        # its filters run over everything, and it is fitted to the samples outside the block
+        part, segments = copy.copy(structure), list(structure.segments)
+        outputs = segments[block.segment].outputs.copy()
+        outputs[:, block.first : block.last] = np.nan
+        segments[block.segment] = replace(segments[block.segment], outputs=outputs)
+        part.segments, part.search = segments, replace(part.search, initial=best.theta)
         without = search(part, 1, 0, budget=Budget(spending.without)).best
         errors = residuals(structure, without)[block.segment][0, block.start : block.stop]
         square = float(np.nansum(errors**2))
         squares.append(square if np.isfinite(square) else _WORST_DEGC2)
     return Refitted(best, tuple(squares))
-
-
-def _without(structure: Structure, block: Block) -> Structure:
-    """The structure whose filters run over everything, and which is fitted to the samples outside ``block``."""
-    part, segments = copy.copy(structure), list(structure.segments)
-    outputs = segments[block.segment].outputs.copy()
-    outputs[:, block.first : block.last] = np.nan
-    segments[block.segment] = replace(segments[block.segment], outputs=outputs)
-    part.segments = segments
-    return part

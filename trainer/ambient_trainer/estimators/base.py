@@ -18,8 +18,8 @@ from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
+from ambient_trainer.estimation.least_squares import StaticLinear
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimation.static_linear import StaticLinear
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.estimators.training import (
     Training,

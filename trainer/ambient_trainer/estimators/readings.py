@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import ReadingModel, SensorLimits
@@ -28,6 +27,7 @@ from ambient_trainer.estimators.base import Fit
 from ambient_trainer.estimators.estimate import matrix
 from ambient_trainer.estimators.training import slowest_period_s
 from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.lag import low_pass
 from ambient_trainer.lti.response import response_degC, states
 from ambient_trainer.lti.statespace import equilibrium
 
@@ -74,7 +74,7 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
     mean, precision = _distribution(chosen.total, ridge * noise)
     stride = max(1, round(1.0 / period_s))
     temperature = np.array([column.endswith("_degC") for column in fit.inputs])
-    slowly = [_low_pass(each, SLOW_S, period_s, 0.0) for each in held_out]
+    slowly = [low_pass(each, SLOW_S, period_s, 0.0) for each in held_out]
     gate, slow = (_GATE_MARGIN * np.max([np.abs(d).max(axis=0) for d in each], axis=0) for each in (held_out, slowly))
     jump = _JUMP_MARGIN * np.max([np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1) for run in runs], axis=0)
     gate, slow, jump = (np.where(temperature, limit, _NEVER) for limit in (gate, slow, jump))
@@ -110,13 +110,7 @@ def _joint(run: Array, lags_s: Sequence[float], period_s: float) -> Array:
     """z (N, entries): the readings, and their low-pass filters up to the sample before."""
     u = run.T
     before = np.concatenate([u[:1], u[:-1]])
-    return np.column_stack([u, *(_low_pass(before, lag_s, period_s, u[0]) for lag_s in lags_s)])
-
-
-def _low_pass(values: Array, lag_s: float, period_s: float, start: Array | float) -> Array:
-    """L (N, m) of L[k] = L[k-1] + a (z[k] - L[k-1]), from L = start."""
-    kept = math.exp(-period_s / lag_s)
-    return np.asarray(lfilter([1 - kept], [1, -kept], values - start, axis=0) + start)
+    return np.column_stack([u, *(low_pass(before, lag_s, period_s, u[0]) for lag_s in lags_s)])
 
 
 def _noise(runs: Sequence[Array]) -> Array:

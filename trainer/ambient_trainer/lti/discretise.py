@@ -27,13 +27,8 @@ def discretised(system: StateSpace, period_s: float, hold: Hold) -> StateSpace:
     E, Phi1, Phi2 = _integrals(system.A, period_s)
     if hold == "zero-order":
         return StateSpace(E, Phi1 @ system.B, system.C, system.D, system.offset)
-    return StateSpace(
-        E,
-        Phi1 @ system.B,
-        system.C @ Phi1 / period_s,
-        system.D + system.C @ Phi2 @ system.B / period_s,
-        system.offset,
-    )
+    D = system.D + system.C @ Phi2 @ system.B / period_s
+    return StateSpace(E, Phi1 @ system.B, system.C @ Phi1 / period_s, D, system.offset)
 
 
 def discretised_slopes(system: StateSpace, slopes: StateSpace, period_s: float, hold: Hold) -> StateSpace:
@@ -52,10 +47,8 @@ def discretised_slopes(system: StateSpace, slopes: StateSpace, period_s: float, 
         np.concatenate([D, slopes.D], axis=-2),
         np.concatenate([offset, slopes.offset], axis=-1),
     )
-    found = discretised(both, period_s, hold)
-    return StateSpace(
-        found.A[..., n:, :n], found.B[..., n:, :], found.C[..., q:, :n], found.D[..., q:, :], found.offset[..., q:]
-    )
+    A, B, C, D, offset = vars(discretised(both, period_s, hold)).values()
+    return StateSpace(A[..., n:, :n], B[..., n:, :], C[..., q:, :n], D[..., q:, :], offset[..., q:])
 
 
 def _integrals(A: Array, T: float) -> tuple[Array, Array, Array]:

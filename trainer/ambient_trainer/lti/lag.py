@@ -7,6 +7,7 @@ With a = exp(-T/tau) and g = (1 - a) tau/T,
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,42 +30,28 @@ class LagWeights(NamedTuple):
 
 
 def lag_weights(lag_s: ArrayLike, period_s: ArrayLike) -> LagWeights:
-    """Weights of a lag's recursion.
-
-    Parameters
-    ----------
-    lag_s : array_like
-        Time constant tau, above 0; infinity holds the value.
-    period_s : array_like
-        Time from one sample to the next.
-
-    Returns
-    -------
-    LagWeights
-        Numbers, or arrays of the common shape.
-    """
+    """Weights of the recursion of a lag of time constant tau > 0 (infinity holds the value), numbers or arrays."""
     ratio = np.asarray(period_s, dtype=float) / np.asarray(lag_s, dtype=float)
     kept = np.exp(-ratio)
     gained = np.where(ratio > 0, -np.expm1(-ratio) / np.where(ratio > 0, ratio, 1.0), 1.0)
     return LagWeights(*(each if each.shape else float(each) for each in (kept, gained - kept, 1.0 - gained)))
 
 
+def low_pass(values: Array, lag_s: float, period_s: float, start: Array | float) -> Array:
+    """The device's low-pass along the first axis: L[k] = L[k-1] + (1 - exp(-T/tau)) (z[k] - L[k-1]), from L = start."""
+    kept = math.exp(-period_s / lag_s)
+    return np.asarray(lfilter([-math.expm1(-period_s / lag_s)], [1.0, -kept], values - start, axis=0) + start)
+
+
+def one_pole(a: float, rows: Array, start: Array) -> Array:
+    """x[k+1] = a x[k] + rows[k] with x[0] = start; ``rows`` (c, N), ``start`` (c,), result (c, N)."""
+    return np.asarray(lfilter([0.0, 1.0], [1.0, -a], rows, axis=-1, zi=np.reshape(start, (-1, 1)))[0])
+
+
 def lagged(values: Array, lag_s: float, period_s: float, start: Array | float | None = None) -> Array:
-    """Response of a lag to uniform samples.
+    """Response (..., N) of a lag to uniform samples (..., N); by default it is settled at the first of them.
 
-    Parameters
-    ----------
-    values : array (..., N)
-        The input.
-    lag_s, period_s : float
-        Time constant and sampling period.
-    start : array_like (..., 1), optional
-        First value of the response; by default it is settled at the first of ``values``.
-
-    Returns
-    -------
-    array (..., N)
-        In the unit of ``values``.
+    ``start`` (..., 1) is its first value otherwise.
     """
     kept, before, now = lag_weights(lag_s, period_s)
     first = values[..., :1]

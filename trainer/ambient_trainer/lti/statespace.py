@@ -31,18 +31,17 @@ def equilibrium(system: StateSpace) -> Array:
     return np.asarray(-np.linalg.solve(system.A, system.B), dtype=np.float64)
 
 
-def dc_gain(system: StateSpace) -> Array:
-    """Steady-state gain from each input to each output.
+def passive_modes(A: Array, capacitance: Array) -> tuple[Array, Array, Array]:
+    """Eigenvalues (n,), right and left eigenvectors (n, n) of a passive circuit's A = -diag(1/capacitance) G.
 
-    Parameters
-    ----------
-    system : StateSpace
-        Stable and continuous.
-
-    Returns
-    -------
-    array (q, m)
-        D - C A^-1 B.
+    G is symmetric, so sqrt(C) A / sqrt(C) is too: the eigenvalues are real and the eigenvectors orthogonal in those
+    coordinates, however close two of them lie.
     """
-    found: Array = system.D + system.C @ equilibrium(system)
-    return found
+    root = np.sqrt(capacitance)
+    rates, Q = np.linalg.eigh(A * root[:, None] / root)
+    return rates, Q / root[:, None], Q.T * root
+
+
+def dc_gain(system: StateSpace) -> Array:
+    """Steady-state gain (q, m) from each input to each output of a stable system: D - C A^-1 B."""
+    return np.asarray(system.D + system.C @ equilibrium(system))

@@ -19,7 +19,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimators.blended.nonlinear_loss import Plant, simulate
 from ambient_trainer.estimators.blended.recipe import Recipe
-from ambient_trainer.lti.modes import passive_modes
+from ambient_trainer.lti.statespace import passive_modes
 
 _PASSES = 4
 _EVERY = 3

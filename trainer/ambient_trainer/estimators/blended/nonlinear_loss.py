@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimators.blended.recipe import Loss
 from ambient_trainer.lti.lag import lagged
-from ambient_trainer.lti.modes import modal_response
 
 _LEAST_RISE_K2 = 0.25
 """Keeps the law smooth where the rise changes its sign."""
@@ -61,10 +60,10 @@ def simulate(plant: Plant, loss: Loss, ambient_degC: Array, heat_W: Array, perio
     surfaces = np.flatnonzero(plant.to_ambient)
     extra = np.zeros_like(heat_W)
     for index in range(passes):
-        drive = plant.left @ (
-            (plant.to_ambient[:, None] * ambient_degC + (heat_W + extra)) / plant.capacitance[:, None]
-        )
-        nodes = plant.right @ modal_response(plant.rates, drive, period_s)
+        heat = plant.to_ambient[:, None] * ambient_degC + (heat_W + extra)
+        drive = plant.left @ (heat / plant.capacitance[:, None])
+        modes = [lagged(row / -rate, -1 / rate, period_s) for row, rate in zip(drive, plant.rates.tolist())]
+        nodes = plant.right @ np.array(modes)
         if index < passes - 1:
             rise = nodes[surfaces] - ambient_degC
             bent = factor(rise, (nodes[surfaces] + ambient_degC) / 2, plant.rho, loss)

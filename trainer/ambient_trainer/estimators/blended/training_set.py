@@ -34,6 +34,7 @@ from ambient_trainer.estimators.blended.recipe import (
     Unmeasured,
     Work,
 )
+from ambient_trainer.lti.lag import low_pass
 
 _CALM_S = 3600.0
 _SMOOTHED_S = 900.0
@@ -88,8 +89,7 @@ def synthetic_ambient(ambient: AmbientModel, rule: Synthetic, count: int, random
     for index in range(count):
         ramp[index] = now
         now += min(max(set_points[index] - now, -step), step)
-    kept = math.exp(-T / rule.settling_s)
-    settled = lfilter([1 - kept], [1.0, -kept], ramp - ramp[0]) + ramp[0]
+    settled = low_pass(ramp, rule.settling_s, T, ramp[0])
     phase = random.uniform(0.0, 2.0 * math.pi)
     swing = ambient.swing_K * np.sin(2.0 * math.pi * T * np.arange(count) / ambient.swing_period_s + phase)
     white = random.standard_normal(count)

@@ -15,7 +15,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.lti.modes import one_pole
+from ambient_trainer.lti.lag import one_pole
 from ambient_trainer.lti.response import response, response_degC, response_slopes
 
 _REACH = 8.0
