@@ -78,7 +78,7 @@ class Heat(Strict):
 
 
 class Loss(Strict):
-    """The law of a surface's loss; see ``nonlinear_loss.py``."""
+    """The law of a surface's loss; see ``forward.py``."""
 
     rho: _Share
     exponent: Annotated[float, Field(ge=0, le=1)]

@@ -11,6 +11,7 @@ resolution of the logged ones.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,13 +23,11 @@ from scipy.signal import lfilter
 from ambient_model.faults import refuse
 from ambient_trainer.data.resolution import rounded
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record
-from ambient_trainer.estimators.blended.nonlinear_loss import simulate
+from ambient_trainer.estimators.blended.forward import Plant, Record
 from ambient_trainer.estimators.blended.recipe import (
     IDLE,
     LOGGED,
     RESIDUAL,
-    Pattern,
     Recipe,
     Synthetic,
     Unmeasured,
@@ -68,14 +67,9 @@ def fit_ambient(ambients_degC: Sequence[Array], period_s: float, source: str) ->
     calm = _calmest(long, window, period_s)
     calm = calm - calm.mean()
     swing_period_s, swing, rest = _strongest(calm, period_s)
-    return AmbientModel(
-        slope_K_s=float(np.percentile(steps, _STEEP_PERCENT)) / (minute * period_s),
-        swing_K=swing,
-        swing_period_s=swing_period_s,
-        noise_K=float(rest.std()),
-        noise_memory=float(np.clip(float(rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-12), 0.0, 0.999)),
-        period_s=period_s,
-    )
+    slope_K_s = float(np.percentile(steps, _STEEP_PERCENT)) / (minute * period_s)
+    memory = float(np.clip(float(rest[1:] @ rest[:-1]) / max(float(rest @ rest), 1e-12), 0.0, 0.999))
+    return AmbientModel(slope_K_s, swing, swing_period_s, float(rest.std()), memory, period_s)
 
 
 def synthetic_ambient(ambient: AmbientModel, rule: Synthetic, count: int, random: np.random.Generator) -> Array:
@@ -101,30 +95,25 @@ def _calmest(ambients_degC: Sequence[Array], window: int, period_s: float) -> Ar
     """The hour whose average over a quarter of an hour moves least."""
     smoothed = max(1, round(_SMOOTHED_S / period_s))
     stride = max(1, round(300.0 / period_s))
-    best, calmest = math.inf, ambients_degC[0][:window]
+    hours = []
     for each in ambients_degC:
         mean = np.convolve(each, np.full(smoothed, 1 / smoothed), "valid")
         for start in range(0, len(each) - window, stride):
-            moved = float(np.ptp(mean[start : start + window - smoothed + 1]))
-            if moved < best:
-                best, calmest = moved, each[start : start + window]
-    return calmest
+            hours.append((np.ptp(mean[start : start + window - smoothed + 1]), each[start : start + window]))
+    return min(hours, key=lambda each: each[0])[1]
 
 
 def _strongest(values: Array, period_s: float) -> tuple[float, float, Array]:
     """Period (s), amplitude and rest of the sinusoid that explains most of ``values``."""
     time_s = period_s * np.arange(len(values))
-    best: tuple[float, float, float, Array] | None = None
+    found = []
     for swing_period_s in _SWING_PERIODS_S.tolist():
         angle = 2.0 * math.pi * time_s / swing_period_s
         table = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(angle)])
         weights = np.linalg.lstsq(table, values, rcond=None)[0]
         rest = values - table @ weights
-        left = float(rest @ rest)
-        if best is None or left < best[0]:
-            best = (left, swing_period_s, float(np.hypot(weights[0], weights[1])), rest)
-    assert best is not None  # there are periods
-    return best[1:]
+        found.append((swing_period_s, float(np.hypot(weights[0], weights[1])), rest))
+    return min(found, key=lambda each: float(each[2] @ each[2]))
 
 
 _LEAST_EFFORT = 0.25
@@ -239,8 +228,7 @@ class TrainingSetDesign:
     """What runs are simulated from; the circuit runs at ``period_s``, the filter ``finer`` times as often."""
 
     recipe: Recipe
-    forward: Forward
-    fit: ForwardFit
+    plant: Plant
     ambient: AmbientModel
     workload: Workload
     period_s: float
@@ -253,16 +241,17 @@ class TrainingSetDesign:
 
     def runs(self, records: Sequence[Record]) -> dict[str, list[TrainingRun]]:
         """Every run of the recipe, ``records`` being the log at the filter's period."""
-        every = self._stride(_LOGGED_EVERY_S)
-        return {
+        idle, unlogged, every = self.recipe.made_up.idle, self.recipe.unlogged, self._stride(_LOGGED_EVERY_S)
+        found = {
             LOGGED: [TrainingRun(each.sensors_degC, each.ambient_degC, every, True) for each in records],
-            IDLE: [self._idle(random) for random in self._draws(0, self.recipe.made_up.idle.runs)],
+            IDLE: [self._run(random, idle.hours) for random in self._draws(0, idle.runs)],
             RESIDUAL: list(self._residuals(records)),
-            **{
-                name: list(self._pattern(index + 1, each))
-                for index, (name, each) in enumerate(self.recipe.unlogged.patterns.items())
-            },
         }
+        for kind, (name, each) in enumerate(unlogged.patterns.items(), start=1):
+            draws = self._draws(kind, unlogged.runs * len(each.watts))
+            variants = zip(draws, itertools.cycle(each.watts))
+            found[name] = [self._run(random, unlogged.hours, watts, each.alone) for random, watts in variants]
+        return found
 
     def _stride(self, seconds: float) -> int:
         return max(1, round(seconds * self.finer / self.period_s))
@@ -270,39 +259,23 @@ class TrainingSetDesign:
     def _draws(self, kind: int, runs: int) -> Iterator[np.random.Generator]:
         return (np.random.default_rng([self.seed, kind, run, self.draw]) for run in range(runs))
 
-    def _count(self, hours: float) -> int:
-        return round(hours * 3600 / self.period_s)
-
-    def _idle(self, random: np.random.Generator) -> TrainingRun:
-        count = self._count(self.recipe.made_up.idle.hours)
-        ambient = synthetic_ambient(self.ambient, self.recipe.made_up, count, random)
-        return self._run(ambient, synthetic_work(self.workload, self.recipe.made_up, count, self.period_s, random))
-
-    def _pattern(self, kind: int, pattern: Pattern) -> Iterator[TrainingRun]:
-        unlogged = self.recipe.unlogged
-        runs = unlogged.runs * len(pattern.watts)
-        count = self._count(unlogged.hours)
-        for run, random in enumerate(self._draws(kind, runs)):
-            ambient = synthetic_ambient(self.ambient, self.recipe.made_up, count, random)
-            work = np.repeat(self.workload.idle_W[:, None], count, axis=1)
-            if not pattern.alone:
-                work = synthetic_work(self.workload, self.recipe.made_up, count, self.period_s, random)
-            watts = pattern.watts[run % len(pattern.watts)]
-            heat = synthetic_heat(watts, unlogged, self.forward.nodes, count, self.period_s, random)
-            yield self._run(ambient, work, heat)
-
-    def _run(self, ambient: Array, work: Array, unlogged: Array | float = 0.0) -> TrainingRun:
-        heat = self.forward.heat_W(self.fit.shares, *work) + unlogged
-        sensors = simulate(self.fit.plant, self.recipe.loss, ambient, heat, self.period_s, _PASSES)
+    def _run(
+        self, random: np.random.Generator, hours: float, watts: Mapping[str, float] | None = None, alone: bool = False
+    ) -> TrainingRun:
+        """A synthetic run with unmeasured heat of ``watts``, on a device that does nothing else where ``alone``."""
+        count, T, rule = round(hours * 3600 / self.period_s), self.period_s, self.recipe.made_up
+        ambient = synthetic_ambient(self.ambient, rule, count, random)
+        work = np.repeat(self.workload.idle_W[:, None], count, axis=1)
+        if not alone:
+            work = synthetic_work(self.workload, rule, count, T, random)
+        unlogged = synthetic_heat(watts or {}, self.recipe.unlogged, self.plant.nodes, count, T, random)
+        sensors = self.plant.readings_degC(ambient, self.plant.heat_W(*work) + unlogged, self.period_s, _PASSES)
         readings = np.vstack([rounded(*each) for each in zip(self._finer(sensors), self.steps_degC)])
         return TrainingRun(readings, self._finer(ambient[None])[0], self._stride(_SYNTHETIC_EVERY_S), True)
 
     def _residuals(self, records: Sequence[Record]) -> Iterator[TrainingRun]:
-        for record in records:
-            coarse = record.every(self.finer)
-            heat = self.forward.heat_W(self.fit.shares, coarse.measured_W, coarse.shared_W)
-            simulated = simulate(self.fit.plant, self.recipe.loss, coarse.ambient_degC, heat, self.period_s, _PASSES)
-            rest = self._finer(coarse.sensors_degC - simulated)
+        for misfit in self.plant.misfits([each.every(self.finer) for each in records], self.period_s, _PASSES):
+            rest = self._finer(misfit)
             yield TrainingRun(rest, np.zeros(rest.shape[1]), self._stride(_SYNTHETIC_EVERY_S), False)
 
     def _finer(self, rows: Array) -> Array:

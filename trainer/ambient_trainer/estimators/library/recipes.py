@@ -23,7 +23,7 @@ from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.blended.filters import fit_error_variance, fit_filters, published
-from ambient_trainer.estimators.blended.forward_fit import Forward, ForwardFit, Record, fit_forward
+from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.observer import fallback_notes, half_width_note
@@ -93,13 +93,11 @@ class RecipeEstimator(Estimator):
         # a log that lacks something is refused before anything is searched
         ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
         workload = fit_workload(coarse, recipe.work, source_of(traces))
-        forward = Forward(recipe, self.circuit)
-        fitted = fit_forward(forward, coarse, coarse_period_s, show_forward)
+        fitted = fit_forward(Forward(recipe, self.circuit), coarse, coarse_period_s, show_forward)
         columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
         steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
-        design = TrainingSetDesign(
-            recipe, forward, fitted, ambient, workload, coarse_period_s, stride, effort.seed, steps
-        )
+        synthetic = (recipe, fitted.plant, ambient, workload, coarse_period_s, stride, effort.seed, steps)
+        design = TrainingSetDesign(*synthetic)
         logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
         fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ambient_trainer.estimators.blended.forward_fit import Forward, fit_forward
-from ambient_trainer.estimators.blended.nonlinear_loss import factor, simulate
+from ambient_trainer.estimators.blended.forward import Forward, factor, fit_forward
 from ambient_trainer.estimators.blended.recipe import Loss, find_recipe
 from ambient_trainer.estimators.library.recipes import record_of
 
@@ -40,17 +39,15 @@ def truly(forward, truth):
 def test_with_the_true_constants_only_the_sensors_noise_is_left(forward, record, brick_truth):
     x = truly(forward, brick_truth)
     assert forward.values(x) == pytest.approx(brick_truth)
-    [misfit] = forward.misfits(x, [record], 5.0)
+    [misfit] = forward.plant(x).misfits([record], 5.0)
     # between samples 5 s apart the nodes bend a little
     assert (np.sqrt(np.mean(misfit**2, axis=1)) < 0.025).all()
 
 
 def test_the_iteration_converges_and_few_passes_are_near(forward, record, brick_truth):
-    x = truly(forward, brick_truth)
-    heat = forward.heat_W(forward.shares(x), record.measured_W, record.shared_W)
-    four, ten, twenty = (
-        simulate(forward.plant(x), LAW, record.ambient_degC, heat, 5.0, passes) for passes in (4, 10, 20)
-    )
+    plant = forward.plant(truly(forward, brick_truth))
+    heat = plant.heat_W(record.measured_W, record.shared_W)
+    four, ten, twenty = (plant.readings_degC(record.ambient_degC, heat, 5.0, passes) for passes in (4, 10, 20))
     assert np.abs(ten - twenty).max() < 1e-4
     assert np.abs(four - twenty).max() < 0.1
 
