@@ -16,6 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_model.trace import REFERENCE
+from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.least_squares import StaticLinear
@@ -28,6 +29,7 @@ from ambient_trainer.estimators.training import (
     training_segments,
 )
 from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.response import response_degC
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 
 
@@ -232,6 +234,10 @@ class Fit:
             return main
         return blended(main, self.secondary.fit.estimate_degC(trace), self.secondary.threshold_degC).ambient_degC
 
+    def over(self, segment: Segment) -> Array:
+        """The estimate of its own system, (N,), over uniform samples."""
+        return response_degC(self.system, self.hold, segment.inputs, segment.period_s)
+
 
 class SecondaryFit(NamedTuple):
     """The secondary estimator of a fit, of the same inputs, and the difference from which on the two are blended."""
@@ -242,6 +248,5 @@ class SecondaryFit(NamedTuple):
 
 def error_quantiles(errors_degC: Array) -> Quantiles:
     """Per level the error (true minus estimate) between which that share of the training samples lies."""
-    tails = {level: (100 - level) / 2 for level in LEVELS_PERCENT}
-    bands = {level: np.percentile(errors_degC, [tail, 100 - tail]).tolist() for level, tail in tails.items()}
-    return {level: (low, high) for level, (low, high) in bands.items()}
+    ends = [((100 - level) / 2, (100 + level) / 2) for level in LEVELS_PERCENT]
+    return {level: (low, high) for level, (low, high) in zip(LEVELS_PERCENT, np.percentile(errors_degC, ends).tolist())}

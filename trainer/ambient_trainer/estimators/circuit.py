@@ -9,9 +9,9 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
-from ambient_trainer.estimators.searched import estimated, fit_of, searched
+from ambient_trainer.estimators.searched import fit_of
 from ambient_trainer.estimators.training import Training, require_enough, training_segments
 
 
@@ -36,17 +36,19 @@ class CircuitEstimator(Estimator):
         """The fit to this training data."""
         structure = circuit_structure(self.circuit, training.segments)
         require_enough(training.traces, structure)
-        found = searched(structure, effort, progress)
-        best = found.result.best
-        values = structure.values(best.theta, best.beta)
+        result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+        theta, beta = result.best.theta, result.best.beta
+        values = structure.values(theta, beta)
         units = {each.name: each.unit for each in self.circuit.parameters}
         logarithmic = structure.logarithmic_names
         # what the file gives as a bare number has a place for a name, with dots in it
         shown = [each.name for each in self.circuit.parameters if each.free or "." not in each.name]
         return fit_of(
-            found,
-            structure.system(best.theta, best.beta),
-            [estimated(name, units[name], values[name], name in logarithmic, found.known) for name in shown],
+            structure,
+            result,
+            effort,
+            structure.system(theta, beta),
+            [(name, units[name], values[name], name in logarithmic) for name in shown],
             circuit=self.circuit.name,
             inputs=self.circuit.inputs,
             states=[node.name for node in self.circuit.states],

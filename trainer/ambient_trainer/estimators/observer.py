@@ -13,13 +13,12 @@ import numpy as np
 
 from ambient_model.trace import split_column
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult
 from ambient_trainer.estimators.base import Effort, Fit
-from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, with_uncertainty
-from ambient_trainer.lti.response import noise_gain, response_degC
+from ambient_trainer.estimators.searched import MODES, filter_unknowns, fit_of
+from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.lti.statespace import dc_gain
 
 Refit = Callable[[int], Fit]
@@ -31,18 +30,16 @@ def filter_fit(
 ) -> Fit:
     """The fit of a free filter that was searched over more than the logged ``segments``; its DC gains add up to one."""
     logged = FreeFilter(order, segments)
-    found = with_uncertainty(logged, result, effort)
     system = logged.system(result.best.theta, result.best.beta)
     lacking = 1.0 - float(dc_gain(system)[0].sum())
     system = replace(system, D=system.D + lacking / system.D.shape[1])
-    parameters = filter_parameters(logged, found)
-    fit = fit_of(found, system, parameters, circuit=name, inputs=columns, states=MODES[:order])
-    return rescored(fit, segments)
+    unknowns = filter_unknowns(logged, result.best.theta)
+    return rescored(fit_of(logged, result, effort, system, unknowns, name, columns, MODES[:order]), segments)
 
 
 def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:
     """The fit with the errors of the system that it exports, which is not quite the one that was searched."""
-    errors = np.concatenate([each.outputs[0] - _estimate(fit, each) for each in segments])
+    errors = np.concatenate([each.outputs[0] - fit.over(each) for each in segments])
     errors = errors[~np.isnan(errors)]
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
     starts = tuple(each * rmse_degC / fit.rmse_degC for each in fit.start_rmses_degC)
@@ -62,8 +59,8 @@ def with_fallbacks_and_variance(
     Its errors are those of ``unseen`` blocks, if there are any. ``remark`` and ``details`` are of this kind
     of observer. Cancelled, it leaves out the fallbacks that are not done.
     """
-    fallbacks, stopped = _fallbacks(fit, refit)
-    moments = [Moment(_estimate(fit, each), each.outputs[0]) for each in segments]
+    fallbacks, stopped = fallbacks_of(fit, refit)
+    moments = [Moment(fit.over(each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
     variance = fit_error_variance(unseen or moments, period_s)
     gain = noise_gain(fit.system, period_s)
@@ -110,8 +107,8 @@ def late(progress: Progress | None, effort: Effort) -> Progress | None:
     return progress and (lambda _, evaluation, square: progress(effort.starts, evaluation, square))
 
 
-def _fallbacks(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
-    """By input, and whether they were cancelled."""
+def fallbacks_of(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
+    """The fallbacks by input as far as they were done, and whether they were cancelled."""
     if refit is None or len(fit.inputs) < 2 or fit.stopped:
         return {}, False
     fallbacks: dict[str, Fit] = {}
@@ -121,7 +118,3 @@ def _fallbacks(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
             return fallbacks, True
         fallbacks[split_column(column)[0]] = each
     return fallbacks, False
-
-
-def _estimate(fit: Fit, segment: Segment) -> Array:
-    return response_degC(fit.system, fit.hold, segment.inputs, segment.period_s)

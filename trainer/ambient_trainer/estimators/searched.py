@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.least_squares import fit_static_linear
-from ambient_trainer.estimation.search import Progress, SearchResult, search
+from ambient_trainer.estimation.search import SearchResult
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
 from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate
@@ -21,38 +21,25 @@ MODES = ("mode1", "mode2", "mode3", "mode4")
 """The states of a filter that no circuit names."""
 
 
-class Searched(NamedTuple):
-    """What a search ended with, in the structure's own terms."""
-
-    structure: Structure
-    result: SearchResult
-    known: Uncertainty
-    effort: Effort
-
-
-def searched(structure: Structure, effort: Effort, progress: Progress | None) -> Searched:
-    """Search, and compute the uncertainty of the best."""
-    return with_uncertainty(structure, search(structure, effort.starts, effort.seed, progress, effort.budget), effort)
-
-
-def with_uncertainty(structure: Structure, result: SearchResult, effort: Effort) -> Searched:
-    """A search's result with its uncertainty under ``structure``, which need not be the one that was searched."""
-    return Searched(structure, result, uncertainty(structure, result.best), effort)
-
-
 def fit_of(
-    found: Searched,
+    structure: Structure,
+    result: SearchResult,
+    effort: Effort,
     system: StateSpace,
-    parameters: Sequence[ParameterEstimate],
-    *,
+    unknowns: Iterable[tuple[str, str, float, bool]],
     circuit: str,
     inputs: Sequence[str],
     states: Sequence[str],
     hold: Hold = "first-order",
     outputs: Sequence[str] = ("ambient",),
 ) -> Fit:
-    """The fit of what was searched; ``system`` and ``parameters`` are the structure's, in the user's terms."""
-    structure, result, known, effort = found
+    """The fit of what was searched, with the uncertainty under ``structure``, which need not be the searched one.
+
+    ``system`` is the structure's in the user's terms, and so are the ``unknowns``: name, unit, value, and whether it
+    was searched as a logarithm.
+    """
+    known = uncertainty(structure, result.best)
+    parameters = tuple(_estimated(*each, known) for each in unknowns)
     per_segment = residuals(structure, result.best)
     errors = [np.concatenate([each[output] for each in per_segment]) for output in range(len(outputs))]
     errors = [each[~np.isnan(each)] for each in errors]
@@ -68,7 +55,7 @@ def fit_of(
         states=tuple(states),
         outputs=tuple(outputs),
         periods_s=tuple(sorted({segment.period_s for segment in structure.segments})),
-        parameters=tuple(parameters),
+        parameters=parameters,
         converged=result.best.converged and not result.stopped,
         uncertainty_available=bool(determined) and all(each.interval95 is not None for each in determined),
         identifiable=bool(known.identifiable.all()) and all(each.identifiable for each in free),
@@ -85,8 +72,15 @@ def fit_of(
     )
 
 
-def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> ParameterEstimate:
-    """One unknown of a fit; ``logarithmic`` where it was searched as a logarithm."""
+def filter_unknowns(structure: FreeFilter, theta: Array) -> list[tuple[str, str, float, bool]]:
+    """The poles of a free filter as unknowns of :func:`fit_of`."""
+    units = ["1" if "zeta" in name else "1/s" for name in structure.search.names]
+    return [
+        (name, unit, value, True) for name, unit, value in zip(structure.search.names, units, np.exp(theta).tolist())
+    ]
+
+
+def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Uncertainty) -> ParameterEstimate:
     if name not in known.names:
         return ParameterEstimate(name, unit, value, None, None, free=False, at_bound=False, identifiable=True)
     index = known.names.index(name)
@@ -96,17 +90,8 @@ def estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unce
     vague = logarithmic and half > _OPEN
     if np.isnan(error) or vague:
         return ParameterEstimate(name, unit, value, None, None, True, bound, identifiable and not vague)
+    interval = (value - half, value + half)
     if logarithmic:
-        factor = float(np.exp(half))
+        error, factor = value * error, float(np.exp(half))
         interval = (value / factor, value * factor)
-        return ParameterEstimate(name, unit, value, value * error, interval, True, bound, identifiable)
-    return ParameterEstimate(name, unit, value, error, (value - half, value + half), True, bound, identifiable)
-
-
-def filter_parameters(structure: FreeFilter, found: Searched) -> tuple[ParameterEstimate, ...]:
-    """The poles of a free filter as parameters."""
-    values = np.exp(found.result.best.theta).tolist()
-    return tuple(
-        estimated(name, "1" if "zeta" in name else "1/s", value, True, found.known)
-        for name, value in zip(structure.search.names, values)
-    )
+    return ParameterEstimate(name, unit, value, error, interval, True, bound, identifiable)

@@ -8,9 +8,8 @@ import pytest
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.order import Choice, constrained, selected
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
-from ambient_trainer.estimators.library.free_observer import FreeObserver
+from ambient_trainer.estimators.library.free_observer import Choice, FreeObserver, constrained, selected
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace

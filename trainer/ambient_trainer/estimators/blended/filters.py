@@ -29,13 +29,11 @@ from ambient_trainer.estimators.base import Effort, Fit, SecondaryFit
 from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe
 from ambient_trainer.estimators.blended.training_set import TrainingRun, TrainingSet
 from ambient_trainer.estimators.estimate import Blended, blended
-from ambient_trainer.estimators.observer import filter_fit
-from ambient_trainer.lti.response import response_degC
+from ambient_trainer.estimators.observer import fallbacks_of, filter_fit
 
 _STATES = 4
 _MOST_RATIO = 20.0
 _MOST_DAMPING = 20.0
-_NEVER_DEGC = 1e9
 
 
 def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> FreeFilter:
@@ -77,10 +75,7 @@ def _weighted(run: TrainingRun, count: float, period_s: float) -> Run:
 def published(fit: Fit, segment: Segment) -> Blended:
     """The estimate of a fit blended with its secondary one's, over a segment."""
     assert fit.secondary is not None
-    main, secondary = (
-        response_degC(each.system, each.hold, segment.inputs, segment.period_s) for each in (fit, fit.secondary.fit)
-    )
-    return blended(main, secondary, fit.secondary.threshold_degC)
+    return blended(fit.over(segment), fit.secondary.fit.over(segment), fit.secondary.threshold_degC)
 
 
 def fit_filters(
@@ -93,30 +88,24 @@ def fit_filters(
     columns, weights, period_s = recipe.sensor_columns, recipe.weights, logged[0].period_s
     start: Array | None = None
 
-    def fitted(number: int, runs: TrainingSet, counts: Mapping[str, float], without: int | None = None) -> Fit:
+    def fitted(number: int, counts: Mapping[str, float], without: int | None = None) -> Fit:
         nonlocal start
-        structure = recipe_filter(runs, counts, recipe.filter, period_s)
+        kept = [index for index in range(len(columns)) if index != without]
+        fewer = {name: [each.of(kept) for each in several] for name, several in runs.items()}
+        structure = recipe_filter(fewer, counts, recipe.filter, period_s)
         if start is not None:
-            structure.search = Unknowns(structure.search.names, start, structure.search.low, structure.search.high)
+            structure.search = replace(structure.search, initial=start)
         show = progress and (lambda _, evaluation, square: progress(number, evaluation, square))
         result = search(structure, 1, effort.seed, show, effort.budget)
         start = result.best.theta if start is None else start
-        kept = [index for index in range(len(columns)) if index != without]
         segments = [Segment(period_s, each.inputs[kept], each.outputs) for each in logged]
         return filter_fit(recipe.name, [columns[index] for index in kept], segments, _STATES, result, effort)
 
-    main = fitted(0, runs, weights.main)
-    secondary = fitted(1, runs, weights.secondary)
+    main = fitted(0, weights.main)
+    secondary = fitted(1, weights.secondary)
     effort.budget.cancel.check()
-    fallbacks: dict[str, Fit] = {}
-    for index, name in enumerate(recipe.sensors):
-        fewer = {key: [each.without(index) for each in several] for key, several in runs.items()}
-        each = fitted(2 + index, fewer, weights.main, index)
-        if each.stopped:
-            break
-        fallbacks[name] = each
-    unlimited = replace(main, secondary=SecondaryFit(secondary, _NEVER_DEGC))
-    differences = np.concatenate([published(unlimited, each).apart_degC for each in logged])
+    fallbacks, _ = fallbacks_of(main, lambda index: fitted(2 + index, weights.main, index))
+    differences = np.concatenate([main.over(each) - secondary.over(each) for each in logged])
     threshold = recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
     stopped = len(fallbacks) < len(recipe.sensors)
     return replace(main, secondary=SecondaryFit(secondary, threshold), fallbacks=fallbacks, stopped=stopped)

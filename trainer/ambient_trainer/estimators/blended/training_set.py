@@ -214,9 +214,9 @@ class TrainingRun(NamedTuple):
     absolute: bool
     """Whether the filter's offset counts: not where the signals are differences."""
 
-    def without(self, sensor: int) -> TrainingRun:
-        """The run of a filter that lacks the sensor of this index."""
-        return self._replace(sensors_degC=np.delete(self.sensors_degC, sensor, axis=0))
+    def of(self, sensors: Sequence[int]) -> TrainingRun:
+        """The run of a filter that reads the sensors of these indices."""
+        return self._replace(sensors_degC=self.sensors_degC[sensors])
 
 
 TrainingSet = Mapping[str, Sequence[TrainingRun]]

@@ -6,7 +6,7 @@ The prior has time constants from the sensors' own lags, and noise from a coarse
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -82,52 +82,35 @@ def walk_of(segments: Sequence[Segment]) -> float:
 
 def prior_theta(circuit: RandomWalkAmbient, segments: Sequence[Segment]) -> Array:
     """A theta to start from: the best of a coarse grid over how fast the filter is and how much the nodes walk."""
-    tau = np.array([_lag_s(segments, index) for index in range(circuit.count)])
-    period_s = segments[0].period_s
-    speeds = np.geomspace(2 / period_s, 1 / max(tau.max(), 4 * period_s), _SPEEDS)
-    found = [_theta(circuit, tau, speed, share) for speed in speeds for share in _WALKS]
-    return min(found, key=_square_left(circuit, segments))
+    n, edges, period_s = circuit.count, len(circuit.pairs), segments[0].period_s
+    tau = np.array([_lag_s(segments, index) for index in range(n)])
 
+    def theta(speed: float, share: float) -> Array:
+        """With one sensor the filter's poles have the product walk/(tau r): ``speed`` squared."""
+        exchange, walks = np.full(edges, _EXCHANGE / np.median(tau)), np.full(n, share * circuit.walk)
+        return np.log(np.concatenate([tau, np.ones(n - 1), exchange, walks, circuit.walk / (tau * speed**2)]))
 
-def _theta(circuit: RandomWalkAmbient, tau: Array, speed: float, share: float) -> Array:
-    """With one sensor the filter's poles have the product walk/(tau r): ``speed`` squared."""
-    n, edges = circuit.count, len(circuit.pairs)
-    groups = (
-        tau,
-        np.ones(n - 1),
-        np.full(edges, _EXCHANGE / np.median(tau)),
-        np.full(n, share * circuit.walk),
-        circuit.walk / (tau * speed**2),
-    )
-    return np.log(np.concatenate(groups))
-
-
-def _square_left(circuit: RandomWalkAmbient, segments: Sequence[Segment]) -> Callable[[Array], float]:
     def square(theta: Array) -> float:
         try:
             found = circuit.filter(theta)
         except ValueError:
             return math.inf
-        estimates = [response_degC(found, "first-order", each.inputs, each.period_s) for each in segments]
-        errors = np.concatenate([each.outputs[0] - estimate for each, estimate in zip(segments, estimates)])
-        return float(np.nanvar(errors))
+        estimates = [response_degC(found, "first-order", each.inputs, period_s) for each in segments]
+        return float(np.nanvar(np.concatenate([each.outputs[0] - y for each, y in zip(segments, estimates)])))
 
-    return square
+    speeds = np.geomspace(2 / period_s, 1 / max(tau.max(), 4 * period_s), _SPEEDS)
+    return min((theta(speed, share) for speed in speeds for share in _WALKS), key=square)
 
 
 def _lag_s(segments: Sequence[Segment], index: int) -> float:
     """The time constant of the first-order lag behind the reference that comes nearest to the sensor."""
     period_s = segments[0].period_s
     longest_s = max(each.inputs.shape[1] for each in segments) * period_s / 4
-    lags = np.geomspace(period_s, max(longest_s, 2 * period_s), _LAGS)
-    return float(min(lags, key=lambda lag_s: _far_from_lag(segments, index, lag_s)))
+    filled = [pd.Series(each.outputs[0]).interpolate(limit_direction="both").to_numpy() for each in segments]
 
+    def far(lag_s: float) -> float:
+        stay = math.exp(-period_s / lag_s)
+        lagging = [one_pole(stay, (1 - stay) * reference[None], reference[:1])[0] for reference in filled]
+        return float(np.var(np.concatenate([each.inputs[index] - lag for each, lag in zip(segments, lagging)])))
 
-def _far_from_lag(segments: Sequence[Segment], index: int, lag_s: float) -> float:
-    far = []
-    for each in segments:
-        stay = math.exp(-each.period_s / lag_s)
-        reference = pd.Series(each.outputs[0]).interpolate(limit_direction="both").to_numpy()
-        lagging = one_pole(stay, (1 - stay) * reference[None], reference[:1])[0]
-        far.append(each.inputs[index] - lagging)
-    return float(np.var(np.concatenate(far)))
+    return float(min(np.geomspace(period_s, max(longest_s, 2 * period_s), _LAGS), key=far))

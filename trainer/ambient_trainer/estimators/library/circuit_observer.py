@@ -14,12 +14,12 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.kalman.observer_structure import ObserverStructure, prior_theta, walk_of
 from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
 from ambient_trainer.estimators.observer import late, rescored, with_fallbacks_and_variance
-from ambient_trainer.estimators.searched import MODES, estimated, fit_of, searched
+from ambient_trainer.estimators.searched import MODES, fit_of
 from ambient_trainer.estimators.training import Training, require_enough
 from ambient_trainer.lti.reduce import reduced
 
@@ -69,15 +69,14 @@ class CircuitObserver(Estimator):
 
 
 def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:
-    found = searched(structure, effort, progress)
-    best, circuit = found.result.best, structure.circuit
-    whole = circuit.filter(best.theta)
-    whole.offset[:] = best.beta
+    result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+    theta, circuit = result.best.theta, structure.circuit
+    whole = circuit.filter(theta)
+    whole.offset[:] = result.best.beta
     system = reduced(whole, _MOST_STATES)
-    values = zip(circuit.units.items(), np.exp(best.theta).tolist())
-    parameters = [estimated(name, unit, value, True, found.known) for (name, unit), value in values]
-    fit = fit_of(found, system, parameters, circuit=NAMES[0], inputs=columns, states=MODES[: len(system.A)])
-    return rescored(fit, structure.segments)
+    unknowns = [(name, unit, value, True) for (name, unit), value in zip(circuit.units.items(), np.exp(theta).tolist())]
+    names = (NAMES[0], columns, MODES[: len(system.A)])
+    return rescored(fit_of(structure, result, effort, system, unknowns, *names), structure.segments)
 
 
 def struck_out(whole: RandomWalkAmbient, smaller: RandomWalkAmbient, theta: Array, dropped: int) -> Array:

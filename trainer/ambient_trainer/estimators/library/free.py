@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
-from ambient_trainer.estimators.searched import MODES, filter_parameters, fit_of, searched
+from ambient_trainer.estimators.searched import MODES, filter_unknowns, fit_of
 from ambient_trainer.estimators.training import Training, require_enough
 
 NAMES = ("free-1", "free-2", "free-3", "free-4")
@@ -27,7 +27,8 @@ class FreeFilterEstimator(Estimator):
         """The fit to grids of these columns."""
         structure = FreeFilter(self.order, training.segments)
         require_enough(training.traces, structure)
-        found = searched(structure, effort, progress)
-        system = structure.system(found.result.best.theta, found.result.best.beta)
-        parameters, states = filter_parameters(structure, found), MODES[: self.order]
-        return fit_of(found, system, parameters, circuit=self.name, inputs=training.columns, states=states)
+        result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+        system = structure.system(result.best.theta, result.best.beta)
+        unknowns, states = filter_unknowns(structure, result.best.theta), MODES[: self.order]
+        names = (self.name, training.columns, states)
+        return fit_of(structure, result, effort, system, unknowns, *names)

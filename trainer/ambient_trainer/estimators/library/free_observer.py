@@ -1,22 +1,40 @@
-"""``free_observer``: a free linear filter of order 1 to 4 whose DC gains add up to one.
+"""``free_observer``: a free linear filter of order 1 to 4 whose DC gains add up to one, fitted by its error.
 
-Its order and the noise it assumes are selected on the training data. It is fitted by its error of the ambient.
+Its order, and the noise and the offset that it assumes of every sensor, are selected by the error over blocks of the
+training data that are held out: the lowest order, then the most noise, then the largest offset whose error is not
+significantly above the best.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
+import numpy as np
+
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
+from ambient_trainer.estimation.validation import held_out
+from ambient_trainer.estimation.weighted_filter import Run, impulses, level, offsets, weighted_filter
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
-from ambient_trainer.estimators.kalman.order import BLOCKS, ORDERS, Choice, Selection, constrained
 from ambient_trainer.estimators.observer import filter_fit, late, with_fallbacks_and_variance
 from ambient_trainer.estimators.training import Training, require_enough
 
 NAMES = ("free_observer", "observer")
 """The second is the default's name, whichever kind it is."""
+_ORDERS = (1, 2, 3, 4)
+_BLOCKS = 5
+_NOISES_DEGC = (0.003, 0.01, 0.03, 0.1)
+_OFFSETS_DEGC = (0.0, 0.1, 0.3, 1.0)
+"""Up to what uncalibrated thermistors and thermocouples are off by."""
+_FIRST_NOISE_DEGC = 0.01
+_AS_GOOD = 1.02
+"""Of mean squares: 1 % of the error."""
+_FIRST_STARTS = 2
+"""Starts of the search on the whole training data, from whose end those without a block start."""
 _FALLBACK_STARTS = 2
 
 
@@ -36,40 +54,130 @@ class FreeObserver(Estimator):
         Cancelled before order and noise are selected, it keeps the best of what was tried.
         """
         segments = training.segments
-        require_enough(training.traces, FreeFilter(max(ORDERS), segments))
-        selection = Selection(segments, effort, progress)
+        require_enough(training.traces, FreeFilter(max(_ORDERS), segments))
+        selection = _Selection(segments, effort, progress)
         choice = selection.run()
         if choice is None:
             order, result = selection.best_so_far()
             remark = f"Stopped before order and noise were selected: this is order {order}."
-            return with_fallbacks_and_variance(_fit_of(training, order, result, effort), segments, (), None, remark, {})
+            main = filter_fit(self.name, training.columns, segments, order, result, effort)
+            return with_fallbacks_and_variance(main, segments, (), None, remark, {})
+
+        def fitted(training: Training, effort: Effort, progress: Progress | None) -> Fit:
+            structure = constrained(choice.order, training.segments, choice.noise_degC, choice.offset_degC)
+            result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+            return filter_fit(self.name, training.columns, training.segments, choice.order, result, effort)
 
         def fallback(dropped: int) -> Fit:
             fewer = replace(effort, starts=min(_FALLBACK_STARTS, effort.starts), pieces=1)
-            return _fitted(training.without(dropped), choice, fewer, late(progress, effort))
+            return fitted(training.without(dropped), fewer, late(progress, effort))
 
-        details = {"choice": choice.as_json(), "tried": [each.as_json() for each in selection.tried]}
-        main = _fitted(training, choice, effort, progress)
-        unseen, remark = selection.unseen[choice], _remark(choice, selection.tried)
-        return with_fallbacks_and_variance(main, segments, unseen, fallback, remark, details)
-
-
-def _fitted(training: Training, choice: Choice, effort: Effort, progress: Progress | None) -> Fit:
-    structure = constrained(choice.order, training.segments, choice.noise_degC, choice.offset_degC)
-    result = search(structure, effort.starts, effort.seed, progress, effort.budget)
-    return _fit_of(training, choice.order, result, effort)
-
-
-def _fit_of(training: Training, order: int, result: SearchResult, effort: Effort) -> Fit:
-    return filter_fit(NAMES[0], training.columns, training.segments, order, result, effort)
+        main, tried = fitted(training, effort, progress), selection.tried
+        details = {"choice": choice.as_json(), "tried": [each.as_json() for each in tried]}
+        return with_fallbacks_and_variance(main, segments, tried[choice], fallback, _remark(choice, [*tried]), details)
 
 
 def _remark(choice: Choice, tried: Sequence[Choice]) -> str:
-    best = {order: min(each.rmse_degC for each in tried if each.order == order) for order in ORDERS}
+    best = {order: min(each.rmse_degC for each in tried if each.order == order) for order in _ORDERS}
     orders = ", ".join(f"{order}: {rmse:.3f}" for order, rmse in best.items())
     return (
-        f"Selected on the training data alone, by {BLOCKS} blocks held out in turn: order {choice.order}, "
+        f"Selected on the training data alone, by {_BLOCKS} blocks held out in turn: order {choice.order}, "
         f"{choice.noise_degC:g} degC of noise and an offset of {choice.offset_degC:g} degC assumed on every sensor, "
         f"{choice.rmse_degC:.3f} degC RMSE "
         f"(the best of each order: {orders})."
     )
+
+
+def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset_degC: float = 0.0) -> FreeFilter:
+    """The free filter of order N over segments, as if each sensor had more white noise and a larger offset than logged.
+
+    Both are standard deviations. All sensors one degree up is the estimate one degree up.
+    """
+    period_s, inputs = logged[0].period_s, logged[0].inputs.shape[0]
+    known = np.concatenate([each.outputs[0] for each in logged])
+    known = known[~np.isnan(known)]
+    root = float(np.sqrt(len(known)))
+    longest = max(each.inputs.shape[1] for each in logged)
+    runs = [Run(each, 1.0, True) for each in logged]
+    runs += level(period_s, inputs, float(np.linalg.norm(known)))
+    runs += impulses(period_s, inputs, noise_degC * root, longest)
+    return weighted_filter(order, [*runs, *(offsets(period_s, inputs, offset_degC * root) if offset_degC else ())])
+
+
+class Choice(NamedTuple):
+    """An order, a noise and an offset, and the mean square of each block, of a filter that did not see it."""
+
+    order: int
+    noise_degC: float
+    offset_degC: float
+    squares_degC2: tuple[float, ...]
+
+    def as_json(self) -> dict[str, float]:
+        """For the provenance."""
+        return {**dict(zip(self._fields[:3], self[:3])), "rmse_degC": self.rmse_degC}
+
+    @property
+    def rmse_degC(self) -> float:
+        """Root of the mean square over all blocks."""
+        return float(np.sqrt(np.mean(self.squares_degC2)))
+
+
+def selected(tried: Sequence[Choice]) -> Choice:
+    """The lowest order, and of it the most noise, and of that the largest offset, not significantly above the best.
+
+    By a hundredth of the error, or by the standard error of the difference in mean square over the blocks.
+    """
+    best = np.array(min(tried, key=lambda each: each.rmse_degC).squares_degC2)
+
+    def good(each: Choice) -> bool:
+        above = np.array(each.squares_degC2) - best
+        error = float(above.std(ddof=1)) / np.sqrt(len(above))
+        return bool(above.mean() <= max((_AS_GOOD - 1) * best.mean(), error))
+
+    return min(filter(good, tried), key=lambda each: (each.order, -each.noise_degC, -each.offset_degC))
+
+
+class _Selection:
+    """The selection, as far as it has come: per choice the estimates over blocks that were left out."""
+
+    def __init__(self, segments: Sequence[Segment], effort: Effort, progress: Progress | None) -> None:
+        self.segments, self.effort, self.progress = segments, effort, progress
+        self.tried: dict[Choice, list[Moment]] = {}
+        self._whole: dict[int, SearchResult] = {}
+
+    def run(self) -> Choice | None:
+        """Try every order, with that selected every noise, and with that every offset; None where cancelled."""
+        grids: tuple[Callable[[Choice], list[tuple[int, float, float]]], ...] = (
+            lambda best: [(best.order, each, 0.0) for each in _NOISES_DEGC if each != best.noise_degC],
+            lambda best: [(best.order, best.noise_degC, each) for each in _OFFSETS_DEGC[1:]],
+        )
+        if not all(self._try(order, _FIRST_NOISE_DEGC, 0.0) for order in _ORDERS):
+            return None
+        for grid in grids:
+            if not all(self._try(*each) for each in grid(selected([*self.tried]))):
+                return None
+        return selected([*self.tried])
+
+    def best_so_far(self) -> tuple[int, SearchResult]:
+        """The order to take where :meth:`run` was cancelled, and its search."""
+        order = selected([*self.tried]).order if self.tried else min(self._whole)
+        return order, replace(self._whole[order], stopped=True)
+
+    def _try(self, order: int, noise_degC: float, offset_degC: float) -> bool:
+        """Whether these were scored before the search was cancelled."""
+        budget = self.effort.budget
+        if order not in self._whole:
+            structure, starts = constrained(order, self.segments, noise_degC), min(_FIRST_STARTS, self.effort.starts)
+            self._whole[order] = search(structure, starts, self.effort.seed, self.progress, budget)
+        if self._whole[order].stopped:
+            return False
+        blocks = held_out(
+            lambda kept: constrained(order, kept, noise_degC, offset_degC),
+            *(self.segments, _BLOCKS, self._whole[order].best.theta, self.progress, budget),
+        )
+        if budget.cancel.cancelled:
+            return False
+        errors = [np.concatenate([each.reference_degC - each.estimate_degC for each in block]) for block in blocks]
+        squares = tuple(float(np.nanmean(each**2)) for each in errors)
+        self.tried[Choice(order, noise_degC, offset_degC, squares)] = [each for block in blocks for each in block]
+        return True
