@@ -10,11 +10,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.model import ReadingModel, SensorLimits
@@ -47,8 +44,6 @@ _LEAST_S = 4 * SLOW_S
 _STARTS = 4000
 _WIDER = 1.2
 """Settled is an interval that is at most so much wider than the usual one."""
-_NEVER = 1e9
-"""A limit that no reading reaches."""
 
 
 def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
@@ -68,49 +63,34 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
 
 def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], period_s: float) -> ReadingModel:
     noise = _noise(runs)
-    folds = [_Folds.of(runs, period_s, lags_s, len(noise)) for lags_s in _LAGS_S]
+    folds = [_Folds(runs, period_s, lags_s) for lags_s in _LAGS_S]
     chosen, ridge = min(itertools.product(folds, _RIDGES), key=lambda each: each[0].loss(each[1] * noise))
-    lags_s, held_out = chosen.lags_s, list(chosen.differences(ridge * noise))
+    held_out = list(chosen.differences(ridge * noise))
     mean, precision = _distribution(chosen.total, ridge * noise)
     stride = max(1, round(1.0 / period_s))
-    temperature = np.array([column.endswith("_degC") for column in fit.inputs])
     slowly = [low_pass(each, SLOW_S, period_s, 0.0) for each in held_out]
     gate, slow = (_GATE_MARGIN * np.max([np.abs(d).max(axis=0) for d in each], axis=0) for each in (held_out, slowly))
     jump = _JUMP_MARGIN * np.max([np.abs(run[:, stride:] - run[:, :-stride]).max(axis=1) for run in runs], axis=0)
-    gate, slow, jump = (np.where(temperature, limit, _NEVER) for limit in (gate, slow, jump))
-    memory_s = _memory_s(held_out, period_s)
     estimates = [response_degC(fit.system, fit.hold, run, period_s) for run in runs]
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
-    sensors = [
-        SensorLimits(
-            step=resolution_of(np.concatenate([run[i] for run in runs])),
-            jump=float(jump[i]),
-            gate=float(gate[i]),
-            slow_gate=float(slow[i]),
-            still_s=_still_s(runs, i, period_s),
-            memory_s=float(memory_s[i]),
-            effect_degC=effect,
-        )
-        for i, effect in enumerate(_effects_degC(fit, runs, estimates, period_s, temperature))
-    ]
+    sensors = zip(
+        [resolution_of(np.concatenate(rows)) for rows in zip(*runs)],
+        *(each.tolist() for each in (jump, gate, slow)),
+        [_still_s(rows, period_s) for rows in zip(*runs)],
+        _memory_s(held_out, period_s).tolist(),
+        [_effect_degC(fit, runs, estimates, period_s, index) for index in range(len(noise))],
+    )
     return ReadingModel(
-        lags_s=lags_s,
+        lags_s=chosen.lags_s,
         mean=tuple(mean.tolist()),
         precision=matrix(precision),
-        sensors=tuple(sensors),
+        sensors=tuple(SensorLimits(*each) for each in sensors),
         jump_s=stride * period_s,
         settled_s=_settled_s(fit, runs, period_s),
         output=(float(np.nanmin(reference)) - _OUTPUT_MARGIN_K, float(np.nanmax(reference)) + _OUTPUT_MARGIN_K),
         rate_K_per_s=float(_RATE_MARGIN * rate),
     )
-
-
-def _joint(run: Array, lags_s: Sequence[float], period_s: float) -> Array:
-    """z (N, entries): the readings, and their low-pass filters up to the sample before."""
-    u = run.T
-    before = np.concatenate([u[:1], u[:-1]])
-    return np.column_stack([u, *(low_pass(before, lag_s, period_s, u[0]) for lag_s in lags_s)])
 
 
 def _noise(runs: Sequence[Array]) -> Array:
@@ -121,62 +101,50 @@ def _noise(runs: Sequence[Array]) -> Array:
     return np.maximum(np.maximum(robust, 1e-3 * deviation), 1e-3)
 
 
-class _Sums(NamedTuple):
-    """Of a number of samples of z."""
-
-    samples: int
-    first: Array
-    second: Array
-
-    def without(self, other: _Sums) -> _Sums:
-        return _Sums(self.samples - other.samples, self.first - other.first, self.second - other.second)
-
-
-@dataclass(frozen=True)
 class _Folds:
-    """z of all runs with these lags, in successive blocks of time."""
+    """One, the readings of all runs, and their low-pass filters up to the sample before, in successive blocks of time.
 
-    lags_s: tuple[float, ...]
-    readings: int
-    blocks: Sequence[Array]
-    sums: Sequence[_Sums]
-    total: _Sums
+    ``total`` are the inner products of these (entries + 1) columns, from which those of a block are left out.
+    """
 
-    @classmethod
-    def of(cls, runs: Sequence[Array], period_s: float, lags_s: tuple[float, ...], readings: int) -> _Folds:
-        joint = np.concatenate([_joint(run, lags_s, period_s) for run in runs])
-        blocks = np.array_split(joint, _BLOCKS)
-        sums = [_Sums(len(each), each.sum(axis=0), each.T @ each) for each in blocks]
-        total = _Sums(len(joint), joint.sum(axis=0), joint.T @ joint)
-        return cls(lags_s, readings, blocks, sums, total)
+    def __init__(self, runs: Sequence[Array], period_s: float, lags_s: tuple[float, ...]) -> None:
+        self.lags_s = lags_s
+        tables = []
+        for run in runs:
+            before = np.concatenate([run.T[:1], run.T[:-1]])
+            lows = [low_pass(before, lag_s, period_s, run[:, 0]) for lag_s in lags_s]
+            tables.append(np.column_stack([np.ones(len(before)), run.T, *lows]))
+        joint = np.concatenate(tables)
+        self.total, self.blocks = joint.T @ joint, np.array_split(joint, _BLOCKS)
+        self._own = [block.T @ block for block in self.blocks]
 
     def differences(self, deviations: Array) -> Iterator[Array]:
         """Differences (N, m) of each block's readings to what the other blocks make expect."""
-        for block, own in zip(self.blocks, self.sums):
-            mean, precision = _distribution(self.total.without(own), deviations)
-            weights = np.array([_weights(precision, self.readings, i) for i in range(self.readings)])
-            centred = block - mean
-            yield centred[:, : self.readings] - centred @ weights.T
+        count = len(deviations)
+        for block, own in zip(self.blocks, self._own):
+            mean, precision = _distribution(self.total - own, deviations)
+            weights = np.array([_weights(precision, count, i) for i in range(count)])
+            centred = block[:, 1:] - mean
+            yield centred[:, :count] - centred @ weights.T
 
     def loss(self, deviations: Array) -> float:
+        """The sum of the logarithms of the readings' mean squares."""
         squares = np.concatenate(list(self.differences(deviations))) ** 2
         return float(np.log(squares.mean(axis=0) + 1e-12).sum())
 
 
-def _distribution(sums: _Sums, deviations: Array) -> tuple[Array, Array]:
-    """Mean and precision of z, regularised by white noise of these standard deviations on each reading."""
-    mean = sums.first / sums.samples
+def _distribution(gram: Array, deviations: Array) -> tuple[Array, Array]:
+    """Mean and precision from inner products, regularised by white noise of these deviations on each reading."""
+    mean, second = gram[0, 1:] / gram[0, 0], gram[1:, 1:] / gram[0, 0]
     repeated = np.tile(deviations, len(mean) // len(deviations))
-    covariance = sums.second / sums.samples - np.outer(mean, mean) + np.diag(repeated**2)
-    precision = np.linalg.inv(covariance)
+    precision = np.linalg.inv(second - np.outer(mean, mean) + np.diag(repeated**2))
     return mean, (precision + precision.T) / 2
 
 
 def _weights(precision: Array, count: int, i: int) -> Array:
-    """Weights on z of the expectation of reading ``i`` given the others."""
+    """Weights of the expectation of reading ``i`` given all that is not of its own."""
     own = np.arange(i, len(precision), count)
-    first = np.linalg.inv(precision[np.ix_(own, own)])[0]
-    weights = -first @ precision[own]
+    weights = -np.linalg.inv(precision[np.ix_(own, own)])[0] @ precision[own]
     weights[own] = 0.0
     return np.asarray(weights)
 
@@ -192,26 +160,20 @@ def _memory_s(differences: Sequence[Array], period_s: float) -> Array:
     return np.asarray(-near * period_s / np.log(ratio))
 
 
-def _still_s(runs: Sequence[Array], i: int, period_s: float) -> float:
+def _still_s(rows: Sequence[Array], period_s: float) -> float:
     """The longest time for which a reading is the same; at least 20 s."""
-    longest = 0
-    for run in runs:
-        changes = np.flatnonzero(np.diff(run[i]))
-        longest = max(longest, int(np.diff(np.concatenate([[0], changes, [run.shape[1]]])).max()))
-    return float(max(20.0, longest * period_s))
+    changes = [np.concatenate([[0], np.flatnonzero(np.diff(row)), [len(row)]]) for row in rows]
+    return float(max(20.0, max(np.diff(each).max() for each in changes) * period_s))
 
 
-def _effects_degC(
-    fit: Fit, runs: Sequence[Array], estimates: Sequence[Array], period_s: float, temperature: NDArray[np.bool_]
-) -> Iterator[float]:
+def _effect_degC(fit: Fit, runs: Sequence[Array], estimates: Sequence[Array], period_s: float, index: int) -> float:
     """Standard deviation of the estimate's change where one sensor alone reports whole degrees."""
-    for i in range(len(temperature)):
-        changes = []
-        for run, estimate in zip(runs, estimates):
-            rounded = run.copy()
-            rounded[i] = np.round(rounded[i])
-            changes.append(response_degC(fit.system, fit.hold, rounded, period_s) - estimate)
-        yield float(np.sqrt(np.mean(np.concatenate(changes) ** 2))) if temperature[i] else 0.0
+    changes = []
+    for run, estimate in zip(runs, estimates):
+        rounded = run.copy()
+        rounded[index] = np.round(rounded[index])
+        changes.append(response_degC(fit.system, fit.hold, rounded, period_s) - estimate)
+    return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
 def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float) -> float:

@@ -107,10 +107,9 @@ class RecipeEstimator(Estimator):
 
 def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
     """What the recipe makes of trace columns (N,)."""
-    heat = recipe.heat
     measured, shared = (
-        np.sum([watts * rows[column] for column, watts in each.watts.items()], axis=0)
-        for each in (heat.measured, heat.shared)
+        np.sum([watts * rows[column] for column, watts in each.items()], axis=0)
+        for each in (recipe.heat.measured.watts, recipe.heat.shared.watts)
     )
     sensors = np.vstack([rows[column] for column in recipe.sensor_columns])
     return Record(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
