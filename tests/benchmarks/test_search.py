@@ -42,7 +42,7 @@ def test_the_whole_search(trace, benchmark, noted):
         options = Options()
         data = prepared([trace], screened([trace]), options)
         with ResumablePool(JOBS, progress=told) as pool:
-            return searched(data, options, pool, against=FIVE)
+            return searched(data, pool, against=FIVE)
 
     found = benchmark.pedantic(search, rounds=1, iterations=1)
     told("", 0, 0)

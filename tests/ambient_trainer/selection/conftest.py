@@ -80,7 +80,7 @@ def found_in(trace, jobs, checks=(), with_circuits=True):
     """What the search finds in a trace."""
     data = prepared([trace], screened([trace]), OPTIONS)
     with ResumablePool(jobs) as pool:
-        return searched(data, OPTIONS, pool, [LONER, "right"], checks, with_circuits)
+        return searched(data, pool, [LONER, "right"], checks, with_circuits)
 
 
 @pytest.fixture(scope="session")

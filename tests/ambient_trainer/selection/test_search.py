@@ -59,7 +59,7 @@ def test_several_traces_are_searched_together():
     data = prepared(traces, screened(traces), OPTIONS)
     assert {each.segment for each in data.blocks} == {0, 1}
     with ResumablePool(1) as pool:
-        result = searched(data, OPTIONS, pool, with_circuits=False)
+        result = searched(data, pool, with_circuits=False)
     assert result.sizes[1].sensors == PAIR
     assert result.traces == ("made-up.csv", "other.csv")
 
@@ -94,7 +94,7 @@ def test_a_trace_to_check_on_is_looked_at_before_the_work():
     with ResumablePool(1) as pool:
         for check, place in ((lacking, r"lacking\.csv.*chip_degC, right_degC"), (blind, r"blind\.csv.*ambient_degC")):
             with pytest.raises(Refused, match=place):
-                searched(data, OPTIONS, pool, checks=[check])
+                searched(data, pool, checks=[check])
         assert pool.computed == 0
 
 

@@ -22,16 +22,9 @@ def errors_figure(result: SearchResult) -> go.Figure:
     """Held-out error by number of sensors, and what the same filters score elsewhere."""
     figure = panel_figure("sensors", "error, RMSE [°C]", height_px=460)
     counts = [len(each.sensors) for each in result.sizes]
-    add_curve(
-        figure,
-        counts,
-        [each.rmse_degC for each in result.sizes],
-        "held out, one standard error",
-        BLUE,
-        width=2.4,
-        ends=[each.fixed.interval_degC for each in result.sizes],
-        hover=["\n".join(each.sensors) for each in result.sizes],
-    )
+    errors, ends = [each.rmse_degC for each in result.sizes], [each.fixed.interval_degC for each in result.sizes]
+    hover = ["\n".join(each.sensors) for each in result.sizes]
+    add_curve(figure, counts, errors, "held out, one standard error", BLUE, width=2.4, ends=ends, hover=hover)
     free = [each.free.rmse_degC for each in result.sizes]
     add_curve(figure, counts, free, f"held out, free-{result.options.order}", BASELINE)
     if result.circuits:
@@ -39,25 +32,16 @@ def errors_figure(result: SearchResult) -> go.Figure:
         add_curve(figure, list(result.circuits), wired, "held out, best circuit", ORANGE)
     for check, colour in zip(result.checks, _CHECK_COLOURS):
         add_curve(figure, counts, check.fixed, check.name, colour, dash="dot")
-    if result.against is not None:
-        figure.add_scatter(
-            x=[len(result.against.sensors)],
-            y=[result.against.rmse_degC],
-            mode="markers",
-            name="held out, the given set",
-            text=[", ".join(result.against.sensors)],
-            hovertemplate="%{y:.3f} °C<br>%{text}<extra></extra>",
-            marker={"symbol": "x", "size": 10, "color": INK},
-        )
-    named = result.recommended
-    figure.add_scatter(
-        x=[len(named.sensors)],
-        y=[named.rmse_degC],
-        mode="markers",
-        name="fewest within one standard error",
-        marker={"symbol": "circle-open", "size": 20, "color": BLUE, "line": {"width": 2}},
-        hoverinfo="skip",
-    )
+    given: dict[str, object] = {"marker": {"symbol": "x", "size": 10, "color": INK}}
+    given["hovertemplate"] = "%{y:.3f} °C<br>%{text}<extra></extra>"
+    ring = {"marker": {"symbol": "circle-open", "size": 20, "color": BLUE, "line": {"width": 2}}, "hoverinfo": "skip"}
+    for name, each, look in (
+        ("held out, the given set", result.against, given),
+        ("fewest within one standard error", result.recommended, ring),
+    ):
+        if each is not None:
+            place = {"x": [len(each.sensors)], "y": [each.rmse_degC], "text": [", ".join(each.sensors)]}
+            figure.add_scatter(**place, name=name, mode="markers", **look)
     figure.update_xaxes(tickvals=counts, hoverformat="d", tickformat="d", range=[min(counts) - 0.4, max(counts) + 0.4])
     figure.update_yaxes(type="log", tickvals=[0.05, 0.1, 0.2, 0.3, 0.5, 1, 2, 3, 5, 10, 20])
     return figure

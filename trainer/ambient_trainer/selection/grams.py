@@ -68,10 +68,7 @@ class Grams:
 
     def rmse_degC(self, candidates: Sequence[Sensors]) -> list[float]:
         """The held-out error of each candidate; all are of one size."""
-        if not candidates:
-            return []
-        errors: list[float] = np.sqrt(self.squares(candidates).sum(axis=1) / self.samples.sum()).tolist()
-        return errors
+        return np.sqrt(self.squares(candidates).sum(axis=1) / self.samples.sum()).tolist() if candidates else []
 
     def fitted(self, candidate: Sensors) -> StateSpace:
         """The continuous filter of all samples, with a state a pole."""
@@ -116,8 +113,7 @@ def noise_gram(poles_s: Sequence[float], period_s: float) -> Array:
     """
     a, before, now = np.array([(0.0, 0.0, 1.0), *(lag_weights(tau_s, period_s) for tau_s in poles_s)]).T
     after = now * a + before
-    gram: Array = np.outer(now, now) + np.outer(after, after) / (1 - np.outer(a, a))
-    return gram
+    return np.asarray(np.outer(now, now) + np.outer(after, after) / (1 - np.outer(a, a)))
 
 
 def gathered(
@@ -130,7 +126,10 @@ def gathered(
     """The Gram matrices of ``segments``, whose inputs are ``sensors`` and whose first output is the reference."""
     # gains that sum to one say the same about any level; near it the sums keep their digits
     level = float(np.nanmean(np.concatenate([each.outputs[0] for each in segments])))
-    tables = [_table(each, poles_s, level) for each in segments]
+    tables = []
+    for each in segments:
+        bank, count = low_passes(each.inputs - level, poles_s, each.period_s), each.inputs.shape[1]
+        tables.append(np.concatenate([bank.reshape(-1, count), np.ones((1, count)), each.outputs[:1] - level]))
     counts = [~np.isnan(each.outputs[0]) for each in segments]
     whole = sum((_gram(table, count) for table, count in zip(tables, counts)), np.zeros((1, 1)))
     penalty = _penalty(sensors, poles_s, segments[0].period_s, tolerance_degC)
@@ -146,17 +145,9 @@ def gathered(
     return Grams(poles_s, len(sensors), whole + total * penalty, *by_block)
 
 
-def _table(segment: Segment, poles_s: tuple[float, ...], level: float) -> Array:
-    """The signals (p, N) of one segment, about ``level``."""
-    bank = low_passes(segment.inputs - level, poles_s, segment.period_s)
-    count = segment.inputs.shape[1]
-    return np.concatenate([bank.reshape(-1, count), np.ones((1, count)), segment.outputs[:1] - level])
-
-
 def _gram(table: Array, counts: NDArray[np.bool_]) -> Array:
     rows = table if counts.all() else table[:, counts]
-    gram: Array = rows @ rows.T
-    return gram
+    return np.asarray(rows @ rows.T)
 
 
 def _penalty(sensors: Sequence[Sensor], poles_s: tuple[float, ...], period_s: float, tolerance_degC: float) -> Array:

@@ -15,6 +15,7 @@ from ambient_trainer.selection.result import (
     SearchResult,
     SelectedCircuit,
     SelectedSet,
+    counted,
     flat_from,
     pareto_front,
 )
@@ -24,50 +25,45 @@ _CIRCUITS = (
     "A line is the wider the more heat it conducts; over its middle its resistance is shown. Temperatures alone give "
     "ratios of resistances, not their scale."
 )
+_ERRORS = (
+    "Held out: blocks of time that the estimate was not fitted to. Dotted: whole traces that nothing was chosen by, by "
+    "the same filters."
+)
+_GAINS = (
+    "By how much the estimate rises in the steady state when one sensor reads one degree more. Each column sums to one."
+)
+_FILTERS = (
+    "Each filter has the same fixed poles and gains that sum to one in the steady state; sensors were chosen by its "
+    "error on blocks that were left out in turn, each with a gap on either side."
+)
 
 
 def report_of(result: SearchResult) -> Report:
     """What the search says, for the terminal, a machine and a page."""
     main, *others = findings(result)
+    errors, gains = Figure(partial(errors_figure, result), _ERRORS), Figure(partial(gains_figure, result))
     circuits: list[Section | str] = [_CIRCUITS] if result.circuits else []
     for each in result.circuits.values():
         title = f"{', '.join(each.topology.sensors)}: {each.rmse_degC:.2f} degC held out"
         circuits.append(Section(title, [Figure(partial(circuit_figure, each))]))
+    checks = checks_table(result) if result.checks else None
+    command = (
+        f"Next: ambient-trainer fit {' '.join(result.traces)} --circuit free-{result.options.order} --sensors "
+        f"{','.join(result.recommended.sensors)} -o MODEL.json"
+    )
     return Report(
         subject="Search for sensors and circuits",
         title=main,
         lead=[_facts(result)],
         sections=[
-            Section(
-                "Number of sensors",
-                [
-                    sizes_table(result),
-                    *map(Finding, others),
-                    Figure(
-                        partial(errors_figure, result),
-                        "Held out: blocks of time that the estimate was not fitted to. Dotted: whole traces that "
-                        "nothing was chosen by, by the same filters.",
-                    ),
-                    checks_table(result) if result.checks else None,
-                ],
-            ),
-            Section(
-                "DC gains of the sensors",
-                [
-                    "By how much the estimate rises in the steady state when one sensor reads one degree more. Each "
-                    "column sums to one.",
-                    Figure(partial(gains_figure, result)),
-                ],
-            ),
+            Section("Number of sensors", [sizes_table(result), *map(Finding, others), errors, checks]),
+            Section("DC gains of the sensors", [_GAINS, gains]),
             Section("The best circuit of each size", circuits),
             Section("Zones left out", [*map(Finding, left_out_lines(result.left_out))], detail=True),
-            Section("", [Finding(_next(result))]),
+            Section("", [Finding(command)]),
         ],
         data=as_json(result),
-        footnotes=[
-            "Each filter has the same fixed poles and gains that sum to one in the steady state; sensors were chosen "
-            "by its error on blocks that were left out in turn, each with a gap on either side."
-        ],
+        footnotes=[_FILTERS],
     )
 
 
@@ -75,10 +71,11 @@ def sizes_table(result: SearchResult) -> Table:
     """One row a number of sensors."""
     free = f"free-{result.options.order}"
     columns = ("sensors", "which", "held out", "one standard error", "noise", free, "circuit", "its states")
+    poles = ", ".join(f"{each:g}" for each in result.poles_s)
     rows = [(_label(result, each), *_cells(each, result.circuits.get(len(each.sensors)))) for each in _sets(result)]
     caption = (
         f"RMSE in degC on {result.blocks} blocks of {result.block_s:.0f} s, each left out of the fit with "
-        f"{result.gap_s:.0f} s on either side: of the filter over fixed poles ({_seconds(result.poles_s)}) that the "
+        f"{result.gap_s:.0f} s on either side: of the filter over fixed poles ({poles} s) that the "
         f"sensors are chosen with, of {free} with its poles fitted, and of the best circuit. Noise: what the sensors' "
         "own makes in the estimate. *: the fewest within one standard error of the least."
     )
@@ -93,11 +90,9 @@ def checks_table(result: SearchResult) -> Table:
     for index, size in enumerate(_sets(result)):
         cells: list[float | None] = []
         for each in result.checks:
-            both = each.against if size is result.against else (each.fixed[index], each.free[index])
-            wired = (
-                [None if size is result.against else each.circuits.get(len(size.sensors))] if result.circuits else []
-            )
-            cells += [*(both or (None, None)), *wired]
+            given = size is result.against
+            both = each.against or (None, None) if given else (each.fixed[index], each.free[index])
+            cells += [*both, None if given else each.circuits.get(len(size.sensors))][: len(kinds)]
         rows.append((_label(result, size), *("-" if cell is None else f"{cell:.2f}" for cell in cells)))
     return Table("RMSE in degC on traces that nothing was chosen or fitted by, from a cold start.", columns, rows)
 
@@ -112,7 +107,7 @@ def findings(result: SearchResult) -> list[str]:
     errors = [each.rmse_degC for each in result.sizes]
     named, least = result.recommended, min(result.sizes, key=lambda each: each.rmse_degC)
     on = "held-out blocks (simulated)" if result.simulated else "held-out blocks"
-    lines = [f"{_count(named)}, {_all_of(named.sensors)}: RMSE {named.rmse_degC:.2f} degC on {on}"]
+    lines = [f"{counted(len(named.sensors))}, {_all_of(named.sensors)}: RMSE {named.rmse_degC:.2f} degC on {on}"]
     if least is not named:
         lines.append(
             f"The least is {least.rmse_degC:.2f} degC, with {len(least.sensors)}; one standard error up it is "
@@ -120,11 +115,8 @@ def findings(result: SearchResult) -> list[str]:
         )
     flat = flat_from(errors, NEAR_DEGC)
     if flat < len(errors) - 1:
-        lines.append(f"From {_count(result.sizes[flat])} on no further one gains more than {NEAR_DEGC:g} degC.")
-    lines += _alternatives(named)
-    lines += _against(result)
-    lines += _circuit_lines(result)
-    return lines
+        lines.append(f"From {counted(flat + 1)} on no further one gains more than {NEAR_DEGC:g} degC.")
+    return [*lines, *_alternatives(named), *_against(result), *_circuit_lines(result)]
 
 
 def as_json(result: SearchResult) -> dict[str, Any]:
@@ -170,12 +162,6 @@ def _facts(result: SearchResult) -> Facts:
             ("sensors' errors", f"as if each had {result.options.tolerance_degC:g} degC more, of noise and constant"),
         ]
     )
-
-
-def _next(result: SearchResult) -> str:
-    sensors = ",".join(result.recommended.sensors)
-    circuit = f"--circuit free-{result.options.order} --sensors {sensors}"
-    return f"Next: ambient-trainer fit {' '.join(result.traces)} {circuit} -o MODEL.json"
 
 
 def _sets(result: SearchResult) -> list[SelectedSet]:
@@ -267,13 +253,5 @@ def _held_out_data(scored: ScoredSystem) -> dict[str, Any]:
     }
 
 
-def _count(each: SelectedSet) -> str:
-    return f"{len(each.sensors)} sensor{'s' * (len(each.sensors) > 1)}"
-
-
 def _all_of(names: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
-
-
-def _seconds(values: Sequence[float]) -> str:
-    return ", ".join(f"{each:g}" for each in values) + " s"

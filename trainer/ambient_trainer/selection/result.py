@@ -67,8 +67,8 @@ class ScoredSystem:
     @property
     def interval_degC(self) -> tuple[float, float]:
         """The RMSE one standard error down and up."""
-        low = max(self.mean_square - self.standard_error_degC2, 0.0)
-        return float(np.sqrt(low)), float(np.sqrt(self.mean_square + self.standard_error_degC2))
+        middle, error = self.mean_square, self.standard_error_degC2
+        return float(np.sqrt(max(middle - error, 0.0))), float(np.sqrt(middle + error))
 
     def rmse_on(self, trace: Trace) -> float:
         """RMSE in degC on another trace, from a cold start at its first sample."""
@@ -98,7 +98,7 @@ class SelectedSet:
     """Standard deviation that the sensors' own noise makes in the estimate."""
     free: ScoredSystem
     """The filter whose poles are fitted."""
-    alternatives: tuple[Alternative, ...]
+    alternatives: tuple[Alternative, ...] = ()
 
     @property
     def rmse_degC(self) -> float:
@@ -173,6 +173,11 @@ class SearchResult:
     def recommended(self) -> SelectedSet:
         """The smallest set within one standard error of the best."""
         return self.sizes[fewest_within_one_error([each.fixed for each in self.sizes])]
+
+
+def counted(sensors: int) -> str:
+    """A number of sensors in words."""
+    return f"{sensors} sensor{'s' * (sensors > 1)}"
 
 
 def pareto_front(errors: Sequence[float]) -> list[int]:

@@ -66,17 +66,15 @@ class ResumablePool:
         # results come in the order of the parts, whichever is done first
         computed = results(self._parallel, (delayed(_one_thread)(task, part) for part in parts)) if parts else ()
         for part, values in zip(parts, computed):
-            self._keep({names[key]: value for key, value in zip(part, values)})
-            done += len(part)
+            new = {names[key]: value for key, value in zip(part, values)}
+            with self._database:
+                rows = [(name, json.dumps(value)) for name, value in new.items()]
+                self._database.executemany("INSERT INTO results VALUES (?, ?)", rows)
+            self.known.update(new)
+            self.computed += len(new)
+            done += len(new)
             self._progress(what, done, len(names))
         return {key: self.known[name] for key, name in names.items()}
-
-    def _keep(self, values: Mapping[str, Any]) -> None:
-        self.known.update(values)
-        self.computed += len(values)
-        rows = [(name, json.dumps(value)) for name, value in values.items()]
-        with self._database:
-            self._database.executemany("INSERT INTO results VALUES (?, ?)", rows)
 
 
 def _one_thread(task: Task, keys: Sequence[Any]) -> Sequence[Any]:
@@ -105,7 +103,13 @@ def _opened(path: str | None, header: Mapping[str, Any]) -> tuple[sqlite3.Connec
             for table in ("header", "results")
         )
         database.commit()
-        _check_identity(str(path), kept, json.loads(json.dumps(header)))
+        faults = [
+            Fault(name, f"the state was made with {kept.get(name)!r:.200}, this search has {value!r:.200}", _ANEW)
+            for name, value in json.loads(json.dumps(header)).items()
+            if kept.get(name) != value
+        ]
+        if faults:
+            raise Refused(str(path), faults)
     except BaseException as error:
         database.close()
         if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
@@ -115,13 +119,3 @@ def _opened(path: str | None, header: Mapping[str, Any]) -> tuple[sqlite3.Connec
             raise refuse(str(path), "", "is not the state of a search, or is damaged", _ANEW) from None
         raise
     return database, known
-
-
-def _check_identity(path: str, kept: Mapping[str, Any], header: Mapping[str, Any]) -> None:
-    faults = [
-        Fault(name, f"the state was made with {kept.get(name)!r:.200}, this search has {value!r:.200}", _ANEW)
-        for name, value in header.items()
-        if kept.get(name) != value
-    ]
-    if faults:
-        raise Refused(path, faults)

@@ -74,9 +74,8 @@ def screened(traces: Sequence[Trace]) -> Screened:
         if reason is not None:
             why[name] = reason
     usable = [each for each in table if each not in why]
-    why |= {
-        each: reason for each in usable if (reason := _stuck(each, table[usable], [frame[usable] for frame in frames]))
-    }
+    beside = {each: _stuck(each, table[usable], [frame[usable] for frame in frames]) for each in usable}
+    why |= {each: reason for each, reason in beside.items() if reason}
     kept: list[str] = []
     for name in (each for each in table if each not in why):
         twin = next((other for other in kept if np.ptp((table[name] - table[other]).dropna()) <= _SAME_K), None)

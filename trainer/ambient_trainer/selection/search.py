@@ -16,13 +16,13 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.data.grid import Segment, sampling_period_s, segments
+from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.validation import Block, Spending, cut_in_blocks, refitted
-from ambient_trainer.estimators.training import source_of
+from ambient_trainer.estimators.training import slowest_period_s, source_of
 from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.selection.floating import best_sets, swaps
 from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
@@ -35,6 +35,7 @@ from ambient_trainer.selection.result import (
     SelectedCircuit,
     SelectedSet,
     TraceScores,
+    counted,
 )
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import LeftOut, Screened, Sensor
@@ -52,13 +53,14 @@ _CIRCUIT = Spending(starts=1, whole=60, without=5)
 
 @dataclass(frozen=True)
 class SearchData:
-    """The traces on one grid, and what may be chosen from them."""
+    """The traces on one grid, what may be chosen from them, and how."""
 
     traces: tuple[Trace, ...]
     sensors: tuple[Sensor, ...]
     left_out: tuple[LeftOut, ...]
     segments: tuple[Segment, ...]
     blocks: tuple[Block, ...]
+    options: Options
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -71,9 +73,9 @@ class SearchData:
         return self.segments[0].period_s
 
     @property
-    def samples(self) -> tuple[float, ...]:
-        """With a reference, by block."""
-        return tuple(float(_scored(self.segments, each, each.start, each.stop)) for each in self.blocks)
+    def circuit_period_s(self) -> float:
+        """A multiple of the period that leaves no more samples than hundreds of circuits can be fitted to."""
+        return self.period_s * math.ceil(sum(each.inputs.shape[1] for each in self.segments) / _CIRCUIT_SAMPLES)
 
     def numbers(self, names: Sequence[str]) -> Sensors:
         """The places of sensors by name; raises :class:`Refused` for one that is not among them."""
@@ -96,30 +98,28 @@ def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> Sear
         reference = trace.reference
         if np.isnan(reference).all() or np.nanmax(reference) == np.nanmin(reference):
             raise refuse(trace.path, f"column {REFERENCE}", "never changes", "log a run in which the ambient moves")
-    period_s = options.period_s or max(sampling_period_s(each.time_s) for each in traces)
-    laid = _on_grid(traces, sensors, period_s)
+    laid = _on_grid(traces, sensors, options.period_s or slowest_period_s(traces))
     samples = sum(int(np.count_nonzero(~np.isnan(each.outputs[0]))) for each in laid)
     unknowns = min(options.most, len(sensors)) * (1 + options.order) + 1
     if samples < _SAMPLES_PER_UNKNOWN * unknowns:
         hint = f"log {_SAMPLES_PER_UNKNOWN} each, or ask for fewer sensors (--most) or states (--order)"
         raise refuse(source, "", f"{samples} samples for up to {unknowns} unknowns", hint)
     blocks = cut_in_blocks(laid, options.blocks, options.gap_s, source)
-    left = min(samples - _scored(laid, each, each.first, each.last) for each in blocks)
+    left = min(samples - _known(laid, each.segment, each.first, each.last) for each in blocks)
     if left <= unknowns:
         problem = f"beside a block and its gaps {left} samples are left to fit up to {unknowns} unknowns"
         raise refuse(source, "", problem, "narrow the --gap, or ask for more --blocks")
-    return SearchData(tuple(traces), sensors, left_out, laid, blocks)
+    return SearchData(tuple(traces), sensors, left_out, laid, blocks, options)
 
 
 def searched(
     data: SearchData,
-    options: Options,
     pool: ResumablePool,
     against: Sequence[str] = (),
     checks: Sequence[Trace] = (),
     with_circuits: bool = True,
 ) -> SearchResult:
-    """Search ``data``, :func:`prepared` with the same options, for the best sets of sensors and their circuits.
+    """Search ``data`` for the best sets of sensors and their circuits.
 
     ``against`` names the sensors of a set to compare with; the traces of ``checks`` are scored and have no part in the
     selection. Raises :class:`Refused` where one of these lacks a sensor; nothing is computed then.
@@ -127,37 +127,27 @@ def searched(
     compared = data.numbers(against)
     for trace in checks:
         _check_scorable(trace, data.sensors)
-    poles_s = _best_poles(data, options, pool)
-    grams = gathered(data.segments, data.blocks, data.sensors, poles_s, options.tolerance_degC)
-    selection = _Selection(grams, pool)
-    everyone = range(len(data.sensors))
-    best = selection.best(everyone, options.most)
-    free_filter = partial(_free_filter, data.segments, options.order)
-    fits = pool.results(
-        "free filters", partial(_fits, free_filter, data.blocks, _FILTER), [*best, compared] if compared else best
-    )
-
-    def selected(members: Sensors, alternatives: Sequence[Alternative] = ()) -> SelectedSet:
-        return _selected(data, grams, members, free_filter(members), fits[members], alternatives)
-
-    sizes = tuple(selected(each, _alternatives(data, selection, each)) for each in best)
-    compared_set = selected(compared) if compared else None
+    search = _Search(data, pool)
+    best = search.best(range(len(data.sensors)))
+    sets = search.selected([*best, compared] if compared else best)
+    sizes = [replace(each, alternatives=search.alternatives(members)) for each, members in zip(sets, best)]
+    compared_set = sets[-1] if compared else None
     unnamed = tuple(each for each in data.names if not can_be_named(each))
-    circuits = _circuits(data, options, pool, selection, poles_s, unnamed) if with_circuits else {}
+    circuits = search.circuits(unnamed) if with_circuits else {}
     return SearchResult(
         traces=tuple(each.path for each in data.traces),
         simulated=any(each.notes.get("simulated") == "yes" for each in data.traces),
-        options=options,
+        options=data.options,
         sensors=data.sensors,
         left_out=data.left_out,
         period_s=data.period_s,
-        circuit_period_s=_circuit_period_s(data),
-        poles_s=poles_s,
+        circuit_period_s=data.circuit_period_s,
+        poles_s=search.poles_s,
         blocks=len(data.blocks),
         block_s=float(np.median([each.stop - each.start for each in data.blocks])) * data.period_s,
         gap_s=max(each.start - each.first for each in data.blocks) * data.period_s,
-        sets_tried=len(selection.errors),
-        sizes=sizes,
+        sets_tried=len(search.errors),
+        sizes=tuple(sizes),
         against=compared_set,
         circuits=circuits,
         unnamed=unnamed,
@@ -165,44 +155,87 @@ def searched(
     )
 
 
-class _Selection:
-    """Sets of sensors, each scored once."""
+class _Search:
+    """The steps of a search: poles, sets of sensors, each scored once, and the circuits of the best."""
 
-    def __init__(self, grams: Grams, pool: ResumablePool) -> None:
+    def __init__(self, data: SearchData, pool: ResumablePool) -> None:
+        self.data, self.pool, self.options = data, pool, data.options
         self.errors: dict[Sensors, float] = {}
-        self._grams = grams
-        self._pool = pool
+        """The held-out RMSE in degC of every set that was tried."""
+        self.gathered = partial(
+            gathered, data.segments, data.blocks, data.sensors, tolerance_degC=data.options.tolerance_degC
+        )
+        self.poles_s = self._best_poles()
+        self.grams: Grams = self.gathered(poles_s=self.poles_s)
+
+    def _best_poles(self) -> tuple[float, ...]:
+        """The poles over which the best few sensors leave the least error."""
+        longest_s = max(each.inputs.shape[1] for each in self.data.segments) * self.data.period_s
+        offered = banks(self.options.order, self.data.period_s, longest_s)
+        few = min(self.options.most, _POLES_BY_SENSORS)
+        scoring = partial(_pole_errors, self.gathered, len(self.data.sensors), few)
+        errors = self.pool.results("fixed poles", scoring, offered)
+        return min(offered, key=lambda each: (errors[each], each))
 
     def score(self, candidates: Sequence[Sensors]) -> list[float]:
+        """The held-out RMSE in degC of sets of one size."""
         missing = [each for each in candidates if each not in self.errors]
         if missing:
-            what, name = f"sets of {_counted(len(missing[0]))}", f"set {self._grams.poles_s}"
-            self.errors.update(self._pool.results(what, self._grams.rmse_degC, missing, _SETS_AT_ONCE, name))
+            what, name = f"sets of {counted(len(missing[0]))}", f"set {self.poles_s}"
+            self.errors.update(self.pool.results(what, self.grams.rmse_degC, missing, _SETS_AT_ONCE, name))
         return [self.errors[each] for each in candidates]
 
-    def best(self, allowed: Sequence[int], most: int) -> list[Sensors]:
-        return best_sets(allowed, most, self.score)
+    def best(self, allowed: Sequence[int]) -> list[Sensors]:
+        """The best set of each size."""
+        return best_sets(allowed, self.options.most, self.score)
 
+    def selected(self, sets: Sequence[Sensors]) -> list[SelectedSet]:
+        """The sets with what there is to tell of them."""
+        structure_of = partial(_free_filter, self.data.segments, self.options.order)
+        fits = self.pool.results("free filters", partial(_fits, structure_of, self.data.blocks, _FILTER), sets)
+        samples = _samples(self.data.segments, self.data.blocks)
+        found = []
+        for members in sets:
+            sensors, period_s, fit = [self.data.sensors[each] for each in members], self.data.period_s, fits[members]
+            columns, noises = tuple(each.column for each in sensors), np.array([each.noise_degC for each in sensors])
+            fixed = self.grams.fitted(members)
+            free = structure_of(members).system(np.array(fit["theta"]), np.array(fit["beta"]))
+            squares = tuple(self.grams.squares([members])[0].tolist())
+            found.append(
+                SelectedSet(
+                    sensors=tuple(each.name for each in sensors),
+                    fixed=ScoredSystem(fixed, "first-order", columns, squares, samples),
+                    noise_gain=noise_gain(fixed, period_s),
+                    noise_degC=noise_gain(replace(fixed, B=fixed.B * noises, D=fixed.D * noises), period_s),
+                    free=ScoredSystem(free, "first-order", columns, tuple(fit["squares"]), samples),
+                )
+            )
+        return found
 
-def _alternatives(data: SearchData, selection: _Selection, members: Sensors) -> list[Alternative]:
-    """The swaps of one sensor that cost little, by sensor and cost."""
-    moves = swaps(members, range(len(data.sensors)))
-    own, *others = selection.score([members, *(each for _, _, each in moves)])
-    near = [(out, error - own, new) for (out, new, _), error in zip(moves, others) if error - own <= NEAR_DEGC]
-    return [
-        Alternative(data.names[out], data.names[new], worse)
-        for out, worse, new in sorted(near, key=lambda each: each[:2])
-    ]
+    def alternatives(self, members: Sensors) -> tuple[Alternative, ...]:
+        """The swaps of one sensor that cost little, by sensor and cost."""
+        names, moves = self.data.names, swaps(members, range(len(self.data.sensors)))
+        own, *others = self.score([members, *(each for _, _, each in moves)])
+        near = sorted((out, error - own, new) for (out, new, _), error in zip(moves, others))
+        return tuple(Alternative(names[out], names[new], worse) for out, worse, new in near if worse <= NEAR_DEGC)
 
-
-def _best_poles(data: SearchData, options: Options, pool: ResumablePool) -> tuple[float, ...]:
-    """The poles over which the best few sensors leave the least error."""
-    longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
-    offered = banks(options.order, data.period_s, longest_s)
-    few = min(options.most, _POLES_BY_SENSORS)
-    gathering = partial(gathered, data.segments, data.blocks, data.sensors, tolerance_degC=options.tolerance_degC)
-    errors = pool.results("fixed poles", partial(_pole_errors, gathering, len(data.sensors), few), offered)
-    return min(offered, key=lambda each: (errors[each], each))
+    def circuits(self, unnamed: Sequence[str]) -> dict[int, SelectedCircuit]:
+        """Per size the best circuit of the best sensors that a circuit file can name."""
+        data, options = self.data, self.options
+        coarse = _on_grid(data.traces, data.sensors, data.circuit_period_s)
+        blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, source_of(data.traces))
+        # time constants to start from, slowest first
+        longest_s = max(each.inputs.shape[1] * each.period_s for each in coarse)
+        slowest_s = max(_SLOWEST_SHARE * longest_s, self.poles_s[0])
+        tau_s = tuple(np.geomspace(slowest_s, self.poles_s[0], max(options.order, 2)).tolist())
+        structure_of = partial(circuit_structure, coarse, data.names, tau_s)
+        task, samples = partial(_fits, structure_of, blocks, _CIRCUIT), _samples(coarse, blocks)
+        found = {}
+        for members in self.best([index for index, name in enumerate(data.names) if name not in unnamed]):
+            fit = partial(self.pool.results, f"circuits of {counted(len(members))}", task)
+            names = [data.names[each] for each in members]
+            found[len(members)] = _best_circuit(fit, structure_of, names, samples, options.order)
+        return found
 
 
 def _pole_errors(gathering: partial[Grams], sensors: int, few: int, keys: Sequence[tuple[float, ...]]) -> list[float]:
@@ -217,8 +250,7 @@ def _fits(
     """Per key the unknowns of its structure, and the sum of squares of each block that was left out."""
     fits = [refitted(structure_of(key), blocks, spending) for key in keys]
     return [
-        {"theta": each.solution.theta.tolist(), "beta": each.solution.beta.tolist(), "squares": list(each.squares)}
-        for each in fits
+        {"theta": best.theta.tolist(), "beta": best.beta.tolist(), "squares": list(squares)} for best, squares in fits
     ]
 
 
@@ -232,61 +264,12 @@ def circuit_structure(
     """The circuit of a topology over segments that hold the sensors ``names``, in this order."""
     circuit = circuit_of(topology, tau_s, "candidate", "candidate")
     # a circuit orders its inputs by its nodes
-    return CircuitStructure(
-        circuit, _rows_of(laid, [names.index(each.removesuffix("_degC")) for each in circuit.inputs])
-    )
+    rows = [names.index(each.removesuffix("_degC")) for each in circuit.inputs]
+    return CircuitStructure(circuit, _rows_of(laid, rows))
 
 
 def _rows_of(laid: Sequence[Segment], rows: Sequence[int]) -> list[Segment]:
     return [replace(each, inputs=each.inputs[list(rows)]) for each in laid]
-
-
-def _selected(
-    data: SearchData,
-    grams: Grams,
-    members: Sensors,
-    structure: FreeFilter,
-    fit: dict[str, Any],
-    alternatives: Sequence[Alternative],
-) -> SelectedSet:
-    fixed, free = grams.fitted(members), structure.system(np.array(fit["theta"]), np.array(fit["beta"]))
-    sensors = [data.sensors[each] for each in members]
-    columns, noises = tuple(each.column for each in sensors), np.array([each.noise_degC for each in sensors])
-    squares = tuple(grams.squares([members])[0].tolist())
-    return SelectedSet(
-        sensors=tuple(each.name for each in sensors),
-        fixed=ScoredSystem(fixed, "first-order", columns, squares, data.samples),
-        noise_gain=noise_gain(fixed, data.period_s),
-        noise_degC=noise_gain(replace(fixed, B=fixed.B * noises, D=fixed.D * noises), data.period_s),
-        free=ScoredSystem(free, "first-order", columns, tuple(fit["squares"]), data.samples),
-        alternatives=tuple(alternatives),
-    )
-
-
-def _circuits(
-    data: SearchData,
-    options: Options,
-    pool: ResumablePool,
-    selection: _Selection,
-    poles_s: tuple[float, ...],
-    unnamed: Sequence[str],
-) -> dict[int, SelectedCircuit]:
-    """Per size the best circuit of the best sensors that a circuit file can name."""
-    allowed = [index for index, name in enumerate(data.names) if name not in unnamed]
-    coarse = _on_grid(data.traces, data.sensors, _circuit_period_s(data))
-    blocks = cut_in_blocks(coarse, options.blocks, options.gap_s, source_of(data.traces))
-    samples = tuple(float(_scored(coarse, each, each.start, each.stop)) for each in blocks)
-    # time constants to start from, slowest first
-    longest_s = max(each.inputs.shape[1] * each.period_s for each in coarse)
-    slowest_s = max(_SLOWEST_SHARE * longest_s, poles_s[0])
-    tau_s = tuple(np.geomspace(slowest_s, poles_s[0], max(options.order, 2)).tolist())
-    structure_of = partial(circuit_structure, coarse, data.names, tau_s)
-    found = {}
-    for members in selection.best(allowed, options.most):
-        what = f"circuits of {_counted(len(members))}"
-        fit = partial(pool.results, what, partial(_fits, structure_of, blocks, _CIRCUIT))
-        found[len(members)] = _best_circuit(fit, structure_of, [data.names[each] for each in members], samples, options)
-    return found
 
 
 def _best_circuit(
@@ -294,7 +277,7 @@ def _best_circuit(
     structure_of: partial[CircuitStructure],
     names: Sequence[str],
     samples: tuple[float, ...],
-    options: Options,
+    most_states: int,
 ) -> SelectedCircuit:
     fits: dict[Topology, dict[str, Any]] = {}
 
@@ -302,7 +285,7 @@ def _best_circuit(
         fits.update(fit(topologies))
         return [math.sqrt(sum(fits[each]["squares"]) / sum(samples)) for each in topologies]
 
-    topology = best_topology(names, options.order, score)
+    topology = best_topology(names, most_states, score)
     best, structure = fits[topology], structure_of(topology)
     about = (
         f"Found by a search over {len(fits)} circuits of {', '.join(names)}; "
@@ -342,16 +325,11 @@ def _on_grid(traces: Sequence[Trace], sensors: Sequence[Sensor], period_s: float
     return tuple(each for trace in traces for each in segments(trace, columns, [REFERENCE], period_s))
 
 
-def _circuit_period_s(data: SearchData) -> float:
-    """A multiple of the period that leaves no more samples than hundreds of circuits can be fitted to."""
-    total = sum(each.inputs.shape[1] for each in data.segments)
-    return data.period_s * math.ceil(total / _CIRCUIT_SAMPLES)
+def _known(laid: Sequence[Segment], segment: int, start: int, stop: int) -> int:
+    """How many samples from ``start`` to ``stop`` of a segment have a reference."""
+    return int(np.count_nonzero(~np.isnan(laid[segment].outputs[0, start:stop])))
 
 
-def _scored(laid: Sequence[Segment], block: Block, start: int, stop: int) -> int:
-    """How many samples from ``start`` to ``stop`` of the block's segment have a reference."""
-    return int(np.count_nonzero(~np.isnan(laid[block.segment].outputs[0, start:stop])))
-
-
-def _counted(sensors: int) -> str:
-    return f"{sensors} sensor{'s' * (sensors > 1)}"
+def _samples(laid: Sequence[Segment], blocks: Sequence[Block]) -> tuple[float, ...]:
+    """With a reference, by block."""
+    return tuple(float(_known(laid, each.segment, each.start, each.stop)) for each in blocks)

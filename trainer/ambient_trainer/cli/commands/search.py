@@ -89,7 +89,7 @@ def command(
     identity = _identity(trace_paths, from_s, to_s, chosen)
     try:
         with counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
-            result = searched(data, chosen, pool, sensor_names(against), checks, not no_circuits)
+            result = searched(data, pool, sensor_names(against), checks, not no_circuits)
     except KeyboardInterrupt:
         kept = f"what is done is kept in {state_path}: the same command goes on from there"
         lost = "nothing was kept: with --state FILE the next one could go on from there"
