@@ -8,8 +8,7 @@ is not determined.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,6 +81,11 @@ class _Series:
     period_s: float
     of_reference: bool
 
+    @property
+    def span_s(self) -> float:
+        """From its first sample to its last."""
+        return float(self.time_s[-1] - self.time_s[0])
+
     def at(self, time_s: Array, lags_s: Sequence[float] = ()) -> Array:
         """Its values at any times, after lags; NaN outside and within gaps."""
         times, values = self.time_s, self.values
@@ -113,6 +117,16 @@ class _Match:
     explained: float
     problem: str | None
 
+    @property
+    def period_s(self) -> float:
+        """The longer of both periods."""
+        return max(self.y.period_s, self.x.period_s)
+
+    @property
+    def sign(self) -> float:
+        """By which the shift of the driver is that of the other trace, which drives or is driven."""
+        return 1.0 if self.y.of_reference else -1.0
+
 
 def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -> ClockShift | None:
     """Shift of the clock of ``other`` against that of ``reference``, of at most ``within_s``.
@@ -125,19 +139,22 @@ def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -
     """
     ours, theirs = _series(reference, True), _series(other, False)
     both = [name for name in ours if name in theirs]
-    if both:
-        matches = [_matched(ours[name], theirs[name], (), within_s) for name in both]
-    else:
-        drives = [
-            *itertools.product(_temperatures(ours), _drivers(theirs.values())),
-            *itertools.product(_temperatures(theirs), _drivers(ours.values())),
+    tries: list[tuple[_Series, _Series, tuple[float, ...]]] = [(ours[name], theirs[name], ()) for name in both]
+    if not both:
+        tries = [
+            (y, x, (lag_s,))
+            for driven, driving in ((ours, theirs), (theirs, ours))
+            for y in driven.values()
+            if y.name.endswith("_degC")
+            for x in _drivers(driving.values())
+            for lag_s in (_LAGS * max(y.period_s, x.period_s)).tolist()
+            if lag_s < _LONGEST_LAG * y.span_s
         ]
-        matches = [_matched(y, x, lag, within_s) for y, x in drives for lag in _lags(y, x)]
-    found = [match for match in matches if match is not None]
+    found = [match for each in tries if (match := _matched(*each, within_s)) is not None]
     if not found:
         return None
     match = max(found, key=lambda each: each.explained)
-    return _same(_smoothed(match)) if both else _related(match)
+    return _estimated(_smoothed(match) if both else match)
 
 
 def _series(trace: Trace, of_reference: bool) -> dict[str, _Series]:
@@ -150,11 +167,6 @@ def _series(trace: Trace, of_reference: bool) -> dict[str, _Series]:
     return found
 
 
-def _temperatures(series: Mapping[str, _Series]) -> list[_Series]:
-    """What may be driven."""
-    return [each for name, each in series.items() if name.endswith("_degC")]
-
-
 def _drivers(series: Iterable[_Series]) -> Iterator[_Series]:
     """What may drive a column: every column, and the square of what is no temperature."""
     for each in series:
@@ -163,43 +175,30 @@ def _drivers(series: Iterable[_Series]) -> Iterator[_Series]:
             yield replace(each, name=f"{each.name}^2", values=each.values**2)
 
 
-def _lags(y: _Series, x: _Series) -> Iterator[tuple[float, ...]]:
-    period_s = max(y.period_s, x.period_s)
-    return ((float(each),) for each in _LAGS * period_s if each < _LONGEST_LAG * (y.time_s[-1] - y.time_s[0]))
-
-
-def _same(match: _Match) -> ClockShift:
-    (shift_s,), ((variance,),), explained = _refined(match, ())
-    return _result(match, shift_s, np.sqrt(variance), (), explained)
-
-
-def _related(match: _Match) -> ClockShift:
-    """The shift by one lag and by two: the better one, with the interval of both."""
-    results = []
-    for lags_s in (match.lags_s, (*match.lags_s, match.lags_s[0] / 4)):
-        found, covariance, explained = _refined(match, lags_s)
-        lags = tuple(np.exp(found[1:]).tolist())
-        results.append(_result(match, found[0], float(np.sqrt(covariance[0, 0])), lags, explained))
-    period_s = max(match.y.period_s, match.x.period_s)
-    if min(results[1].lags_s) < period_s:
+def _estimated(match: _Match) -> ClockShift:
+    """The shift; with lags by one and by two of them: the better one, with the interval of both."""
+    lags_s = match.lags_s
+    results = [_refined(match, each) for each in ((lags_s, (*lags_s, lags_s[0] / 4)) if lags_s else ((),))]
+    if lags_s and min(results[1].lags_s) < match.period_s:
         del results[1]  # a lag shorter than a sample is none
     best = max(results, key=lambda each: each.explained)
     low, high = min(each.ci95_s[0] for each in results), max(each.ci95_s[1] for each in results)
-    problem = best.problem
-    if problem is None and not _steady(match, best):
-        problem = "what one does to the other differs between the first and the last half"
-    if problem is None and sum(best.lags_s) > _LONGEST_LAG * (match.y.time_s[-1] - match.y.time_s[0]):
-        problem = f"a lag of {sum(best.lags_s):.4g} s between them needs a longer log"
-    if problem is None and high - low > max(sum(best.lags_s), 5 * period_s):
-        problem = f"it lies between {low:.4g} and {high:.4g} s, wider than the lag between them"
+    problem, lag_s = best.problem, sum(best.lags_s)
+    if problem is None and lags_s:
+        wide = f"it lies between {low:.4g} and {high:.4g} s, wider than the lag between them"
+        problems = {
+            "what one does to the other differs between the first and the last half": not _steady(match, best),
+            f"a lag of {lag_s:.4g} s between them needs a longer log": lag_s > _LONGEST_LAG * match.y.span_s,
+            wide: high - low > max(lag_s, 5 * match.period_s),
+        }
+        problem = next((text for text, is_so in problems.items() if is_so), None)
     return replace(best, ci95_s=(low, high), problem=problem)
 
 
 def _steady(match: _Match, shift: ClockShift) -> bool:
     """Whether the gain is the same in both halves: two columns that merely wander follow each other for a while."""
     y = match.y
-    shift_s = shift.shift_s if y.of_reference else -shift.shift_s
-    driven = match.x.at(y.time_s - shift_s, shift.lags_s)
+    driven = match.x.at(y.time_s - match.sign * shift.shift_s, shift.lags_s)
     gains = []
     for part in np.array_split(np.flatnonzero(~np.isnan(driven)), 2):
         x, values = driven[part] - driven[part].mean(), y.values[part] - y.values[part].mean()
@@ -207,23 +206,9 @@ def _steady(match: _Match, shift: ClockShift) -> bool:
     return bool(min(gains) * max(gains) > 0 and 1 / _SAME_GAIN < gains[0] / gains[1] < _SAME_GAIN)
 
 
-def _result(match: _Match, shift_s: float, error_s: float, lags_s: tuple[float, ...], explained: float) -> ClockShift:
-    drawn_s = _DRAWN * min(match.y.period_s, match.x.period_s)
-    half = float(student.ppf(0.975, _BLOCKS - 1) * np.hypot(error_s, drawn_s)) + _NO_LAG * sum(lags_s)
-    # the shift of the driver is the other trace's where that trace drives
-    sign = 1.0 if match.y.of_reference else -1.0
-    ours, theirs = (match.y, match.x) if match.y.of_reference else (match.x, match.y)
-    value = sign * float(shift_s)
-    problem = match.problem
-    if problem is None and explained < _LEAST_EXPLAINED["related" if lags_s else "same"]:
-        problem = f"they share only {100 * explained:.0f} % of their variance"
-    return ClockShift(value, (value - half, value + half), (ours.name, theirs.name), lags_s, explained, problem)
-
-
 def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float | None) -> _Match | None:
     """The best coarse shift of ``x`` on ``y``, and what else fits as well."""
-    span_s = max(each.time_s[-1] - each.time_s[0] for each in (y, x))
-    period_s = max(y.period_s, x.period_s, span_s / _MOST_SAMPLES)
+    period_s = max(y.period_s, x.period_s, max(y.span_s, x.span_s) / _MOST_SAMPLES)
     on_y, on_x = (np.arange(each.time_s[0], each.time_s[-1] + period_s / 2, period_s) for each in (y, x))
     correlation, lags, common = _correlation(y.at(on_y), x.at(on_x, lags_s))
     shifts_s = on_y[0] - on_x[0] + lags * period_s
@@ -238,17 +223,16 @@ def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float 
     rivals = _rivals(explained, best, _independent(match, on_y))
     if not len(rivals):
         return match
-    sign = 1.0 if y.of_reference else -1.0
-    others = ", ".join(f"{sign * each:.4g} s" for each in shifts_s[rivals[:3]])
+    others = ", ".join(f"{match.sign * each:.4g} s" for each in shifts_s[rivals[:3]])
     return replace(match, problem=f"{others} fits as well: narrow it by --within")
 
 
 def _smoothed(match: _Match) -> _Match:
     """The match of columns that are smooth enough for their slopes to be alike."""
-    period_s, best, clearest = max(match.y.period_s, match.x.period_s), match, -1.0
+    period_s, best, clearest = match.period_s, match, -1.0
     for width_s in _WIDTHS * period_s:
         y, x = match.y.smooth(width_s), match.x.smooth(width_s)
-        time_s = y.time_s[0] + period_s * np.arange((y.time_s[-1] - y.time_s[0]) / period_s)
+        time_s = y.time_s[0] + period_s * np.arange(y.span_s / period_s)
         slopes = np.diff([y.at(time_s), x.at(time_s - match.shift_s, match.lags_s)])
         slopes = slopes[:, ~np.isnan(slopes).any(axis=0)]
         if slopes.shape[1] < _BLOCKS or not slopes.std(axis=1).all():
@@ -296,12 +280,12 @@ def _rivals(explained: Array, best: int, independent: float) -> Array:
     return np.array(sorted(apart, key=lambda each: abs(each - best)), dtype=int)
 
 
-def _refined(match: _Match, lags_s: Sequence[float]) -> tuple[Array, Array, float]:
-    """Shift and logarithms of the lags by least squares, their covariance, and the share explained."""
+def _refined(match: _Match, lags_s: Sequence[float]) -> ClockShift:
+    """Shift and logarithms of the lags by least squares."""
     y, x = match.y, match.x
-    step_s = np.array([max(y.period_s, x.period_s) / 2, *[0.05] * len(lags_s)])
+    step_s = np.array([match.period_s / 2, *[0.05] * len(lags_s)])
     start = np.array([match.shift_s, *np.log(lags_s)])
-    room_s = 4 * max(y.period_s, x.period_s) + 2 * sum(lags_s)
+    room_s = 4 * match.period_s + 2 * sum(lags_s)
 
     def curve(p: Array) -> Array:
         return x.at(y.time_s - p[0], tuple(np.exp(p[1:]).tolist()))
@@ -325,7 +309,14 @@ def _refined(match: _Match, lags_s: Sequence[float]) -> tuple[Array, Array, floa
     bread = np.linalg.pinv(jacobian.T @ jacobian)
     scores = [part.sum(axis=0) for part in np.array_split(jacobian * left[:, None], _BLOCKS)]
     covariance = bread @ (np.transpose(scores) @ np.array(scores)) @ bread * _BLOCKS / (_BLOCKS - 1)
-    return found.x, covariance, float(1 - left.var() / max(values.var(), 1e-12))
+    fitted_s, explained = tuple(np.exp(found.x[1:]).tolist()), float(1 - left.var() / max(values.var(), 1e-12))
+    error_s = np.hypot(np.sqrt(covariance[0, 0]), _DRAWN * min(y.period_s, x.period_s))
+    half = float(student.ppf(0.975, _BLOCKS - 1) * error_s) + _NO_LAG * sum(fitted_s)
+    value, problem = match.sign * float(found.x[0]), match.problem
+    if problem is None and explained < _LEAST_EXPLAINED["related" if lags_s else "same"]:
+        problem = f"they share only {100 * explained:.0f} % of their variance"
+    columns = (y.name, x.name) if y.of_reference else (x.name, y.name)
+    return ClockShift(value, (value - half, value + half), columns, fitted_s, explained, problem)
 
 
 def _projected(y: Array, x: Array) -> Array:
