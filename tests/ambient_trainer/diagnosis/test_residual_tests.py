@@ -8,13 +8,13 @@ from scipy.signal import lfilter
 from ambient_trainer.diagnosis.residual_tests import residual_tests
 from ambient_trainer.diagnosis.residual_tests.dependence import Dependence, thresholds
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.noise import PAST, autoregression_of, filters_of, past, whitened
 from ambient_trainer.diagnosis.residual_tests.whiteness import (
     autocorrelation,
     autocorrelation_time,
     cumulated_periodogram,
     ljung_box,
 )
-from ambient_trainer.estimation.noise import PAST, autoregression_of, filters_of, past, whitened
 
 WHITENESS = {"whiteness", "periodogram", "memory"}
 SENSORS = ("soc", "flash")

@@ -14,9 +14,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.cli.commands.identifiability import command
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.estimation.profile import THRESHOLD, held, profile
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimation.sensitivity import sensitivity
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import circuit_structure
 from ambient_trainer.evaluation.identifiability import (
@@ -27,6 +25,8 @@ from ambient_trainer.evaluation.identifiability import (
     unknowns_at,
 )
 from ambient_trainer.evaluation.identifiability_report import report_of
+from ambient_trainer.evaluation.profile import THRESHOLD, held, profile
+from ambient_trainer.evaluation.sensitivity import sensitivity
 
 TRUTH = {
     "C_flash": 4.0, "C_battery": 60.0, "C_usb": 6.0,

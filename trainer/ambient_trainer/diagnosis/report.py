@@ -14,6 +14,7 @@ import numpy as np
 from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.greybox.file import kinds
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.noise import autoregression_of
 from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time
 from ambient_trainer.diagnosis.result import (
     NONE,
@@ -28,7 +29,6 @@ from ambient_trainer.diagnosis.result import (
     Tested,
 )
 from ambient_trainer.diagnosis.words import chance, clock, digits, duration, window
-from ambient_trainer.estimation.noise import autoregression_of
 from ambient_trainer.report import Block, Facts, Figure, Finding, Report, Section, Table
 
 SHOWN_RANKED = 8

@@ -20,12 +20,12 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.profile import Profile, Values, held, profile, starting_at
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimation.sensitivity import Sensitivity, parameter_names, sensitivity
 from ambient_trainer.estimation.separable import project
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import CircuitEstimator, circuit_structure
+from ambient_trainer.evaluation.profile import Profile, Values, held, profile, starting_at
+from ambient_trainer.evaluation.sensitivity import Sensitivity, parameter_names, sensitivity
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is."""

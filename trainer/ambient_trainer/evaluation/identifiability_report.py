@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from ambient_trainer.estimation.sensitivity import SILENT_DEGC
 from ambient_trainer.evaluation.identifiability import CLOSE_PERCENT, MOVED, SAME_PERCENT, Identifiability
+from ambient_trainer.evaluation.sensitivity import SILENT_DEGC
 from ambient_trainer.report import Finding, Report, Section, Table
 
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from ambient_trainer.diagnosis.residual_tests.dependence import Calibrated, Dependence, thresholds
 from ambient_trainer.diagnosis.residual_tests.drivers import Driver, ambient_drivers, drift_driver, signal_drivers
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
+from ambient_trainer.diagnosis.residual_tests.noise import autoregression_of
 from ambient_trainer.diagnosis.residual_tests.sentences import sentence, subject
 from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time, cumulated_periodogram, ljung_box
 from ambient_trainer.diagnosis.result import Tested
-from ambient_trainer.estimation.noise import autoregression_of
 
 Array = NDArray[np.float64]
 

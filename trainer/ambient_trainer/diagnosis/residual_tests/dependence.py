@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.diagnosis.residual_tests.drivers import Driver
-from ambient_trainer.estimation.noise import (
+from ambient_trainer.diagnosis.residual_tests.noise import (
     autoregression_of,
     centred_past,
     filters_of,
