@@ -42,14 +42,6 @@ class Moment(NamedTuple):
     reference_degC: Array
 
 
-class WeightedRun(NamedTuple):
-    """Errors of a run (N,), the regressors of each term (q, N), and what each sample weighs."""
-
-    error_degC: Array
-    regressors_degC2: Array
-    weight: float
-
-
 def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVariance:
     """Error variance model of one estimator over training runs.
 
@@ -70,11 +62,8 @@ def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVaria
     return unscaled._replace(quantiles={level: (-reach, reach) for level, reach in zip(LEVELS_PERCENT, reaches)})
 
 
-def fit_weighted_error_variance(terms: Sequence[Term], runs: Sequence[WeightedRun]) -> ErrorVariance:
-    """Error variance model of ``terms`` over runs that do not all count the same."""
-    error = np.concatenate([each.error_degC for each in runs])
-    table = np.concatenate([each.regressors_degC2 for each in runs], axis=1)
-    weight = np.concatenate([np.full(len(each.error_degC), each.weight) for each in runs])
+def fit_weighted_error_variance(terms: Sequence[Term], error: Array, table: Array, weight: Array) -> ErrorVariance:
+    """Error variance model of ``terms`` for errors (N,), their regressors (1 + q, N) and what each sample weighs."""
     constant, *factors = (weights := least_squares_weights(error, table, weight)).tolist()
     reach = np.abs(error) / np.sqrt(np.maximum(weights @ table, _LEAST_VARIANCE_DEGC2))
     reaches = [weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT]

@@ -4,12 +4,22 @@
 
 over first-order sections p = s + r and second-order ones p = s^2 + 2 zeta omega s + omega^2, which hold two real
 poles (zeta > 1), a double one or a damped pair alike.
+
+It may be fitted to runs that do not all count the same: logged, simulated, or made of what physics demands.
+
+- All sensors one degree up is the estimate one degree up: :func:`level`, a run in which every sensor shows one value.
+- White noise of a sensor: :func:`impulses`, whose target is zero. What is left is the impulse response, whose square
+  sum is the square of the noise gain.
+- A slow offset of a sensor: :func:`offsets`, runs in which one sensor is off all the time, whose target is zero. What
+  is left is its DC gain. A short log shows few levels, and large opposite gains would fit how far the sensors differ
+  at these.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag, expm
@@ -26,6 +36,10 @@ _TIMES_SHOWN = 10
 _LEAST_DAMPING, _MOST_DAMPING = 0.3, 30.0
 _PAIRINGS = {3: ((0, 1, 2), (1, 2, 0), (0, 2, 1)), 4: ((0, 1, 2, 3), (0, 2, 1, 3), (0, 3, 1, 2))}
 """The ways to take three or four things two by two, the last of three alone."""
+_STEADY = 8
+"""Samples of a run at a constant level: as many as a filter's delays need."""
+_IMPULSE = 300
+"""Samples of an impulse response; what comes later is small and slow."""
 
 
 class FreeFilter(Structure):
@@ -190,3 +204,39 @@ def _over(tail: Array, rows: Array) -> Array:
 def _delayed(rows: Array, steps: int) -> Array:
     """The rows ``steps`` samples later, their first value standing for what came before."""
     return np.concatenate([np.repeat(rows[:, :1], steps, axis=1), rows[:, :-steps]], axis=1)[:, : rows.shape[1]]
+
+
+class Run(NamedTuple):
+    """A run, what it counts (the root of the weight of a squared error), and whether the filter's offset is in it."""
+
+    segment: Segment
+    weight: float
+    absolute: bool
+
+
+def weighted_filter(order: int, runs: Sequence[Run]) -> FreeFilter:
+    """The free filter of order N over weighted runs."""
+    segments = [Segment(s.period_s, weight * s.inputs, weight * s.outputs) for s, weight, _ in runs]
+    return FreeFilter(order, segments, [each.weight * each.absolute for each in runs])
+
+
+def level(period_s: float, inputs: int, weight: float) -> list[Run]:
+    """The run in which all sensors read one."""
+    target = np.where(np.arange(_STEADY) > 0, np.nan, 1.0)
+    return [Run(Segment(period_s, np.ones((inputs, _STEADY)), target[None]), weight, False)]
+
+
+def impulses(period_s: float, inputs: int, weight: float, longest: int = _IMPULSE) -> list[Run]:
+    """A run an input, in which it reads one once; the first sample sets the equilibrium."""
+    samples = min(_IMPULSE, longest)
+    return _alone(period_s, inputs, np.append(0.0, np.eye(1, samples - 1)), weight)
+
+
+def offsets(period_s: float, inputs: int, weight: float) -> list[Run]:
+    """A run an input, in which it reads one and all others zero."""
+    return _alone(period_s, inputs, np.ones(_STEADY), weight / np.sqrt(_STEADY))
+
+
+def _alone(period_s: float, inputs: int, values: Array, weight: float) -> list[Run]:
+    rows = np.eye(inputs)[:, :, None] * values
+    return [Run(Segment(period_s, u, np.zeros((1, len(values)))), weight, False) for u in rows]

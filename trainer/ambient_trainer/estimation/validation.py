@@ -81,9 +81,8 @@ def held_out(
         hidden = [np.where(mask, each.outputs[0], np.nan) for each, mask in zip(segments, masks)]
         if np.isnan(np.concatenate(hidden)).all():
             continue
-        structure = structure_of(
-            [replace(s, outputs=np.where(mask, np.nan, s.outputs)) for s, mask in zip(segments, masks)]
-        )
+        kept = [replace(s, outputs=np.where(mask, np.nan, s.outputs)) for s, mask in zip(segments, masks)]
+        structure = structure_of(kept)
         structure.search = replace(structure.search, initial=start)
         best = search(structure, 1, 0, progress, budget).best
         if budget.cancel.cancelled:

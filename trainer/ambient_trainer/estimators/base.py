@@ -113,24 +113,16 @@ class Estimator(ABC):
         period_s: float | None = None,
         inputs: Sequence[str] | None = None,
     ) -> Fit:
-        """Fit to one or several traces.
+        """Fit to one or several traces, which hold the sensors and the reference ``ambient_degC``.
 
         Parameters
         ----------
-        traces : sequence of Trace
-            Sensors, and the reference ``ambient_degC``.
-        effort : Effort
-            Starts, seed and pieces.
         progress : callable, optional
             Called after each evaluation with the search's number, the evaluation's, and the best sum of squares.
         period_s : float, optional
             The grid; by default the traces' own.
         inputs : sequence of str, optional
             Trace columns, where it ``reads_any``; by default every temperature but the reference.
-
-        Returns
-        -------
-        Fit
 
         Raises
         ------

@@ -52,7 +52,8 @@ def blended(main_degC: Array, secondary_degC: Array, threshold_degC: float) -> B
 
 def _tracked(system: StateSpace, hold: Hold, columns: Sequence[str], trace: Trace, period_s: float) -> Array:
     found, initial = discretised(system, period_s, hold), equilibrium(system)
-    discrete = Discrete(period_s, *(matrix(each) for each in (found.A, found.B, found.C[:1], found.D[:1])))
+    first = StateSpace(found.A, found.B, found.C[:1], found.D[:1], found.offset[:1])
+    discrete = Discrete(period_s, *matrices(first))
     inputs = tuple(Input(*split_column(name), split_column(name)[0], -math.inf, math.inf) for name in columns)
     names = tuple(f"x{index}" for index in range(len(initial)))
     estimator = Estimator(inputs, names, (discrete,), float(found.offset[0]), matrix(initial), {90: (0.0, 0.0)})
@@ -67,3 +68,8 @@ def _tracked(system: StateSpace, hold: Hold, columns: Sequence[str], trace: Trac
 def matrix(values: NDArray[np.float64]) -> Matrix:
     """An array as a model file's rows."""
     return tuple(tuple(row) for row in values.tolist())
+
+
+def matrices(system: StateSpace) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """A, B, C and D as a model file's rows."""
+    return matrix(system.A), matrix(system.B), matrix(system.C), matrix(system.D)

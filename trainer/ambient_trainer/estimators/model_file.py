@@ -20,7 +20,7 @@ from ambient_model.trace import split_column
 from ambient_trainer.data.trace import Trace, sha256_of
 from ambient_trainer.estimation.least_squares import STATIC_LINEAR
 from ambient_trainer.estimators.base import Fit
-from ambient_trainer.estimators.estimate import matrix
+from ambient_trainer.estimators.estimate import matrices, matrix
 from ambient_trainer.lti.statespace import equilibrium
 
 DEFAULT_PERIODS_S = (0.1, 0.2, 0.5, 1.0)
@@ -76,10 +76,11 @@ def training_of(trace: Trace, from_s: float | None, to_s: float | None) -> dict[
 
 def _estimator(fit: Fit, inputs: Mapping[str, Input]) -> Estimator:
     """``inputs`` are those of the whole model by column: a fallback takes the same readings."""
+    periods_s = sorted({*DEFAULT_PERIODS_S, *fit.periods_s})
     return Estimator(
         inputs=tuple(inputs[column] for column in fit.inputs),
         states=fit.states,
-        discrete=tuple(_discrete(fit, period) for period in sorted({*DEFAULT_PERIODS_S, *fit.periods_s})),
+        discrete=tuple(Discrete(each, *matrices(fit.discrete(each))) for each in periods_s),
         offset=float(fit.system.offset[0]),
         initial=matrix(equilibrium(fit.system)),
         interval=fit.interval_degC,
@@ -97,11 +98,6 @@ def _input(column: str, span: tuple[float, float], zones: Mapping[str, str]) -> 
     if unit == "degC":
         low, high = min(low, _RANGE_DEGC[0]), max(high, _RANGE_DEGC[1])
     return Input(name, unit, zones.get(name, name), low, high)
-
-
-def _discrete(fit: Fit, period_s: float) -> Discrete:
-    found = fit.discrete(period_s)
-    return Discrete(period_s, matrix(found.A), matrix(found.B), matrix(found.C), matrix(found.D))
 
 
 def _conformance_inputs(fit: Fit) -> Matrix:

@@ -20,11 +20,10 @@ import numpy as np
 from ambient_model.model import ErrorVariance, Term
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.error_variance import WeightedRun, fit_weighted_error_variance, regressors_degC2
-from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.error_variance import fit_weighted_error_variance, regressors_degC2
+from ambient_trainer.estimation.free_filter import FreeFilter, Run, impulses, level, weighted_filter
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Unknowns
-from ambient_trainer.estimation.weighted_filter import Run, impulses, level, weighted_filter
 from ambient_trainer.estimators.base import Effort, Fit, SecondaryFit
 from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe
 from ambient_trainer.estimators.blended.training_set import TrainingRun, TrainingSet
@@ -119,11 +118,12 @@ def fit_error_variance(recipe: Recipe, fit: Fit, runs: TrainingSet, period_s: fl
     lags = recipe.error_variance
     terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
     stride = max(1, round(_EVERY_S / period_s))
-    weighted = []
+    errors, tables, weights = [], [], []
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
             estimate, _, apart = published(fit, Segment(period_s, run.sensors_degC, run.target_degC[None]))
-            error = (run.target_degC - estimate)[::stride]
-            table = regressors_degC2(terms, estimate, apart, period_s)[:, ::stride]
-            weighted.append(WeightedRun(error, table, count / len(runs[name]) / len(error)))
-    return fit_weighted_error_variance(terms, weighted)
+            errors.append((run.target_degC - estimate)[::stride])
+            tables.append(regressors_degC2(terms, estimate, apart, period_s)[:, ::stride])
+            weights.append(np.full(len(errors[-1]), count / len(runs[name]) / len(errors[-1])))
+    weight = np.concatenate(weights)
+    return fit_weighted_error_variance(terms, np.concatenate(errors), np.concatenate(tables, axis=1), weight)

@@ -15,10 +15,9 @@ import numpy as np
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import Moment
-from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.free_filter import FreeFilter, Run, impulses, level, offsets, weighted_filter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.validation import held_out
-from ambient_trainer.estimation.weighted_filter import Run, impulses, level, offsets, weighted_filter
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.estimators.observer import filter_fit, late, with_fallbacks_and_variance
 from ambient_trainer.estimators.training import Training, require_enough
