@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data import Trace, sampling_period_s
-from ambient_trainer.estimation import Gram
 from ambient_trainer.lti import one_pole
 
 Array = NDArray[np.float64]
@@ -25,14 +25,22 @@ _FASTEST_S, _SLOWEST_S = 2.0, 8000.0
 _RIDGES = tuple(10.0**exponent for exponent in range(-10, -1))
 
 
+class Gram(NamedTuple):
+    """The mean square of target - table' w as a function of the weights: w' quadratic w - 2 linear' w + constant."""
+
+    quadratic: Array
+    linear: Array
+    constant: float
+
+
 def gram(trace: Trace, columns: Sequence[str], lags: int) -> Gram:
     """The Gram of a run without gaps over ``columns``, ``lags`` low-passes each, and the offset."""
     u = np.vstack([trace.column(name) for name in columns])
     period_s = sampling_period_s(trace.time_s)
     poles = np.exp(-period_s / np.geomspace(_FASTEST_S, _SLOWEST_S, lags))
     lows = [(1 - a) * one_pole(a, u, u[:, 0] / (1 - a)) for a in poles.tolist()]
-    S = np.concatenate([u, *lows, np.ones((1, u.shape[1]))])
-    return Gram.of(S, trace.reference)
+    S, target = np.concatenate([u, *lows, np.ones((1, u.shape[1]))]), trace.reference
+    return Gram(S @ S.T / len(target), S @ target / len(target), float(target @ target) / len(target))
 
 
 def fitted(runs: Sequence[Gram]) -> Array:
@@ -55,8 +63,13 @@ def rmse_degC(weights: Array, runs: Sequence[Gram]) -> float:
 
 def _mean_square(weights: Array, run: Gram) -> float:
     """In degC^2; what rounding makes negative is zero."""
-    return max(run(weights), 0.0)
+    return max(float(weights @ run.quadratic @ weights - 2 * weights @ run.linear + run.constant), 0.0)
 
 
 def _solved(runs: Sequence[Gram], ridge: float) -> Array:
-    return Gram.total((1.0, run) for run in runs).minimum(ridge)
+    """The weights of least mean square over ``runs``; the ridge is added to a unit diagonal (Marquardt 1963)."""
+    quadratic, linear = np.sum([run.quadratic for run in runs], axis=0), np.sum([run.linear for run in runs], axis=0)
+    size = np.sqrt(np.maximum(np.diag(quadratic), 1e-30))
+    return np.asarray(
+        np.linalg.solve(quadratic / np.outer(size, size) + ridge * np.eye(len(size)), linear / size) / size
+    )

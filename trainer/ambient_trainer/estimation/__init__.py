@@ -1,8 +1,7 @@
 """From traces to parameters: signals, separable least squares, search, uncertainty, validation, error variance."""
 
-from ambient_trainer.estimation.least_squares import Gram
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimation.workers import results, workers
 
-__all__ = ["Gram", "Progress", "Structure", "Unknowns", "results", "search", "workers"]
+__all__ = ["Progress", "Structure", "Unknowns", "results", "search", "workers"]

@@ -183,11 +183,6 @@ class FreeFilter(Structure):
             A, Bs, Cs = [*A, F], [*Bs, B], [*Cs, C]
         return StateSpace(block_diag(*A), np.vstack(Bs), np.hstack(Cs), D, beta[m : m + 1].copy())
 
-    def time_constants_s(self, theta: Array) -> list[complex]:
-        """-1/pole for every pole, slowest first; a damped pair is complex."""
-        poles = (pole for F, _ in self._sections(theta) for pole in np.linalg.eigvals(F))
-        return sorted((complex(-1 / pole) for pole in poles), key=lambda tau: -abs(tau))
-
 
 def _span(rates: Array) -> float:
     """How far apart the closest pair lies, as a logarithm; between ties, how far all of them do."""

@@ -30,18 +30,16 @@ _BLOCK_SAMPLES = 2048
 
 
 class Linearised(NamedTuple):
-    """The least-squares problem about theta and beta, in compressed rows: target ~ free beta + slopes dtheta."""
+    """The least-squares problem about theta and beta, in r compressed rows: target ~ free beta + slopes dtheta.
+
+    beta (p,), which of it no bound holds (``loose``), target (r,), free (r, p) and slopes (r, P).
+    """
 
     beta: Array
-    """(p,)"""
     loose: NDArray[np.bool_]
-    """Which of beta no bound holds, (p,)."""
     target: Array
-    """(r,)"""
     free: Array
-    """(r, p)"""
     slopes: Array
-    """(r, P)"""
 
 
 class Projected(NamedTuple):

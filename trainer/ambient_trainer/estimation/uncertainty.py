@@ -30,7 +30,9 @@ class Uncertainty:
     """What is known of how well each unknown is known; theta first, then beta.
 
     ``standard_error`` (count,) is in the coordinates of the search, NaN where the unknown is not identifiable, held by
-    a bound, or there are too few independent samples. ``quantile`` turns it into half a 95 % interval.
+    a bound, or there are too few independent samples. ``quantile`` turns it into half a 95 % interval. ``confounded``
+    has per direction that the data say nothing about the unknowns it mixes; ``residual_memory_samples`` is the
+    integrated autocorrelation time of the residuals: 1 is white.
     """
 
     names: tuple[str, ...]
@@ -39,9 +41,7 @@ class Uncertainty:
     at_bound: NDArray[np.bool_]
     identifiable: NDArray[np.bool_]
     confounded: tuple[tuple[str, ...], ...]
-    """Per direction that the data say nothing about, the unknowns it mixes."""
     residual_memory_samples: float
-    """Integrated autocorrelation time of the residuals; 1 is white."""
 
 
 def residuals(structure: Structure, solution: Solution) -> list[Array]:

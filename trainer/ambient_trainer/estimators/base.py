@@ -19,8 +19,8 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
-from ambient_trainer.estimation.least_squares import StaticLinear
 from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.static_linear import StaticLinear
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.estimators.training import (
     Training,

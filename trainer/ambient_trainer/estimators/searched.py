@@ -8,8 +8,8 @@ import numpy as np
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.least_squares import fit_static_linear
 from ambient_trainer.estimation.search import SearchResult
+from ambient_trainer.estimation.static_linear import fit_static_linear
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
 from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate

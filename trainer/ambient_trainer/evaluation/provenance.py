@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import Model
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.least_squares import STATIC_LINEAR
+from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 
 
 class TrainingSpan(BaseModel):

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.least_squares import constrained_solution
 from ambient_trainer.estimation.validation import Block
 from ambient_trainer.lti.lag import lag_weights, lagged
 from ambient_trainer.lti.statespace import StateSpace
@@ -161,5 +160,11 @@ def _penalty(sensors: Sequence[Sensor], poles_s: tuple[float, ...], period_s: fl
 
 
 def _unit_gain(gram: Array, moment: Array) -> Array:
-    """The weights (c, p) of least error whose gains sum to one; the last, an offset, is no gain."""
-    return constrained_solution(gram, moment, np.arange(gram.shape[-1]) < gram.shape[-1] - 1.0)
+    """argmin b' G b - 2 g' b (c, p) whose gains sum to one, c' b = 1; the last, an offset, is no gain.
+
+    b = G^-1 g - G^-1 c (c' G^-1 g - 1) / (c' G^-1 c).
+    """
+    unit = np.arange(gram.shape[-1]) < gram.shape[-1] - 1.0
+    solved = np.linalg.solve(gram, np.stack([moment, np.broadcast_to(unit, moment.shape)], axis=-1))
+    free, by_unit = solved[..., 0], solved[..., 1]
+    return np.asarray(free - by_unit * ((free @ unit - 1) / (by_unit @ unit))[..., None])

@@ -37,13 +37,11 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A column that is searched, and its resolution and noise."""
+    """A column that is searched, the smallest difference between two of its readings, and its noise's deviation."""
 
     column: str
     step_degC: float
-    """The smallest difference between two of its readings: what it is rounded to."""
     noise_degC: float
-    """Standard deviation of what changes from sample to sample."""
 
     @property
     def name(self) -> str:

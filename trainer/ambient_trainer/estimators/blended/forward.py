@@ -39,16 +39,16 @@ _MOST_EVALUATIONS = 60
 
 
 class Record(NamedTuple):
-    """A stretch of the log on a uniform grid, without gaps."""
+    """A stretch of the log on a uniform grid, without gaps: sensors (m, N), the others (N,).
+
+    ``work`` is the signal that separates work from idling.
+    """
 
     sensors_degC: Array
-    """(m, N)"""
     ambient_degC: Array
-    """(N,)"""
     measured_W: Array
     shared_W: Array
     work: Array
-    """The signal that separates work from idling."""
 
     def every(self, stride: int) -> Record:
         """Each ``stride``-th sample."""
@@ -56,29 +56,25 @@ class Record(NamedTuple):
 
 
 class Plant(NamedTuple):
-    """A circuit with n states in its modes, m sensors on some of them, and the heat that each node takes."""
+    """A circuit with n states (``nodes``) in its modes, m sensors on some of them, and the heat that each node takes.
+
+    The modes' ``rates`` (n,) in 1/s are below 0; ``right`` (n, n) makes node temperatures of modes, ``left`` modes of
+    them. ``capacitance`` (n,) is in J/K, the conductance ``to_ambient`` (n,) in W/K. ``measured`` (n,) is 1 where the
+    measured heat enters, ``shares`` (n,) how much of the shared heat each node takes.
+    """
 
     nodes: Mapping[str, int]
-    """The states by name."""
     rates: Array
-    """(n,), 1/s, all below 0."""
     right: Array
-    """(n, n): node temperatures from modes."""
     left: Array
-    """(n, n): modes from node temperatures."""
     capacitance: Array
-    """(n,), J/K."""
     to_ambient: Array
-    """(n,), W/K: the conductance of each node to the ambient."""
     law: Loss
     rho: float
     sensor_nodes: NDArray[np.intp]
     lags_s: Array
-    """(m,)"""
     measured: Array
-    """(n,): 1 where the measured heat enters."""
     shares: Array
-    """(n,): how much of the shared heat each node takes."""
 
     def heat_W(self, measured_W: Array, shared_W: Array) -> Array:
         """The logged heat into each node, (n, N)."""

@@ -42,17 +42,17 @@ _STEEP_PERCENT = 99.5
 _STEEP_OVER_S = 60.0
 
 
-@dataclass(frozen=True)
-class AmbientModel:
-    """How an ambient changes."""
+class AmbientModel(NamedTuple):
+    """How an ambient changes: its rate to another set point, its swing, and noise of a memory.
+
+    ``noise_memory`` is the correlation of the noise with its next sample.
+    """
 
     slope_K_s: float
-    """Its rate of change to another set point."""
     swing_K: float
     swing_period_s: float
     noise_K: float
     noise_memory: float
-    """The correlation of the noise with its next sample."""
     period_s: float
 
 
@@ -120,8 +120,7 @@ _LEAST_EFFORT = 0.25
 _LEAST_PAUSE_MIN = 5.0
 
 
-@dataclass(frozen=True)
-class Workload:
+class Workload(NamedTuple):
     """The heat of idling (measured, shared), in W, and that of each episode of work in the log, (2, N)."""
 
     idle_W: Array
@@ -203,16 +202,15 @@ _SYNTHETIC_EVERY_S = 11.0
 
 
 class TrainingRun(NamedTuple):
-    """Sensor signals and the filter's target."""
+    """Sensor signals (m, N) and the filter's target (N,), of which every ``stride``-th sample is compared.
+
+    ``absolute`` is whether the filter's offset counts: not where the signals are differences.
+    """
 
     sensors_degC: Array
-    """(m, N)"""
     target_degC: Array
-    """(N,)"""
     stride: int
-    """Every so many-th sample is compared."""
     absolute: bool
-    """Whether the filter's offset counts: not where the signals are differences."""
 
     def of(self, sensors: Sequence[int]) -> TrainingRun:
         """The run of a filter that reads the sensors of these indices."""
@@ -225,7 +223,10 @@ TrainingSet = Mapping[str, Sequence[TrainingRun]]
 
 @dataclass(frozen=True)
 class TrainingSetDesign:
-    """What runs are simulated from; the circuit runs at ``period_s``, the filter ``finer`` times as often."""
+    """What runs are simulated from; the circuit runs at ``period_s``, the filter ``finer`` times as often.
+
+    ``steps_degC`` are the sensors' resolutions; the runs of another ``draw`` are drawn anew.
+    """
 
     recipe: Recipe
     plant: Plant
@@ -235,9 +236,7 @@ class TrainingSetDesign:
     finer: int
     seed: int
     steps_degC: tuple[float, ...]
-    """The sensors' resolutions."""
     draw: int = 0
-    """The runs of another number are drawn anew."""
 
     def runs(self, records: Sequence[Record]) -> dict[str, list[TrainingRun]]:
         """Every run of the recipe, ``records`` being the log at the filter's period."""
