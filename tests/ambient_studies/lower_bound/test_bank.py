@@ -48,7 +48,6 @@ def test_the_mean_square_is_that_of_the_errors():
         said = 0.4 * now[0] + 0.5 * now[1] + 0.2 * low["a_degC"] - 0.1 * low["b_degC"] + 1.0
         squares.append((run.reference[k] - said) ** 2)
         low = {name: kept * low[name] + (1 - kept) * value for name, value in zip(COLUMNS, now)}
-    assert found(weights) == pytest.approx(np.mean(squares), rel=1e-9)
     assert rmse_degC(weights, [found, found]) == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-9)
 
 

@@ -220,7 +220,7 @@ def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float 
     explained = np.where(allowed, np.maximum(correlation, 0.0) ** 2 if not lags_s else correlation**2, 0.0)
     best = int(explained.argmax())
     match = _Match(y, x, lags_s, float(shifts_s[best]), float(explained[best]), None)
-    rivals = _rivals(explained, best, _independent(match, on_y))
+    rivals = _rivals(match, explained, best, on_y)
     if not len(rivals):
         return match
     others = ", ".join(f"{match.sign * each:.4g} s" for each in shifts_s[rivals[:3]])
@@ -263,15 +263,14 @@ def _correlation(y: Array, x: Array) -> tuple[Array, Array, Array]:
     return np.clip(correlation, -1.0, 1.0), signal.correlation_lags(len(y), len(x)), common
 
 
-def _independent(match: _Match, time_s: Array) -> float:
-    """How many independent samples the residual at the coarse shift has."""
-    left = _projected(match.y.at(time_s), match.x.at(time_s - match.shift_s, match.lags_s))
-    left = left[~np.isnan(left)]
-    return len(left) / residual_memory(left)
+def _rivals(match: _Match, explained: Array, best: int, time_s: Array) -> Array:
+    """The other peaks, the nearest first, that explain nearly as much, with a valley between them and the best.
 
-
-def _rivals(explained: Array, best: int, independent: float) -> Array:
-    """The other peaks, the nearest first, that explain nearly as much, with a valley between them and the best."""
+    By as many independent samples as the residual at the coarse shift has.
+    """
+    residual = _projected(match.y.at(time_s), match.x.at(time_s - match.shift_s, match.lags_s))
+    residual = residual[~np.isnan(residual)]
+    independent = len(residual) / residual_memory(residual)
     left = np.maximum(1 - explained, 1e-6)
     behind = independent * np.log(left / left[best])
     peaks, _ = signal.find_peaks(-behind)

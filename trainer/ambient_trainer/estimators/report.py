@@ -21,7 +21,11 @@ _LARGE_GAINS = 5.0
 def report_of(fit: Fit) -> Report:
     """The report of a fit."""
     periods = " or ".join(f"{each:g}" for each in fit.periods_s)
-    rows = [(each.name, f"{each.value:.4g}", each.unit, _interval(each), _note(each)) for each in fit.parameters]
+    rows = []
+    for each in fit.parameters:
+        interval = "" if each.interval95 is None else f"{each.interval95[0]:.4g} to {each.interval95[1]:.4g}"
+        note = "at its bound" if each.at_bound else "" if each.identifiable else "not identifiable"
+        rows.append((each.name, f"{each.value:.4g}", each.unit, interval, note if each.free else "fixed"))
     table = Table("", ("parameter", "value", "unit", "95 % interval", ""), rows)
     return Report(
         subject="Fit",
@@ -80,18 +84,6 @@ def _parameter_data(each: ParameterEstimate) -> dict[str, Any]:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def _interval(each: ParameterEstimate) -> str:
-    return "" if each.interval95 is None else f"{each.interval95[0]:.4g} to {each.interval95[1]:.4g}"
-
-
-def _note(each: ParameterEstimate) -> str:
-    if not each.free:
-        return "fixed"
-    if each.at_bound:
-        return "at its bound"
-    return "" if each.identifiable else "not identifiable"
 
 
 def _yes(fact: bool) -> str:

@@ -232,11 +232,11 @@ def find_recipe(name_or_path: str) -> tuple[Recipe, Circuit] | None:
     Raises :class:`Refused` with every fault of a file that calls itself one.
     """
     if name_or_path in recipe_names():
-        text = (_LIBRARY / f"{name_or_path}.yaml").read_text(encoding="utf-8")
-        return read_recipe(parse_yaml(text, name_or_path), name_or_path)
-    if not name_or_path.endswith((".yaml", ".yml")):
+        data = parse_yaml((_LIBRARY / f"{name_or_path}.yaml").read_text(encoding="utf-8"), name_or_path)
+    elif name_or_path.endswith((".yaml", ".yml")):
+        data = load_yaml(name_or_path)
+    else:
         return None
-    data = load_yaml(name_or_path)
     return read_recipe(data, name_or_path) if isinstance(data, dict) and data.get("format") == FORMAT else None
 
 
@@ -269,20 +269,17 @@ def _circuit_faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
     for name in recipe.sensors:
         if name not in read:
             yield Fault(f"sensors.{name}", f"reads no state of {circuit.name}", f"its sensors are {', '.join(read)}")
-    known = f"its nodes are {', '.join(states)}"
-    for place, node in _named_nodes(recipe):
+    named = {f"heat.shared.among.{node}": node for node in recipe.heat.shared.among}
+    named |= {
+        f"unlogged.patterns.{name}.watts[{index}].{node}": node
+        for name, pattern in recipe.unlogged.patterns.items()
+        for index, watts in enumerate(pattern.watts)
+        for node in watts
+    }
+    for place, node in {"heat.measured.into": recipe.heat.measured.into, **named}.items():
         if node not in states:
-            yield Fault(place, f"{circuit.name} has no node {node!r} with a capacitance", known)
-
-
-def _named_nodes(recipe: Recipe) -> Iterator[tuple[str, str]]:
-    yield "heat.measured.into", recipe.heat.measured.into
-    for node in recipe.heat.shared.among:
-        yield f"heat.shared.among.{node}", node
-    for name, pattern in recipe.unlogged.patterns.items():
-        for index, watts in enumerate(pattern.watts):
-            for node in watts:
-                yield f"unlogged.patterns.{name}.watts[{index}].{node}", node
+            hint = f"its nodes are {', '.join(states)}"
+            yield Fault(place, f"{circuit.name} has no node {node!r} with a capacitance", hint)
 
 
 def _weight_faults(recipe: Recipe) -> Iterator[Fault]:

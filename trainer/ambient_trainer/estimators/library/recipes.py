@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -85,19 +86,17 @@ class RecipeEstimator(Estimator):
         def show(number: int, evaluation: int, square: float) -> None:
             if progress is not None:
                 progress(number, evaluation, square * samples)
-
-        def show_forward(evaluation: int, square: float) -> None:
-            show(0, evaluation, square)
-            effort.budget.cancel.check()
+            if number == 0:  # a circuit that is not fitted to the end is of no use
+                effort.budget.cancel.check()
 
         # a log that lacks something is refused before anything is searched
         ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
         workload = fit_workload(coarse, recipe.work, source_of(traces))
-        fitted = fit_forward(Forward(recipe, self.circuit), coarse, coarse_period_s, show_forward)
+        fitted = fit_forward(Forward(recipe, self.circuit), coarse, coarse_period_s, partial(show, 0))
         columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
         steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
-        synthetic = (recipe, fitted.plant, ambient, workload, coarse_period_s, stride, effort.seed, steps)
-        design = TrainingSetDesign(*synthetic)
+        plant, seed = fitted.plant, effort.seed
+        design = TrainingSetDesign(recipe, plant, ambient, workload, coarse_period_s, stride, seed, steps)
         logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
         fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to
