@@ -190,7 +190,7 @@ class _Search:
         return best_sets(allowed, self.options.most, self.score)
 
     def selected(self, sets: Sequence[Sensors]) -> list[SelectedSet]:
-        """The sets with what there is to tell of them."""
+        """The sets, with their filters and errors."""
         structure_of = partial(_free_filter, self.data.segments, self.options.order)
         fits = self.pool.results("free filters", partial(_fits, structure_of, self.data.blocks, _FILTER), sets)
         samples = _samples(self.data.segments, self.data.blocks)
