@@ -5,14 +5,13 @@
 over first-order sections p = s + r and second-order ones p = s^2 + 2 zeta omega s + omega^2, which hold two real
 poles (zeta > 1), a double one or a damped pair alike.
 
-It may be fitted to runs that do not all count the same: logged, simulated, or made of what physics demands.
+It may be fitted to runs that do not all count the same: logged, simulated, or made of what physics demands:
 
-- All sensors one degree up is the estimate one degree up: :func:`level`, a run in which every sensor shows one value.
-- White noise of a sensor: :func:`impulses`, whose target is zero. What is left is the impulse response, whose square
-  sum is the square of the noise gain.
-- A slow offset of a sensor: :func:`offsets`, runs in which one sensor is off all the time, whose target is zero. What
-  is left is its DC gain. A short log shows few levels, and large opposite gains would fit how far the sensors differ
-  at these.
+- All sensors one degree up is the estimate one degree up: a run in which every sensor shows one value.
+- White noise of a sensor: an impulse, whose target is zero. What is left is the impulse response, whose square sum is
+  the square of the noise gain.
+- A slow offset of a sensor: runs in which one sensor is off all the time, whose target is zero. What is left is its DC
+  gain. A short log shows few levels, and large opposite gains would fit how far the sensors differ at these.
 """
 
 from __future__ import annotations
@@ -209,29 +208,17 @@ class Run(NamedTuple):
     absolute: bool
 
 
-def weighted_filter(order: int, runs: Sequence[Run]) -> FreeFilter:
-    """The free filter of order N over weighted runs."""
-    segments = [Segment(s.period_s, weight * s.inputs, weight * s.outputs) for s, weight, _ in runs]
-    return FreeFilter(order, segments, [each.weight * each.absolute for each in runs])
-
-
-def level(period_s: float, inputs: int, weight: float) -> list[Run]:
-    """The run in which all sensors read one."""
+def weighted_filter(order: int, runs: Sequence[Run], unit_gain: float, noise: float, offset: float = 0.0) -> FreeFilter:
+    """The free filter of order N over weighted runs, and the weights of what physics demands, as those of a run."""
+    period_s, inputs = runs[0].segment.period_s, len(runs[0].segment.inputs)
     target = np.where(np.arange(_STEADY) > 0, np.nan, 1.0)
-    return [Run(Segment(period_s, np.ones((inputs, _STEADY)), target[None]), weight, False)]
-
-
-def impulses(period_s: float, inputs: int, weight: float, longest: int = _IMPULSE) -> list[Run]:
-    """A run an input, in which it reads one once; the first sample sets the equilibrium."""
-    samples = min(_IMPULSE, longest)
-    return _alone(period_s, inputs, np.append(0.0, np.eye(1, samples - 1)), weight)
-
-
-def offsets(period_s: float, inputs: int, weight: float) -> list[Run]:
-    """A run an input, in which it reads one and all others zero."""
-    return _alone(period_s, inputs, np.ones(_STEADY), weight / np.sqrt(_STEADY))
-
-
-def _alone(period_s: float, inputs: int, values: Array, weight: float) -> list[Run]:
-    rows = np.eye(inputs)[:, :, None] * values
-    return [Run(Segment(period_s, u, np.zeros((1, len(values)))), weight, False) for u in rows]
+    demands = [Run(Segment(period_s, np.ones((inputs, _STEADY)), target[None]), unit_gain, False)]
+    # the first sample sets the equilibrium
+    impulse = np.append(0.0, np.eye(1, min(_IMPULSE, max(each.segment.inputs.shape[1] for each in runs)) - 1))
+    for values, weight in ((impulse, noise), (np.ones(_STEADY), offset / np.sqrt(_STEADY))):
+        alone = np.eye(inputs)[:, :, None] * values
+        nothing = np.zeros((1, len(values)))
+        demands += [Run(Segment(period_s, u, nothing), weight, False) for u in alone if weight]
+    every = [*runs, *demands]
+    segments = [Segment(period_s, weight * s.inputs, weight * s.outputs) for s, weight, _ in every]
+    return FreeFilter(order, segments, [each.weight * each.absolute for each in every])

@@ -1,6 +1,6 @@
 """What fits a model to traces, and the fitted systems as model files."""
 
-from ambient_trainer.estimators.base import USUAL, Effort, Fit, Fitted, error_quantiles
+from ambient_trainer.estimators.base import USUAL, Effort, Fit, error_quantiles
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
@@ -9,7 +9,6 @@ __all__ = [
     "USUAL",
     "Effort",
     "Fit",
-    "Fitted",
     "FreeFilterEstimator",
     "error_quantiles",
     "estimate_degC",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -57,40 +57,6 @@ class Effort:
 
 
 USUAL = Effort()
-
-
-class Fitted(Protocol):
-    """What every method gives once it is trained."""
-
-    @property
-    def circuit(self) -> str:
-        """The method's name."""
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """The trace columns that it reads."""
-
-    @property
-    def rmse_degC(self) -> float:
-        """Root mean square error on the training samples."""
-
-    @property
-    def identifiable(self) -> bool:
-        """Whether the training data determine every free parameter."""
-
-    @property
-    def fallbacks(self) -> Mapping[str, Fitted]:
-        """Per input (its name in a model file) the fit that does without it."""
-
-    @property
-    def interval_degC(self) -> Quantiles:
-        """Per level in percent the training errors (true minus estimate) between which that share lies."""
-
-    def discrete(self, period_s: float) -> StateSpace | None:
-        """The recursion at ``period_s``; None where the method is no linear system, which no device runs."""
-
-    def estimate_degC(self, trace: Trace) -> Array:
-        """The ambient over ``trace``, shape (n,), from its sensors alone; NaN where there is no estimate."""
 
 
 class Estimator(ABC):
@@ -163,7 +129,7 @@ class Fit:
     """The linear system of least error, its unknowns, and how far to trust them.
 
     ``inputs`` are trace columns; ``errors_degC`` (true minus predicted) are those of the training samples, one array
-    an output.
+    an output. ``fallbacks`` are the fits that do without an input, by its name in a model file.
     """
 
     circuit: str

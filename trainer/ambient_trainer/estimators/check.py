@@ -11,11 +11,11 @@ import numpy as np
 from ambient_model.model import LEVELS_PERCENT
 from ambient_model.trace import REFERENCE, split_column
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.base import Effort, Estimator, Fit, Fitted
+from ambient_trainer.estimators.base import Effort, Estimator, Fit
 from ambient_trainer.lti.response import states
 
 
-def check_estimator(estimator: Estimator, training: Sequence[Trace], other: Trace) -> Fitted:
+def check_estimator(estimator: Estimator, training: Sequence[Trace], other: Trace) -> Fit:
     """Fit an estimator with one start, test what it gives on ``other``, and return the fit for further tests.
 
     ``other`` is a trace without gaps, of some hundred samples. An :class:`AssertionError` names the part of the
@@ -37,7 +37,7 @@ def check_estimator(estimator: Estimator, training: Sequence[Trace], other: Trac
     return fit
 
 
-def _check_fitted(fit: Fitted, other: Trace) -> None:
+def _check_fitted(fit: Fit, other: Trace) -> None:
     _require(np.isfinite(fit.rmse_degC), "rmse_degC is finite")
     _require(isinstance(fit.identifiable, bool), "identifiable is a bool")
     bands = [fit.interval_degC[level] for level in LEVELS_PERCENT]
@@ -52,10 +52,10 @@ def _check_fitted(fit: Fitted, other: Trace) -> None:
     causal = np.allclose(first, estimate[:half], atol=1e-9, equal_nan=True)
     _require(causal, "the estimate is causal: later samples do not change it")
     system = fit.discrete(float(other.time_s[1] - other.time_s[0]))
-    if system is None:
+    if system is None:  # a method that no device runs
         return
     _require(np.abs(np.linalg.eigvals(system.A)).max(initial=0) < 1, "the recursion is stable")
-    if not isinstance(fit, Fit) or fit.secondary is None:
+    if fit.secondary is None:
         u = np.vstack([other.columns[name] for name in fit.inputs])
         start = np.asarray(np.linalg.solve(np.eye(len(system.A)) - system.A, system.B @ u[:, 0]), dtype=np.float64)
         x = states(system.A, system.B @ u, start)

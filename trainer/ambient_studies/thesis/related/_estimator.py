@@ -12,7 +12,7 @@ from ambient_model.model import Quantiles
 from ambient_studies.thesis.related._samples import estimated
 from ambient_trainer.data import Array, Trace
 from ambient_trainer.estimation import Progress
-from ambient_trainer.estimators import USUAL, Effort, Fitted, error_quantiles
+from ambient_trainer.estimators import USUAL, Effort, error_quantiles
 
 
 class Predictor(Protocol):
@@ -34,7 +34,7 @@ class RelatedFit:
     inputs: tuple[str, ...]
     predictor: Predictor
     errors_degC: Array
-    fallbacks: Mapping[str, Fitted] = field(default_factory=dict)
+    fallbacks: Mapping[str, RelatedFit] = field(default_factory=dict)
 
     @property
     def rmse_degC(self) -> float:

@@ -21,7 +21,7 @@ from ambient_model.model import ErrorVariance, Term
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.error_variance import fit_weighted_error_variance, regressors_degC2
-from ambient_trainer.estimation.free_filter import FreeFilter, Run, impulses, level, weighted_filter
+from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Unknowns
 from ambient_trainer.estimators.base import Effort, Fit, SecondaryFit
@@ -43,9 +43,7 @@ def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterR
         if count
         for each in runs[name]
     ]
-    inputs = len(weighted[0].segment.inputs)
-    weighted += level(period_s, inputs, math.sqrt(rules.one_degree))
-    found = weighted_filter(_STATES, [*weighted, *impulses(period_s, inputs, math.sqrt(rules.noise))])
+    found = weighted_filter(_STATES, weighted, math.sqrt(rules.one_degree), math.sqrt(rules.noise))
     slow, fast = sorted(rules.slow.time_constants_s), rules.fast
     # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
     found.search = Unknowns(

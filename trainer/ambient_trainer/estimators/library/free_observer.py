@@ -15,7 +15,7 @@ import numpy as np
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.error_variance import Moment
-from ambient_trainer.estimation.free_filter import FreeFilter, Run, impulses, level, offsets, weighted_filter
+from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.validation import held_out
 from ambient_trainer.estimators.base import Effort, Estimator, Fit
@@ -92,15 +92,10 @@ def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset
 
     Both are standard deviations. All sensors one degree up is the estimate one degree up.
     """
-    period_s, inputs = logged[0].period_s, logged[0].inputs.shape[0]
     known = np.concatenate([each.outputs[0] for each in logged])
     known = known[~np.isnan(known)]
-    root = float(np.sqrt(len(known)))
-    longest = max(each.inputs.shape[1] for each in logged)
-    runs = [Run(each, 1.0, True) for each in logged]
-    runs += level(period_s, inputs, float(np.linalg.norm(known)))
-    runs += impulses(period_s, inputs, noise_degC * root, longest)
-    return weighted_filter(order, [*runs, *(offsets(period_s, inputs, offset_degC * root) if offset_degC else ())])
+    root, runs = float(np.sqrt(len(known))), [Run(each, 1.0, True) for each in logged]
+    return weighted_filter(order, runs, float(np.linalg.norm(known)), noise_degC * root, offset_degC * root)
 
 
 class Choice(NamedTuple):
