@@ -128,8 +128,12 @@ class ParameterEstimate(NamedTuple):
 class Fit:
     """The linear system of least error, its unknowns, and how far to trust them.
 
-    ``inputs`` are trace columns; ``errors_degC`` (true minus predicted) are those of the training samples, one array
-    an output. ``fallbacks`` are the fits that do without an input, by its name in a model file.
+    ``inputs`` are trace columns, ``periods_s`` those of the traces, shortest first; ``errors_degC`` (true minus
+    predicted) are those of the training samples, one array an output. ``fallbacks`` are the fits that do without an
+    input, by its name in a model file. ``stopped`` says whether the search ended before it was over: this is then the
+    best so far. ``confounded`` has per direction that the data leave open the unknowns that it mixes.
+    ``residual_memory_samples`` is the integrated autocorrelation time of the residuals; 1 is white. ``notes`` are
+    remarks of this kind of estimator, ``details`` the same as data, for ``fit --json`` and the file's provenance.
     """
 
     circuit: str
@@ -139,17 +143,13 @@ class Fit:
     states: tuple[str, ...]
     outputs: tuple[str, ...]
     periods_s: tuple[float, ...]
-    """Of the traces it was fitted to, shortest first."""
     parameters: tuple[ParameterEstimate, ...]
     converged: bool
     uncertainty_available: bool
     identifiable: bool
     stopped: bool
-    """Whether the search ended before it was over: this is the best so far."""
     confounded: tuple[tuple[str, ...], ...]
-    """Per direction that the data leave open, the unknowns that it mixes."""
     residual_memory_samples: float
-    """Integrated autocorrelation time of the residuals; 1 is white."""
     rmse_degC: float
     start_rmses_degC: tuple[float, ...]
     evaluations: int
@@ -160,11 +160,8 @@ class Fit:
     fallbacks: Mapping[str, Fit] = field(default_factory=dict)
     secondary: SecondaryFit | None = None
     error_variance: ErrorVariance | None = None
-    """The error variance model: how large an error to expect at each sample."""
     notes: tuple[str, ...] = ()
-    """Remarks of this kind of estimator, a line each."""
     details: Mapping[str, Any] = field(default_factory=dict)
-    """The same as data, for ``fit --json`` and the file's provenance."""
 
     @property
     def samples(self) -> int:

@@ -87,17 +87,17 @@ class Alternative:
 
 @dataclass(frozen=True)
 class SelectedSet:
-    """The best set of sensors of a size, or one to compare with."""
+    """The best set of sensors of a size, or one to compare with.
+
+    Sets are compared by the filter over ``fixed`` poles; those of ``free`` are fitted. ``noise_gain`` is the standard
+    deviation of the estimate per unit of white noise in every sensor, ``noise_degC`` that which their own noise makes.
+    """
 
     sensors: tuple[str, ...]
     fixed: ScoredSystem
-    """The filter over fixed poles that sets are compared by."""
     noise_gain: float
-    """Standard deviation of the estimate per unit of white noise in every sensor."""
     noise_degC: float
-    """Standard deviation that the sensors' own noise makes in the estimate."""
     free: ScoredSystem
-    """The filter whose poles are fitted."""
     alternatives: tuple[Alternative, ...] = ()
 
     @property
@@ -113,13 +113,12 @@ class SelectedSet:
 
 @dataclass(frozen=True)
 class SelectedCircuit:
-    """The best circuit of a size, its parameters as fitted to everything."""
+    """The best circuit of a size, fitted to everything, and how many topologies of this size were ``tried``."""
 
     circuit: Circuit
     topology: Topology
     scored: ScoredSystem
     tried: int
-    """Number of topologies of this size that were fitted."""
 
     @property
     def rmse_degC(self) -> float:
@@ -129,14 +128,16 @@ class SelectedCircuit:
 
 @dataclass(frozen=True)
 class TraceScores:
-    """RMSE in degC on a trace that had no part in the selection, by number of sensors."""
+    """RMSE in degC on a trace that had no part in the selection, by number of sensors.
+
+    ``against`` are those of the set to compare with: over fixed poles, and with free ones.
+    """
 
     path: str
     fixed: tuple[float, ...]
     free: tuple[float, ...]
     circuits: Mapping[int, float]
     against: tuple[float, float] | None
-    """Of the set to compare with: over fixed poles, and with free ones."""
 
     @property
     def name(self) -> str:
@@ -146,7 +147,10 @@ class TraceScores:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What :func:`ambient_trainer.selection.search.search` returns."""
+    """What :func:`ambient_trainer.selection.search.searched` returns.
+
+    ``sizes`` and ``circuits`` go by number of sensors, from one; ``unnamed`` are those that a circuit file cannot name.
+    """
 
     traces: tuple[str, ...]
     simulated: bool
@@ -161,12 +165,9 @@ class SearchResult:
     gap_s: float
     sets_tried: int
     sizes: tuple[SelectedSet, ...]
-    """By number of sensors, from one."""
     against: SelectedSet | None
     circuits: Mapping[int, SelectedCircuit]
-    """By number of sensors."""
     unnamed: tuple[str, ...]
-    """Sensors that a circuit file cannot name."""
     checks: tuple[TraceScores, ...]
 
     @property

@@ -121,23 +121,12 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
     estimates = [published(fit, each) for each in logged]
     errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, estimates)])
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
-    members = [fit, fit.secondary.fit, *fit.fallbacks.values()]
+    secondary, threshold_degC = fit.secondary
+    members = [fit, secondary, *fit.fallbacks.values()]
     blends = [(each.ambient_degC, each.apart_degC) for each in estimates]
-    details = {
-        "main": _filter(fit),
-        "guard": _filter(fit.secondary.fit),
-        "threshold_degC": fit.secondary.threshold_degC,
-        "half_width_90_degC": half_widths(fit.error_variance, blends, fit.periods_s[0]),
-        "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in fit.fallbacks.items()},
-        "forward_circuit": {
-            "name": recipe.circuit,
-            "values": circuit.values,
-            "misfit_degC": circuit.misfit_degC,
-            "evaluations": circuit.evaluations,
-        },
-        # what is not fitted; the recipe names where each number comes from
-        "declared": recipe.model_dump(mode="json", exclude={"format", "version", "name", "about"}),
-    }
+    half = half_widths(fit.error_variance, blends, fit.periods_s[0])
+    main, other = _filter(fit), _filter(secondary)
+    misfit = ", ".join(f"{name} {each:.2f}" for name, each in circuit.misfit_degC.items())
     return replace(
         fit,
         errors_degC=(errors,),
@@ -146,26 +135,32 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
         residual_memory_samples=residual_memory(errors),
         converged=circuit.converged and all(each.converged for each in members) and not fit.stopped,
         evaluations=circuit.evaluations + sum(each.evaluations for each in members),
-        details=details,
-        notes=notes(details),
-    )
-
-
-def notes(found: Mapping[str, Any]) -> tuple[str, ...]:
-    """The details as lines for the terminal."""
-    main, secondary, circuit = found["main"], found["guard"], found["forward_circuit"]
-    misfit = ", ".join(f"{name} {each:.2f}" for name, each in circuit["misfit_degC"].items())
-    rmses = {name: each["rmse_degC"] for name, each in found["fallbacks"].items()}
-    return (
-        f"Noise gain: {main['noise_gain']:.2f}, the secondary's {secondary['noise_gain']:.2f} (output per unit of "
-        f"white noise in every sensor, at {main['period_s']:g} s).",
-        f"Time constants: {_times(main['time_constants_s'])}; the secondary's {_times(secondary['time_constants_s'])}.",
-        f"Secondary: blended in from {found['threshold_degC']:.2f} degC of difference on, alone from twice it.",
-        half_width_note(found["half_width_90_degC"]),
-        *fallback_notes(rmses),
-        f"Forward circuit {circuit['name']} misses the sensors by (RMS) {misfit} degC.",
-        f"Declared, not fitted: unmeasured heat ({', '.join(found['declared']['unlogged']['patterns'])}), "
-        "synthetic ambient and work, weights.",
+        details={
+            "main": main,
+            "guard": other,
+            "threshold_degC": threshold_degC,
+            "half_width_90_degC": half,
+            "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in fit.fallbacks.items()},
+            "forward_circuit": {
+                "name": recipe.circuit,
+                "values": circuit.values,
+                "misfit_degC": circuit.misfit_degC,
+                "evaluations": circuit.evaluations,
+            },
+            # what is not fitted; the recipe names where each number comes from
+            "declared": recipe.model_dump(mode="json", exclude={"format", "version", "name", "about"}),
+        },
+        notes=(
+            f"Noise gain: {main['noise_gain']:.2f}, the secondary's {other['noise_gain']:.2f} (output per unit of "
+            f"white noise in every sensor, at {fit.periods_s[0]:g} s).",
+            f"Time constants: {_times(main['time_constants_s'])}; the secondary's {_times(other['time_constants_s'])}.",
+            f"Secondary: blended in from {threshold_degC:.2f} degC of difference on, alone from twice it.",
+            half_width_note(half),
+            *fallback_notes({name: each.rmse_degC for name, each in fit.fallbacks.items()}),
+            f"Forward circuit {recipe.circuit} misses the sensors by (RMS) {misfit} degC.",
+            f"Declared, not fitted: unmeasured heat ({', '.join(recipe.unlogged.patterns)}), synthetic ambient and "
+            "work, weights.",
+        ),
     )
 
 
