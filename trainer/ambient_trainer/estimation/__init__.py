@@ -1,4 +1,4 @@
-"""From traces to parameters: signals, separable least squares, search, uncertainty, validation, error variance."""
+"""From traces to parameters: separable least squares, search, uncertainty, validation, error variance."""
 
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Structure, Unknowns
