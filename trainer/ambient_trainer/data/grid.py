@@ -28,6 +28,10 @@ class Segment:
     inputs: Array
     outputs: Array
 
+    def of(self, inputs: Sequence[int]) -> Segment:
+        """The segment with the inputs of these indices."""
+        return Segment(self.period_s, self.inputs[list(inputs)], self.outputs)
+
     def pieces(self, count: int) -> list[Segment]:
         """The segment cut into ``count`` of about equal length, or as many as leave three samples each."""
         count = max(1, min(count, self.inputs.shape[1] // _SHORTEST))

@@ -61,8 +61,8 @@ class Training(NamedTuple):
     def without(self, dropped: int) -> Training:
         """The same without the input of that number."""
         kept = [index for index in range(len(self.columns)) if index != dropped]
-        fewer = [Segment(each.period_s, each.inputs[kept], each.outputs) for each in self.segments]
-        return Training(tuple(self.columns[index] for index in kept), fewer, self.traces)
+        columns = tuple(self.columns[index] for index in kept)
+        return Training(columns, [each.of(kept) for each in self.segments], self.traces)
 
 
 def require_informative(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:

@@ -255,7 +255,7 @@ def _fits(
 
 
 def _free_filter(laid: Sequence[Segment], order: int, members: Sensors) -> FreeFilter:
-    return FreeFilter(order, _rows_of(laid, members))
+    return FreeFilter(order, [each.of(members) for each in laid])
 
 
 def circuit_structure(
@@ -265,11 +265,7 @@ def circuit_structure(
     circuit = circuit_of(topology, tau_s, "candidate", "candidate")
     # a circuit orders its inputs by its nodes
     rows = [names.index(each.removesuffix("_degC")) for each in circuit.inputs]
-    return CircuitStructure(circuit, _rows_of(laid, rows))
-
-
-def _rows_of(laid: Sequence[Segment], rows: Sequence[int]) -> list[Segment]:
-    return [replace(each, inputs=each.inputs[list(rows)]) for each in laid]
+    return CircuitStructure(circuit, [each.of(rows) for each in laid])
 
 
 def _best_circuit(

@@ -95,8 +95,8 @@ def fit_filters(
         show = progress and (lambda _, evaluation, square: progress(number, evaluation, square))
         result = search(structure, 1, effort.seed, show, effort.budget)
         start = result.best.theta if start is None else start
-        segments = [Segment(period_s, each.inputs[kept], each.outputs) for each in logged]
-        return filter_fit(recipe.name, [columns[index] for index in kept], segments, _STATES, result, effort)
+        names, segments = [columns[index] for index in kept], [each.of(kept) for each in logged]
+        return filter_fit(recipe.name, names, segments, _STATES, result, effort)
 
     main = fitted(0, weights.main)
     secondary = fitted(1, weights.secondary)

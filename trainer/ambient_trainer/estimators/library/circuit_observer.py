@@ -91,8 +91,8 @@ def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort
     whole.offset[:] = result.best.beta
     system = reduced(whole, _MOST_STATES)
     unknowns = [(name, unit, value, True) for (name, unit), value in zip(circuit.units.items(), np.exp(theta).tolist())]
-    names = (NAMES[0], columns, MODES[: len(system.A)])
-    return rescored(fit_of(structure, result, effort, system, unknowns, *names), structure.segments)
+    fit = fit_of(structure, result, effort, system, unknowns, NAMES[0], columns, MODES[: len(system.A)])
+    return rescored(fit, structure.segments)
 
 
 def struck_out(whole: RandomWalkAmbient, smaller: RandomWalkAmbient, theta: Array, dropped: int) -> Array:

@@ -30,5 +30,4 @@ class FreeFilterEstimator(Estimator):
         result = search(structure, effort.starts, effort.seed, progress, effort.budget)
         system = structure.system(result.best.theta, result.best.beta)
         unknowns, states = filter_unknowns(structure, result.best.theta), MODES[: self.order]
-        names = (self.name, training.columns, states)
-        return fit_of(structure, result, effort, system, unknowns, *names)
+        return fit_of(structure, result, effort, system, unknowns, self.name, training.columns, states)

@@ -165,10 +165,12 @@ class _Selection:
             self._whole[order] = search(structure, starts, self.effort.seed, self.progress, budget)
         if self._whole[order].stopped:
             return False
-        blocks = held_out(
-            lambda kept: constrained(order, kept, noise_degC, offset_degC),
-            *(self.segments, _BLOCKS, self._whole[order].best.theta, self.progress, budget),
-        )
+
+        def without(kept: Sequence[Segment]) -> FreeFilter:
+            return constrained(order, kept, noise_degC, offset_degC)
+
+        start = self._whole[order].best.theta
+        blocks = held_out(without, self.segments, _BLOCKS, start, self.progress, budget)
         if budget.cancel.cancelled:
             return False
         errors = [np.concatenate([each.reference_degC - each.estimate_degC for each in block]) for block in blocks]
