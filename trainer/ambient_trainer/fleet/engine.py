@@ -26,6 +26,14 @@ _AHEAD = 3
 _RETRIES = 3
 _DEATHS = 6
 """How often the worker of one task may die on the local cluster before the task is taken apart."""
+_SETTINGS = {
+    "distributed.scheduler.allowed-failures": _DEATHS,
+    "distributed.worker.daemon": True,
+    "distributed.admin.log-format": "%(message)s",
+    # the scheduler, which is in this process, would keep the last thousand messages, and with them the tasks' data
+    "distributed.admin.low-level-log-length": 10,
+}
+"""Of the local cluster, as long as it is there: workers that come later have them, too."""
 _CONNECTIONS = 5
 _PATIENCE_S = 60.0
 
@@ -82,6 +90,7 @@ class Dask(Engine):
         self._wanted = workers
         self._cluster: Any = None
         self._client: Any = None
+        self._settings: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
 
     def __enter__(self) -> Dask:
         try:
@@ -91,12 +100,8 @@ class Dask(Engine):
             problem = f"Dask is not installed ({error.name})"
             raise refuse("--engine", "", problem, "pip install 'ambientd[trainer,fleet]', or --engine serial") from None
         if self._engine == LOCAL:
-            settings = {
-                "distributed.scheduler.allowed-failures": _DEATHS,
-                "distributed.worker.daemon": True,
-                "distributed.admin.log-format": "%(message)s",
-            }
-            with dask.config.set(settings), _without_interrupts():
+            self._settings = dask.config.set(_SETTINGS)
+            with _without_interrupts():
                 self._cluster = distributed.LocalCluster(
                     n_workers=self._wanted, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
                 )
@@ -114,6 +119,7 @@ class Dask(Engine):
                 with contextlib.suppress(Exception):
                     each.close(timeout=5)
         self._client = self._cluster = None
+        self._settings.__exit__(None, None, None)
 
     def _connect(self) -> None:
         import distributed
