@@ -24,7 +24,7 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.windows import Columns, best_window, sharpened
+from ambient_trainer.diagnosis.greybox.windows import Columns, best_windows, sharpened
 from ambient_trainer.diagnosis.record import Record
 
 _log = logging.getLogger(__name__)
@@ -41,6 +41,7 @@ _LOOPED = 2500
 _SURE, _SURELY, _WITHIN = 1.645, 1.96, 100.0
 _BELOW_FLOOR = 0.55
 _LASTING, ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
+_PLACED = 4
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
@@ -172,10 +173,9 @@ def _offered(scene: Scene, how: str) -> Iterator[Mechanism]:
 
 
 def _placed(scene: Scene, columns_of: Columns, offered: Iterable[Mechanism]) -> Iterator[Mechanism]:
-    """Each in its best window, and what else may act in that."""
+    """Each in its best windows, and what else may act in those."""
     for each in offered:
-        placed = best_window(scene.fitted, each, columns_of)
-        if placed is not None:
+        for placed in best_windows(scene.fitted, each, columns_of):
             yield placed
             for name in plugin_names(_MECHANISMS):
                 beside = getattr(plugin(_MECHANISMS, name), "beside", None)
@@ -185,14 +185,7 @@ def _placed(scene: Scene, columns_of: Columns, offered: Iterable[Mechanism]) -> 
 def screen(scene: Scene, offered: Offered) -> list[Screened]:
     """Candidates of ``offered`` by what they would leave on held-out blocks, to first order; best first."""
     fitted = scene.fitted
-    bases = [_base(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
-
-    def columns_of(mechanism: Mechanism) -> Array:
-        every = zip(fitted.records, fitted.runs, bases)
-        return np.concatenate(
-            [_effect(fitted.model, record, run.start, base, mechanism) for record, run, base in every]
-        )
-
+    columns_of = _columns_of(fitted)
     result = []
     for each in offered(scene, columns_of):
         columns = columns_of(each)
@@ -203,6 +196,19 @@ def screen(scene: Scene, offered: Offered) -> list[Screened]:
         if started is not None and np.isfinite(squares):
             result.append(Screened(started, squares, fitted))
     return sorted(result, key=lambda each: each.held_out)
+
+
+def _columns_of(fitted: Fitted) -> Columns:
+    """What each probe of a mechanism adds to the sensors beside a fit, (M, k)."""
+    bases = [_base(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
+
+    def columns_of(mechanism: Mechanism) -> Array:
+        every = zip(fitted.records, fitted.runs, bases)
+        return np.concatenate(
+            [_effect(fitted.model, record, run.start, base, mechanism) for record, run, base in every]
+        )
+
+    return columns_of
 
 
 def _base(model: GreyBox, record: Record, start: Array) -> tuple[Array, Array]:
@@ -250,7 +256,7 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     for each in screened:
         mechanism = each.mechanism
         point = id(each.point) if mechanism.shaped else 0
-        bounded = (mechanism.onset_s is not None, mechanism.end_s is not None)
+        bounded = _ends(mechanism)
         distinct.setdefault((type(mechanism), mechanism.key, len(mechanism.numbers), point, bounded), each)
     ordered = list(distinct.values())
     chosen = ordered[:_SHORTLIST]
@@ -258,14 +264,14 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     started: dict[tuple[object, ...], int] = {}
     for each in ordered:
         cause, _, driver = each.mechanism.key
-        windowed = not each.mechanism.lasts
+        windowed = _ends(each.mechanism)
         kinds: list[tuple[str, object]] = [
             (
                 "cause",
-                (windowed, type(each.mechanism), driver == "", len(each.mechanism.numbers) * each.mechanism.shaped),
+                (sum(windowed), type(each.mechanism), driver == "", len(each.mechanism.numbers) * each.mechanism.shaped),
             )
         ]
-        if windowed and cause == "heat_source":
+        if any(windowed) and cause == "heat_source":
             kinds.append(("where", each.mechanism.places))
         shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
         if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
@@ -280,6 +286,11 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
             if seen[kind] == 1:
                 chosen.append(each)
     return list({id(each): each for each in chosen}.values())
+
+
+def _ends(mechanism: Mechanism) -> tuple[bool, bool]:
+    """Whether it begins, and whether it ends, within the record."""
+    return mechanism.onset_s is not None, mechanism.end_s is not None
 
 
 def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
@@ -331,10 +342,29 @@ def _refit(
 
 def _refit_and_validate(*given: Any) -> Fitted | None:
     done = _refit(*given)
-    if done is None or not _cheap(done):
-        return done
+    if done is None:
+        return None
     with threadpool_limits(1):
-        return done.refitted()
+        if not (done.model.mechanisms[-1].lasts or done.model.mechanisms[-1].evident):
+            done = sharpened(_placed_again(done))
+        return done.refitted() if _cheap(done) else done
+
+
+def _placed_again(fitted: Fitted) -> Fitted:
+    """The same with the window of its last mechanism placed anew beside its other numbers, which it has moved."""
+    for _ in range(_PLACED):
+        model, last = fitted.model.without(len(fitted.model.mechanisms) - 1), fitted.model.mechanisms[-1]
+        starts = [run.start for run in fitted.runs]
+        beside = fit(model, fitted.records, starts, most=0, prior=fitted.prior)
+        windows = [] if beside is None else list(best_windows(beside, last, _columns_of(beside)))
+        window = next((each for each in windows if _ends(each) == _ends(last)), last)
+        if window == last:
+            break
+        again = fit(model.with_mechanism(window), fitted.records, starts, most=_FEW, tolerance=3e-3, prior=fitted.prior)
+        if again is None or again.rmse_degC > fitted.rmse_degC:
+            break
+        fitted = again
+    return fitted
 
 
 def _cheap(fitted: Fitted) -> bool:
@@ -563,9 +593,9 @@ def _next(fitted: Fitted, points: Sequence[Fitted], limits: Limits, offered: Off
     if chosen is not None and not visible and fitted.held_out_rmse_degC < limits.floor_degC:
         small = chosen.rmse_degC > _BELOW_FLOOR * fitted.held_out_rmse_degC
         chosen = None if small or chosen.mechanism.instrument else chosen
-    if chosen is not None and (chosen.mechanism.tuned or not (chosen.lasting or chosen.mechanism.evident)):
+    if chosen is not None and chosen.mechanism.tuned:
         again = sharpened(chosen.fitted)
-        chosen = Trial.of(fitted, again.refitted() if chosen.lasting and _cheap(again) else again)
+        chosen = Trial.of(fitted, again.refitted() if _cheap(again) else again)
     return Step(fitted, chosen, tuple(trials), len({each.mechanism.key for each in screened}))
 
 

@@ -8,7 +8,7 @@ t_b. All pairs of a coarse grid are scored at once; the best is refined on finer
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -28,8 +28,21 @@ level, of its column's range."""
 Columns = Callable[[Mechanism], Array]
 
 
-def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mechanism | None:
-    """``mechanism`` with the window in which one amount of it explains most; None where there is none."""
+def best_windows(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Iterator[Mechanism]:
+    """``mechanism`` in the window in which one amount of it explains most, and in the best that is open on one side.
+
+    A large change bends what it does: to first order it looks as if it had ended, where it has only begun.
+    """
+    best = _best_window(fitted, mechanism, columns, closed=True)
+    if best is None:
+        return
+    yield best
+    if best.onset_s is not None and best.end_s is not None:
+        half = _best_window(fitted, mechanism, columns, closed=False)
+        yield from () if half is None else (half,)
+
+
+def _best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: bool) -> Mechanism | None:
     record = max(fitted.records, key=lambda each: each.samples)
     if record.samples < 4 * _COARSE or len(mechanism.probes()) != 1:
         return None
@@ -43,7 +56,7 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Mecha
     for _ in range(_ROUNDS + 1):
         times = np.unique(np.concatenate([on, off]))
         acting = {at: project(columns(replace(mechanism, onset_s=None if at <= begin else float(at)))) for at in times}
-        found = _best(acting, on, off if mechanism.stops else off[:0], project(fitted.residual), shortest, begin)
+        found = _best(acting, on, off if mechanism.stops else off[:0], project(fitted.residual), shortest, begin, closed)
         if found is None:
             break
         best = found
@@ -117,9 +130,9 @@ def _projector(fitted: Fitted) -> Callable[[Array], Array]:
 
 
 def _best(
-    acting: dict[float, Array], on: Array, off: Array, left: Array, shortest: float, begin: float
+    acting: dict[float, Array], on: Array, off: Array, left: Array, shortest: float, begin: float, closed: bool
 ) -> tuple[float, float, float | None] | None:
-    """The gain of the best window, its onset, and its end (None: it lasts)."""
+    """The gain of the best window, its onset, and its end (None: it lasts); not ``closed`` is open on one side."""
     times = np.array(sorted(acting))
     C = np.column_stack([acting[each][:, 0] for each in times])
     G, b = C.T @ C, C.T @ left
@@ -129,6 +142,8 @@ def _best(
         i = index[first]
         for last in [None, *map(float, off)]:
             if (last is not None and last - first < shortest) or (first <= begin and last is None):
+                continue
+            if not closed and first > begin and last is not None:
                 continue
             j = None if last is None else index[last]
             size = G[i, i] if j is None else G[i, i] + G[j, j] - 2 * G[i, j]
