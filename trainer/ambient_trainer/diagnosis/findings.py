@@ -14,6 +14,7 @@ from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.stepwise import (
     ANSWERS,
+    COINCIDE,
     INSTRUMENT,
     Selection,
     Trial,
@@ -41,7 +42,8 @@ _TWINS = 0.9
 def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
     """The steps whose mechanisms the final model holds; numbers are those of the final model."""
     final = selection.final
-    result = []
+    result: list[Step] = []
+    windows: list[tuple[Mechanism, float]] = []
     held = list(range(len(selection.bare.model.mechanisms), len(final.model.mechanisms)))
     for step in selection.steps:
         chosen = step.chosen
@@ -54,6 +56,13 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         gain = _gain(step, chosen)
         # what was fitted together is as sure as the less sure of it
         together = [each for each in selection.steps if each.chosen and each.chosen.fitted is chosen.fitted]
+        confidence = min(_confidence(each, each.chosen, final) for each in together if each.chosen)
+        if mechanism.driver is None and not mechanism.lasts:
+            # a window may make up for what an earlier one is wrong about
+            confidence = min(
+                [confidence, *(sure for each, sure in windows if set(each.places) & set(mechanism.places))]
+            )
+            windows.append((mechanism, confidence))
         magnitude, parameters = _numbers(final, index)
         rivals = [each for each in step.trials if _rival(each, chosen)]
         name = cause_of(mechanism, final.model.circuit)
@@ -69,7 +78,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
                 onset_s=mechanism.onset_s,
                 end_s=mechanism.end_s,
                 magnitude=magnitude,
-                confidence=min(_confidence(each, each.chosen, final) for each in together if each.chosen),
+                confidence=confidence,
                 gain=gain,
                 indistinguishable_from=tuple(
                     dict.fromkeys(cause_of(each.mechanism, final.model.circuit) for each in rivals)
@@ -184,10 +193,16 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
-    """Whether ``one`` has the same cause, driven by the same columns or their twins, there and perhaps elsewhere."""
+    """Whether ``one`` has the same cause, driven by the same columns or their twins, there and perhaps elsewhere.
+
+    What nothing logged drives has to act at about the same time.
+    """
+    if one.cause != other.cause or not set(one.places) >= set(other.places):
+        return False
+    if one.driver is None and other.driver is None:
+        return one.lasts == other.lasts and (one.lasts or correlation(one, other, records) > COINCIDE)
     columns = [() if each.driver is None else each.driver.columns for each in (one, other)]
-    alike = one.cause == other.cause and set(one.places) >= set(other.places)
-    return alike and (columns[0] == columns[1] or _twins(one, other, records))
+    return columns[0] == columns[1] or _twins(one, other, records)
 
 
 def _twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

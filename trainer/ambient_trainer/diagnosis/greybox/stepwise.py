@@ -40,7 +40,7 @@ MOST_STEPS = 6
 _LOOPED = 2500
 _SURE, _SURELY, _WITHIN = 1.645, 1.96, 100.0
 _BELOW_FLOOR = 0.55
-_LASTING, ANSWERS, _COINCIDE = 1.3, 1.5, 0.6
+_LASTING, ANSWERS, COINCIDE = 1.3, 1.5, 0.6
 _PLACED = 4
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
@@ -265,12 +265,8 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
     for each in ordered:
         cause, _, driver = each.mechanism.key
         windowed = _ends(each.mechanism)
-        kinds: list[tuple[str, object]] = [
-            (
-                "cause",
-                (sum(windowed), type(each.mechanism), driver == "", len(each.mechanism.numbers) * each.mechanism.shaped),
-            )
-        ]
+        numbers = len(each.mechanism.numbers) * each.mechanism.shaped
+        kinds: list[tuple[str, object]] = [("cause", (sum(windowed), type(each.mechanism), driver == "", numbers))]
         if any(windowed) and cause == "heat_source":
             kinds.append(("where", each.mechanism.places))
         shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
@@ -458,7 +454,7 @@ def _coincide(window: Trial, logged: Trial) -> bool:
     """Whether a window in which nothing logged acts is about when a logged driver of the same cause acted."""
     if (window.mechanism.cause, window.mechanism.places) != (logged.mechanism.cause, logged.mechanism.places):
         return False
-    return correlation(window.mechanism, logged.mechanism, window.fitted.records) > _COINCIDE
+    return correlation(window.mechanism, logged.mechanism, window.fitted.records) > COINCIDE
 
 
 def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> float:
@@ -640,10 +636,11 @@ def _pair(step: Step, limits: Limits, said: Progress) -> list[Step]:
     best: tuple[float, Trial, Trial] | None = None
     for index, first in enumerate(list(begun.values())[:_PAIRED]):
         said("try pairs", index, _PAIRED)
+        logged = first.mechanism.driver is not None
         offered = [
             each
-            for each in screen(Scene(first.fitted), lasting_candidates)
-            if _stores_or_heats(each.mechanism, unlogged)
+            for each in screen(Scene(first.fitted), every_candidate if logged else lasting_candidates)
+            if _stores_or_heats(each.mechanism, unlogged) or (logged and _changes(each.mechanism))
         ]
         # of two heats by drivers each shows itself alone, but a driver's rate only beside it
         driven = first.mechanism.key[2]
@@ -674,6 +671,11 @@ def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
     """Whether it is heat by a driver, or ``unlogged`` by none, or a mass, all the time."""
     heat = mechanism.cause == "heat_source" and (unlogged or mechanism.driver is not None)
     return (heat or mechanism.cause == "thermal_mass") and mechanism.lasts
+
+
+def _changes(mechanism: Mechanism) -> bool:
+    """Whether it is a loss that is another for a while, or from some time on: what it hides looks like no heater's."""
+    return mechanism.cause == "ambient_coupling" and not mechanism.lasts
 
 
 def pruned(fitted: Fitted, given: int) -> Fitted:

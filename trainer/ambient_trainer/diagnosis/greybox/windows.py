@@ -56,7 +56,9 @@ def _best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed:
     for _ in range(_ROUNDS + 1):
         times = np.unique(np.concatenate([on, off]))
         acting = {at: project(columns(replace(mechanism, onset_s=None if at <= begin else float(at)))) for at in times}
-        found = _best(acting, on, off if mechanism.stops else off[:0], project(fitted.residual), shortest, begin, closed)
+        found = _best(
+            acting, on, off if mechanism.stops else off[:0], project(fitted.residual), shortest, begin, closed
+        )
         if found is None:
             break
         best = found
