@@ -540,7 +540,7 @@ def stepwise(
         points = [fitted] if steps else [fitted, *beside]
         step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
         alone = alone or step
-        pair = _pair(step, limits, partial(_numbered, said, 1)) if beside and not steps else []
+        pair = _pair(step, limits, offered, partial(_numbered, said, 1)) if beside and not steps else []
         steps += pair or [step]
         last = steps[-1].chosen
         if last is None:
@@ -614,7 +614,7 @@ def _where_it_heats(trial: Trial) -> Mechanism | None:
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
 
 
-def _pair(step: Step, limits: Limits, said: Progress) -> list[Step]:
+def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[Step]:
     """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it, or
     heat by a driver and what is there without it, show themselves together.
 
@@ -637,14 +637,14 @@ def _pair(step: Step, limits: Limits, said: Progress) -> list[Step]:
     for index, first in enumerate(list(begun.values())[:_PAIRED]):
         said("try pairs", index, _PAIRED)
         logged = first.mechanism.driver is not None
-        offered = [
+        others = [
             each
-            for each in screen(Scene(first.fitted), every_candidate if logged else lasting_candidates)
+            for each in screen(Scene(first.fitted), offered if logged else lasting_candidates)
             if _stores_or_heats(each.mechanism, unlogged) or (logged and _changes(each.mechanism))
         ]
         # of two heats by drivers each shows itself alone, but a driver's rate only beside it
         driven = first.mechanism.key[2]
-        others = [each for each in offered if each.mechanism.key != first.mechanism.key]
+        others = [each for each in others if each.mechanism.key != first.mechanism.key]
         others = [each for each in others if not driven or each.mechanism.key[2] in ("", f"d({driven})/dt")]
         for second in compared(first.fitted, shortlist(others), lambda done, total: None):
             score = penalised(second) + PENALTY * complexity(first.mechanism)
