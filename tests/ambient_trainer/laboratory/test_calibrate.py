@@ -9,7 +9,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.cli.commands.calibrate import command
 from ambient_trainer.data.probe_offsets import load_offsets
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.laboratory.bath import Settled, calibrated, save_bath
+from ambient_trainer.evaluation.bath import Settled, calibrated, save_bath
 from ambient_trainer.laboratory.calibration import BathRecorder, simulated_bath
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.messages import NoResponse

@@ -1,6 +1,6 @@
 """A stirred bath with a reference thermometer and a multiplexer's probes, real or simulated, read until it has settled.
 
-What a record of it gives is in :mod:`ambient_trainer.laboratory.bath`.
+What a record of it gives is in :mod:`ambient_trainer.evaluation.bath`.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from ambient_trainer.data.probe_offsets import ProbeOffset
+from ambient_trainer.evaluation.bath import REFERENCE, Settled, last_window, save_bath, unsettled
 from ambient_trainer.laboratory import instruments as kinds
-from ambient_trainer.laboratory.bath import REFERENCE, Settled, last_window, save_bath, unsettled
 from ambient_trainer.laboratory.instruments import Driver, instrument
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.report import Block, Finding, Report, Table

@@ -83,7 +83,7 @@ def command(
     file as its 'offsets'.
     """
     from ambient_trainer.data.probe_offsets import offsets_text
-    from ambient_trainer.laboratory.bath import Settled, calibrated, load_bath, settled_windows
+    from ambient_trainer.evaluation.bath import Settled, calibrated, load_bath, settled_windows
     from ambient_trainer.laboratory.calibration import BATHS_DEGC, BathRecorder, real_bath, report_of, simulated_bath
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.messages import InstrumentError

@@ -14,7 +14,7 @@ from ambient_trainer.report import Finding, Report, Table
 
 if TYPE_CHECKING:
     from ambient_trainer.data.join import Logged
-    from ambient_trainer.laboratory.clock_shift import ClockShift
+    from ambient_trainer.evaluation.clock_shift import ClockShift
 
 
 @click.command("join")
@@ -38,7 +38,7 @@ def command(trace_paths: tuple[str, ...], apply: bool, within_s: float | None, o
     """
     from ambient_trainer.data.join import joined, load_logged, on_one_epoch  # scipy: --help should not wait for it
     from ambient_trainer.data.trace import save_trace
-    from ambient_trainer.laboratory.clock_shift import clock_shift
+    from ambient_trainer.evaluation.clock_shift import clock_shift
 
     if len(trace_paths) < 2:
         raise click.UsageError("one trace is joined already: name two or more")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.laboratory.clock_shift import clock_shift
+from ambient_trainer.evaluation.clock_shift import clock_shift
 
 HOUR_S = 3600.0
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from ambient_model.faults import Refused
-from ambient_trainer.laboratory.bath import Settled, calibrated, settled_windows, unsettled
+from ambient_trainer.evaluation.bath import Settled, calibrated, settled_windows, unsettled
 
 PERIOD_S = 2.0
 
