@@ -34,7 +34,6 @@ while True:
 """
 FOR_S = 12.0
 PERIOD_S = 0.1
-MOST_MISSED = 0.1
 
 
 @pytest.mark.slow
@@ -55,11 +54,12 @@ def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones)
             made.settimeout(10)
             return made.makefile()
 
-        path = f"{folder}/s"
-        run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish", f"socket:{path}")
-        started(sys.executable, "-m", "ambientd", *map(str, run))
+        path, status = f"{folder}/s", f"{folder}/status.json"
+        run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish")
+        for output in (f"socket:{path}", f"status:{status}"):  # the other one nobody floods
+            started(sys.executable, "-m", "ambientd", *map(str, run), output)
         end_s = time.monotonic() + 30
-        while not os.path.exists(path):
+        while not (os.path.exists(path) and os.path.exists(status)):
             assert time.monotonic() < end_s
             time.sleep(0.01)
         readers = [reader() for _ in range(5)]
@@ -72,14 +72,17 @@ def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones)
                 report = json.loads(lines.readline())
                 times_s.append(report["time_s"])
             first_s = first_s or heard[-1][0]
+        with open(status) as stream:
+            beside = json.load(stream)["missed_ticks"]
     everyone = [times_s[times_s.index(first_s) :] for times_s in heard]
     count = min(map(len, everyone))
     assert count > 10
-    # a busy machine costs single ones; what the daemon itself says it cannot hold is a tenth
-    assert report["missed_ticks"] <= MOST_MISSED * count
+    # a busy machine costs both of them single ones
+    assert report["missed_ticks"] <= beside + 1
     assert all(each[:count] == everyone[0][:count] for each in everyone), "someone lost a line"
     late_s = sorted((time_s - heard[0][0]) % PERIOD_S for time_s in heard[0])
     # from the earliest of the grid, which wraps where a tick was a moment before the first
     late_s = sorted((each - late_s[0] + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2 for each in late_s)
-    print(f"{flood}: {len(late_s)} ticks, late by {1e3 * late_s[len(late_s) // 2]:.1f} ms (median),", end=" ")
+    print(f"{flood}: {report['missed_ticks']} ticks missed, {beside} beside it;", end=" ")
+    print(f"{len(late_s)} ticks, late by {1e3 * late_s[len(late_s) // 2]:.1f} ms (median),", end=" ")
     print(f"{1e3 * late_s[int(0.99 * len(late_s))]:.1f} ms (99th percentile)")
