@@ -124,19 +124,9 @@ def diagnose_changed(
     own = _long_enough(known.records(traces))
     bare = known.bare_fit(own)
     selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
-    before, after = selection.bare.held_out_rmse_degC, _left_degC(selection)
+    before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
     most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / known.rmse_degC, _MOST_OF_A_LARGE_MISFIT))
     return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
-
-
-def _left_degC(selection: Selection) -> float:
-    """The held-out error with what was found; where something acts for a while, whose fold says nothing of it, by short
-    stretches."""
-    bare, final = selection.bare, selection.final
-    if all(each.lasts for each in final.model.mechanisms):
-        return final.held_out_rmse_degC
-    by_stretches = bare.held_out_rmse_degC * float(np.sqrt(final.combed.sum() / bare.combed.sum()))
-    return min(final.held_out_rmse_degC, by_stretches)
 
 
 def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float | None, progress: Progress | None) -> Diagnosis:

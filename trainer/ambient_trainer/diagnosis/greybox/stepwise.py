@@ -24,7 +24,7 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.windows import Columns, best_windows, sharpened
+from ambient_trainer.diagnosis.greybox.windows import Columns, best_window, best_windows, sharpened
 from ambient_trainer.diagnosis.record import Record
 
 _log = logging.getLogger(__name__)
@@ -352,9 +352,10 @@ def _placed_again(fitted: Fitted) -> Fitted:
         model, last = fitted.model.without(len(fitted.model.mechanisms) - 1), fitted.model.mechanisms[-1]
         starts = [run.start for run in fitted.runs]
         beside = fit(model, fitted.records, starts, most=0, prior=fitted.prior)
-        windows = [] if beside is None else list(best_windows(beside, last, _columns_of(beside)))
-        window = next((each for each in windows if _ends(each) == _ends(last)), last)
-        if window == last:
+        if beside is None:
+            break
+        window = best_window(beside, last, _columns_of(beside), closed=all(_ends(last)))
+        if window is None or window == last or _ends(window) != _ends(last):
             break
         again = fit(model.with_mechanism(window), fitted.records, starts, most=_FEW, tolerance=3e-3, prior=fitted.prior)
         if again is None or again.rmse_degC > fitted.rmse_degC:

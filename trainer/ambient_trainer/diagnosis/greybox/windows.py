@@ -33,16 +33,18 @@ def best_windows(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Iter
 
     A large change bends what it does: to first order it looks as if it had ended, where it has only begun.
     """
-    best = _best_window(fitted, mechanism, columns, closed=True)
+    best = best_window(fitted, mechanism, columns, closed=True)
     if best is None:
         return
     yield best
     if best.onset_s is not None and best.end_s is not None:
-        half = _best_window(fitted, mechanism, columns, closed=False)
+        half = best_window(fitted, mechanism, columns, closed=False)
         yield from () if half is None else (half,)
 
 
-def _best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: bool) -> Mechanism | None:
+def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: bool) -> Mechanism | None:
+    """``mechanism`` in the best window of all, or, not ``closed``, of those that are open on one side; None where there
+    is none."""
     record = max(fitted.records, key=lambda each: each.samples)
     if record.samples < 4 * _COARSE or len(mechanism.probes()) != 1:
         return None

@@ -85,10 +85,6 @@ class ZoneLoss(Coupling):
     cause = "convection_law"
     noun = "a loss that differs between a hot and a cold ambient"
 
-    @property
-    def structural(self) -> bool:
-        return True
-
 
 def windowed(scene: Scene) -> Iterator[Mechanism]:
     """A change of the loss of each node, and of all, that nothing logged shows."""
