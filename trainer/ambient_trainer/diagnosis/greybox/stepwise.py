@@ -41,7 +41,7 @@ _LOOPED = 2500
 _SURE, _SURELY, _WITHIN = 1.645, 1.96, 100.0
 _BELOW_FLOOR = 0.55
 _LASTING, ANSWERS, COINCIDE = 1.3, 1.5, 0.6
-_PLACED = 4
+_PLACED = 2
 _PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
