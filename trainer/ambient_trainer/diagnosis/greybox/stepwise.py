@@ -426,7 +426,7 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     otherwise_degC = given[0].rmse_degC if given else before.held_out_rmse_degC
     if physical and otherwise_degC < ANSWERS * physical[0].rmse_degC:
         physical = given
-    return _lasting(physical, driven) if physical else None
+    return _lasting(physical, driven, least_degC) if physical else None
 
 
 def _blamed(instruments: Sequence[Trial]) -> Trial | None:
@@ -439,10 +439,21 @@ def _penalised_at_its_sensor(trial: Trial) -> float:
     return float(np.log(sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
 
 
-def _lasting(ordered: Sequence[Trial], driven: Sequence[Trial]) -> Trial:
+def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
+    """The first, unless the same law with fewer numbers is there and they gain less than a step has to."""
+    first = ordered[0]
+    for each in ordered[1:]:
+        same = each.mechanism.key == first.mechanism.key and each.lasting == first.lasting
+        if same and len(each.mechanism.numbers) < len(first.mechanism.numbers):
+            enough = penalised(first) < penalised(each) - LEAST_GAIN and first.rmse_degC < each.rmse_degC - least_degC
+            return first if enough else each
+    return first
+
+
+def _lasting(ordered: Sequence[Trial], driven: Sequence[Trial], least_degC: float) -> Trial:
     """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure, or one
     of ``driven`` acted at that time."""
-    first = ordered[0]
+    first = _plainest(ordered, least_degC)
     if first.lasting:
         return first
     error = float(np.sqrt(first.fitted.combed.sum()))
