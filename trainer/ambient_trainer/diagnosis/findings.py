@@ -33,8 +33,9 @@ _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
 _CENTRE, _SLOPE = 0.05, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error: 57 verdicts of ``discover``."""
-_JUMPS = 0.6
-"""Of the confidence in an offset for a while: readings jump where water begins to flow, too, in a measured heater."""
+_EITHER = 0.6
+"""Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
+heater, and a measured box whose contents warm it ever more reads as one whose sensor drifts."""
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
@@ -64,7 +65,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
             )
             windows.append((mechanism, confidence))
         magnitude, parameters = _numbers(final, index)
-        rivals = [each for each in step.trials if _rival(each, chosen)]
+        rivals = [cause_of(each.mechanism, final.model.circuit) for each in step.trials if _rival(each, chosen)]
         name = cause_of(mechanism, final.model.circuit)
         sentence = (
             f"{name}: {magnitude.meaning} {digits(magnitude.value)} {magnitude.unit} ({digits(magnitude.ci95[0])} to"
@@ -80,9 +81,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
                 magnitude=magnitude,
                 confidence=confidence,
                 gain=gain,
-                indistinguishable_from=tuple(
-                    dict.fromkeys(cause_of(each.mechanism, final.model.circuit) for each in rivals)
-                ),
+                indistinguishable_from=tuple(dict.fromkeys([*rivals, *_or_creeping_heat(chosen)])),
                 sentence=sentence,
                 parameters=parameters,
                 residual_degC=chosen.fitted.residual_degC(longest),
@@ -188,8 +187,20 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
-    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_JUMPS if chosen.mechanism.sudden else 1.0)
+    either = chosen.mechanism.sudden or _or_creeping_heat(chosen)
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def _or_creeping_heat(trial: Trial) -> tuple[Cause, ...]:
+    """Heat that slowly changes, where a sensor seems to drift that no other sensor's node exchanges heat with."""
+    if trial.mechanism.cause != "sensor_drift":
+        return ()
+    fitted, place = trial.fitted, trial.mechanism.places[0]
+    network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
+    node = int(network.reads[network.sensors.index(place)])
+    others = [int(each) for each in network.reads if each != node]
+    return () if network.between[0, node, others].any() else (Cause("heat_source", network.nodes[node]),)
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

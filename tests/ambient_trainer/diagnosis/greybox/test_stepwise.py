@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ambient_trainer.circuits.circuit import Addition
+from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.greybox.mechanisms import mass
 from ambient_trainer.diagnosis.greybox.model import GreyBox
@@ -118,6 +119,45 @@ def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulat
     step = diagnose(circuit, [replace(trace, columns={**trace.columns, "board_degC": read})]).steps[0]
     assert step.cause == Cause(fault, "board"), seed
     assert step.onset_s == pytest.approx(14400 if fault == "sensor_stuck" else 18000, abs=600), seed
+
+
+def test_heat_that_creeps_is_not_surely_a_drift(circuit, simulated):
+    """Contents that warm a box ever more: one sensor in it cannot tell that from its own drift."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+    found = diagnose(circuit, [simulated(seed, heat_W=lambda now, degC: 0.08 * now["time_s"] / 3600.0)])
+    for step in found.steps:
+        if step.cause.name == "sensor_drift":
+            assert step.confidence < 0.7, seed
+            assert Cause("heat_source", "board") in step.indistinguishable_from, seed
+
+
+def thermostat(seed):
+    """A box that a controller keeps warm with a heater that acts 90 s later; what else is in it warms it, too."""
+    draw = np.random.default_rng(seed)
+    size, period_s = 1500, 15.0
+    air_degC = 22.0 + np.cumsum(draw.normal(0, 0.02, size))
+    current_A, box_degC, degC = np.zeros(size), np.zeros(size), 27.0
+    constant_K = draw.uniform(3.0, 5.0)
+    for k in range(size):
+        box_degC[k] = degC + draw.normal(0, 0.02)
+        current_A[k] = np.clip(current_A[k - 1] + 0.2 * (30.0 - box_degC[k]), 0.1, 2.0)
+        warm_K = 2.9 * current_A[max(k - 6, 0)] + constant_K
+        degC += (air_degC[k] + warm_K - degC) * period_s / 700.0
+    columns = {"board_degC": box_degC, "ambient_degC": air_degC, "heater_A": current_A}
+    return Trace("thermostat.csv", period_s * np.arange(size), columns)
+
+
+@pytest.mark.slow
+def test_a_heater_that_swings_is_late_by_less_than_a_swing(circuit):
+    """Beside it, what is always there; each shows itself beside the other."""
+    seed, right = int(np.random.default_rng().integers(1 << 30)), 0
+    for draw in range(4):
+        steps = diagnose(circuit, [thermostat(seed + draw)]).steps
+        drivers = [each.cause.signal or "" for each in steps if each.cause.name == "heat_source"]
+        late_s = [float(each[:-1].split(",")[1]) for each in drivers if each.startswith("delay(heater_A")]
+        sure = {each.cause.name for each in steps if each.confidence >= 0.9}
+        right += late_s == [pytest.approx(90.0, abs=30.0)] and sure <= {"heat_source"}
+    assert right >= 2, seed
 
 
 def flame(time_s):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.signal import correlate, find_peaks
 
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import AMBIENT
@@ -23,6 +24,8 @@ _DWELLS, _WATER = 0.3, 0.1
 _MOST_COLUMNS = 24
 _NEAR_REST, _RESTS = 0.05, 0.2
 """Of a column's range, and of the samples that are so near to where it rests."""
+_AGAIN = 0.5
+"""Of an autocorrelation: how far a peak of it stands out where a column repeats itself."""
 _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 _WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
@@ -149,7 +152,10 @@ class Scene:
     def tuned_drivers(self) -> list[Expression]:
         """Columns that act later, and those that act beyond a level: no power does, nor a current."""
         plain = [each.text for each in self.drivers if each.columns == (each.text,)]
-        found = [f"delay({each}, {delay_s:.4g})" for each in plain for delay_s in self._delays_s]
+        found = []
+        for each in plain:
+            most_s = self._repeats_s(each)
+            found += [f"delay({each}, {delay_s:.4g})" for delay_s in self._delays_s if delay_s < most_s]
         for each in plain:
             if each.endswith((*_WARMING, "_A")):
                 continue
@@ -162,6 +168,15 @@ class Scene:
     def _delays_s(self) -> Array:
         first, last = _SHORTEST_DELAY * self.period_s, min(_LONGEST_DELAY * self.longest_s, _LONGEST_DELAY_S)
         return np.geomspace(first, last, 8) if first < last else np.zeros(0)
+
+    def _repeats_s(self, name: str) -> float:
+        """Half the time after which a column does again what it did, as its autocorrelation has it: a controller's
+        swings delayed by more are those of another one."""
+        row = max((record.signals[name] for record in self.records), key=len)
+        row = row - row.mean()
+        alike = correlate(row, row, method="fft")[len(row) - 1 :] / max(float(row @ row), 1e-300)
+        peaks, _ = find_peaks(alike, prominence=_AGAIN)
+        return self.period_s * float(peaks[0]) / 2 if len(peaks) else np.inf
 
     @cached_property
     def known_heat(self) -> list[str]:

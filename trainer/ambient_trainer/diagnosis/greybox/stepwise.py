@@ -638,8 +638,8 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
     enough = single < min(_LITTLE * error, _ABOVE_FLOOR * limits.floor_degC)
     if chosen is not None and (chosen.evident or (enough and chosen.driver is not None)):
         return []
-    # heat that nothing logged drives may stand for a driver and for what is there without it
-    unlogged = chosen is not None and chosen.cause == "heat_source" and chosen.driver is None
+    # heat that nothing logged drives may stand for a driver and for what is there without it, or hide it
+    unlogged = chosen is None or (chosen.cause == "heat_source" and chosen.driver is None)
     begun: dict[object, Trial] = {}
     for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
         if _stores_or_heats(each.mechanism, unlogged):
@@ -652,7 +652,7 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
         others = [
             each
             for each in screen(Scene(first.fitted), offered if logged else lasting_candidates)
-            if _stores_or_heats(each.mechanism, unlogged) or (logged and _changes(each.mechanism))
+            if _stores_or_heats(each.mechanism, unlogged or logged) or (logged and _changes(each.mechanism))
         ]
         # of two heats by drivers each shows itself alone, but a driver's rate only beside it
         driven = first.mechanism.key[2]
