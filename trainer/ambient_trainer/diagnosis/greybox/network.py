@@ -12,7 +12,9 @@ as a further input that is predicted and corrected from sample to sample (expone
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +88,12 @@ class Network:
     def nonlinear(self) -> bool:
         """Whether it is simulated step by step."""
         return bool(self.varying or self.pairs or self.powers or self.phases)
+
+    def copied(self) -> Network:
+        """Another one to add to."""
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        own: dict[str, Any] = {name: copy(row) for name, row in given.items() if isinstance(row, list | np.ndarray)}
+        return replace(self, **own)
 
     def index(self, node: str) -> int:
         """The number of a node."""

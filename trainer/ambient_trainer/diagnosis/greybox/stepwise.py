@@ -22,6 +22,7 @@ from ambient_model.faults import refuse
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.windows import Columns, best_window, best_windows, sharpened
@@ -200,35 +201,35 @@ def screen(scene: Scene, offered: Offered) -> list[Screened]:
 
 def _columns_of(fitted: Fitted) -> Columns:
     """What each probe of a mechanism adds to the sensors beside a fit, (M, k)."""
-    bases = [_base(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
-
-    def columns_of(mechanism: Mechanism) -> Array:
-        every = zip(fitted.records, fitted.runs, bases)
-        return np.concatenate(
-            [_effect(fitted.model, record, run.start, base, mechanism) for record, run, base in every]
-        )
-
-    return columns_of
+    beside = [_Beside(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
+    return lambda mechanism: np.concatenate([each.effect(mechanism) for each in beside])
 
 
-def _base(model: GreyBox, record: Record, start: Array) -> tuple[Array, Array]:
-    """All nodes (n, N) of a model, and what its sensors read (s, N)."""
-    network = model.network(record, model.z()[None])
-    nodes = network.nodes_degC(start[None])
-    return nodes[0], network.read(nodes)[0]
+class _Beside:
+    """A model on a record, whose own heat and losses stay as they are along its simulation."""
 
+    def __init__(self, model: GreyBox, record: Record, start: Array) -> None:
+        self.model, self.record, self.start = model, record, start
+        network = model.network(record, model.z()[None])
+        self.nodes = network.nodes_degC(start[None])[0]
+        self.read = network.read(self.nodes[None])[0]
+        self._frozen: dict[int, Network] = {}
 
-def _effect(model: GreyBox, record: Record, start: Array, base: tuple[Array, Array], mechanism: Mechanism) -> Array:
-    """What each probe of a mechanism adds to the sensors, (M, k)."""
-    nodes, read = base
-    probes = np.array(mechanism.probes(), dtype=float)
-    network = model.network(record, np.repeat(model.z()[None], len(probes), axis=0))
-    network.frozen(nodes)
-    mechanism.apply(network, probes, record)
-    first = np.full((len(probes), len(network.nodes)), start[network.reads].mean())
-    first[:, : len(start)] = start
-    valid = np.isfinite(record.sensors)
-    return np.asarray((record.weights * (network.simulate(first) - read))[:, valid].T)
+    def effect(self, mechanism: Mechanism) -> Array:
+        """What each probe of a mechanism adds to the sensors, (M, k)."""
+        probes = np.array(mechanism.probes(), dtype=float)
+        network = self._network(len(probes))
+        mechanism.apply(network, probes, self.record)
+        first = np.full((len(probes), len(network.nodes)), self.start[network.reads].mean())
+        first[:, : len(self.start)] = self.start
+        valid = np.isfinite(self.record.sensors)
+        return np.asarray((self.record.weights * (network.simulate(first) - self.read))[:, valid].T)
+
+    def _network(self, lanes: int) -> Network:
+        if lanes not in self._frozen:
+            self._frozen[lanes] = self.model.network(self.record, np.repeat(self.model.z()[None], lanes, axis=0))
+            self._frozen[lanes].frozen(self.nodes)
+        return self._frozen[lanes].copied()
 
 
 def _scored(fitted: Fitted, S: Array, lasts: bool) -> tuple[Array, float]:

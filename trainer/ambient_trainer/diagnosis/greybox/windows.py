@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -33,12 +34,13 @@ def best_windows(fitted: Fitted, mechanism: Mechanism, columns: Columns) -> Iter
 
     A large change bends what it does: to first order it looks as if it had ended, where it has only begun.
     """
-    best = best_window(fitted, mechanism, columns, closed=True)
+    known = cache(columns)
+    best = best_window(fitted, mechanism, known, closed=True)
     if best is None:
         return
     yield best
     if best.onset_s is not None and best.end_s is not None:
-        half = best_window(fitted, mechanism, columns, closed=False)
+        half = best_window(fitted, mechanism, known, closed=False)
         yield from () if half is None else (half,)
 
 
