@@ -15,7 +15,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
-from ambient_trainer.diagnosis.greybox.stepwise import Trial
+from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.later import Later
 from ambient_trainer.diagnosis.result import Cause
 

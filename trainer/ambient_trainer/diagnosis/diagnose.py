@@ -22,13 +22,13 @@ from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
+from ambient_trainer.diagnosis.greybox.screening import changed_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import (
     Limits,
     Progress,
     Selection,
     anchors,
     bare_fit,
-    changed_candidates,
     stepwise,
 )
 from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines

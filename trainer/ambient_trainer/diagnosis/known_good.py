@@ -16,7 +16,8 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, expected_start, fit, simulate
-from ambient_trainer.diagnosis.greybox.stepwise import Progress, bare_fit, lasting_candidates, stepwise
+from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
+from ambient_trainer.diagnosis.greybox.stepwise import Progress, bare_fit, stepwise
 from ambient_trainer.diagnosis.record import Record, records_of
 
 _FINEST_DEGC = 1e-3

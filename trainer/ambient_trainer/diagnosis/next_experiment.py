@@ -15,7 +15,8 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.findings import cause_of
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, simulate
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, Trial
+from ambient_trainer.diagnosis.greybox.stepwise import Selection
+from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Step
 from ambient_trainer.diagnosis.words import digits, duration

@@ -13,7 +13,9 @@ from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import Trial, anchors, bare_fit, lasting_candidates, stepwise
+from ambient_trainer.diagnosis.greybox.screening import lasting_candidates
+from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
+from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.next_experiment import _closest, _largest, next_experiment
 
 UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0}

@@ -12,7 +12,8 @@ from ambient_trainer.diagnosis.greybox.mechanisms import mass
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, changed_candidates, screen, stepwise
+from ambient_trainer.diagnosis.greybox.screening import changed_candidates, screen
+from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
 from ambient_trainer.diagnosis.result import Cause
 
 HIDDEN = {

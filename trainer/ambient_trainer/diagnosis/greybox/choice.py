@@ -1,0 +1,157 @@
+"""Which trial is taken, if any: one that gains on data it was not fitted to, physics before instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, complexity, penalised
+from ambient_trainer.diagnosis.record import Record
+
+LEAST_GAIN = 0.05
+"""Of the held-out error's logarithm: a step that gains less is curve fitting."""
+INSTRUMENT, _HALF = 1.3, 0.5
+_SURE = 1.645
+_LASTING, ANSWERS, COINCIDE = 1.3, 1.5, 0.6
+_SHAKEN = 1.5
+"""Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
+_BESIDE, _NEAR = 3, 8
+"""Samples on each side of a jump, and how far it may be from the end of a window, which a grid has placed."""
+
+
+def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial | None:
+    """The trial with the least penalised error; None where none gains enough. Physics goes before instruments.
+
+    But what shows itself in the readings alone, a sensor that stands still while all else moves, comes first.
+    """
+    ordered = sorted((each for each in trials if not each.at_bounds), key=penalised)
+    for each in ordered:
+        if each.mechanism.evident and _halves(before, each):
+            return each
+    passing = [each for each in ordered if gains(before, each, least_degC) and each.identified and _jumps(each)]
+    physical = [each for each in passing if not each.mechanism.instrument]
+    # what a logged driver explains may lie within one fold
+    driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
+    driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
+    blamed = _blamed([each for each in passing if each.mechanism.instrument])
+    if blamed is not None:
+        # a clock that is off looks like nothing else: there it is enough to do better than all physics, sound or not
+        clock = not blamed.mechanism.places
+        rivals = [each for each in trials if not each.mechanism.instrument] if clock else [*physical, *driven]
+        better = all(blamed.rmse_degC * INSTRUMENT < each.rmse_degC for each in rivals)
+        if better and (clock or _halves(before, blamed)):
+            return blamed
+    # another temperature that is logged may answer to the same cause: it has to explain much more
+    given = [each for each in physical if not each.mechanism.responds]
+    otherwise_degC = given[0].rmse_degC if given else before.held_out_rmse_degC
+    if physical and otherwise_degC < ANSWERS * physical[0].rmse_degC:
+        physical = given
+    return _lasting(physical, driven, least_degC) if physical else None
+
+
+def _blamed(instruments: Sequence[Trial]) -> Trial | None:
+    """Of the sensor that the first one blames the fault that leaves least there: elsewhere they change nothing."""
+    alike = [each for each in instruments if each.mechanism.places == instruments[0].mechanism.places]
+    return min(alike, key=_penalised_at_its_sensor, default=None)
+
+
+def _penalised_at_its_sensor(trial: Trial) -> float:
+    return float(np.log(sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
+
+
+def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
+    """The first, unless the same law with fewer numbers is there and they gain less than a step has to."""
+    first = ordered[0]
+    for each in ordered[1:]:
+        same = each.mechanism.key == first.mechanism.key and each.lasting == first.lasting
+        if same and len(each.mechanism.numbers) < len(first.mechanism.numbers):
+            enough = penalised(first) < penalised(each) - LEAST_GAIN and first.rmse_degC < each.rmse_degC - least_degC
+            return first if enough else each
+    return first
+
+
+def _lasting(ordered: Sequence[Trial], driven: Sequence[Trial], least_degC: float) -> Trial:
+    """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure, or one
+    of ``driven`` acted at that time."""
+    first = _plainest(ordered, least_degC)
+    if first.lasting:
+        return first
+    error = float(np.sqrt(first.fitted.combed.sum()))
+    logged = (each for each in driven if _coincide(first, each))
+    alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < _LASTING * error)
+    return next(logged, next(alike, first))
+
+
+def _coincide(window: Trial, logged: Trial) -> bool:
+    """Whether a window in which nothing logged acts is about when a logged driver of the same cause acted."""
+    if (window.mechanism.cause, window.mechanism.places) != (logged.mechanism.cause, logged.mechanism.places):
+        return False
+    return correlation(window.mechanism, logged.mechanism, window.fitted.records) > COINCIDE
+
+
+def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> float:
+    """Of what drives two mechanisms; 0 where either is there all the time."""
+    rows = np.array([np.concatenate([each.weight(record) for record in records]) for each in (one, other)])
+    return float(np.corrcoef(rows)[0, 1]) if np.ptp(rows, axis=1).all() else 0.0
+
+
+def _jumps(trial: Trial) -> bool:
+    """Whether readings jump where an offset of a sensor begins and ends: what warms or cools takes its time."""
+    mechanism = trial.mechanism
+    if not mechanism.sudden:
+        return True
+    amount = mechanism.numbers[0].value
+    sensor = [output.name for output in trial.fitted.model.circuit.outputs].index(mechanism.places[0])
+    for index, record in enumerate(trial.fitted.records):
+        without = trial.fitted.residual_degC(index)[sensor] + amount * mechanism.weight(record)
+        for at_s, size in ((mechanism.onset_s, amount), (mechanism.end_s, -amount)):
+            if at_s is not None and record.time_s[0] < at_s < record.time_s[-1]:
+                edge = int(np.searchsorted(record.time_s, at_s))
+                jumps = [_jump(without, each) for each in range(edge - _NEAR, edge + _NEAR + 1)]
+                if max(np.sign(size) * np.array(jumps)) < _HALF * abs(size):
+                    return False
+    return True
+
+
+def _jump(row: Array, at: int) -> float:
+    """From the samples before ``at`` to those behind it; 0 where the row has too few."""
+    before, after = row[max(at - _BESIDE, 0) : max(at, 0)], row[at + 1 : at + 1 + _BESIDE]
+    known = np.isfinite(before).any() and np.isfinite(after).any()
+    return float(np.nanmean(after) - np.nanmean(before)) if known else 0.0
+
+
+def _halves(before: Fitted, trial: Trial) -> bool:
+    """Whether more than half of the error goes at the sensor that a trial blames."""
+    return sensor_rmse_degC(trial.fitted, trial) < _HALF * sensor_rmse_degC(before, trial)
+
+
+def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
+    """What is left in sample at the sensor that a trial blames; at all of them for a clock."""
+    sensors = [output.name for output in fitted.model.circuit.outputs]
+    blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))
+    left = np.concatenate([fitted.residual_degC(index)[blamed] for index in range(len(fitted.records))], axis=1)
+    return float(np.sqrt(np.nanmean(left**2)))
+
+
+def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
+    """Whether a fit gains on held-out folds, by enough, and in more of them than chance would have it."""
+    if penalised(after) > np.log(before.held_out_rmse_degC) - LEAST_GAIN:
+        return False
+    if before.held_out_rmse_degC - after.rmse_degC < least_degC:
+        return False
+    # of a window that is left out whole nothing is known, but the rest has to stand as it did
+    if not after.lasting and after.fitted.held_out_rmse_degC > _SHAKEN * before.held_out_rmse_degC:
+        return False
+    by_comb = _beyond_chance(before.combed - after.fitted.combed)
+    # what acts all the time may have shown itself in one fold only
+    return by_comb or (after.lasting and _beyond_chance(before.held_out - after.fitted.held_out))
+
+
+def _beyond_chance(apart: Array) -> bool:
+    """Whether what each fold gains is surely more than nothing on the average, or most of them gain."""
+    scatter = float(np.std(apart, ddof=1) / np.sqrt(len(apart)))
+    return bool(apart.mean() > _SURE * scatter or (apart > 0).mean() >= 0.75)

@@ -1,0 +1,180 @@
+"""Which mechanisms are worth a fit: candidates of every kind, and what each would leave, by a score test.
+
+The score test takes each candidate's first-order effect on the *simulated* sensors, projects out what the model's own
+numbers could do as well, and solves for its amount (Rao 1948). Measured temperatures are never regressors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from ambient_trainer.data.plugins import plugin, plugin_names
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.network import Network
+from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.windows import Columns, best_windows
+from ambient_trainer.diagnosis.record import Record
+
+_MECHANISMS = f"{__package__}.mechanisms"
+_SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
+Offered = Callable[[Scene, Columns], Iterator[Mechanism]]
+
+
+@dataclass(frozen=True)
+class Screened:
+    """A candidate by the score test: as it would start, and the sum of squares that is held out."""
+
+    mechanism: Mechanism
+    held_out: float
+    point: Fitted
+    """The model beside which it was screened."""
+
+
+def lasting_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those of every kind of mechanism that may act all the time."""
+    yield from _offered(scene, "candidates")
+
+
+def every_candidate(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those, and those that may act for a while, each in its best window, and what else may act in that."""
+    yield from lasting_candidates(scene, columns_of)
+    yield from _placed(scene, columns_of, _offered(scene, "windowed"))
+    yield from _placed(scene, columns_of, _offered(scene, "alone"))
+
+
+def changed_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those, and what may have changed for good or begun on a device that known-good records hold."""
+    windowed = _placed(scene, columns_of, _offered(scene, "windowed"))
+    yield from (each for each in (*lasting_candidates(scene, columns_of), *windowed) if not each.structural)
+    yield from _offered(scene, "windowed")
+    yield from _offered(scene, "changed")
+    yield from _placed(scene, columns_of, _offered(scene, "begun"))
+
+
+def _offered(scene: Scene, how: str) -> Iterator[Mechanism]:
+    """What the kinds of mechanism offer by a function of that name."""
+    for name in plugin_names(_MECHANISMS):
+        yield from getattr(plugin(_MECHANISMS, name), how, lambda scene: ())(scene)
+
+
+def _placed(scene: Scene, columns_of: Columns, offered: Iterable[Mechanism]) -> Iterator[Mechanism]:
+    """Each in its best windows, and what else may act in those."""
+    for each in offered:
+        for placed in best_windows(scene.fitted, each, columns_of):
+            yield placed
+            for name in plugin_names(_MECHANISMS):
+                beside = getattr(plugin(_MECHANISMS, name), "beside", None)
+                yield from () if beside is None else beside(scene, placed)
+
+
+def screen(scene: Scene, offered: Offered) -> list[Screened]:
+    """Candidates of ``offered`` by what they would leave on held-out blocks, to first order; best first."""
+    fitted = scene.fitted
+    columns_of = columns_beside(fitted)
+    result = []
+    for each in offered(scene, columns_of):
+        columns = columns_of(each)
+        if not np.isfinite(columns).all() or not columns.any():
+            continue
+        amounts, squares = _scored(fitted, columns, each.lasts)
+        started = each.started([float(amount) for amount in amounts])
+        if started is not None and np.isfinite(squares):
+            result.append(Screened(started, squares, fitted))
+    return sorted(result, key=lambda each: each.held_out)
+
+
+def columns_beside(fitted: Fitted) -> Columns:
+    """What each probe of a mechanism adds to the sensors beside a fit, (M, k)."""
+    beside = [_Beside(fitted.model, record, run.start) for record, run in zip(fitted.records, fitted.runs)]
+    return lambda mechanism: np.concatenate([each.effect(mechanism) for each in beside])
+
+
+class _Beside:
+    """A model on a record, whose own heat and losses stay as they are along its simulation."""
+
+    def __init__(self, model: GreyBox, record: Record, start: Array) -> None:
+        self.model, self.record, self.start = model, record, start
+        network = model.network(record, model.z()[None])
+        self.nodes = network.nodes_degC(start[None])[0]
+        self.read = network.read(self.nodes[None])[0]
+        self._frozen: dict[int, Network] = {}
+
+    def effect(self, mechanism: Mechanism) -> Array:
+        """What each probe of a mechanism adds to the sensors, (M, k)."""
+        probes = np.array(mechanism.probes(), dtype=float)
+        network = self._network(len(probes))
+        mechanism.apply(network, probes, self.record)
+        first = np.full((len(probes), len(network.nodes)), self.start[network.reads].mean())
+        first[:, : len(self.start)] = self.start
+        valid = np.isfinite(self.record.sensors)
+        return np.asarray((self.record.weights * (network.simulate(first) - self.read))[:, valid].T)
+
+    def _network(self, lanes: int) -> Network:
+        if lanes not in self._frozen:
+            self._frozen[lanes] = self.model.network(self.record, np.repeat(self.model.z()[None], lanes, axis=0))
+            self._frozen[lanes].frozen(self.nodes)
+        return self._frozen[lanes].copied()
+
+
+def _scored(fitted: Fitted, S: Array, lasts: bool) -> tuple[Array, float]:
+    """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them.
+
+    What acts for a while is left out in short stretches, and its gain on them is taken for that on folds.
+    """
+    parts, left_out = (fitted.by_fold, LEFT_OUT) if lasts else (fitted.by_comb, EACH)
+    full = parts.beside(S)
+    own = full.H.shape[1] - S.shape[1]
+    size = np.concatenate([np.ones(own), 1.0 / (np.sqrt((S**2).sum(axis=0)) + 1e-300)])
+    ridge = block_diag(fitted.ridge(), 1e-9 * np.eye(S.shape[1]))
+    sized = full.scaled(size)
+    solution = np.linalg.lstsq(sized.H.sum(axis=0) + ridge, sized.g.sum(axis=0), rcond=1e-12)[0]
+    amounts = (solution * size)[own:]
+    # the candidate's own coordinate is its amount: a fold that is left out may change it as much as it likes
+    scaled = sized.moved(solution).scaled(np.concatenate([np.ones(own), np.abs(amounts) / size[own:]]))
+    squares = float(scaled.held_out(ridge, left_out).sum())
+    return amounts, squares if lasts else squares * float(fitted.held_out.sum() / fitted.combed.sum())
+
+
+def shortlist(screened: Sequence[Screened]) -> list[Screened]:
+    """The best overall, the best of every cause with and without a driver, and of every driver."""
+    distinct: dict[tuple[object, ...], Screened] = {}
+    for each in screened:
+        mechanism = each.mechanism
+        point = id(each.point) if mechanism.shaped else 0
+        bounded = ends_within(mechanism)
+        distinct.setdefault((type(mechanism), mechanism.key, len(mechanism.numbers), point, bounded), each)
+    ordered = list(distinct.values())
+    chosen = ordered[:_SHORTLIST]
+    seen: dict[tuple[str, object], int] = {}
+    started: dict[tuple[object, ...], int] = {}
+    for each in ordered:
+        cause, _, driver = each.mechanism.key
+        windowed = ends_within(each.mechanism)
+        numbers = len(each.mechanism.numbers) * each.mechanism.shaped
+        kinds: list[tuple[str, object]] = [("cause", (sum(windowed), type(each.mechanism), driver == "", numbers))]
+        if any(windowed) and cause == "heat_source":
+            kinds.append(("where", each.mechanism.places))
+        shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
+        if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
+            started[shape] = started.get(shape, 0) + 1
+            chosen.append(each)
+        scope = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
+        scope = "tuned " * each.mechanism.tuned + scope
+        if driver and "*" not in driver and len([key for key in seen if key[0] == scope]) < _DRIVERS:
+            kinds.append((scope, (cause, driver)))
+        for kind in kinds:
+            seen[kind] = seen.get(kind, 0) + 1
+            if seen[kind] == 1:
+                chosen.append(each)
+    return list({id(each): each for each in chosen}.values())
+
+
+def ends_within(mechanism: Mechanism) -> tuple[bool, bool]:
+    """Whether it begins, and whether it ends, within the record."""
+    return mechanism.onset_s is not None, mechanism.end_s is not None

@@ -1,0 +1,197 @@
+"""What candidates are worth, fitted jointly with all numbers: the held-out error, and what each takes for granted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
+
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
+from ambient_trainer.diagnosis.greybox.screening import Screened, columns_beside, ends_within
+from ambient_trainer.diagnosis.greybox.windows import best_window, sharpened
+from ambient_trainer.diagnosis.record import Record
+
+PENALTY = 0.04
+"""Of the held-out error's logarithm, by complexity."""
+_FEW, _MANY, _FINALISTS = 5, 25, 4
+_HOPELESS = 0.25
+_LOOPED = 2500
+_SURELY, _WITHIN = 1.96, 100.0
+_PLACED = 2
+_ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
+"""What carries charge or heat moves no air."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate that was fitted jointly with all numbers."""
+
+    mechanism: Mechanism
+    fitted: Fitted
+    rmse_degC: float
+    """Held-out."""
+    at_bounds: bool
+    """Whether a number of it ends at a physical bound, or an earlier amount that had stood free."""
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it acts all the time."""
+        return self.mechanism.lasts
+
+    @property
+    def identified(self) -> bool:
+        """Whether its numbers are."""
+        return identified(self.fitted, len(self.fitted.model.mechanisms) - 1)
+
+    @staticmethod
+    def of(before: Fitted, after: Fitted) -> Trial:
+        """The last mechanism of ``after``; one that acts for a while is scored on short stretches."""
+        mechanism, error = after.model.mechanisms[-1], after.held_out_rmse_degC
+        if not mechanism.lasts:
+            error = before.held_out_rmse_degC * float(np.sqrt(after.combed.sum() / before.combed.sum()))
+        # an earlier time constant may well turn out to be longer than the record
+        new = after.at_bounds - before.at_bounds
+        numbers, own = after.model.numbers, len(after.model.numbers) - len(mechanism.numbers)
+        bounded = any(index >= own or not numbers[index].log for index in new)
+        return Trial(mechanism, after, error if np.isfinite(error) else float("inf"), bounded)
+
+
+def identified(fitted: Fitted, index: int) -> bool:
+    """Whether an amount of a mechanism is surely not zero, of heat each, or its conductance is known within a factor of
+    a hundred."""
+    mechanism = fitted.model.mechanisms[index]
+    first = len(fitted.model.own) + sum(len(each.numbers) for each in fitted.model.mechanisms[:index])
+    variance = np.diag(fitted.covariance)[first : first + len(mechanism.numbers)]
+    deviations = np.sqrt(np.maximum(variance, 0.0))
+    amounts = [abs(n.z) > _SURELY * sd for n, sd in zip(mechanism.numbers, deviations) if not n.log]
+    if mechanism.cause == "heat_source":
+        return all(amounts)
+    return any(amounts) or (mechanism.numbers[0].log and bool(_SURELY * deviations[0] < np.log(_WITHIN)))
+
+
+def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[int, int], None]) -> list[Trial]:
+    """Joint fits with each candidate from where it was screened, best first: a few steps for all, more for the best.
+
+    They run side by side in as many processes as joblib is configured for.
+    """
+    total = len(screened) + _FINALISTS
+    begun = [(each.point.model.with_mechanism(each.mechanism), each.point) for each in screened]
+    trials: list[Trial] = []
+    for done, result in enumerate(_side_by_side(_refit, begun, _FEW)):
+        progress(done, total)
+        if result is not None:
+            trials.append(Trial.of(before, result))
+    known = {each.mechanism.key for each in trials}
+    heating = [(each, less) for each in trials if (less := _where_it_heats(each)) and less.key not in known]
+    fewer = [(before.model.with_mechanism(less), each.fitted) for each, less in heating]
+    trials += [Trial.of(before, each) for each in _side_by_side(_refit, fewer, _FEW) if each is not None]
+    trials.sort(key=promise)
+    worth = [each for each in trials[:_FINALISTS] if promise(each) < promise(trials[0]) + _HOPELESS]
+    finalists = [(each.fitted.model, each.fitted) for each in worth]
+    for index, result in enumerate(_side_by_side(_refit_and_validate, finalists, _MANY)):
+        progress(len(screened) + index, total)
+        if result is not None:
+            trials[index] = Trial.of(before, result)
+    return sorted(trials[: len(worth)], key=penalised) + sorted(trials[len(worth) :], key=penalised)
+
+
+def _side_by_side(
+    function: Callable[..., Fitted | None], tasks: Sequence[tuple[GreyBox, Fitted]], most: int
+) -> Iterator[Fitted | None]:
+    calls = (
+        delayed(function)(model, near.records, [run.start for run in near.runs], near.prior, most)
+        for model, near in tasks
+    )
+    results: Iterator[Fitted | None] = Parallel(return_as="generator", max_nbytes=None)(calls)
+    return results
+
+
+def _refit(
+    model: GreyBox, records: Sequence[Record], starts: Sequence[Array], prior: Prior, most: int
+) -> Fitted | None:
+    linear = not model.network(records[0], model.z()[None]).nonlinear
+    with threadpool_limits(1):
+        # without a loop over samples steps cost little, and valleys are followed to their ends
+        most, tolerance = (4 * most, 5e-4) if linear else (most, 3e-3)
+        return fit(model, records, starts, most=most, tolerance=tolerance, prior=prior)
+
+
+def _refit_and_validate(*given: Any) -> Fitted | None:
+    done = _refit(*given)
+    if done is None:
+        return None
+    with threadpool_limits(1):
+        if not (done.model.mechanisms[-1].lasts or done.model.mechanisms[-1].evident):
+            done = sharpened(_placed_again(done))
+        return done.refitted() if cheap(done) else done
+
+
+def _placed_again(fitted: Fitted) -> Fitted:
+    """The same with the window of its last mechanism placed anew beside its other numbers, which it has moved."""
+    for _ in range(_PLACED):
+        model, last = fitted.model.without(len(fitted.model.mechanisms) - 1), fitted.model.mechanisms[-1]
+        starts = [run.start for run in fitted.runs]
+        beside = fit(model, fitted.records, starts, most=0, prior=fitted.prior)
+        if beside is None:
+            break
+        window = best_window(beside, last, columns_beside(beside), closed=all(ends_within(last)))
+        if window is None or window == last or ends_within(window) != ends_within(last):
+            break
+        again = fit(model.with_mechanism(window), fitted.records, starts, most=_FEW, tolerance=3e-3, prior=fitted.prior)
+        if again is None or again.rmse_degC > fitted.rmse_degC:
+            break
+        fitted = again
+    return fitted
+
+
+def cheap(fitted: Fitted) -> bool:
+    """Whether folds can be left out in earnest: without a loop over samples, or with few of them."""
+    network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
+    return not network.nonlinear or sum(record.samples for record in fitted.records) < _LOOPED
+
+
+def _where_it_heats(trial: Trial) -> Mechanism | None:
+    """Heat into several places without those whose amount is at a bound, or not surely one; None where all are."""
+    mechanism, numbers = trial.mechanism, trial.mechanism.numbers
+    if mechanism.cause != "heat_source" or len(mechanism.places) != len(numbers) or len(numbers) == 1:
+        return None
+    deviations = np.sqrt(np.maximum(np.diag(trial.fitted.covariance)[-len(numbers) :], 0.0))
+    sure = [n.z > n.range_z[0] and abs(n.z) > _SURELY * sd for n, sd in zip(numbers, deviations)]
+    kept = [index for index, each in enumerate(sure) if each]
+    return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
+
+
+def promise(trial: Trial) -> float:
+    """Which trials are worth a full fit: by the error in sample, since few steps make the held-out one unsure."""
+    return float(np.log(trial.fitted.rmse_degC)) + PENALTY * complexity(trial.mechanism)
+
+
+def complexity(mechanism: Mechanism) -> float:
+    """How much a mechanism assumes: its numbers, its driver's parts, and whether it blames an instrument."""
+    text = "" if mechanism.driver is None else mechanism.driver.text
+    joule = text.endswith("_A^2")
+    driver = (
+        0.5 * bool(text)
+        + 1.0 * (not text and mechanism.key[0] == "heat_source" and mechanism.onset_s is None)
+        + 1.0 * (mechanism.cause == "heat_source") * (len(mechanism.places) - 1)
+        + 3.0 * (text.endswith("_A") and mechanism.cause == "heat_source")
+        + 1.5 * text.count("*")
+        + 0.5 * text.count("/dt")
+        + 2.5 * mechanism.tuned
+        + 0.5 * (text.count("^") - joule)
+    )
+    electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
+    bounds = 2.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))
+    return 0.5 + mechanism.assumes + 0.5 * len(mechanism.numbers) + driver + electric + bounds
+
+
+def penalised(trial: Trial) -> float:
+    """The logarithm of the held-out error, and what a mechanism assumes."""
+    return float(np.log(trial.rmse_degC)) + PENALTY * complexity(trial.mechanism)
