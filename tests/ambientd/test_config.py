@@ -8,6 +8,11 @@ from ambient_model.faults import Refused
 from ambientd.config import Settings, StateSpec, load_settings, settings_for_model
 from ambientd.publish.file import Options
 from ambientd.publish.spec import Spec
+from ambientd.sources.assign import open_sensors
+from ambientd.sources.hwmon import Hwmon
+from ambientd.sources.power_supply import PowerSupply
+from ambientd.sources.supervision import Rules
+from ambientd.sources.zone import Zone
 
 
 def saved(tmp_path, text, name="ambientd.yaml"):
@@ -28,6 +33,15 @@ WHOLE = {
     "sysfs_root": "/fake",
     "level_percent": 98,
     "zones": {"usb": "usbc-therm-adc"},
+    "zones_by_name": "links",
+    "sensors": {
+        "skin": {"zone": "quiet-therm"},
+        "inlet": {"hwmon": "nct6775", "label": "SYSTIN"},
+        "battery": {"power_supply": "battery", "property": "temp"},
+        "battery_current": {"power_supply": "bms", "property": "current_now", "sign": -1},
+        "battery_voltage": {"power_supply": "bms", "property": "voltage_now"},
+    },
+    "supervision": {"stuck_after_s": 3600, "stuck_within_K": 0.1, "jump_K_per_s": 0.5},
     "coast_s": 5,
     "state": {"path": "s", "max_age_s": 100},
     "publish": [
@@ -56,6 +70,15 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
             ),
             level_percent=98,
             zones={"usb": "usbc-therm-adc"},
+            zones_by_name=str(tmp_path / "links"),
+            sensors={
+                "skin": Zone("quiet-therm"),
+                "inlet": Hwmon("nct6775", "SYSTIN"),
+                "battery": PowerSupply("battery", "temp"),
+                "battery_current": PowerSupply("bms", "current_now", -1),
+                "battery_voltage": PowerSupply("bms", "voltage_now", 1),
+            },
+            supervision=Rules(3600.0, 0.1, 0.5),
             coast_s=5.0,
             state=StateSpec(str(tmp_path / "s"), 100.0),
         )
@@ -64,7 +87,10 @@ def test_every_key_is_taken_the_same_from_json_and_yaml(tmp_path):
 def test_the_model_alone_is_enough(tmp_path):
     path = saved(tmp_path, "model: /m.json\n")
     assert load_settings(path) == settings_for_model("/m.json")._replace(source=path)
-    assert settings_for_model("m.json")[1:7] == ("m.json", 1.0, "/sys", (Spec("stdout"),), 90, {})
+    taken = settings_for_model("m.json")
+    assert taken[1:7] == ("m.json", 1.0, "/sys", (Spec("stdout"),), 90, {})
+    assert (taken.supervision, taken.sensors) == (Rules(None, 0.0, None), {})
+    assert taken.zones_by_name == "/dev/thermal/tz-by-name"
 
 
 def test_every_fault_is_named_at_once(tmp_path):
@@ -114,6 +140,7 @@ publish:
         ("model: a\npublish: []\n", "c.yaml", "publish: is []"),
         ("model: a\nstate: /s\n", "c.yaml", "state: is '/s'"),
         ("model: a\nstate: {path: /s, max_age_s: 0}\n", "c.yaml", "state.max_age_s: is 0"),
+        ("model: a\nsupervision: {stuck_within_K: 0.1}\n", "c.yaml", "supervision.stuck_within_K: has no effect alone"),
     ],
 )
 def test_each_is_refused(tmp_path, text, name, fact):
@@ -124,3 +151,50 @@ def test_files_that_cannot_be_read_are_refused(tmp_path):
     assert "cannot be read (No such file or directory)" in refusal(str(tmp_path / "none.yaml"))
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00model")
     assert "not text" in refusal(str(tmp_path / "bytes.yaml"))
+
+
+def test_every_fault_of_the_sensors_is_named_at_once(tmp_path):
+    path = saved(
+        tmp_path,
+        """
+model: model.json
+zones: {usb: a}
+sensors:
+  usb: {zone: b}
+  a: [zone]
+  b: {zone: x, hwmon: y}
+  c: {zone: 7, offset: 1}
+  d: {hwmon: chip}
+  e: {power_supply: ../x, property: capacity, sign: 2}
+  f: {power_supply: battery, property: temp, sign: -1}
+  g: {zone: "a\\nb"}
+  h: {power_supply: battery, property: current_now, sign: true}
+supervision: {stuck_after_s: 59, stuck_within_K: 2, jump_K_per_s: .inf, spikes: 3}
+""",
+    )
+    with pytest.raises(Refused) as refused:
+        load_settings(path)
+    assert [fault.place for fault in refused.value.faults] == [
+        *("sensors.usb", "sensors.a", "sensors.b", "sensors.c.offset", "sensors.c.zone", "sensors.d.label"),
+        *("sensors.e.power_supply", "sensors.e.property", "sensors.e.sign", "sensors.f.sign", "sensors.g.zone"),
+        *("sensors.h.sign", "supervision.stuck_after_s", "supervision.stuck_within_K", "supervision.jump_K_per_s"),
+        "supervision.spikes",
+    ]
+    forms = (
+        "{hwmon: CHIP, label: LABEL}",
+        "{iio: DEVICE, channel: CHANNEL}",
+        "{power_supply: NAME, property: PROPERTY}",
+        "{zone: TYPE}",
+    )
+    assert all(form in refused.value.faults[1].hint for form in forms)
+
+
+def test_the_rules_of_a_configuration_are_kept(phone, make_model):
+    taken = settings_for_model("m")._replace(sysfs_root=str(phone.root), supervision=Rules(jump_K_per_s=5.0))
+    notes = []
+    sensors = open_sensors(taken, make_model(), notes.append, lambda after_s: None)
+    sensors.read(0.0)
+    (phone.root / "class/thermal/thermal_zone3/temp").write_text("50000\n")
+    assert sensors.read(1.0) == [30.0, None]
+    sensors.close()
+    assert notes == ["sensor battery: set aside (jumped from 25 to 50 degC)"]
