@@ -91,6 +91,7 @@ def call():
     return 7
 child = Child(call)
 signal.signal(signal.SIGINT, lambda number, frame: print("taken"))
+print("listening", flush=True)
 print(child.result())
 """
     process = subprocess.Popen(
@@ -101,7 +102,7 @@ print(child.result())
         start_new_session=True,
     )
     assert process.stdout is not None
-    assert process.stdout.readline() == "at work\n"
+    assert {process.stdout.readline(), process.stdout.readline()} == {"at work\n", "listening\n"}
     os.killpg(process.pid, signal.SIGINT)
     printed, errors = process.communicate(timeout=30)
     assert (printed.split(), errors, process.returncode) == (["taken", "7"], "", 0)
