@@ -83,15 +83,15 @@ def test_a_child_that_is_killed_is_a_refusal():
 
 def test_ctrl_c_is_the_parents_to_answer():
     script = """
-import signal, time
+import os, signal, time
 from ambientd.handover import Child
 def call():
-    print("at work", flush=True)
+    os.write(1, b"at work\\n")
     time.sleep(1.0)
     return 7
 child = Child(call)
 signal.signal(signal.SIGINT, lambda number, frame: print("taken"))
-print("listening", flush=True)
+os.write(1, b"listening\\n")
 print(child.result())
 """
     process = subprocess.Popen(
