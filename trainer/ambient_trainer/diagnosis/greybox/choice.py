@@ -50,7 +50,7 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     otherwise_degC = given[0].rmse_degC if given else before.held_out_rmse_degC
     if physical and otherwise_degC < ANSWERS * physical[0].rmse_degC:
         physical = given
-    return _lasting(physical, driven, least_degC) if physical else None
+    return _lasting(_plainest(physical, least_degC), physical, driven) if physical else None
 
 
 def _blamed(instruments: Sequence[Trial]) -> Trial | None:
@@ -60,7 +60,7 @@ def _blamed(instruments: Sequence[Trial]) -> Trial | None:
 
 
 def _penalised_at_its_sensor(trial: Trial) -> float:
-    return float(np.log(sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
+    return float(np.log(_sensor_rmse_degC(trial.fitted, trial))) + PENALTY * complexity(trial.mechanism)
 
 
 def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
@@ -74,10 +74,9 @@ def _plainest(ordered: Sequence[Trial], least_degC: float) -> Trial:
     return first
 
 
-def _lasting(ordered: Sequence[Trial], driven: Sequence[Trial], least_degC: float) -> Trial:
+def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) -> Trial:
     """The first, unless it acts for a while and what acts all the time does nearly as well by the same measure, or one
     of ``driven`` acted at that time."""
-    first = _plainest(ordered, least_degC)
     if first.lasting:
         return first
     error = float(np.sqrt(first.fitted.combed.sum()))
@@ -126,10 +125,10 @@ def _jump(row: Array, at: int) -> float:
 
 def _halves(before: Fitted, trial: Trial) -> bool:
     """Whether more than half of the error goes at the sensor that a trial blames."""
-    return sensor_rmse_degC(trial.fitted, trial) < _HALF * sensor_rmse_degC(before, trial)
+    return _sensor_rmse_degC(trial.fitted, trial) < _HALF * _sensor_rmse_degC(before, trial)
 
 
-def sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
+def _sensor_rmse_degC(fitted: Fitted, trial: Trial) -> float:
     """What is left in sample at the sensor that a trial blames; at all of them for a clock."""
     sensors = [output.name for output in fitted.model.circuit.outputs]
     blamed = [sensors.index(each) for each in trial.mechanism.places] or list(range(len(sensors)))

@@ -92,8 +92,8 @@ def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[i
     heating = [(each, less) for each in trials if (less := _where_it_heats(each)) and less.key not in known]
     fewer = [(before.model.with_mechanism(less), each.fitted) for each, less in heating]
     trials += [Trial.of(before, each) for each in _side_by_side(_refit, fewer, _FEW) if each is not None]
-    trials.sort(key=promise)
-    worth = [each for each in trials[:_FINALISTS] if promise(each) < promise(trials[0]) + _HOPELESS]
+    trials.sort(key=_promise)
+    worth = [each for each in trials[:_FINALISTS] if _promise(each) < _promise(trials[0]) + _HOPELESS]
     finalists = [(each.fitted.model, each.fitted) for each in worth]
     for index, result in enumerate(_side_by_side(_refit_and_validate, finalists, _MANY)):
         progress(len(screened) + index, total)
@@ -168,7 +168,7 @@ def _where_it_heats(trial: Trial) -> Mechanism | None:
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
 
 
-def promise(trial: Trial) -> float:
+def _promise(trial: Trial) -> float:
     """Which trials are worth a full fit: by the error in sample, since few steps make the held-out one unsure."""
     return float(np.log(trial.fitted.rmse_degC)) + PENALTY * complexity(trial.mechanism)
 
