@@ -29,7 +29,7 @@ _CENTRE, _SLOPE = 0.05, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error: 57 verdicts of ``discover``."""
 _EITHER = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
-heater, and a measured box whose contents warm it ever more reads as one whose sensor drifts."""
+heater, and in a measured box one sensor's drift and heat that creeps read the same."""
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
@@ -187,14 +187,14 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
 
 
 def _or_creeping_heat(trial: Trial) -> tuple[Cause, ...]:
-    """Heat that slowly changes, where a sensor seems to drift that no other sensor's node exchanges heat with."""
+    """Heat that grows with time, where a sensor seems to drift whose node exchanges heat with no other sensor's."""
     if trial.mechanism.cause != "sensor_drift":
         return ()
     fitted, place = trial.fitted, trial.mechanism.places[0]
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
     node = int(network.reads[network.sensors.index(place)])
     others = [int(each) for each in network.reads if each != node]
-    return () if network.between[0, node, others].any() else (Cause("heat_source", network.nodes[node]),)
+    return () if network.between[0, node, others].any() else (Cause("heat_source", network.nodes[node], "time_s"),)
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

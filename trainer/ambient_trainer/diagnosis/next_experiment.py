@@ -68,8 +68,10 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
     other = selection.bare if rival is None else rival.fitted
     name = "nothing is missing" if rival is None else str(cause_of(rival.mechanism, other.model.circuit))
     if rival is not None and rival.mechanism.instrument > chosen.mechanism.instrument and rival.mechanism.places:
-        place = rival.mechanism.places[0]
-        return f"Hold a second thermometer to `{place}`: it reads the same if {steps[0].cause}, and not if {name}."
+        return _second_thermometer(rival.mechanism.places[0], str(steps[0].cause), name)
+    heat = [str(each) for each in steps[0].indistinguishable_from if each.name == "heat_source"]
+    if chosen.mechanism.instrument and heat:
+        return _second_thermometer(chosen.mechanism.places[0], heat[0], str(steps[0].cause))
     found = _largest(taken, other)
     if found is None or found.sigmas < _SURE:
         return f"No step of one logged input separates {steps[0].cause} from this: {name}. Log twice as long, and more."
@@ -80,6 +82,10 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
         f" `{found.sensor}` reads {found.readings_degC[0]:.2f} degC if {steps[0].cause},"
         f" {found.readings_degC[1]:.2f} degC if {name} {sd}."
     )
+
+
+def _second_thermometer(place: str, physics: str, fault: str) -> str:
+    return f"Hold a second thermometer to `{place}`: it reads the same if {physics}, and not if {fault}."
 
 
 def _alone(selection: Selection, chosen: Trial) -> Fitted:

@@ -9,7 +9,7 @@ import pytest
 from ambient_trainer.diagnosis.findings import cause_of, steps_of
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Drift
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -65,6 +65,9 @@ def test_no_column_is_moved_without_the_one_that_goes_along_and_an_offset_needs_
     said = next_experiment(*asked(heat(None), Bias(("board",), (Number("bias_board", "degC", 1.0),))))
     assert "thermometer" in said
     assert "`board`" in said
+    drift = Drift(("board",), (Number("drift_board", "K/h", 1.0),))
+    said = next_experiment(*asked(drift, heat("time_s")))
+    assert "`board`: it reads the same if heat_source at board by time_s" in said
 
 
 @pytest.mark.parametrize("heat_W", [20.0, -20.0])
