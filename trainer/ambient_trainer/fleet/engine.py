@@ -29,6 +29,9 @@ _DEATHS = 6
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": _DEATHS,
     "distributed.worker.daemon": True,
+    # Dask has the allocator give back all above 64 KiB: each array of a task would be mapped and zeroed anew
+    "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 27,
+    "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
     "distributed.admin.log-format": "%(message)s",
     # the scheduler, which is in this process, would keep the last thousand messages, and with them the tasks' data
     "distributed.admin.low-level-log-length": 10,
