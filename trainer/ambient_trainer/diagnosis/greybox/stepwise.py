@@ -188,7 +188,7 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
             free = not any(
                 number.at_bound for each in second.fitted.model.mechanisms[before:] for number in each.numbers
             )
-            sound = free and second.identified and identified(second.fitted, before)
+            sound = free and not second.at_bounds and second.identified and identified(second.fitted, before)
             if sound and first is step.chosen:
                 # it is followed anyway
                 alone = min(alone, score)

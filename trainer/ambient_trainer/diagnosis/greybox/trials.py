@@ -25,6 +25,9 @@ _HOPELESS = 0.25
 _LOOPED = 2500
 _SURELY, _WITHIN = 1.96, 100.0
 _PLACED = 2
+_BEGINS, _BEGINS_DEGC = 0.25, 8.0
+"""Of the span of the readings, and at least: a hidden body begins no further beyond the temperatures that are known
+there. What nothing heats lies between them: true bodies of twelve measured sets begin within 0.12 of the span."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -38,7 +41,7 @@ class Trial:
     rmse_degC: float
     """Held-out."""
     at_bounds: bool
-    """Whether a number of it ends at a physical bound, or an earlier amount that had stood free."""
+    """Whether a number of it, where a body of it begins, or an earlier amount ends at a physical bound."""
 
     @property
     def lasting(self) -> bool:
@@ -60,7 +63,24 @@ class Trial:
         new = after.at_bounds - before.at_bounds
         numbers, own = after.model.numbers, len(after.model.numbers) - len(mechanism.numbers)
         bounded = any(index >= own or not numbers[index].log for index in new)
+        bounded = bounded or _begins_apart(after)
         return Trial(mechanism, after, error if np.isfinite(error) else float("inf"), bounded)
+
+
+def _begins_apart(fitted: Fitted) -> bool:
+    """Whether a body that was added begins far outside of all temperatures that are known there."""
+    own = {each.name for each in fitted.model.circuit.states}
+    for record, run in zip(fitted.records, fitted.runs):
+        network = fitted.model.network(record, fitted.model.z()[None])
+        added = [index for index, name in enumerate(network.nodes) if name not in own]
+        if not added:
+            return False
+        known = [row[np.isfinite(row)] for row in record.sensors]
+        first = [*(each[0] for each in known if len(each)), *network.boundary_degC[:, 0]]
+        room = max(_BEGINS * float(np.ptp(np.concatenate(known))), _BEGINS_DEGC)
+        if (run.start[added] < min(first) - room).any() or (run.start[added] > max(first) + room).any():
+            return True
+    return False
 
 
 def identified(fitted: Fitted, index: int) -> bool:
