@@ -21,7 +21,8 @@ from ambient_trainer.diagnosis.words import unit_of
 from ambient_trainer.lti.lag import lagged
 
 _RATE = re.compile(r"\bd\(([A-Za-z0-9_ ^*+\-./()]+?)\)\s*/\s*dt\b")
-_LEVEL = re.compile(r"^(delay\(\w+, |\w+ > )([-+.\de]+)(\)?)$")
+LATE = ("delay", "lag")
+_LEVEL = re.compile(rf"^((?:{'|'.join(LATE)})\(\w+, |\w+ > )([-+.\de]+)(\)?)$")
 _HINT = (
     "use columns of the trace, numbers, + - * / ^, > and <, sqrt, abs, d(x)/dt, lag(x, seconds) and delay(x, seconds)"
 )
@@ -50,7 +51,7 @@ class Expression:
 
     def per(self, unit: str) -> str:
         """``unit`` per unit of this: ``W/A^2``, ``W per m/s``; what is on or off, and a fraction, has none."""
-        text = self.columns[0] if self.text.startswith("delay(") else self.text
+        text = self.columns[0] if self.late else self.text
         name, _, power = text.partition("^")
         if self.columns == (name,):
             own = unit_of(name)
@@ -71,6 +72,11 @@ class Expression:
     def form(self) -> str:
         """Its text without that number."""
         return _LEVEL.sub(r"\g<1>\g<3>", self.text)
+
+    @property
+    def late(self) -> bool:
+        """Whether it is a column that acts later."""
+        return self.text.startswith(tuple(f"{each}(" for each in LATE))
 
     @property
     def switches(self) -> bool:

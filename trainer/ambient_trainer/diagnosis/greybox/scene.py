@@ -12,7 +12,7 @@ from scipy.signal import correlate, find_peaks
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.expression import LATE, Expression
 from ambient_trainer.diagnosis.greybox.model import samples_of
 from ambient_trainer.diagnosis.greybox.network import Network
 from ambient_trainer.diagnosis.greybox.regression import Fitted
@@ -150,12 +150,14 @@ class Scene:
 
     @cached_property
     def tuned_drivers(self) -> list[Expression]:
-        """Columns that act later, and those that act beyond a level: no power does, nor a current."""
+        """Columns that act later, by a delay as of a pipe or a lag as of a heater's own body, and those that act beyond
+        a level: no power does, nor a current."""
         plain = [each.text for each in self.drivers if each.columns == (each.text,)]
         found = []
         for each in plain:
             most_s = self._repeats_s(each)
-            found += [f"delay({each}, {delay_s:.4g})" for delay_s in self._delays_s if delay_s < most_s]
+            delays_s = [delay_s for delay_s in self._delays_s if delay_s < most_s]
+            found += [f"{late}({each}, {delay_s:.4g})" for late in LATE for delay_s in delays_s]
         for each in plain:
             if each.endswith((*_WARMING, "_A")):
                 continue

@@ -96,7 +96,7 @@ def _refined(fitted: Fitted) -> Mechanism:
     last = fitted.model.mechanisms[-1]
     if last.tuned and (driver := last.driver) is not None and (level := driver.level) is not None:
         row = record.signals[driver.columns[0]]
-        apart = _APART * (level if driver.text.startswith("delay(") else float(np.ptp(row)))
+        apart = _APART * (level if driver.late else float(np.ptp(row)))
         return _least(fitted, lambda at: replace(last, driver=driver.at_level(at)), level - apart, level + apart)
     if (on := last.onset_s) is not None:
         latest = (end if last.end_s is None else last.end_s) - shortest
