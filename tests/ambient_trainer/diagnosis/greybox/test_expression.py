@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.diagnosis.greybox.expression import Expression, Samples
+from ambient_trainer.diagnosis.greybox.expression import LATE, Expression, Samples
 
 TIME_S = 10.0 * np.arange(50)
 COLUMNS = {"current_A": np.sin(TIME_S), "charge_As": TIME_S, "ambient_degC": 20 + np.cos(TIME_S)}
@@ -37,7 +37,8 @@ def test_columns_are_those_that_are_read():
 
 
 def test_a_level_and_a_delay_are_numbers_of_their_own():
-    for text, moved in (("delay(charge_As, 25)", "delay(charge_As, 30)"), ("current_A > -0.5", "current_A > 30")):
+    late = ((f"{each}(charge_As, 25)", f"{each}(charge_As, 30)") for each in LATE)
+    for text, moved in (*late, ("current_A > -0.5", "current_A > 30")):
         expression = Expression(text)
         assert expression.level == float(text.strip(")").split()[-1])
         assert expression.at_level(30.0).text == moved

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.data.trace import Trace
@@ -14,6 +15,7 @@ from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import changed_candidates, lasting_candidates, screen
 from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
+from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import Cause
 
 HIDDEN = {
@@ -165,6 +167,43 @@ def test_a_heater_that_swings_is_late_by_less_than_a_swing(circuit, seed):
     late_s = [float(each[:-1].split(",")[1]) for each in drivers if each.startswith("delay(heater_A")]
     assert late_s == [pytest.approx(90.0, abs=30.0)]
     assert {each.cause.name for each in steps if each.confidence >= 0.9} == {"heat_source"}
+
+
+@pytest.mark.parametrize("seed", [2, pytest.param(5, marks=pytest.mark.slow), pytest.param(8, marks=pytest.mark.slow)])
+def test_a_heater_with_a_body_of_its_own_is_late_by_a_lag(circuit, simulated, seed):
+    """The body of the heater warms first; no sensor is blamed for it."""
+    draw = np.random.default_rng(seed)
+    now_s, lag_s = np.arange(36000.0), draw.uniform(200.0, 400.0)
+    switched_s = np.cumsum(draw.uniform(200.0, 900.0, 200))
+    on = np.searchsorted(switched_s, now_s) % 2 * 1.0
+    share = 1.0 - np.exp(-1.0 / lag_s)
+    out_W = 4.0 * lfilter([share], [1.0, share - 1.0], on)
+    trace = simulated(seed, heat_W=lambda now, degC: np.interp(now["time_s"], now_s, out_W))
+    heater_on = on[::30]
+    steps = diagnose(circuit, [replace(trace, columns={**trace.columns, "heater_on": heater_on})]).steps
+    drivers = [each.cause.signal or "" for each in steps]
+    late_s = [float(each[:-1].split(",")[1]) for each in drivers if each.startswith("lag(heater_on")]
+    assert late_s == [pytest.approx(lag_s, rel=0.3)]
+    assert len(steps) == 1
+
+
+@pytest.mark.parametrize(("began_degC", "apart"), [(26.0, False), (65.0, True)])
+def test_a_body_does_not_begin_hotter_than_all_that_is_known(circuit, recorded, began_degC, apart):
+    """A body of 2,000 J/K behind a board that begins in the air's temperature: what else heats it is not its own."""
+    air_degC, degC = 20.0 + 4.0 * np.sin(np.arange(0.0, 36000.0, 5.0) / 3000.0), np.array([20.0, began_degC])
+    board_degC = []
+    for now_degC in air_degC:
+        board_degC.append(degC[0])
+        inward_W = 0.4 * (degC[1] - degC[0])
+        degC = degC + 5.0 * np.array([(inward_W + 0.4 * (now_degC - degC[0])) / 120.0, -inward_W / 2000.0])
+    columns = {"board_degC": np.array(board_degC)[::6], "ambient_degC": air_degC[::6]}
+    held = recorded(Trace("board.csv", 30.0 * np.arange(1200), columns))
+    bare = bare_fit(GreyBox.of(circuit), held)
+    body = next(each for each in mass.candidates(Scene(bare)) if not each.sees_ambient)
+    known = replace(bare.model, own=tuple(replace(n, value=v) for n, v in zip(bare.model.own, (120.0, 2.5))))
+    fitted = fit(known.with_mechanism(body.with_values([0.4, 5000.0])), held)
+    assert fitted.rmse_degC < 0.1
+    assert Trial.of(bare, fitted).at_bounds == apart
 
 
 def flame(time_s):
