@@ -49,9 +49,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         held.remove(index)
         mechanism = final.model.mechanisms[index]
         gain = _gain(step, chosen)
-        # what was fitted together is as sure as the less sure of it
-        together = [each for each in selection.steps if each.chosen and each.chosen.fitted is chosen.fitted]
-        confidence = min(_confidence(each, each.chosen, final) for each in together if each.chosen)
+        confidence = _confidence(step, chosen, final)
         if mechanism.driver is None and not mechanism.lasts:
             # a window may make up for what an earlier one is wrong about
             confidence = min(

@@ -169,7 +169,7 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
         if _stores_or_heats(each.mechanism, unlogged):
             begun.setdefault(each.mechanism.key, each)
     alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
-    best: tuple[float, Trial, Trial] | None = None
+    best: tuple[float, Trial, Trial, list[Trial]] | None = None
     for index, first in enumerate(list(begun.values())[:_PAIRED]):
         said("try pairs", index, _PAIRED)
         logged = first.mechanism.driver is not None
@@ -182,7 +182,8 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
         driven = first.mechanism.key[2]
         others = [each for each in others if each.mechanism.key != first.mechanism.key]
         others = [each for each in others if not driven or each.mechanism.key[2] in ("", f"d({driven})/dt")]
-        for second in compared(first.fitted, shortlist(others), lambda done, total: None):
+        rivals = compared(first.fitted, shortlist(others), lambda done, total: None)
+        for second in rivals:
             score = penalised(second) + PENALTY * complexity(first.mechanism)
             before = len(second.fitted.model.mechanisms) - 2
             free = not any(
@@ -193,14 +194,22 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
                 # it is followed anyway
                 alone = min(alone, score)
             elif sound and (best is None or score < best[0]):
-                best = score, first, second
+                best = score, first, second, rivals
     if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2], limits.least_degC):
         return []
-    _, first, second = best
-    steps = [_beside(step, first, second), Step(first.fitted, second, step.trials, step.tried)]
-    # what is logged is named before what stores it
-    stored_first = first.mechanism.driver is None and second.mechanism.driver is not None
-    return steps[::-1] if stored_first else steps
+    _, first, second, rivals = best
+    if first.mechanism.driver is None and second.mechanism.driver is not None:
+        # what is logged is named before what stores it
+        logged = Step(first.fitted, second, step.trials, step.tried)
+        stored = _beside(step, first, second)
+        others = [
+            each for each in screen(Scene(stored.before), lasting_candidates) if _stores_or_heats(each.mechanism, True)
+        ]
+        return [
+            logged,
+            replace(stored, trials=tuple(compared(stored.before, shortlist(others), lambda done, total: None))),
+        ]
+    return [_beside(step, first, second), Step(first.fitted, second, tuple(rivals), step.tried)]
 
 
 def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
