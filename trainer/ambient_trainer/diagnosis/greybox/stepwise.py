@@ -197,19 +197,19 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
                 best = score, first, second, rivals
     if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2], limits.least_degC):
         return []
-    _, first, second, rivals = best
-    if first.mechanism.driver is None and second.mechanism.driver is not None:
-        # what is logged is named before what stores it
-        logged = Step(first.fitted, second, step.trials, step.tried)
-        stored = _beside(step, first, second)
-        others = [
-            each for each in screen(Scene(stored.before), lasting_candidates) if _stores_or_heats(each.mechanism, True)
-        ]
-        return [
-            logged,
-            replace(stored, trials=tuple(compared(stored.before, shortlist(others), lambda done, total: None))),
-        ]
-    return [_beside(step, first, second), Step(first.fitted, second, tuple(rivals), step.tried)]
+    return _two_steps(step, *best[1:])
+
+
+def _two_steps(step: Step, first: Trial, second: Trial, rivals: Sequence[Trial]) -> list[Step]:
+    """What is logged before what stores it, either beside the model that holds the other alone; what comes second is
+    compared with what else goes with the first."""
+    if first.mechanism.driver is not None or second.mechanism.driver is None:
+        return [_beside(step, first, second), Step(first.fitted, second, tuple(rivals), step.tried)]
+    stored = _beside(step, first, second)
+    screened = screen(Scene(stored.before), lasting_candidates)
+    others = shortlist([each for each in screened if _stores_or_heats(each.mechanism, True)])
+    rivals = compared(stored.before, others, lambda done, total: None)
+    return [Step(first.fitted, second, step.trials, step.tried), replace(stored, trials=tuple(rivals))]
 
 
 def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
