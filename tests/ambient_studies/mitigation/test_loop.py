@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_model.faults import Refused
 from ambient_model.model import Secondary
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import FLOOR_W
@@ -183,19 +182,6 @@ def test_a_governor_without_its_own_sensor_leaves_the_floor(saying, identified):
         else:
             assert record.soc_W[out] == pytest.approx(np.full(out.sum(), FLOOR_W))
             assert record.soc_W[record.time_s == 241] > FLOOR_W + 0.3
-
-
-def test_a_model_of_another_device_is_refused(model):
-    inputs = (model.main.inputs[0]._replace(name="ch102"), model.main.inputs[1]._replace(unit="A"))
-    other = model._replace(main=model.main._replace(inputs=(*inputs, *model.main.inputs[2:])))
-    with pytest.raises(Refused) as refused:
-        phone_zones(other, "soc")
-    assert all(each in str(refused.value) for each in ("model 'free-2': inputs", "ch102_degC", "flash_A"))
-
-
-def test_a_sensor_that_the_phone_lacks_is_refused(model):
-    with pytest.raises(Refused, match=r"--sensor: the simulated phone has no zone 'nose'; it has soc, flash, "):
-        phone_zones(model, "nose")
 
 
 def test_streaming_comes_in_bursts(saying, identified):
