@@ -27,7 +27,9 @@ class Broker:
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.number = free.getsockname()[1]
         self.port, self.file = f"mqtt://127.0.0.1:{self.number}", folder / "mosquitto.conf"
-        self.file.write_text(f"listener {self.number} 127.0.0.1\nallow_anonymous true\npersistence false\n")
+        self.log = folder / "mosquitto.log"
+        keys = (f"listener {self.number} 127.0.0.1", "allow_anonymous true", "persistence false", "user root")
+        self.file.write_text("\n".join((*keys, f"log_dest file {self.log}", "log_type subscribe\n")))
         self.start()
 
     def start(self):
@@ -39,6 +41,16 @@ class Broker:
             except OSError:
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
+
+    def subscriptions(self):
+        return self.log.read_text().count(f" {TOPIC}") if self.log.exists() else 0
+
+    def until_subscribed(self, before):
+        """What is published earlier, nobody hears."""
+        deadline = time.monotonic() + 20.0
+        while self.subscriptions() == before:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
 
     def stop(self):
         self.process.kill()
@@ -63,11 +75,12 @@ def driver(broker):
     made = []
 
     def make(timeout_s=10.0, **values):
+        before = broker.subscriptions()
         made.append(
             Driver(settings("mqtt-topic", port=broker.port, topic=TOPIC, timeout_s=timeout_s, **values), Clock())
         )
         assert made[-1].identify() == f"MQTT topic {TOPIC}"
-        time.sleep(0.2)  # subscribed
+        broker.until_subscribed(before)
         return made[-1]
 
     yield make
@@ -122,12 +135,9 @@ def test_a_broker_that_goes_is_an_error_and_is_used_again(broker, driver):
     broker.stop()
     with pytest.raises(Disconnected, match=broker.port):
         thermometer.read()
+    before = broker.subscriptions()
     broker.start()
-    deadline = time.monotonic() + 20.0
-    while not thermometer._client.is_connected():
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    time.sleep(0.2)
+    broker.until_subscribed(before)
     broker.publish("22.5")
     assert thermometer.read().values == {"thermometer_degC": 22.5}
     broker.stop()
