@@ -204,6 +204,9 @@ def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) 
         return False
     if one.driver is None and other.driver is None:
         return one.lasts == other.lasts and (one.lasts or correlation(one, other, records) > COINCIDE)
+    if one.driver is None and not one.lasts:
+        # a window that is open when a logged driver acts
+        return correlation(one, other, records) > COINCIDE
     columns = [() if each.driver is None else each.driver.columns for each in (one, other)]
     return columns[0] == columns[1] or _twins(one, other, records)
 
