@@ -131,6 +131,9 @@ def test_the_same_seed_gives_the_same_result(rise, rise_data):
     assert results[0].starts[1].evaluations != results[2].starts[1].evaluations or not np.array_equal(
         results[0].starts[1].theta, results[2].starts[1].theta
     )
+    # searches that several make are those of one
+    apart = [end.theta.tolist() for first in (0, 1) for end in search(structure, 1 + first, 5, first=first).starts]
+    assert apart == [end.theta.tolist() for end in results[0].starts]
 
 
 def test_progress_counts_and_never_worsens(rise, rise_data):

@@ -53,9 +53,14 @@ Progress = Callable[[int, int, float], None]
 
 
 def search(
-    structure: Structure, starts: int, seed: int, progress: Progress | None = None, budget: Budget | None = None
+    structure: Structure,
+    starts: int,
+    seed: int,
+    progress: Progress | None = None,
+    budget: Budget | None = None,
+    first: int = 0,
 ) -> SearchResult:
-    """Best of several descents: the first from the initial values, the others from random places.
+    """Best of several descents, those from number ``first`` on: 0 from the initial values, others from random places.
 
     Where the ``budget`` ends it, the result is the best so far, marked as stopped; at least one evaluation is made.
     """
@@ -64,8 +69,8 @@ def search(
     random = np.random.default_rng(seed)
     run = _Run(structure, progress, budget or Budget())
     ends = []
-    for number in range(starts):
-        theta = structure.search.initial if number == 0 else structure.random_start(random)
+    places = [structure.search.initial, *(structure.random_start(random) for _ in range(first + starts - 1))]
+    for number, theta in enumerate(places[first:]):
         ends.append(run.descend(number, theta))
         if run.over():
             return SearchResult(run.best, tuple(ends), run.spent, stopped=True)

@@ -48,12 +48,15 @@ class Effort:
         One piece fits a device best that has long been on; several penalise gains that make every start absurd.
     budget : Budget
         What each search may spend, and the token that cancels all of them.
+    first : int
+        The number of the first search, where others make those before: of an estimator whose ``starts_apart``.
     """
 
     starts: int = 8
     seed: int = 0
     pieces: int = 1
     budget: Budget = field(default_factory=Budget, compare=False, repr=False)
+    first: int = 0
 
 
 USUAL = Effort()
@@ -66,6 +69,9 @@ class Estimator(ABC):
     """What a user calls it."""
     reads_any = True
     """Whether it reads whatever temperatures it is given; otherwise it names its own trace columns."""
+
+    starts_apart = False
+    """Whether a fit is no more than its best search, so that several may make them and compare the ends."""
 
     def searches(self, effort: Effort) -> int:
         """How many searches a fit makes, for a progress bar: by default one a start."""

@@ -19,6 +19,7 @@ class CircuitEstimator(Estimator):
     """Fits a circuit, each stretch from thermal equilibrium with its first sample; it names its trace columns."""
 
     reads_any = False
+    starts_apart = True
 
     def __init__(self, circuit: Circuit) -> None:
         self.circuit = circuit
@@ -36,7 +37,7 @@ class CircuitEstimator(Estimator):
         """The fit to this training data."""
         structure = circuit_structure(self.circuit, training.segments)
         require_enough(training.traces, structure)
-        result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+        result = search(structure, effort.starts, effort.seed, progress, effort.budget, effort.first)
         theta, beta = result.best.theta, result.best.beta
         values = structure.values(theta, beta)
         units = {each.name: each.unit for each in self.circuit.parameters}

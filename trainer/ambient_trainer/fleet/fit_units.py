@@ -69,7 +69,7 @@ class Fitted:
 
 
 def begin(
-    wanted: Sequence[Entry], source: Source, circuit: str, sensors: Sequence[str], effort: Effort, enough: int
+    effort: Effort, wanted: Sequence[Entry], source: Source, circuit: str, sensors: Sequence[str], enough: int
 ) -> Start:
     """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid.
 

@@ -52,6 +52,7 @@ CHUNK = 50
 """Units a task: at one a task, the engine costs six times the work."""
 _BEGUN_WITH = 24
 _TRIED = 4
+_STARTS_A_TASK = 2
 _LEARNT_FROM = 500
 """Units of the reduction: more change the between-unit covariance by less than a unit's own log does."""
 _LONGEST = 100
@@ -143,19 +144,43 @@ def _columns_of(start: Start) -> list[str]:
 
 
 def _begun(question: Question, source: Source, listed: Sequence[Entry], engine: Engine, progress: Progress) -> Start:
-    """The estimator on the longest logs, which say most of time constants; as many more are tried as may be broken."""
-    progress("beginning with the longest logs", 0, 1)
+    """The estimator on the longest logs, which say most of time constants; as many more are tried as may be broken.
+
+    Where its searches may be made apart, a task makes a few of them.
+    """
     longest = sorted(listed, key=lambda each: (each.reason is not None, -each.rows, each.unit))
-    items = longest[: _TRIED * _BEGUN_WITH]
-    rest = (source, question.circuit, question.sensors, question.effort, _BEGUN_WITH)
-    for _, found in engine.run(_begin_task, [0], lambda _: ([tuple(items)], rest), lambda _: None):
-        if found[0] is not None:
-            return found[0]
-    raise refuse(question.path, "", "the worker that began the population died", "give the workers more memory")
+    items = tuple(longest[: _TRIED * _BEGUN_WITH])
+    shares = _shares(question)
+    rest = (items, source, question.circuit, question.sensors, _BEGUN_WITH)
+    found: dict[int, Start] = {}
+    progress("beginning with the longest logs", 0, len(shares))
+    for number, (start,) in engine.run(_begin_task, range(len(shares)), lambda n: ([shares[n]], rest), lambda _: None):
+        if start is None:
+            raise refuse(question.path, "", "the worker that began the population died", "give the workers more memory")
+        found[number] = start
+        progress("beginning with the longest logs", len(found), len(shares))
+    ends = [found[number].fit for number in range(len(shares))]
+    best = min(found, key=lambda number: (ends[number].rmse_degC, number))
+    fit = replace(
+        ends[best],
+        effort=question.effort,
+        evaluations=sum(each.evaluations for each in ends),
+        start_rmses_degC=tuple(rmse for each in ends for rmse in each.start_rmses_degC),
+    )
+    return replace(found[best], fit=fit)
 
 
-def _begin_task(items: Sequence[Sequence[Entry]], *rest: Any) -> list[Start]:
-    return [begin(each, *rest) for each in items]
+def _shares(question: Question) -> list[Effort]:
+    """The searches that each task makes."""
+    effort = question.effort
+    if not estimator(question.circuit, question.sensors).starts_apart:
+        return [effort]
+    begun = range(0, effort.starts, _STARTS_A_TASK)
+    return [replace(effort, first=first, starts=min(_STARTS_A_TASK, effort.starts - first)) for first in begun]
+
+
+def _begin_task(shares: Sequence[Effort], *rest: Any) -> list[Start]:
+    return [begin(each, *rest) for each in shares]
 
 
 def _lost(entry: Entry) -> Looked:

@@ -19,6 +19,8 @@ def find(name: str) -> FreeFilterEstimator | None:
 class FreeFilterEstimator(Estimator):
     """Fits the free linear filter of ``order``."""
 
+    starts_apart = True
+
     def __init__(self, order: int) -> None:
         self.order = order
         self.name = f"free-{order}"
@@ -27,7 +29,7 @@ class FreeFilterEstimator(Estimator):
         """The fit to grids of these columns."""
         structure = FreeFilter(self.order, training.segments)
         require_enough(training.traces, structure)
-        result = search(structure, effort.starts, effort.seed, progress, effort.budget)
+        result = search(structure, effort.starts, effort.seed, progress, effort.budget, effort.first)
         system = structure.system(result.best.theta, result.best.beta)
         unknowns, states = filter_unknowns(structure, result.best.theta), MODES[: self.order]
         return fit_of(structure, result, effort, system, unknowns, self.name, training.columns, states)
