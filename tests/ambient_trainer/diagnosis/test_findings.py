@@ -55,6 +55,22 @@ def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_
     assert [each.mechanism.driver.text for each in step.trials if _rival(each, chosen)] == ["fan_rpm^2", "twin_rpm"]
 
 
+@pytest.mark.parametrize(("onset_s", "sure"), [(55.0, True), (10.0, False)])
+def test_a_window_is_no_rival_of_the_logged_heater_that_acts_then(onset_s, sure):
+    time_s = np.arange(200.0)
+    columns = {"heater_on": 1.0 * ((time_s > 50) & (time_s < 150))}
+    records = [SimpleNamespace(signals=columns, period_s=1.0, samples=200, time_s=time_s)]
+    fitted = SimpleNamespace(records=records)
+    chosen = Trial(heat("heater_on", board=(1, 1)), fitted, 0.5, at_bounds=False)
+    window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + 90.0)
+    step = SimpleNamespace(
+        before=SimpleNamespace(held_out_rmse_degC=2.0),
+        trials=[chosen, replace(chosen, mechanism=window, rmse_degC=0.3)],
+    )
+    final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism]), records=records)
+    assert (_confidence(step, chosen, final) > 0.9) == sure
+
+
 def test_constant_heat_is_not_told_from_an_offset_of_its_sensor():
     def trial(mechanism: Mechanism) -> Trial:
         return Trial(mechanism, SimpleNamespace(records=[]), 0.5, at_bounds=False)
