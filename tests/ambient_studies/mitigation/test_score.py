@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from ambient_studies.mitigation.report import report_of, verdict
+from ambient_studies.mitigation.report import report_of, score_table, verdict
 from ambient_studies.mitigation.score import scores
 from ambient_studies.mitigation.setting import Knowledge
 from ambient_trainer.report import Facts
@@ -39,6 +40,17 @@ def test_of_several_seeds_the_hottest_and_the_mean_of_all_else():
     assert usual.soc_W == pytest.approx(1.5 * (STANDBY_W + 3))
     shares = [3 / 4, (2 * (STANDBY_W + 3) - STANDBY_W) / (2 * (STANDBY_W + 4) - STANDBY_W)]
     assert usual.work_frac == pytest.approx(np.mean(shares))
+
+
+def test_table_and_data_hold_the_scores():
+    rows = score_table(scores(runs(), SETTING), SETTING).rows
+    assert rows[2] == ("20", "assumes 20 degC", "42.0", "42.0", "2.0", f"{STANDBY_W + 3:.2f}", "75 %", "-")
+    assert rows[3][-2:] == ("50 %", "0.50")
+    data = json.loads(json.dumps(report_of(comparison()).data))
+    assert data["seeds"] == [1]
+    assert data["governor"]["rest_gains"] == pytest.approx({"soc": 0.25, "ambient": 0.75})
+    assert [each["told"] for each in data["rows"]] == ["NOTHING", "HOTTEST", "USUAL", "ESTIMATE", "TRUTH"]
+    assert data["rows"][2]["work_frac"] == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize(

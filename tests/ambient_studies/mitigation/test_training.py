@@ -64,6 +64,14 @@ def test_the_training_run_is_scenario_5(trained, logged):
     assert (trained.reference < trained.columns["soc_degC"] + 3).all()
 
 
+def test_the_shipped_phone_is_plausible(identified):
+    sensor, ambient = identified.dc_gains
+    assert 0 < sensor < 0.3
+    assert sensor + ambient == pytest.approx(1, abs=0.05)
+    assert 2 < identified.resistance_K_W < 3.5
+    assert f"{sensor:.3f} soc + {ambient:.3f} ambient" in str(identified)
+
+
 def test_a_gain_below_zero_is_written_as_one(identified):
     skin = replace(identified.skin, D=np.array([[1.0, -0.9]]))
     assert " soc - 0." in str(replace(identified, skin=skin))
