@@ -167,7 +167,8 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         scope = "driver of one" if len(each.mechanism.places) == 1 else "driver of several"
         scope = "tuned " * each.mechanism.tuned + scope
         if driver and "*" not in driver and len([key for key in seen if key[0] == scope]) < _DRIVERS:
-            kinds.append((scope, (cause, driver)))
+            # a law with a further number says nothing of the plain one
+            kinds.append((scope, (cause, driver, len(each.mechanism.numbers))))
         for kind in kinds:
             seen[kind] = seen.get(kind, 0) + 1
             if seen[kind] == 1:
