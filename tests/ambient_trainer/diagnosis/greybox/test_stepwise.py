@@ -13,7 +13,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms import mass
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import changed_candidates, lasting_candidates, screen
+from ambient_trainer.diagnosis.greybox.screening import changed_candidates, lasting_candidates, screen, shortlist
 from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import Cause
@@ -204,6 +204,16 @@ def test_a_body_does_not_begin_hotter_than_all_that_is_known(circuit, recorded, 
     fitted = fit(known.with_mechanism(body.with_values([0.4, 5000.0])), held)
     assert fitted.rmse_degC < 0.1
     assert Trial.of(bare, fitted).at_bounds == apart
+
+
+def test_the_plain_law_is_tried_where_one_with_a_further_number_promises_more(circuit, simulated, recorded):
+    """Heat by a current squared that grows in the cold: its fit takes many steps, and that of the plain law few."""
+    held = recorded(simulated(3, heat_W=lambda now, degC: 0.8 * now["current_A"] ** 2 * (1.0 + 0.05 * (25.0 - degC))))
+    tried = [
+        each.mechanism for each in shortlist(screen(Scene(bare_fit(GreyBox.of(circuit), held)), lasting_candidates))
+    ]
+    laws = {len(each.numbers) for each in tried if each.key == ("heat_source", ("board",), "current_A^2")}
+    assert laws == {1, 2}
 
 
 def flame(time_s):

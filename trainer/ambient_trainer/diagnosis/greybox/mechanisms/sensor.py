@@ -109,6 +109,7 @@ class Clock(_Linear):
 
     cause = "clock_offset"
     noun = "a clock offset between the reference and the device"
+    shaped = True
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
         air = network.boundary(AMBIENT)
