@@ -107,6 +107,13 @@ def test_a_restart_while_the_main_estimator_is_waited_for_changes_nothing(make_m
     assert [each.used[0] is None for each in wanted[500:]] == [True] * SETTLING + [False] * (300 - SETTLING)
 
 
+def test_the_interval_holds_both_ends_of_the_bridge(tracker):
+    feed(tracker, [REST] * 200)
+    lost = feed(tracker, [(None, 25.0)], start=200)[0]
+    # the fallback's own 18 to 22 around 20, and the same around 23
+    assert (lost.low_degC, lost.high_degC) == pytest.approx((18.0, 25.0))
+
+
 def test_used_values_stand_at_the_places_of_the_models_inputs(tracker):
     feed(tracker, [REST] * 10)
     assert feed(tracker, [(None, 25.5)], start=10)[0].used == (None, 25.5)

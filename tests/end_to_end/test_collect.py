@@ -201,7 +201,7 @@ def test_what_a_desk_leaves_is_fitted_as_well_as_what_a_chamber_leaves(
     traces = {name: tmp_path / f"{name}.csv" for name in names}
     for name, campaign in zip(names, (desk, chamber, chamber)):
         (tmp_path / f"{name}.yaml").write_text(yaml.safe_dump(campaign))
-    options = ("--simulate", "--speed", SPEED, "-o", traces["desk"])
+    options = ("--simulate", "--speed", SPEED / 2, "-o", traces["desk"])
     process("ambient_trainer", "collect", tmp_path / "desk.yaml", *options)
     if np.isfinite(load_trace(str(traces["desk"])).column("usb_degC")).mean() < 0.4:
         pytest.skip("a loaded machine lost most of the samples")

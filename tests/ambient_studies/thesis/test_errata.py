@@ -21,6 +21,10 @@ def figures():
     return found
 
 
+def test_each_has_its_number(figures):
+    assert list(figures) == [1, 2, 3, 5, 6, 7, 9, 10, 11]
+
+
 def test_1_the_gains_of_table_4_6_under_both_signs(figures):
     printed, corrected = figures[1][:5], figures[1][5:10]
     assert [round(value) for value in printed[1:3]] == [310, -319]

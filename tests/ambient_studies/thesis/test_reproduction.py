@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,11 +13,12 @@ import pytest
 from rich.console import Console
 
 from ambient_studies.thesis import reproduction
-from ambient_studies.thesis.errata import text_errata
+from ambient_studies.thesis.errata import Erratum, Figure, text_errata
 from ambient_studies.thesis.methods import Method
-from ambient_studies.thesis.published import NONCAUSAL
+from ambient_studies.thesis.names import TABLES
+from ambient_studies.thesis.published import MODELS, NONCAUSAL
 from ambient_studies.thesis.report import report_of
-from ambient_studies.thesis.reproduction import EVALUATED, simulated_runs
+from ambient_studies.thesis.reproduction import EVALUATED, as_json, simulated_runs
 from ambient_studies.thesis.rows import evaluate, like_published, spearman
 from ambient_studies.thesis.tables import overview_table, scenario_tables
 from ambient_studies.thesis.verdict import verdict
@@ -67,6 +69,20 @@ def test_the_correlation_takes_the_variant_that_saw_the_reference_for_one_model(
     # ten ranks of six each: all in order, but the third, which was moved to the front
     assert spearman(compared) == pytest.approx(1 - 6 * 6 * (1 + 1 + 4) * 36 / (60 * (60**2 - 1)), abs=0.01)
     assert spearman(compared[:2]) is spearman([]) is None
+
+
+def test_json_holds_every_method_in_eight_scenarios(done):
+    erratum = Erratum(1, "a title", "a statement", (Figure("what", 1.5, "degC"),))
+    data = json.loads(json.dumps(as_json(done, [erratum]), allow_nan=False))
+    corrected = [(row["scenario"], row["model"]) for row in data["rows"] if row["variant"] == "corrected"]
+    assert len(corrected) == len(set(corrected)) == 14 * 8
+    for row in data["rows"]:
+        assert row["reproduced"].keys() == {"rmse_degC", "mae_degC", "mbe_degC", "interval_degC"}
+        assert row["reproduced"]["interval_degC"].keys() == {"50", "90", "98"}
+        assert (row["published"] is not None) == (row["scenario"] in TABLES and row["model"] in MODELS)
+    assert (data["simulated"], data["seed"], data["spearman"]) == (True, 3, done.verdict.spearman)
+    figure = {"what": "what", "value": 1.5, "unit": "degC"}
+    assert data["errata"] == [{"number": 1, "title": "a title", "statement": "a statement", "figures": [figure]}]
 
 
 def test_no_two_runs_share_their_weather(monkeypatch):

@@ -85,6 +85,18 @@ def test_a_target_is_sent_and_confirmed_by_the_chamber_s_own_word(kept):
     assert set(sample.values) == {"chamber_set_degC", "chamber_degC", "chamber_on"}
 
 
+def test_a_cable_that_was_pulled_meanwhile(kept):
+    lab = kept().chamber(Target(45.0))
+    lab.simulated.unplug()
+    lab.control.go_to(Target(20.0, urgent=True))
+    assert "expected" in lab.next(Failure).text
+    assert not lab.control.confirmed
+    assert lab.simulated.held_degC == 45.0
+    lab.simulated.plug()
+    lab.until(lambda: lab.control.confirmed)
+    assert lab.simulated.held_degC == 20.0
+
+
 def test_an_answer_that_is_lost_is_no_confirmation(kept):
     lab = kept().chamber(Target(45.0))
     lab.simulated.muted = True
