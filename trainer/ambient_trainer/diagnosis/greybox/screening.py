@@ -142,7 +142,7 @@ def _scored(fitted: Fitted, S: Array, lasts: bool) -> tuple[Array, float]:
 
 
 def shortlist(screened: Sequence[Screened]) -> list[Screened]:
-    """The best overall, the best of every cause with and without a driver, and of every driver."""
+    """The best overall, the best of every cause with and without a driver, and of every law by every driver."""
     distinct: dict[tuple[object, ...], Screened] = {}
     for each in screened:
         mechanism = each.mechanism
