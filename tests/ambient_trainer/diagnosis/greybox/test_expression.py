@@ -24,7 +24,7 @@ SAMPLES = Samples(COLUMNS, 10.0)
         ("ambient_degC > 20.5", 1.0 * (COLUMNS["ambient_degC"] > 20.5)),
         ("-2 * (charge_As - 5) / 4", -(TIME_S - 5) / 2),
         ("sqrt(abs(current_A))", np.sqrt(np.abs(np.sin(TIME_S)))),
-        ("lag(ambient_degC, 1e-9)", COLUMNS["ambient_degC"]),
+        ("lag(ambient_degC, 0)", COLUMNS["ambient_degC"]),
         ("delay(charge_As, 25)", np.maximum(TIME_S - 25, 0)),
     ],
 )
@@ -47,7 +47,11 @@ def test_a_level_and_a_delay_are_numbers_of_their_own():
 
 
 @pytest.mark.parametrize(
-    "text", ["", "volts", "__import__('os')", "current_A.real", "[1]", "current_A if 1 else 2", "f(1)"]
+    "text",
+    [
+        *("", "volts", "__import__('os')", "current_A.real", "[1]", "current_A if 1 else 2", "f(1)"),
+        *("sqrt()", "lag(current_A)", "lag(current_A, -5)", "delay(current_A, charge_As)", "delay(current_A, 1e999)"),
+    ],
 )
 def test_what_is_no_expression_is_refused(text):
     with pytest.raises(Refused):

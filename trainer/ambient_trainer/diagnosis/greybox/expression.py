@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -107,7 +107,7 @@ def _rate(samples: Samples, row: Array) -> Array:
 
 
 def _lag(samples: Samples, row: Array, seconds: Array) -> Array:
-    return lagged(row, float(seconds), samples.period_s)
+    return lagged(row, float(seconds), samples.period_s) if seconds else row
 
 
 def _delay(samples: Samples, row: Array, seconds: Array) -> Array:
@@ -149,5 +149,15 @@ def _value(node: ast.AST, samples: Samples, text: str) -> Array:
         sides = _value(node.left, samples, text), _value(node.comparators[0], samples, text)
         return np.asarray(_OPERATORS[type(node.ops[0])](*sides), dtype=float)
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS:
-        return _FUNCTIONS[node.func.id](samples, *(_value(each, samples, text) for each in node.args))
+        return _called(node.func.id, [_value(each, samples, text) for each in node.args], samples, text)
     raise refuse("expression", repr(text), "cannot be read", _HINT)
+
+
+def _called(name: str, given: Sequence[Array], samples: Samples, text: str) -> Array:
+    if len(given) != 1 + (name in LATE):
+        what = "a column and seconds" if name in LATE else "one column"
+        raise refuse("expression", repr(text), f"{name} takes {what}", _HINT)
+    row, *seconds = given
+    if any(each.shape or not 0 <= each < np.inf for each in seconds):
+        raise refuse("expression", repr(text), f"{name} takes seconds as a number of 0 or more", _HINT)
+    return _FUNCTIONS[name](samples, np.broadcast_to(row, (_count(samples),)), *seconds)
