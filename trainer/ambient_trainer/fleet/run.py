@@ -159,15 +159,15 @@ def _begun(question: Question, source: Source, listed: Sequence[Entry], engine: 
             raise refuse(question.path, "", "the worker that began the population died", "give the workers more memory")
         found[number] = start
         progress("beginning with the longest logs", len(found), len(shares))
-    ends = [found[number].fit for number in range(len(shares))]
-    best = min(found, key=lambda number: (ends[number].rmse_degC, number))
+    ends = [found[number] for number in range(len(shares))]
+    best = min(ends, key=lambda each: each.fit.rmse_degC)
     fit = replace(
-        ends[best],
+        best.fit,
         effort=question.effort,
-        evaluations=sum(each.evaluations for each in ends),
-        start_rmses_degC=tuple(rmse for each in ends for rmse in each.start_rmses_degC),
+        evaluations=sum(each.fit.evaluations for each in ends),
+        start_rmses_degC=tuple(rmse for each in ends for rmse in each.fit.start_rmses_degC),
     )
-    return replace(found[best], fit=fit)
+    return replace(best, fit=fit)
 
 
 def _shares(question: Question) -> list[Effort]:

@@ -27,7 +27,7 @@ _SURELY, _WITHIN = 1.96, 100.0
 _PLACED = 2
 _BEGINS, _BEGINS_DEGC = 0.25, 8.0
 """Of the span of the readings, and at least: a hidden body begins no further beyond the temperatures that are known
-there. What nothing heats lies between them: true bodies of twelve measured sets begin within 0.12 of the span."""
+then. What nothing heats lies between them: true bodies of eight measured sets begin within 0.12 of the span."""
 _ELECTRIC = re.compile(r"_(A|V|As|Ah|W|kW|C|ohm)\b")
 """What carries charge or heat moves no air."""
 
@@ -41,7 +41,8 @@ class Trial:
     rmse_degC: float
     """Held-out."""
     at_bounds: bool
-    """Whether a number of it, where a body of it begins, or an earlier amount ends at a physical bound."""
+    """Whether a number of it, or an earlier amount that had stood free, ends at a physical bound, or a body begins
+    beyond one."""
 
     @property
     def lasting(self) -> bool:
@@ -68,17 +69,16 @@ class Trial:
 
 
 def _begins_apart(fitted: Fitted) -> bool:
-    """Whether a body that was added begins far outside of all temperatures that are known there."""
-    own = {each.name for each in fitted.model.circuit.states}
+    """Whether a body that was added begins far outside of all temperatures that are known then."""
+    own = len(fitted.model.circuit.states)
+    if not any(each.adds_nodes for each in fitted.model.mechanisms):
+        return False
     for record, run in zip(fitted.records, fitted.runs):
         network = fitted.model.network(record, fitted.model.z()[None])
-        added = [index for index, name in enumerate(network.nodes) if name not in own]
-        if not added:
-            return False
         known = [row[np.isfinite(row)] for row in record.sensors]
         first = [*(each[0] for each in known if len(each)), *network.boundary_degC[:, 0]]
         room = max(_BEGINS * float(np.ptp(np.concatenate(known))), _BEGINS_DEGC)
-        if (run.start[added] < min(first) - room).any() or (run.start[added] > max(first) + room).any():
+        if run.start[own:].min() < min(first) - room or run.start[own:].max() > max(first) + room:
             return True
     return False
 
