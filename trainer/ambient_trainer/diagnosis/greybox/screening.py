@@ -23,6 +23,8 @@ from ambient_trainer.diagnosis.record import Record
 
 _MECHANISMS = f"{__package__}.mechanisms"
 _SHORTLIST, _DRIVERS, _STARTS = 6, 10, 4
+_RUN_AWAY = 1e100
+"""What is larger has no square."""
 Offered = Callable[[Scene, Columns], Iterator[Mechanism]]
 
 
@@ -80,7 +82,7 @@ def screen(scene: Scene, offered: Offered) -> list[Screened]:
     result = []
     for each in offered(scene, columns_of):
         columns = columns_of(each)
-        if not np.isfinite(columns).all() or not columns.any():
+        if not columns.any():
             continue
         amounts, squares = _scored(fitted, columns, each.lasts)
         started = each.started([float(amount) for amount in amounts])
@@ -106,14 +108,16 @@ class _Beside:
         self._frozen: dict[int, Network] = {}
 
     def effect(self, mechanism: Mechanism) -> Array:
-        """What each probe of a mechanism adds to the sensors, (M, k)."""
+        """What each probe of a mechanism adds to the sensors, (M, k); nothing where one makes them run away."""
         probes = np.array(mechanism.probes(), dtype=float)
         network = self._network(len(probes))
         mechanism.apply(network, probes, self.record)
         first = np.full((len(probes), len(network.nodes)), self.start[network.reads].mean())
         first[:, : len(self.start)] = self.start
         valid = np.isfinite(self.record.sensors)
-        return np.asarray((self.record.weights * (network.simulate(first) - self.read))[:, valid].T)
+        with np.errstate(all="ignore"):
+            added = (self.record.weights * (network.simulate(first) - self.read))[:, valid].T
+        return np.asarray(added if (np.abs(added) < _RUN_AWAY).all() else np.zeros_like(added))
 
     def _network(self, lanes: int) -> Network:
         if lanes not in self._frozen:

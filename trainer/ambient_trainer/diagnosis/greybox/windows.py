@@ -26,8 +26,6 @@ _TIMES, _REFITTED, _APART = 10, 8, 0.4
 """Times that are tried for an end of a window, steps of the fit after it, and how far a delay moves, of itself, or a
 level, of its column's range."""
 
-_RUN_AWAY = 1e100
-
 Columns = Callable[[Mechanism], Array]
 
 
@@ -143,8 +141,6 @@ def _best(
     """The gain of the best window, its onset, and its end (None: it lasts); not ``closed`` is open on one side."""
     times = np.array(sorted(acting))
     C = np.column_stack([acting[each][:, 0] for each in times])
-    # what has run away says nothing, and its square is no number
-    C = np.where(np.abs(C) < _RUN_AWAY, C, 0.0)
     G, b = C.T @ C, C.T @ left
     index = {float(at): place for place, at in enumerate(times)}
     best = None
