@@ -58,6 +58,21 @@ def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden):
     assert selection.final.rmse_degC < 0.06, seed
 
 
+class Runaway(Heat):
+    """1 W more for each K that a node is warmer than 25 degC: more than its loss, so it has no end."""
+
+    def apply(self, network, values, record):
+        network.vary([0], np.full((len(values), 1, record.samples), -1.0), np.array(25.0))
+
+
+def test_what_runs_away_is_left_out_without_a_warning(circuit, simulated, recorded):
+    fitted = bare_fit(GreyBox.of(circuit), recorded(simulated(8)))
+    number = Number("heat_board", "W", 0.0)
+    steady, runaway = (kind(("board",), (number,)) for kind in (Heat, Runaway))
+    held = [each.mechanism for each in screen(Scene(fitted), lambda scene, columns: [steady, runaway])]
+    assert [type(each) for each in held] == [Heat]
+
+
 @pytest.mark.slow
 def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated):
     seed = int(np.random.default_rng().integers(1 << 30))
