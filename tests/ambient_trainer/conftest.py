@@ -1,7 +1,5 @@
 """Small circuits with known parameters, data made of them by integration, and problems solved the slow way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The public API from a user's side: cheap to import, frames and paths alike, results that save and show themselves."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import inspect

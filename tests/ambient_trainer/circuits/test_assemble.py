@@ -1,7 +1,5 @@
 """The assembled matrices are the thesis's, corrected by its errata; their derivatives are those of the matrices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -103,11 +101,7 @@ def test_the_single_input_models_of_the_thesis(name, source, p):
     circuit = load_circuit(name)
     assert circuit.inputs == (f"{source}_degC",)
     found = assemble(circuit, p).value
-    A = [
-        [-1 / (Rsf * Cf), 0, 0],
-        [0, -(1 / Rsb + 1 / Rbu) / Cb, 1 / (Rbu * Cb)],
-        [0, 1 / (Rbu * Cu), -1 / (Rbu * Cu)],
-    ]
+    A = [[-1 / (Rsf * Cf), 0, 0], [0, -(1 / Rsb + 1 / Rbu) / Cb, 1 / (Rbu * Cb)], [0, 1 / (Rbu * Cu), -1 / (Rbu * Cu)]]
     np.testing.assert_allclose(found.A, A, rtol=1e-14, atol=1e-18)
     np.testing.assert_allclose(found.B, [[1 / (Rsf * Cf)], [1 / (Rsb * Cb)], [0]], rtol=1e-14)
     np.testing.assert_allclose(found.C, _shares(p), rtol=1e-14)

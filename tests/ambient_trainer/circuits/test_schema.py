@@ -1,7 +1,5 @@
 """A circuit file is taken whole or refused with every fault and its place."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 
@@ -25,10 +23,7 @@ THESIS = (*LINEAR, *STATES, "model2_ss_single_input")
 def test_the_example_of_the_documentation_loads():
     circuit = parse_circuit(EXAMPLE, "example")
     assert circuit.nodes == (Node("board", "C_board", "board"), Node("chip", None, "chip"))
-    assert circuit.edges == (
-        Edge(("chip", "board"), "R_chip_board"),
-        Edge(("board", "ambient"), "R_board_ambient"),
-    )
+    assert circuit.edges == (Edge(("chip", "board"), "R_chip_board"), Edge(("board", "ambient"), "R_board_ambient"))
     assert circuit.outputs == (Output("ambient", None, {"board_degC": "w"}, None),)
     assert circuit.inputs == ("board_degC", "chip_degC")
     assert circuit.hold == "first-order"
@@ -117,11 +112,7 @@ FAULTY = [
     ("{board_degC: w}", "{bord_degC: w}", ("outputs.ambient.inputs", "inputs are board_degC, chip_degC")),
     (_OUTPUTS, "outputs: {}\n", ("outputs", "none"), ("parameters.w", "nothing uses it")),
     ("outputs:\n", "sources: [{into: chip, signal: cpu_power_W}]\noutputs:\n", ("sources[0].into", "'chip'")),
-    (
-        "  C_board: {",
-        "  C_board: {unit: J/K, initial: 3}\n  C_board: {",
-        ("line 16, column 3", "'C_board'"),
-    ),
+    ("  C_board: {", "  C_board: {unit: J/K, initial: 3}\n  C_board: {", ("line 16, column 3", "'C_board'")),
     ("name: two_nodes", "name: [two_nodes", ("line 4, column 6", "not YAML")),
     ("initial: 10", "initial: 2001-99-99", ("", "not YAML")),
     (EXAMPLE, "", ("", "empty")),

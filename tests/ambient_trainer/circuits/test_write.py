@@ -1,7 +1,5 @@
 """What is read back from a written circuit is the same circuit, whatever is in it."""
 
-from __future__ import annotations
-
 import pytest
 import yaml
 from hypothesis import example, given, settings

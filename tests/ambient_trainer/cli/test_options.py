@@ -1,7 +1,5 @@
 """Options that several commands share refuse what makes no sense before any work, and ``--help`` waits for nothing."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import subprocess

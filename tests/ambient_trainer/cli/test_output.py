@@ -1,7 +1,5 @@
 """What cannot be written is refused before the work, by every command that takes long."""
 
-from __future__ import annotations
-
 import json
 import os
 
@@ -90,9 +88,7 @@ def test_before_anything_is_read_or_done(here, trainer, arguments):
 
 def test_a_report_is_shown_and_written_where_asked(here, capsys):
     report = Report("1.5 degC", [Finding("It [holds].")], [], {"rmse_degC": 1.5})
-
     Output("out.json", "new").show(report)
-
     assert capsys.readouterr().out.splitlines()[:2] == ["1.5 degC", "It [holds]."]
     assert json.loads((here / "out.json").read_text()) == {"rmse_degC": 1.5}
     assert {each.name for each in (here / "new").iterdir()} == {"index.html", "plotly.min.js"}

@@ -1,7 +1,5 @@
 """Files to import: written by the test, or measured and kept beside the repository."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The multiplexer's export comes in with its own units, sentinel and clock, with and without a map."""
 
-from __future__ import annotations
-
 from datetime import datetime
 
 import numpy as np
@@ -47,8 +45,7 @@ def test_a_map_chooses_renames_combines_and_calibrates(write):
         "a.csv", _export("Chan 101 (C)", "Chan 102 (C)", "Chan 103 (F)", rows=(("1", "3", "50"), ("2", "4", "68")))
     )
     mapped = write(
-        "m.yaml",
-        "columns:\n  ambient_degC: {from: [101, 102], combine: mean, offset: 0.5}\n  usb_degC: Chan 103 (F)\n",
+        "m.yaml", "columns:\n  ambient_degC: {from: [101, 102], combine: mean, offset: 0.5}\n  usb_degC: Chan 103 (F)\n"
     )
     trace = import_file(path, mapped).trace
     assert {name: values.tolist() for name, values in trace.columns.items()} == {

@@ -1,7 +1,5 @@
 """A map says what it means, and a wrong one is refused with every fault and its place."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

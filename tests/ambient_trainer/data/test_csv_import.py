@@ -1,7 +1,5 @@
 """Foreign CSV files become traces: units, dates, German numbers, sentinels, and one clear message for a wrong file."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """A DataFrame is a trace as a file is: what comes back is the same, what is no trace is refused by row and column."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The trainer lays a trace on the grid that the device runs on."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """``ambient-trainer import``: status, what the terminal shows, and an output that survives a failure."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

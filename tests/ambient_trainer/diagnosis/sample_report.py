@@ -1,7 +1,5 @@
 """A made-up diagnosis as a report: of two effects, of an unknown misfit, and of nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

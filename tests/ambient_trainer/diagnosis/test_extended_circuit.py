@@ -47,7 +47,6 @@ def test_the_extended_circuit_fits_evaluates_and_runs_in_the_daemon(tmp_path, mo
     circuit = load_circuit("model2_ss")
     extended = extended_circuit(circuit, greybox_of(forward(circuit)).with_mechanism(CHARGER))
     save_circuit(str(tmp_path / "extended.yaml"), extended)
-
     rmse = {}
     for name in ("model2_ss", str(tmp_path / "extended.yaml")):
         model, figures = str(tmp_path / "model.json"), str(tmp_path / "figures.json")
@@ -56,7 +55,6 @@ def test_the_extended_circuit_fits_evaluates_and_runs_in_the_daemon(tmp_path, mo
         rmse[name] = json.loads((tmp_path / "figures.json").read_text())["traces"][0]["rmse_degC"]
     plain, better = rmse.values()
     assert better < 0.75 * plain  # on a run that it never saw
-
     monkeypatch.setattr("sys.argv", ["ambientd", "replay", model, paths["other"], "-o", paths["estimate"]])
     assert not ambientd()
     capsys.readouterr()

@@ -1,7 +1,5 @@
 """A circuit of either form read forward has the physics' A and B; one that cannot be is refused with the way out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

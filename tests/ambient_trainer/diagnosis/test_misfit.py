@@ -1,7 +1,5 @@
 """The residual heat is the heat that was put in, and the ambient read backward is the one that balances it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """A record is a trace on a grid of means: nothing is lost to a linear circuit, and gaps stay gaps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lsim

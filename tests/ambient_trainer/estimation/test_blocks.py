@@ -1,7 +1,5 @@
 """Every sample is held out once, and nothing within the gap teaches."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Least squares in a box: certified and textbook problems, bounds that hold, ranks that lack."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,7 +1,5 @@
 """The search finds what made the data, from several starts; it can be stopped, and repeats itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

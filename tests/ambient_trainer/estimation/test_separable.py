@@ -1,7 +1,5 @@
 """Linear unknowns are solved for exactly, within bounds or not, and the gradient is that of what is left."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

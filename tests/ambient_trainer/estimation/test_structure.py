@@ -1,7 +1,5 @@
 """The compressed problem is the problem: the same residuals and inner products as sample by sample, the slow way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -154,7 +152,6 @@ def test_a_circuit_from_equilibrium(name, simulated, at_rest):
     circuit = load_circuit(name)
     structure = CircuitStructure(circuit, _segments(len(circuit.inputs), 1, periods_s=(1.0, 0.5)))
     theta = _somewhere(structure, 1)
-
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
@@ -167,14 +164,12 @@ def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
     found = project(structure, theta)
     assert (found.beta == 0).any()
     assert (found.beta == 1).any()
-
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
 def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
     structure = CircuitStructure(forward, _segments(2, 3, periods_s=(1.0, 0.5)), free_start=True)
     theta = _somewhere(structure, 2) - np.array([3.0] * 3 + [0.0] * 6)
-
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
 
@@ -188,7 +183,6 @@ def test_modes_that_lie_close(apart, forward, simulated, at_rest):
             between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
             theta[between] += np.log(1e9)
         theta[structure.search.names.index("C_b" if free_start else "C_battery")] += apart
-
         _assert_same(structure, theta, _brute(structure, simulated, at_rest), tolerance=1e-5)
 
 
@@ -212,7 +206,6 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
     assert structure.search.names[-1] == "share"
     assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
     assert "share" not in structure.logarithmic_names
-
     theta = _somewhere(structure, 3) - np.array([3.0] * 3 + [0.0] * 7)
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
@@ -224,7 +217,6 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
 )
 def test_a_free_filter(theta):
     structure = FreeFilter(len(theta), _segments(2, 1))
-
     _assert_same(structure, theta, lambda at: _residual(structure, _regressors_of_filter(structure, at)), 1e-5)
 
 

@@ -1,7 +1,5 @@
 """Intervals cover the truth as often as they say, and what the data cannot tell is named."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

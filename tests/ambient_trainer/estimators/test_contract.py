@@ -1,7 +1,5 @@
 """Every estimator keeps one contract, and a new one is one file."""
 
-from __future__ import annotations
-
 import sys
 from importlib import resources
 from pathlib import Path
@@ -36,11 +34,7 @@ def made(seed: int, samples: int, names: tuple[str, ...] = ("battery", "usb")) -
 
 
 @pytest.mark.parametrize(
-    "name",
-    [
-        "linear_usb",
-        *(pytest.param(each, marks=[pytest.mark.slow] * (each == "free_observer")) for each in ANY),
-    ],
+    "name", ["linear_usb", *(pytest.param(each, marks=[pytest.mark.slow] * (each == "free_observer")) for each in ANY)]
 )
 def test_the_contract_holds(name: str) -> None:
     check_estimator(estimator(name), [made(1, 160)], made(2, 80))

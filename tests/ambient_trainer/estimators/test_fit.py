@@ -1,7 +1,5 @@
 """Traces go in, a system comes out; what cannot be learned from is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -199,11 +197,7 @@ def _never_together(trace):
     board, chip = trace.columns["board_degC"], trace.columns["chip_degC"]
     return replace(
         trace,
-        columns={
-            **trace.columns,
-            "board_degC": np.where(odd, np.nan, board),
-            "chip_degC": np.where(odd, chip, np.nan),
-        },
+        columns={**trace.columns, "board_degC": np.where(odd, np.nan, board), "chip_degC": np.where(odd, chip, np.nan)},
     )
 
 

@@ -1,7 +1,5 @@
 """What was fitted is what the file says, at every period, and the file passes its own test."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a user calls a circuit becomes what fits it, or is refused before a trace is read."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

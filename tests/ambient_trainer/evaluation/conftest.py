@@ -1,7 +1,5 @@
 """A model small enough to be computed by hand, and traces made for it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The reports of fits, evaluations, comparisons, identifiability and a correction, on small synthetic data."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Offsets from the record of a bath, against what was put into it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

@@ -1,7 +1,5 @@
 """The black box against circuits whose floor is known: where their inputs explain all, the noise is left."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

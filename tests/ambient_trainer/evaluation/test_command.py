@@ -22,9 +22,7 @@ def test_the_terminal_shows_the_figures_of_the_json(files: Files, trace_of: Trac
     whole.columns["usb_degC"][:7] = 95.0  # above the input's range
     model, trace = files(whole, {"baseline": BASELINE})
     out = tmp_path / "out.json"
-
     result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
-
     (only,) = json.loads(out.read_text())["traces"]
     assert (only["samples"], only["unscored"], only["overlaps_training"]) == (1193, 7, False)
     for figures in (only, only["baseline"]):
@@ -45,9 +43,7 @@ def test_the_title_counts_every_sample_once(files: Files, trace_of: TraceOf, tmp
     model, trace = files(trace_of(300))
     other = str(tmp_path / "other.csv")
     os.link(trace, other)
-
     result = CliRunner().invoke(command, [model, trace, other], catch_exceptions=False)
-
     title = result.output.splitlines()[0]
     assert "600 samples" in title
     assert "2 traces" in title
@@ -58,11 +54,9 @@ def test_figures_on_training_data_are_called_so(files: Files, trace_of: TraceOf,
     digest = hashlib.sha256(Path(trace).read_bytes()).hexdigest()
     model, trace = files(trace_of(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]})
     out, report = tmp_path / "out.json", tmp_path / "report"
-
     result = CliRunner().invoke(
         command, [model, trace, "--json", str(out), "--report", str(report)], catch_exceptions=False
     )
-
     assert json.loads(out.read_text())["traces"][0]["overlaps_training"] is True
     assert "Not held out: the model was trained on samples of trace.csv" in result.output
     assert "trace.csv (training data)" in result.output

@@ -1,7 +1,5 @@
 """A correction against errors that are known by construction, in the file and through the daemon's own recursion."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Estimates over whole arrays are the device's, sample by sample, to 1e-9 degC."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

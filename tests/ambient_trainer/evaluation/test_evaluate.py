@@ -41,9 +41,7 @@ def without(trace: Trace, column: str, *indices: int) -> Trace:
 
 def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: ModelOf, trace_of: TraceOf) -> None:
     model, trace = model_of(), trace_of(400)
-
     found = evaluate_trace(model, trace)
-
     expected = recursed(model, trace, 0)
     error = trace.reference - expected
     assert found.estimate_degC == pytest.approx(expected, abs=1e-9)
@@ -60,9 +58,7 @@ def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: Mo
 def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace_of: TraceOf) -> None:
     """Against the rules over arrays, which their own tests hold against the device's."""
     model, trace = guarded_of(), trace_of(2000)
-
     found = evaluate_trace(model, trace)
-
     both = (recursed(model._replace(main=each), trace, 0) for each in (model.main, model.secondary.estimator))
     said = blended(*both, 1.5)
     scale = sigma_degC(model.error_variance, said.ambient_degC, said.apart_degC, 1.0)
@@ -83,27 +79,21 @@ def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace
 def test_the_reference_never_reaches_the_estimate(model_of: ModelOf, trace_of: TraceOf) -> None:
     trace = trace_of(100)
     moved = replace(trace, columns={**trace.columns, "ambient_degC": trace.reference + 7.0})
-
     found, other = evaluate_trace(model_of(), trace), evaluate_trace(model_of(), moved)
-
     assert np.array_equal(found.estimate_degC, other.estimate_degC)
     assert other.metrics.mbe_degC == pytest.approx(found.metrics.mbe_degC + 7.0)
 
 
 def test_the_recursion_runs_at_the_period_nearest_the_traces(model_of: ModelOf, trace_of: TraceOf) -> None:
     model, trace = model_of(periods_s=(0.1, 1.0, 10.0)), trace_of(300, period_s=10.0)
-
     found = evaluate_trace(model, trace)
-
     assert (found.period_s, found.trace_period_s) == (10.0, 10.0)
     assert found.estimate_degC == pytest.approx(recursed(model, trace, 2), abs=1e-9)
 
 
 def test_what_is_not_scored_is_counted(model_of: ModelOf, trace_of: TraceOf) -> None:
     trace = without(without(trace_of(200), "usb_degC", 0, 1, 2, 50), "ambient_degC", 2, 100, 101)
-
     found = evaluate_trace(model_of(), trace)
-
     # at 50 the last reading stands in, and sample 2 lacks both
     assert (found.without_estimate, found.without_reference) == (3, 2)
     assert (found.unscored, found.scored) == (5, 195)
@@ -116,7 +106,6 @@ def test_what_is_not_scored_is_counted(model_of: ModelOf, trace_of: TraceOf) -> 
 def test_the_baseline_is_scored_on_the_same_samples(model_of: ModelOf, trace_of: TraceOf) -> None:
     trace = without(without(trace_of(200), "battery_degC", 0, 60), "ambient_degC", 100)
     found = evaluate_trace(model_of({"baseline": BASELINE}), trace)
-
     usb, battery = trace.columns["usb_degC"], trace.columns["battery_degC"].copy()
     battery[60] = battery[59]  # held, as the model's own input is
     error = (trace.reference - (1.25 * usb - 0.3 * battery + 0.5))[[k for k in range(200) if k not in (0, 100)]]
@@ -165,7 +154,6 @@ def test_training_samples_are_recognised(
     path = str(tmp_path / "renamed.csv")
     save_trace(path, trace_of(100))
     span = {"trace": "original.csv", "sha256": sha256_of(path), "from_s": trained[0], "to_s": trained[1]}
-
     assert evaluate_cold(model_of({"training": [span]}), load_trace(path), *evaluated).overlaps_training is overlaps
 
 
@@ -174,15 +162,12 @@ def test_another_file_of_the_same_name_is_held_out(model_of: ModelOf, trace_of: 
     save_trace(path, trace_of(100))
     save_trace(other, trace_of(100, seed=2))
     span = {"trace": "a.csv", "sha256": sha256_of(other), "from_s": None, "to_s": None}
-
     assert evaluate_cold(model_of({"training": [span]}), load_trace(path)).overlaps_training is False
 
 
 def test_the_cut_starts_the_estimate_anew(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
     path = str(tmp_path / "a.csv")
     save_trace(path, trace_of(100))
-
     found = evaluate_cold(model_of(), load_trace(path), 40.0, 90.0)
-
     assert (found.time_s[0], found.time_s[-1], found.status[0]) == (40.0, 89.0, "warming_up")
     assert found.estimate_degC == pytest.approx(recursed(model_of(), trace_of(100).cut(40.0, 90.0), 0), abs=1e-9)

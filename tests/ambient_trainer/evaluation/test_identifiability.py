@@ -1,7 +1,5 @@
 """Resistance against capacitance comes out of the two-sided circuits, and known capacitances cure it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -17,13 +15,7 @@ from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.circuit import circuit_structure
-from ambient_trainer.evaluation.identifiability import (
-    identifiability,
-    own_output,
-    recovered,
-    reestimates,
-    unknowns_at,
-)
+from ambient_trainer.evaluation.identifiability import identifiability, own_output, recovered, reestimates, unknowns_at
 from ambient_trainer.evaluation.identifiability_report import report_of
 from ambient_trainer.evaluation.profile import THRESHOLD, held, profile
 from ambient_trainer.evaluation.sensitivity import sensitivity
@@ -68,7 +60,6 @@ def subject(name, fixed=()):
 def test_resistance_against_capacitance_comes_out_by_name(name):
     """And by simulation at another truth: scaling along the symmetry gives the same output."""
     found, known = subject(name)
-
     hot = "soc" if name == "model1_ss" else "display"
     resistances = ("flash_ambient", "battery_ambient", "usb_ambient", f"{hot}_flash", f"{hot}_battery", "battery_usb")
     scaling = {**dict.fromkeys(CAPACITANCES, 1.0), **{f"R_{each}": -1.0 for each in resistances}}
@@ -86,7 +77,6 @@ def test_resistance_against_capacitance_comes_out_by_name(name):
 
 def test_fixed_capacitances_cure_it():
     found, known = subject("model1_ss", CAPACITANCES)
-
     assert known.blind == 0
     assert known.symmetries == known.products == known.mixed == ()
     ends = reestimates(found, known, Effort(8, 0), quiet)
@@ -121,7 +111,6 @@ def test_single_input_circuits_keep_the_scale_of_their_losses(name):
     exchange = {"C_battery": 1.0, "C_usb": 1.0, f"R_{hot}_battery": -1.0, "R_battery_usb": -1.0}
     assert list(known.symmetries) == [exchange, losses]
     assert known.blind == 3
-
     _, cured = subject(name, ("C_battery", "C_usb"))
     assert cured.symmetries == (losses,)
     assert cured.blind == 1
@@ -193,7 +182,6 @@ def test_a_confounded_parameter_has_a_flat_profile():
 def test_the_mean_of_noisy_replicates_is_within_two_standard_errors():
     found, known = subject("model2_ss", CAPACITANCES)
     back = recovered(found, known, 40, 5, quiet)
-
     assert {each.name for each in back} == {each.name for each in found.circuit.parameters if each.free}
     assert max(abs(each.standard_errors_off) for each in back) < 2
     for each in back:
@@ -240,7 +228,6 @@ def test_a_trace_tells_it_from_the_fit_on(trace):
     assert free.others
     assert set(CAPACITANCES) <= set(free.flat)
     assert "not identifiable" in report_of(free).title
-
     cured = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(3, 0), 2, quiet)
     assert cured.identifiable
     assert not cured.others
@@ -279,7 +266,6 @@ def test_the_command(trace, tmp_path):
     assert data["held"] == list(CAPACITANCES)
     assert len(data["thesis_test"]["starts"]) == 3
     assert {each["name"] for each in data["profiles"]} == set(data["values"])
-
     with pytest.raises(Refused, match="'C_nosuch'"):
         CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_nosuch"], catch_exceptions=False)
     wrong = CliRunner().invoke(command, [path, "--circuit", "model2_ss", "--fix", "C_usb=much"])

@@ -19,9 +19,7 @@ def test_the_figures_are_the_sums_of_the_textbook(errors: list[float]) -> None:
     n = len(errors)
     mean = sum(errors) / n
     sigma = (sum((e - mean) ** 2 for e in errors) / (n - 1)) ** 0.5
-
     metrics = score(np.array(errors))
-
     assert metrics.samples == n
     assert metrics.rmse_degC == pytest.approx((sum(e * e for e in errors) / n) ** 0.5, abs=1e-9)
     assert metrics.mae_degC == pytest.approx(sum(abs(e) for e in errors) / n, abs=1e-9)
@@ -31,9 +29,7 @@ def test_the_figures_are_the_sums_of_the_textbook(errors: list[float]) -> None:
 
 def test_the_intervals_are_those_of_scipy() -> None:
     error = np.random.default_rng(5).normal(0.7, 1.9, 500)
-
     metrics = score(error)
-
     assert list(metrics.interval_degC) == [50, 90, 98]
     for level, band in metrics.interval_degC.items():
         expected = stats.norm.interval(level / 100, loc=np.mean(error), scale=np.std(error, ddof=1))
@@ -59,9 +55,7 @@ def test_the_published_intervals_follow_from_the_published_bias_and_rmse() -> No
 
 def test_the_rolling_band_is_of_twenty_samples_around_each() -> None:
     error = np.random.default_rng(2).normal(size=70).cumsum()
-
     low, high = rolling_band(error)
-
     for k in range(10, 61):
         window = error[k - 10 : k + 10]
         expected = stats.norm.interval(0.98, loc=window.mean(), scale=window.std(ddof=1))
@@ -75,9 +69,7 @@ def test_the_rolling_band_is_of_twenty_samples_around_each() -> None:
 def test_the_rolling_band_steps_over_what_is_missing() -> None:
     error = np.random.default_rng(3).normal(size=50)
     holed = np.insert(error, [7, 25, 25], np.nan)
-
     low, high = rolling_band(holed)
-
     known = np.isfinite(holed)
     assert np.array_equal(low[known], rolling_band(error)[0])
     assert np.array_equal(high[known], rolling_band(error)[1])

@@ -1,7 +1,5 @@
 """A small simulated fleet as a Parquet dataset."""
 
-from __future__ import annotations
-
 import gc
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A report of a fleet that was fitted in a moment."""
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The same units are read from every form of a dataset; what cannot be read is named."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 

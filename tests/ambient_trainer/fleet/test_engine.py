@@ -1,7 +1,5 @@
 """Workers die, connections are cut, the user stops: the table has the same bytes."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

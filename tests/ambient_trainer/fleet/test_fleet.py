@@ -1,7 +1,5 @@
 """A whole run: the same bytes on every engine, a row for every unit, and models that a device runs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -134,11 +132,7 @@ def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monke
 
 @pytest.mark.parametrize(
     ("circuit", "fallbacks"),
-    [
-        ("linear_combined", 0),
-        ("model2_ss", 0),
-        pytest.param("free_observer", 5, marks=pytest.mark.slow),
-    ],
+    [("linear_combined", 0), ("model2_ss", 0), pytest.param("free_observer", 5, marks=pytest.mark.slow)],
 )
 def test_every_kind_of_estimator_is_pooled(logs, fleet_units, tmp_path, circuit, fallbacks):
     found = at.fit_fleet(logs, circuit, tmp_path, engine="serial", effort=at.Effort(starts=1))

@@ -1,7 +1,5 @@
 """On runs that no fit saw, half an hour of a unit improves on the population, and intervals hold what they say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

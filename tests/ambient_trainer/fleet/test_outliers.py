@@ -1,7 +1,5 @@
 """Planted outliers are listed first, whatever is wrong with them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest

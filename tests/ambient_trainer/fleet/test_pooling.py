@@ -1,7 +1,5 @@
 """Empirical Bayes against joint Gaussians that are written out, and limits that are known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

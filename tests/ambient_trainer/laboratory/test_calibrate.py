@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -20,10 +18,7 @@ PERIOD_S = 2.0
 @pytest.fixture
 def instruments():
     """A simulated thermometer and probes in a bath of 20 degC, 200 times as fast."""
-    kinds = (
-        settings("greisinger-easybus", port=""),
-        settings("agilent-34970a", port="", probes={"a": 101, "b": 102}),
-    )
+    kinds = (settings("greisinger-easybus", port=""), settings("agilent-34970a", port="", probes={"a": 101, "b": 102}))
     with simulated_bath(*kinds, speed=200.0, room_degC=20.0) as made:
         yield made
 

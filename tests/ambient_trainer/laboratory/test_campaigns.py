@@ -45,12 +45,7 @@ LABORATORY = [
     ("safety.chamber.low_degC", -50, " ", "-50 to 60 degC; -45 to 185 degC; lowest_degC"),
     ("instruments.chamber.model", "vt-1", "instruments.chamber", "'vt-1'; vc3-7060"),
     ("safety.set_point_degC", None, "", "missing; there is a chamber"),
-    (
-        "instruments.multiplexer.probes.air2",
-        {"channel": 102, "sensor": "Pt7"},
-        "",
-        "'Pt7'",
-    ),
+    ("instruments.multiplexer.probes.air2", {"channel": 102, "sensor": "Pt7"}, "", "'Pt7'"),
     ("instruments.multiplexer.probes", WIRES, "instruments.multiplexer", "111; 101"),
     (
         "instruments.multiplexer",

@@ -314,11 +314,7 @@ ROWS = {
     "Vc3 7060": ({}, {"model": "vc3-7060"}, {1}),
     "Vc3 7060 over TCP": ({"tcp": True, "ending": "\r\n"}, {"model": "vc3-7060", "values": 7, "outputs": 32}, {1}),
     "Vt3 7060, cabinet": ({"fields": CABINET, "single": ("SV01", "SV02")}, {"model": "vt3-7060"}, {1}),
-    "VT3 7034": (
-        {"fields": VC3[:5], "ending": "\r\n", "slopes": "pair", "unknown": ""},
-        {"model": "vt3-7034"},
-        {1},
-    ),
+    "VT3 7034": ({"fields": VC3[:5], "ending": "\r\n", "slopes": "pair", "unknown": ""}, {"model": "vt3-7034"}, {1}),
     "VT4002": (
         {"fields": VC3[:5], "bits": 16, "ending": "\r\n", "slopes": "pair", "unknown": None},
         {"model": "vt-4002"},

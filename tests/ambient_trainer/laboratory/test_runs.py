@@ -206,11 +206,7 @@ def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch
 
     lab = night(minutes((20, 40)))
     recorder = lab.run([(60.0, lambda there, recorder: monkeypatch.setattr(DeviceUnderTest, "read", broken))])
-    assert (lab.outcome.ending, lab.outcome.why, lab.held_degC) == (
-        Ending.FAILED,
-        "ZeroDivisionError: a mistake",
-        20.0,
-    )
+    assert (lab.outcome.ending, lab.outcome.why, lab.held_degC) == (Ending.FAILED, "ZeroDivisionError: a mistake", 20.0)
     assert recorder.events[-1] == lab.outcome.why
 
 

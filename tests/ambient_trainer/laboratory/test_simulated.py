@@ -1,7 +1,5 @@
 """The simulated chamber's air against that of the simulation, and pseudo-terminals against the speed of a wire."""
 
-from __future__ import annotations
-
 import math
 import os
 import select

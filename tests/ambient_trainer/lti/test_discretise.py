@@ -1,7 +1,5 @@
 """Discretisation is exact: against an integrator, against scipy, against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

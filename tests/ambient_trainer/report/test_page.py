@@ -19,7 +19,6 @@ SAFE = "&lt;b&gt;x&lt;/b&gt; &amp; <code>&lt;i&gt;</code> 3 °C usb_degC"
 def test_the_page_and_its_script_replace_the_old(tmp_path: Path) -> None:
     folder = tmp_path / "a" / "b"
     write_report(str(folder), Report("old", [], [], {}))
-
     assert write_report(str(folder), Report("new", [], [], {})) == str(folder / "index.html")
     assert "<h1>new</h1>" in (folder / "index.html").read_text()
     assert (folder / "plotly.min.js").stat().st_size > 1_000_000

@@ -3,8 +3,6 @@
 A kind is found by its place: ``samples()`` of a file ``sample_report.py`` among the tests of the package that makes it.
 """
 
-from __future__ import annotations
-
 import html
 import importlib
 import json

@@ -28,9 +28,7 @@ def test_the_panels_share_one_time_axis_and_one_legend_of_names_as_they_stand() 
         Panel("a [°C]", [Line("<i>", time_s, "#000")]),
         Panel("b [W]", [Line("<i>", -time_s, "#000"), Line("two", time_s, "#111")]),
     ]
-
     figure = stacked_figure(time_s, panels)
-
     assert figure.layout.xaxis.matches == "x2"
     assert figure.layout.xaxis2.title.text == "time [min]"
     assert (figure.layout.yaxis.title.text, figure.layout.yaxis2.title.text) == ("a [°C]", "b [W]")
@@ -43,9 +41,7 @@ def test_the_panels_share_one_time_axis_and_one_legend_of_names_as_they_stand() 
 def test_a_band_is_an_outline_for_each_stretch_that_has_it() -> None:
     time_s = np.arange(0.0, 300.0, 60.0)
     low = np.array([1.0, 2.0, np.nan, 3.0, 4.0])
-
     outline = stacked_figure(time_s, [Panel("a", [], [Band("b", low, low + 10, "#000")])]).data[0]
-
     assert outline.fill == "toself"
     assert outline.x == pytest.approx([0, 1, 1, 0, np.nan, 3, 4, 4, 3, np.nan], nan_ok=True)
     assert outline.y == pytest.approx([1, 2, 12, 11, np.nan, 3, 4, 14, 13, np.nan], nan_ok=True)
@@ -63,10 +59,8 @@ def test_a_shade_spans_to_the_next_sample_in_the_units_of_the_axis() -> None:
     time_s = np.arange(0.0, 6000.0, 60.0)
     flags = np.zeros(100, dtype=bool)
     flags[[10, 11, 12, 50, 99]] = True
-
     spans = spans_where(time_s, flags)
     figure = stacked_figure(time_s, [Panel("a", [])], [Shade("away", "#f00", spans)])
-
     assert spans == [(600.0, 780.0), (3000.0, 3060.0), (5940.0, 5940.0)]
     assert [(each.x0, each.x1) for each in figure.layout.shapes] == [(10, 13), (50, 51), (99, 99)]
     assert figure.data[-1].name == "away"

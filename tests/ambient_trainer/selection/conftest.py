@@ -1,7 +1,5 @@
 """A made-up device whose right sensors are known, and small pieces of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

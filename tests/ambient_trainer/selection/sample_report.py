@@ -1,7 +1,5 @@
 """A search of a small synthetic device, as a report."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

@@ -1,7 +1,5 @@
 """The command as a process: what it prints and writes, how it stops, and how it goes on."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

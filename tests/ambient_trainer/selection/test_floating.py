@@ -1,7 +1,5 @@
 """The selection looks back: it leaves what plain forward selection would keep for ever."""
 
-from __future__ import annotations
-
 from ambient_trainer.selection.floating import best_sets, swaps, thinned
 
 

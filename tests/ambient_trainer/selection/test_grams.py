@@ -1,7 +1,5 @@
 """Brute force: every subset of a small set, refitted directly on raw regressors without each block."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 

@@ -1,7 +1,5 @@
 """The error without a block is that of a fit which never saw it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

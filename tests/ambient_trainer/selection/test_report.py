@@ -1,7 +1,5 @@
 """The report of a search: what is left out, what is next, and what a search for sensors alone lacks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ambient_trainer.report import Finding, Table

@@ -1,7 +1,5 @@
 """Held-out error, one-standard-error rule, front and flatness, worked by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """A state file goes with its data and options, survives a kill, and leaves what is not its own alone."""
 
-from __future__ import annotations
-
 import sqlite3
 
 import pytest

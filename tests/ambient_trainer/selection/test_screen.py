@@ -1,7 +1,5 @@
 """Each way for a zone to be of no use, and a real phone's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

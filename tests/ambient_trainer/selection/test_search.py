@@ -1,7 +1,5 @@
 """The whole search on the synthetic device: it selects what is right, and the same however it is run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A topology becomes a circuit that a file can hold, that can be fitted, and whose every parameter is identifiable."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

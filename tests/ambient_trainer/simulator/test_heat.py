@@ -1,7 +1,5 @@
 """The integration against an adaptive solver, the heat balance to the last joule, the equilibrium against waiting."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

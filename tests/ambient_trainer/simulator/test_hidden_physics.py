@@ -1,7 +1,5 @@
 """Hidden heat: its budget, against an adaptive solver, and at rest; hidden instruments: what they make of a course."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

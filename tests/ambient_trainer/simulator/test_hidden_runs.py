@@ -1,7 +1,5 @@
 """Runs with hidden effects: the trace keeps the secret, the truth tells it in a diagnosis's terms, sizes matter."""
 
-from __future__ import annotations
-
 import importlib
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What the command line says of an effect: read, written, read again; whatever cannot be is refused, never a crash."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings

@@ -1,7 +1,5 @@
 """A simulated run: the thesis's durations, magnitudes near its own, and the same bytes from the same seed."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,13 +12,7 @@ from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Chamber, coloured, ramped, wobble
 from ambient_trainer.simulator.device import Bursts, Zone
-from ambient_trainer.simulator.device_file import (
-    device_path,
-    load_constants,
-    load_device,
-    rounded,
-    with_calibrated,
-)
+from ambient_trainer.simulator.device_file import device_path, load_constants, load_device, rounded, with_calibrated
 from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
 from ambient_trainer.simulator.run import bursts, schedule
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names

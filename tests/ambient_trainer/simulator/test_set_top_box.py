@@ -1,7 +1,5 @@
 """Another kind of device than a phone, a set-top box with a fan, is simulated, fitted and diagnosed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

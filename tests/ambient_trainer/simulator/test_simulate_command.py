@@ -1,7 +1,5 @@
 """``ambient-trainer simulate``: the file it writes, and a wrong call."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

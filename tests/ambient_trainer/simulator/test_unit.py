@@ -1,7 +1,5 @@
 """Units are drawn within what their tolerances say, each by its own number."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

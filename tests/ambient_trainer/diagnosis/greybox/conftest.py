@@ -1,7 +1,5 @@
 """A board in moving air, simulated by scipy's integrator: nothing of it comes from the code that is fitted to it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

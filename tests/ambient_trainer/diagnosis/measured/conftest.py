@@ -1,7 +1,5 @@
 """The measured sets as traces: imported once a session by the command, from where they lie beside the repository."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

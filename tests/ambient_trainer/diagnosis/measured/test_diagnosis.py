@@ -1,7 +1,5 @@
 """``ambient-trainer diagnose`` on measured data, by the command itself."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The measured sets come in whole, through a map each: every value is what the file says, read another way."""
 
-from __future__ import annotations
-
 import csv
 from datetime import datetime
 

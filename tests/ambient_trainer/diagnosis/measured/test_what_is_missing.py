@@ -3,8 +3,6 @@
 The bars are what a careful engineer gets by hand with a little room; the first 60 % are diagnosed, the rest is scored.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small device with known constants, its log made by integration, and an observer file for it that fits fast."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The filter's objective against sums written out, and the search's bounds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

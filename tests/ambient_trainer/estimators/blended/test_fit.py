@@ -1,7 +1,5 @@
 """An observer from log to model file, scored on other logs of the same device through the file."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The forward simulation against an integrator, and the recovery of a device's constants from its log."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

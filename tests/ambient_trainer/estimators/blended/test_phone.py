@@ -3,8 +3,6 @@
 No weight of the recipe was chosen on any of them. All are simulated; ``pytest -s -m slow`` prints the figures.
 """
 
-from __future__ import annotations
-
 import csv
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Observer files: what is shipped reads, what is wrong is refused with every fault and its place."""
 
-from __future__ import annotations
-
 import contextlib
 import copy
 from importlib import resources

@@ -1,7 +1,5 @@
 """What is made up: ambient and work like the log's, unlogged heat of the sizes that the recipe says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

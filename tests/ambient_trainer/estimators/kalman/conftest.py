@@ -1,7 +1,5 @@
 """Runs of a circuit under a walking ambient, simulated by small steps that share nothing with the filters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 

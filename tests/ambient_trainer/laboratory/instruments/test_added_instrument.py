@@ -1,7 +1,5 @@
 """An instrument is one file: a meter in a temporary folder is driven, checked and simulated like those that ship."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What comes instead of an answer is an error that names instrument, port and what was expected; never a reading."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

@@ -1,7 +1,5 @@
 """Every documented frame: whole, byte by byte, cut anywhere, and with noise in between."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Sensors of this machine, from files as the kernel's documentation has them."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading
