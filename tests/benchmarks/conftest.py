@@ -11,9 +11,9 @@ from threadpoolctl import threadpool_limits
 from ambient_model.model import Estimator, Matrix, Model
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.readings import reading_model
+from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.simulator.simulate import simulate
 
 HERE = Path(__file__).parent

@@ -10,8 +10,12 @@ from threadpoolctl import threadpool_limits
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.estimators.library.circuit_observer import ObserverStructure, prior_theta, walk_of
+from ambient_trainer.estimators.library.circuit_observer import (
+    ObserverStructure,
+    RandomWalkAmbient,
+    prior_theta,
+    walk_of,
+)
 from ambient_trainer.lti.response import noise_gain, response_degC
 
 MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"

@@ -23,11 +23,11 @@ from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.readings import reading_model
+from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.simulator.simulate import simulate
 
 SAMPLES = 12_000

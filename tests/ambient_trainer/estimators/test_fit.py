@@ -9,11 +9,10 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import CircuitEstimator
+from ambient_trainer.estimators.base import Effort, temperature_columns
 from ambient_trainer.estimators.library import free
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
-from ambient_trainer.estimators.training import temperature_columns
+from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.lti.discretise import discretised
 
 ONE = Effort(starts=1)

@@ -12,8 +12,8 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimators.base import Effort, error_quantiles
-from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.model_file import model_of, training_of
+from ambient_trainer.estimators.registry import CircuitEstimator
 
 CIRCUIT = """
 format: ambient-circuit

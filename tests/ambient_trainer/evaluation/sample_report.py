@@ -8,7 +8,7 @@ import numpy as np
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.estimators import report as fit_report
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import CircuitEstimator
+from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.evaluation import compare, correction, identifiability_report
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.evaluation.identifiability import identifiability

@@ -14,7 +14,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import circuit_structure
+from ambient_trainer.estimators.registry import circuit_structure
 from ambient_trainer.evaluation.identifiability import identifiability, own_output, recovered, reestimates, unknowns_at
 from ambient_trainer.evaluation.identifiability_report import report_of
 from ambient_trainer.evaluation.profile import THRESHOLD, held, profile

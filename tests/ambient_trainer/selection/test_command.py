@@ -16,7 +16,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.cli.commands.search import command
 from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import CircuitEstimator
+from ambient_trainer.estimators.registry import CircuitEstimator
 
 from .conftest import made_up
 

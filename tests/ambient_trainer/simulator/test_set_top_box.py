@@ -10,8 +10,8 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.circuit import CircuitEstimator
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
+from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.simulator import load_device, simulate
 from ambient_trainer.simulator.device_file import device_path
 from ambient_trainer.simulator.heat import HeatBalance

@@ -20,9 +20,8 @@ from ambient_model.validation import SLOW_S
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.resolution import resolution_of
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimators.base import Fit
+from ambient_trainer.estimators.base import Fit, slowest_period_s
 from ambient_trainer.estimators.estimate import matrix
-from ambient_trainer.estimators.training import slowest_period_s
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.lag import low_pass
 from ambient_trainer.lti.response import response_degC, states

@@ -8,11 +8,65 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ambient_model.faults import refuse
+from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.estimators.base import Estimator
-from ambient_trainer.estimators.circuit import CircuitEstimator
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.estimation.circuit_structure import CircuitStructure
+from ambient_trainer.estimation.search import Progress, search
+from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough, training_segments
+from ambient_trainer.estimators.searched import fit_of
+
+
+class CircuitEstimator(Estimator):
+    """Fits a circuit, each stretch from thermal equilibrium with its first sample; it names its trace columns."""
+
+    reads_any = False
+    starts_apart = True
+
+    def __init__(self, circuit: Circuit) -> None:
+        self.circuit = circuit
+        self.name = circuit.name
+
+    def training(
+        self, traces: Sequence[Trace], inputs: Sequence[str] | None, period_s: float | None, pieces: int
+    ) -> Training:
+        """The grids over the circuit's own columns, by default at each trace's own period."""
+        outputs = [output.column for output in self.circuit.outputs]
+        columns = self.circuit.inputs
+        return Training(columns, training_segments(traces, columns, outputs, period_s, pieces), traces)
+
+    def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
+        """The fit to this training data."""
+        structure = circuit_structure(self.circuit, training.segments)
+        require_enough(training.traces, structure)
+        result = search(structure, effort.starts, effort.seed, progress, effort.budget, effort.first)
+        theta, beta = result.best.theta, result.best.beta
+        values = structure.values(theta, beta)
+        units = {each.name: each.unit for each in self.circuit.parameters}
+        logarithmic = structure.logarithmic_names
+        # what the file gives as a bare number has a place for a name, with dots in it
+        shown = [each.name for each in self.circuit.parameters if each.free or "." not in each.name]
+        return fit_of(
+            structure,
+            result,
+            effort,
+            structure.system(theta, beta),
+            [(name, units[name], values[name], name in logarithmic) for name in shown],
+            circuit=self.circuit.name,
+            inputs=self.circuit.inputs,
+            states=[node.name for node in self.circuit.states],
+            hold=self.circuit.hold,
+            outputs=[output.name for output in self.circuit.outputs],
+        )
+
+
+def circuit_structure(circuit: Circuit, segments: Sequence[Segment]) -> CircuitStructure:
+    """What is searched: from equilibrium where the ambient is estimated, from any state where nodes are predicted."""
+    return CircuitStructure(circuit, segments, [output.column for output in circuit.outputs] != [REFERENCE])
+
 
 LIBRARY = "ambient_trainer.estimators.library"
 

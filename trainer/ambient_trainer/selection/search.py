@@ -22,7 +22,7 @@ from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.validation import Block, Spending, cut_in_blocks, refitted
-from ambient_trainer.estimators.training import slowest_period_s, source_of
+from ambient_trainer.estimators.base import slowest_period_s, source_of
 from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.selection.floating import best_sets, swaps
 from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered

@@ -6,10 +6,10 @@ import pytest
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.blended.filters import recipe_filter
 from ambient_trainer.estimators.blended.recipe import FilterRules
 from ambient_trainer.estimators.blended.training_set import TrainingRun
-from ambient_trainer.estimators.observer import filter_fit
+from ambient_trainer.estimators.library.recipes import recipe_filter
+from ambient_trainer.estimators.searched import filter_fit
 from ambient_trainer.lti.response import noise_gain, response_degC
 from ambient_trainer.lti.statespace import dc_gain
 

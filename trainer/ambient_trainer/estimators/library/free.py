@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, search
-from ambient_trainer.estimators.base import Effort, Estimator, Fit
+from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
 from ambient_trainer.estimators.searched import MODES, filter_unknowns, fit_of
-from ambient_trainer.estimators.training import Training, require_enough
 
 NAMES = ("free-1", "free-2", "free-3", "free-4")
 

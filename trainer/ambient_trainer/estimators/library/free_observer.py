@@ -18,9 +18,8 @@ from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
 from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.validation import held_out
-from ambient_trainer.estimators.base import Effort, Estimator, Fit
-from ambient_trainer.estimators.observer import filter_fit, late, with_fallbacks_and_variance
-from ambient_trainer.estimators.training import Training, require_enough
+from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
+from ambient_trainer.estimators.searched import filter_fit, late, with_fallbacks_and_variance
 
 NAMES = ("free_observer", "observer")
 """The second is the default's name, whichever kind it is."""

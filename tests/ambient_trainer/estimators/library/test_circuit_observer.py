@@ -9,8 +9,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, struck_out
+from ambient_trainer.estimators.library.circuit_observer import CircuitObserver, RandomWalkAmbient, struck_out
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.evaluation.evaluate import evaluate_trace

@@ -5,8 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimators.kalman.random_walk import RandomWalkAmbient
-from ambient_trainer.estimators.library.circuit_observer import ObserverStructure
+from ambient_trainer.estimators.library.circuit_observer import ObserverStructure, RandomWalkAmbient
 from ambient_trainer.lti.response import response_degC
 from ambient_trainer.lti.statespace import dc_gain
 
