@@ -21,6 +21,8 @@ from scipy.linalg import expm
 from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.statespace import Hold, StateSpace
 
+_STEP = 1e-100
+
 
 def discretised(system: StateSpace, period_s: float, hold: Hold) -> StateSpace:
     """The discrete system whose inputs between the samples move along straight lines, or stay constant."""
@@ -34,21 +36,10 @@ def discretised(system: StateSpace, period_s: float, hold: Hold) -> StateSpace:
 def discretised_slopes(system: StateSpace, slopes: StateSpace, period_s: float, hold: Hold) -> StateSpace:
     """The derivative of :func:`discretised`; ``slopes`` and the result have a leading axis of parameters.
 
-    It stands in the corners of the system of states and their derivatives, A being [[A, 0], [dA, A]].
+    By a complex step, which is exact to the last digit (Al-Mohy and Higham 2010, Numer. Algorithms 53).
     """
-    n, q = system.A.shape[0], system.D.shape[0]
-    A, B, C, D, offset = (
-        np.broadcast_to(value, slope.shape) for value, slope in zip(vars(system).values(), vars(slopes).values())
-    )
-    both = StateSpace(
-        np.block([[A, 0 * A], [slopes.A, A]]),
-        np.concatenate([B, slopes.B], axis=-2),
-        np.block([[C, 0 * C], [slopes.C, C]]),
-        np.concatenate([D, slopes.D], axis=-2),
-        np.concatenate([offset, slopes.offset], axis=-1),
-    )
-    A, B, C, D, offset = vars(discretised(both, period_s, hold)).values()
-    return StateSpace(A[..., n:, :n], B[..., n:, :], C[..., q:, :n], D[..., q:, :], offset[..., q:])
+    stepped = StateSpace(*(vars(system)[name] + 1j * _STEP * slope for name, slope in vars(slopes).items()))
+    return StateSpace(*(each.imag / _STEP for each in vars(discretised(stepped, period_s, hold)).values()))
 
 
 def _integrals(A: Array, T: float) -> tuple[Array, Array, Array]:
@@ -56,7 +47,7 @@ def _integrals(A: Array, T: float) -> tuple[Array, Array, Array]:
     n = A.shape[-1]
     if A.size == 0:
         return A, A, A
-    block = np.zeros((*A.shape[:-2], 3 * n, 3 * n))
+    block = np.zeros((*A.shape[:-2], 3 * n, 3 * n), A.dtype)
     block[..., :n, :n] = A * T
     block[..., :n, n : 2 * n] = block[..., n : 2 * n, 2 * n :] = np.eye(n) * T
     top = expm(block)[..., :n, :]
