@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from ambient_trainer.api.data import sensor_columns
 from ambient_trainer.cli.main import COMMANDS, STUDIES, trainer
-from ambient_trainer.cli.options import sensor_columns, sensor_names
+from ambient_trainer.cli.options import names
 from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names
 
@@ -42,9 +43,9 @@ def test_a_call_that_makes_no_sense_is_named(call: str, named: tuple[str, ...]) 
 
 
 def test_a_list_of_sensors_is_taken_with_and_without_the_unit() -> None:
-    assert sensor_names(" usb, battery_degC,,") == ("usb", "battery")
-    assert sensor_columns("usb,battery_degC") == ("usb_degC", "battery_degC")
-    assert sensor_columns(None) == ()
+    assert names(" usb, battery_degC,,") == ("usb", "battery_degC")
+    assert sensor_columns(names("usb,battery_degC")) == ("usb_degC", "battery_degC")
+    assert sensor_columns(names("")) == ()
 
 
 HELP = """

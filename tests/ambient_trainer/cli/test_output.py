@@ -6,7 +6,7 @@ import os
 import click
 import pytest
 
-from ambient_trainer.cli.output import Output, check_outputs
+from ambient_trainer.cli.output import Output
 from ambient_trainer.report import Finding, Report
 
 
@@ -37,7 +37,7 @@ def here(tmp_path, monkeypatch):
 )
 def test_a_report_that_cannot_be_written_is_refused(here, report, place, reason):
     with pytest.raises(click.UsageError) as refused:
-        check_outputs([], [], report)
+        Output(report_folder=report).check([])
     assert refused.value.message.startswith(f"{place}: ")
     assert reason.format(here=here) in refused.value.message
     assert "\n" not in refused.value.message
@@ -45,7 +45,7 @@ def test_a_report_that_cannot_be_written_is_refused(here, report, place, reason)
 
 @pytest.mark.parametrize("report", ["new", "new/and/deeper", ".", "closed/../new"])
 def test_a_report_may_be_written_over_or_made(here, report):
-    check_outputs(["out.json"], ["notes.txt"], report)
+    Output("out.json", report).check(["notes.txt"])
     assert not (here / "new").exists()
 
 
@@ -62,7 +62,7 @@ def test_a_report_may_be_written_over_or_made(here, report):
 )
 def test_files_beside_a_report(here, wanted, inputs, place, reason):
     with pytest.raises(click.UsageError) as refused:
-        check_outputs(wanted, inputs, "page")
+        Output(report_folder="page").check(inputs, wanted)
     assert refused.value.message.startswith(place)
     assert reason.format(here=here) in refused.value.message
     assert "\n" not in refused.value.message

@@ -7,19 +7,18 @@ from pathlib import Path
 import click
 
 from ambient_model.atomic import replacing
-from ambient_trainer.cli import Output, check_outputs, counted_progress, seed_option
+from ambient_trainer.cli import Output, counted_progress, seed_option
 
 BUDGET = 25
 
 
 @click.command("calibrate-phone")
-@click.option("-o", "--output", default="phone.yaml", show_default=True, type=click.Path(dir_okay=False), help="YAML.")
+@click.option("-o", "--output", default="phone.yaml", type=click.Path(dir_okay=False), help="YAML.")
 @seed_option("Of weather and noise.")
 @click.option(
     "--budget",
     type=click.IntRange(min=0),
     default=BUDGET,
-    show_default=True,
     help="Evaluations at most; 0 fits nothing, writes nothing, and prints what the shipped constants give.",
 )
 def command(output: str, seed: int, budget: int) -> None:
@@ -35,7 +34,7 @@ def command(output: str, seed: int, budget: int) -> None:
     constants = load_constants()
     values, fitted = {name: each.value for name, each in constants.items()}, ""
     if budget:
-        check_outputs([output], [])
+        Output().check([], [output])
         with counted_progress() as progress:
             progress("calibrating", 0, budget)
             result = calibrate(

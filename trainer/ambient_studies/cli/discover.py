@@ -19,13 +19,12 @@ _CASES = 300
 
 
 @click.command("discover")
-@click.option("--cases", "count", type=click.IntRange(1, 100_000), default=_CASES, show_default=True, help="So many.")
-@click.option("--seed", type=click.IntRange(min=0), default=_SEED, show_default=True, help="Another one, other cases.")
+@click.option("--cases", "count", type=click.IntRange(1, 100_000), default=_CASES, help="So many.")
+@click.option("--seed", type=click.IntRange(min=0), default=_SEED, help="Another one, other cases.")
 @click.option(
     "--circuit",
     "circuit_name",
     default="phone",
-    show_default=True,
     metavar="NAME|FILE",
     help="What diagnoses: a shipped circuit or a .yaml file.",
 )

@@ -9,18 +9,19 @@ from ambient_trainer.cli import Output, output_options, sampling_option, staged_
 
 @click.command("limit")
 @click.argument("model_path", metavar="MODEL.json")
-@click.option("--scenarios", "scenario_list", metavar="A,B,...", default="4", show_default=True, help="Or: all.")
-@click.option("--seeds", "seed_list", metavar="N,N,...", default="3,4,5", show_default=True, help="Of the scored runs.")
+@click.option("--scenarios", "scenario_list", metavar="A,B,...", default="4", help="Or: all.")
+@click.option("--seeds", type=whole_numbers, metavar="N,N,...", default="3,4,5", help="Of the scored runs.")
 @click.option(
     "--fitted",
     type=click.IntRange(1, 100),
     default=10,
-    show_default=True,
     help="How many other runs of a scenario the filters are fitted to.",
 )
 @sampling_option("Sampling.")
 @output_options()
-def command(model_path: str, scenario_list: str, seed_list: str, fitted: int, period_s: float, output: Output) -> None:
+def command(
+    model_path: str, scenario_list: str, seeds: tuple[int, ...], fitted: int, period_s: float, output: Output
+) -> None:
     """Put beside MODEL.json the best linear causal filters that were fitted to the very scenario they are scored on.
 
     One has the model's order and sensors, one many low-passes of the same sensors, one those of every zone of the
@@ -35,8 +36,8 @@ def command(model_path: str, scenario_list: str, seed_list: str, fitted: int, pe
 
     output.check([model_path])
     scenarios = scenario_names() if scenario_list == "all" else tuple(dict.fromkeys(scenario_list.split(",")))
-    seeds = Seeds.after(whole_numbers("--seeds", seed_list), fitted)
+    chosen = Seeds.after(seeds, fitted)
     model = load_model(model_path)
     with staged_progress() as progress, threadpool_limits(1):
-        found = lower_bounds(model, scenarios, seeds, period_s, progress)
-    output.show(report_of(model, found, seeds))
+        found = lower_bounds(model, scenarios, chosen, period_s, progress)
+    output.show(report_of(model, found, chosen))

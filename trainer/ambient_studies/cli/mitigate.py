@@ -18,7 +18,6 @@ _ROOMS = ("5", "20", "35", "35/5/35")
     multiple=True,
     metavar="T[/T...]",
     default=_ROOMS,
-    show_default=True,
     help="Air in degC; 35/5/35 walks out into the cold and back. Repeatable.",
 )
 @click.option(
@@ -26,7 +25,6 @@ _ROOMS = ("5", "20", "35", "35/5/35")
     "limit_degC",
     type=FiniteRange(20, 60),
     default=40.0,
-    show_default=True,
     help="The highest permitted skin temperature, degC.",
 )
 @click.option(
@@ -34,39 +32,25 @@ _ROOMS = ("5", "20", "35", "35/5/35")
     "hottest_degC",
     type=FiniteRange(-20, 60),
     default=35.0,
-    show_default=True,
     help="The hottest room that the phone is made for, degC.",
 )
-@click.option(
-    "--usual",
-    "usual_degC",
-    type=FiniteRange(-20, 60),
-    default=20.0,
-    show_default=True,
-    help="The other assumed ambient, degC.",
-)
-@click.option("--sensor", default="soc", show_default=True, metavar="ZONE", help="The zone that the governor acts on.")
-@click.option(
-    "--workload", type=click.Choice(_WORKLOADS), default=_WORKLOADS[0], show_default=True, help="The phone's load."
-)
-@click.option("--minutes", "work_min", type=FiniteRange(1, 1440), default=60.0, show_default=True, help="Its duration.")
+@click.option("--usual", "usual_degC", type=FiniteRange(-20, 60), default=20.0, help="The other assumed ambient, degC.")
+@click.option("--sensor", default="soc", metavar="ZONE", help="The zone that the governor acts on.")
+@click.option("--workload", type=click.Choice(_WORKLOADS), default=_WORKLOADS[0], help="The phone's load.")
+@click.option("--minutes", "work_min", type=FiniteRange(1, 1440), default=60.0, help="Its duration.")
 @click.option(
     "--idle",
     "idle_min",
     type=FiniteRange(0, 1440),
     metavar="MIN",
-    help="Idle time before it; default: MODEL's settling time.",
+    show_default="MODEL's settling time",
+    help="Idle time before it.",
 )
-@click.option(
-    "--seed", type=click.IntRange(min=1), default=1, show_default=True, help="The first run's; training has 0."
-)
-@click.option("--runs", type=click.IntRange(1, 50), default=3, show_default=True, help="How many seeds a room.")
+@click.option("--seed", type=click.IntRange(min=1), default=1, help="The first run's; training has 0.")
+@click.option("--runs", type=click.IntRange(1, 50), default=3, help="How many seeds a room.")
 @sampling_option("Of the governor.")
 @click.option(
-    "--convection",
-    type=FiniteRange(0.5, 50),
-    metavar="X",
-    help="Of the rooms' air, in W/(m2 K^1.25); 2.8 is still.",
+    "--convection", type=FiniteRange(0.5, 50), metavar="X", help="Of the rooms' air, in W/(m2 K^1.25); 2.8 is still."
 )
 @click.option(
     "--lose",

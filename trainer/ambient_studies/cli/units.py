@@ -9,15 +9,9 @@ from ambient_trainer.cli import Output, jobs_option, output_options, sampling_op
 
 @click.command("units")
 @click.argument("model_path", metavar="MODEL.json")
-@click.option("--count", type=click.IntRange(2, 10_000), default=50, show_default=True, help="How many phones.")
-@click.option(
-    "--seed",
-    type=click.IntRange(min=1),
-    default=1,
-    show_default=True,
-    help="Of the phones and the weather; training has 0.",
-)
-@click.option("--scenarios", "scenario_list", metavar="A,B,...", default="4,1", show_default=True)
+@click.option("--count", type=click.IntRange(2, 10_000), default=50, help="How many phones.")
+@click.option("--seed", type=click.IntRange(min=1), default=1, help="Of the phones and the weather; training has 0.")
+@click.option("--scenarios", "scenario_list", metavar="A,B,...", default="4,1")
 @sampling_option("Sampling.")
 @output_options(page=True)
 @jobs_option("Processes.")

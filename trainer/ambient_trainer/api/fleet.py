@@ -69,7 +69,7 @@ def fit_fleet(
     folder: str | os.PathLike[str],
     *,
     by: str = "unit",
-    within: Sequence[str] = (),
+    within: Sequence[str] | None = None,
     sensors: Sequence[str] | None = None,
     engine: str = "local",
     jobs: int | None = None,
@@ -91,7 +91,7 @@ def fit_fleet(
         Gets ``fleet.parquet``, ``models/UNIT.json`` and ``population.json``.
     by : str
         The column that holds the unit.
-    within : sequence of str
+    within : sequence of str, optional
         Columns of groups of units, whose means are one level more.
     sensors : sequence of str, optional
         What estimators read that read any sensors; by default every temperature that most units have.
@@ -129,7 +129,7 @@ def fit_fleet(
     place = os.fspath(folder)
     os.makedirs(place, exist_ok=True)
     path = _written(logs, by, place) if isinstance(logs, pd.DataFrame) else os.fspath(logs)
-    question = Question(path, circuit, by, tuple(within), sensor_columns(sensors), effort or Effort(), diagnose)
+    question = Question(path, circuit, by, tuple(within or ()), sensor_columns(sensors), effort or Effort(), diagnose)
     with engine_of(engine, jobs or os.cpu_count() or 1) as running:
         if announce and running.address:
             announce(running.address)

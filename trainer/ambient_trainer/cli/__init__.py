@@ -3,25 +3,40 @@
 from ambient_trainer.cli.options import (
     Finite,
     FiniteRange,
+    assigned,
+    circuit_option,
+    effort_options,
     jobs_option,
+    names,
     output_options,
+    period_option,
     sampling_option,
     seed_option,
+    starts_option,
     whole_numbers,
+    window_options,
 )
-from ambient_trainer.cli.output import Output, check_outputs
-from ambient_trainer.cli.progress import counted_progress, staged_progress
+from ambient_trainer.cli.output import Output, printer
+from ambient_trainer.cli.progress import counted_progress, fit_progress, staged_progress
 
 __all__ = [
     "Finite",
     "FiniteRange",
     "Output",
-    "check_outputs",
+    "assigned",
+    "circuit_option",
     "counted_progress",
+    "effort_options",
+    "fit_progress",
     "jobs_option",
+    "names",
     "output_options",
+    "period_option",
+    "printer",
     "sampling_option",
     "seed_option",
     "staged_progress",
+    "starts_option",
     "whole_numbers",
+    "window_options",
 ]

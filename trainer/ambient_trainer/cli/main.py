@@ -59,7 +59,7 @@ def _short_help(module: str, limit: int) -> str:
     return ""
 
 
-@click.command(cls=_LazyCommands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.command(cls=_LazyCommands, context_settings={"help_option_names": ["-h", "--help"], "show_default": True})
 @click.version_option(__version__, prog_name="ambient-trainer")
 def trainer() -> None:
     """Fit thermal circuits to logged temperatures, see what they get right and wrong, export them for a device."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 from collections.abc import Callable
@@ -71,20 +72,14 @@ def circuit_option(meaning: str = "A shipped circuit or a .yaml file.", **attrib
 def period_option(default: str = "the trace's own") -> Decorator:
     """Give a command on logged traces --period, as ``period_s``."""
     return click.option(
-        "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", help=f"Grid (default: {default})."
+        "--period", "period_s", type=FiniteRange(min=1e-3), metavar="S", show_default=default, help="Grid."
     )
 
 
 def sampling_option(meaning: str, longest_s: float = 10) -> Decorator:
     """Give a command on the simulated phone --period, as ``period_s``: a device's, from 0.1 s on."""
     return click.option(
-        "--period",
-        "period_s",
-        type=FiniteRange(0.1, longest_s),
-        default=1.0,
-        show_default=True,
-        metavar="S",
-        help=meaning,
+        "--period", "period_s", type=FiniteRange(0.1, longest_s), default=1.0, metavar="S", help=meaning
     )
 
 
@@ -96,7 +91,6 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
         "--pieces",
         type=click.IntRange(1, 10_000),
         default=1,
-        show_default=True,
         help="Fit a trace in so many pieces, each from a cold start.",
     )
     @seed_option("Of the places.")
@@ -111,42 +105,46 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 def starts_option(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give ``command`` --starts."""
-    return click.option(
-        "--starts", type=click.IntRange(1, 1000), default=8, show_default=True, help="Searches from so many places."
-    )(command)
+    return click.option("--starts", type=click.IntRange(1, 1000), default=8, help="Searches from so many places.")(
+        command
+    )
 
 
 def seed_option(meaning: str) -> Decorator:
     """Give a command --seed."""
-    return click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help=meaning)
+    return click.option("--seed", type=click.IntRange(min=0), default=0, help=meaning)
 
 
 def jobs_option(meaning: str) -> Decorator:
     """Give a command --jobs, by default as many processes as there are cores."""
     return click.option(
-        "--jobs",
-        type=click.IntRange(1, 256),
-        default=_cores,
-        help=f"{meaning} [default: as many as there are cores]",
+        "--jobs", type=click.IntRange(1, 256), default=_cores, show_default="as many as there are cores", help=meaning
     )
 
 
-def whole_numbers(option: str, text: str) -> tuple[int, ...]:
-    """The numbers from 0 on that ``text``, such as ``3,4,5``, lists, each once; raises :class:`click.UsageError`."""
-    parts = [part.strip() for part in text.split(",")]
-    if not all(part.isascii() and part.isdigit() for part in parts):
-        raise click.UsageError(f"{option} {text!r}: write whole numbers with commas between, such as 3,4,5")
-    return tuple(dict.fromkeys(map(int, parts)))
+def names(text: str) -> tuple[str, ...]:
+    """The type of an option that lists names, such as ``usb,battery``."""
+    return tuple(name for part in text.split(",") if (name := part.strip()))
 
 
-def sensor_names(text: str | None) -> tuple[str, ...]:
-    """The sensors that a list such as ``usb,battery_degC`` names, without their unit."""
-    return tuple(name.removesuffix("_degC") for part in (text or "").split(",") if (name := part.strip()))
+def whole_numbers(text: str) -> tuple[int, ...]:
+    """The type of an option that lists numbers from 0 on, such as ``3,4,5``; each counts once."""
+    if not all(part.isascii() and part.isdigit() for part in names(text)):
+        raise click.BadParameter(f"{text!r}: write whole numbers with commas between, such as 3,4,5")
+    return tuple(dict.fromkeys(map(int, names(text))))
 
 
-def sensor_columns(text: str | None) -> tuple[str, ...]:
-    """The trace columns that a list such as ``usb,battery`` names."""
-    return tuple(f"{name}_degC" for name in sensor_names(text))
+def assigned(form: str, read: Callable[[str], Any] = str) -> Callable[[str], tuple[str, Any]]:
+    """The type of an option NAME=VALUE; ``form`` says so, with an example, where something else is given."""
+
+    def pair(text: str) -> tuple[str, Any]:
+        name, _, value = text.partition("=")
+        with contextlib.suppress(ValueError):
+            if name and value:
+                return name, read(value)
+        raise click.BadParameter(f"{text!r}: write {form}")
+
+    return pair
 
 
 def _cores() -> int:

@@ -30,8 +30,26 @@ class Output:
     report_folder: str | None = None
 
     def check(self, inputs: Sequence[str], files: Sequence[str | None] = (), folder: str | None = None) -> None:
-        """Refuse the call where these outputs or ``files`` cannot be written; see :func:`check_outputs`."""
-        check_outputs([self.json_path, *files], inputs, self.report_folder, folder)
+        """Refuse the call where these outputs or ``files`` stand twice, are ``inputs``, or cannot be written.
+
+        Outputs that are None were not asked for. What goes into ``folder`` is named by the work.
+        """
+        page = self.report_folder
+        named = [path for path in (self.json_path, *files) if path is not None]
+        wanted = [*named, *(os.path.join(page, name) for name in (PAGE, SCRIPT) if page is not None)]
+        faults = []
+        for index, path in enumerate(wanted):
+            if any(_same(path, other) for other in inputs):
+                faults.append(Fault(path, "would be overwritten by what is made from it", "name another output"))
+            elif any(_same(path, other) for other in wanted[:index]):
+                faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
+            elif problem := _no_file(path) or (_no_place(path) if index < len(named) else None):
+                faults.append(Fault(path, *problem))
+        for place, purpose in ((page, "the report"), (folder, "these files")):
+            if place is not None and (problem := _no_folder(place, purpose)):
+                faults.append(Fault(place, *problem))
+        if faults:
+            raise click.UsageError("\n".join(map(str, faults)))
 
     def show(self, report: Report) -> None:
         """Print ``report``, and write its data and its page where they are asked for."""
@@ -51,45 +69,6 @@ def printer() -> Console:
     if not console.is_terminal:
         console.width = _WIDTH_OF_A_FILE
     return console
-
-
-def check_outputs(
-    outputs: Sequence[str | None], inputs: Sequence[str], report: str | None = None, folder: str | None = None
-) -> None:
-    """Refuse outputs that stand twice, are inputs, or lie where nothing can be written.
-
-    Parameters
-    ----------
-    outputs : sequence of str or None
-        Files; None is one not asked for.
-    inputs : sequence of str
-        Files that are read.
-    report : str or None
-        Folder of a page: it may have to be made, and what it will hold are outputs, too.
-    folder : str or None
-        Folder for files whose names the work decides.
-
-    Raises
-    ------
-    click.UsageError
-        Names every such output.
-    """
-    pages = [] if report is None else [os.path.join(report, name) for name in (PAGE, SCRIPT)]
-    files = [path for path in outputs if path is not None]
-    wanted = [*files, *pages]
-    faults = []
-    for index, path in enumerate(wanted):
-        if any(_same(path, other) for other in inputs):
-            faults.append(Fault(path, "would be overwritten by what is made from it", "name another output"))
-        elif any(_same(path, other) for other in wanted[:index]):
-            faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
-        elif problem := _no_file(path) or (_no_place(path) if index < len(files) else None):
-            faults.append(Fault(path, *problem))
-    for place, purpose in ((report, "the report"), (folder, "these files")):
-        if place is not None and (problem := _no_folder(place, purpose)):
-            faults.append(Fault(place, *problem))
-    if faults:
-        raise click.UsageError("\n".join(map(str, faults)))
 
 
 def _same(one: str, other: str) -> bool:

@@ -1,13 +1,16 @@
-"""A bar while a command works, on the terminal's standard error; nothing where there is no terminal."""
+"""While a command works: a bar on the terminal's standard error, and a Ctrl-C that only ends a search."""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import signal
 import threading
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import TYPE_CHECKING, TypeAlias
 
+import click
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -21,6 +24,7 @@ from rich.progress import (
 
 if TYPE_CHECKING:
     from ambient_trainer.estimation import Progress as SearchProgress  # scipy: --help should not wait for it
+    from ambient_trainer.estimators.base import Effort
 
 Show: TypeAlias = Callable[[str, int, int], None]
 """What is under way, how much of it is done, and of how much."""
@@ -30,9 +34,12 @@ _PATIENCE_S = 1.0
 
 
 @contextlib.contextmanager
-def fit_progress(name: str, searches: int, samples: int) -> Iterator[SearchProgress]:
-    """A bar over the searches of a fit, mostly one a start, with the evaluations and the best RMSE so far."""
-    with _bar(0.0, MofNCompleteColumn(), TextColumn("searches")) as show_bar:
+def fit_progress(name: str, effort: Effort, searches: int, samples: int) -> Iterator[SearchProgress]:
+    """A bar over the searches of a fit, mostly one a start, with the evaluations and the best RMSE so far.
+
+    The first Ctrl-C cancels the search of ``effort``; where that had nothing to return yet, the command is aborted.
+    """
+    with _cancelled_by_interrupt(effort), _bar(0.0, MofNCompleteColumn(), TextColumn("searches")) as show_bar:
         show_bar(name, 0, searches)
 
         def show(done: int, evaluation: int, square: float) -> None:
@@ -70,3 +77,25 @@ def _bar(patience_s: float, *numbers: ProgressColumn) -> Iterator[Show]:
             yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
         finally:
             shown.cancel()
+
+
+@contextlib.contextmanager
+def _cancelled_by_interrupt(effort: Effort) -> Iterator[None]:
+    from ambient_trainer.estimation.budget import Cancelled  # numpy: --help should not wait for it
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        effort.budget.cancel.cancel()
+        signal.signal(signal.SIGINT, before)  # a second one ends the command as usual
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    except Cancelled:
+        raise click.Abort from None
+    finally:
+        signal.signal(signal.SIGINT, before)

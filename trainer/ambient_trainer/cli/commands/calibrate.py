@@ -12,8 +12,7 @@ import click
 from rich.console import Console
 
 from ambient_model.atomic import replacing
-from ambient_trainer.cli.options import FiniteRange
-from ambient_trainer.cli.output import Output
+from ambient_trainer import cli
 
 _KINDS = {"thermometer": "greisinger-easybus", "multiplexer": "agilent-34970a"}
 _SIMULATED_PROBES = {"air1": 101, "air2": 102, "air3": 103, "air4": 104}
@@ -21,7 +20,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]*")
 _PATIENCE_S = 3600.0
 _LINE_S = 30.0
 """Between two lines of what it waits for, where there is no terminal."""
-_DRIFT = FiniteRange(min=0.0, min_open=True)
+_DRIFT = cli.FiniteRange(min=0.0, min_open=True)
 
 
 def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, int]:
@@ -37,8 +36,8 @@ def _channels(context: click.Context, parameter: click.Parameter, texts: tuple[s
 
 
 def _seconds(name: str, least_s: float, default_s: float, meaning: str) -> Callable[[Any], Any]:
-    bound, parameter = FiniteRange(least_s), f"{name.lstrip('-')}_s"
-    return click.option(name, parameter, type=bound, default=default_s, show_default=True, help=meaning)
+    bound, parameter = cli.FiniteRange(least_s), f"{name.lstrip('-')}_s"
+    return click.option(name, parameter, type=bound, default=default_s, help=meaning)
 
 
 @click.command("calibrate")
@@ -49,13 +48,13 @@ def _seconds(name: str, least_s: float, default_s: float, meaning: str) -> Calla
 @click.option(
     "--probe", "probes", multiple=True, callback=_channels, metavar="NAME=CHANNEL", help="Such as air1=101; repeat it."
 )
-@click.option("--thermocouple", type=click.Choice(list("BEJKNRST")), default="K", show_default=True, help="Its type.")
-@click.option("--baud", type=click.IntRange(1200), default=57600, show_default=True, help="Of the multiplexer.")
-@click.option("--address", type=click.IntRange(0, 255), default=1, show_default=True, help="Of the thermometer.")
-@click.option("--points", type=click.IntRange(1, 20), default=1, show_default=True, help="Temperatures of the bath.")
-@click.option("--reference", default="bath_degC", show_default=True, metavar="COLUMN", help="Of TRACE.csv.")
+@click.option("--thermocouple", type=click.Choice(list("BEJKNRST")), default="K", help="Its type.")
+@click.option("--baud", type=click.IntRange(1200), default=57600, help="Of the multiplexer.")
+@click.option("--address", type=click.IntRange(0, 255), default=1, help="Of the thermometer.")
+@click.option("--points", type=click.IntRange(1, 20), default=1, help="Temperatures of the bath.")
+@click.option("--reference", default="bath_degC", metavar="COLUMN", help="Of TRACE.csv.")
 @_seconds("--window", 30.0, 300.0, "Seconds for which it must be settled.")
-@click.option("--drift", "drift_K", type=_DRIFT, default=0.05, show_default=True, help="K that it may drift in them.")
+@click.option("--drift", "drift_K", type=_DRIFT, default=0.05, help="K that it may drift in them.")
 @_seconds("--period", 0.5, 2.0, "Seconds between readings.")
 @click.option("--record", "record_path", metavar="TRACE.csv", help="Write what was read to this trace, too.")
 @click.option("--simulate", is_flag=True, help="Simulated instruments in a simulated bath, 100 times as fast.")
@@ -109,7 +108,7 @@ def command(
     for message, is_so in wrong.items():
         if is_so:
             raise click.UsageError(message)
-    Output().check([trace_path] if trace_path else [], [output, record_path])
+    cli.Output().check([trace_path] if trace_path else [], [output, record_path])
     settled = Settled(window_s, drift_K)
     errors_K = None
     if trace_path is not None:
@@ -147,4 +146,4 @@ def command(
     offsets = calibrated(windows, trace_path or "the bath")
     with replacing(output) as stream:
         stream.write(offsets_text(offsets, source, datetime.datetime.now(datetime.timezone.utc)))
-    Output().show(report_of(offsets, output, source, errors_K))
+    cli.Output().show(report_of(offsets, output, source, errors_K))

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ambient_model.faults import Fault, Refused
-from ambient_trainer.cli.options import FiniteRange
-from ambient_trainer.cli.output import Output, printer
+from ambient_trainer import cli
 
 if TYPE_CHECKING:
     from ambient_trainer.laboratory.campaign import LoadedCampaign
@@ -27,8 +26,12 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     "-o", "--output", metavar="TRACE.csv", type=click.Path(dir_okay=False), help="The trace; .gz compresses it."
 )
 @click.option("--simulate", is_flag=True, help="Simulated instruments and a simulated phone in the place of real ones.")
-@click.option("--speed", type=FiniteRange(min=0.1, max=1000.0), help="With --simulate: times real time.  [default: 1]")
-@click.option("--seed", type=click.IntRange(min=0), help="With --simulate: another one, another noise.  [default: 0]")
+@click.option(
+    "--speed", type=cli.FiniteRange(min=0.1, max=1000.0), show_default="1", help="With --simulate: times real time."
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), show_default="0", help="With --simulate: another one, another noise."
+)
 @click.option("--resume", is_flag=True, help="Go on with the run that was stopped before its end.")
 @click.option("--dry-run", is_flag=True, help="Only print the schedule and the length.")
 def command(
@@ -63,12 +66,12 @@ def command(
         raise click.UsageError(str(refused)) from refused
     loaded = load_campaign(path, ports=not (simulate or dry_run))
     if dry_run:
-        Output().show(schedule_report(loaded))
+        cli.Output().show(schedule_report(loaded))
         return 0
     assert output is not None
     from ambient_trainer.laboratory.collect import journal_path, laboratory_path
 
-    Output().check(loaded.files, [output, laboratory_path(output)])
+    cli.Output().check(loaded.files, [output, laboratory_path(output)])
     if resume and not os.path.exists(journal_path(output)):
         fault = Fault(journal_path(output), "there is no run to resume", "leave --resume out, or name its output")
         raise click.UsageError(str(fault))
@@ -95,7 +98,7 @@ def _run(job: Job, again: bool) -> int:
     from ambient_trainer.laboratory.report import collection_report, problems_of
     from ambient_trainer.laboratory.run import Supervision
 
-    with _caught_signals() as caught, monitor_of(printer(), job) as monitor:
+    with _caught_signals() as caught, monitor_of(cli.printer(), job) as monitor:
         supervision = Supervision(
             monitor.update,
             monitor.event,
@@ -103,7 +106,7 @@ def _run(job: Job, again: bool) -> int:
             lambda: caught.count(signal.SIGINT) > 1,
         )
         collected = (resume if again else collect)(job, supervision)
-    Output().show(collection_report(collected, job))
+    cli.Output().show(collection_report(collected, job))
     for problem in problems_of(collected.outcome, job):
         click.echo(f"ambient-trainer: {problem}", err=True)
     outcome = collected.outcome

@@ -9,11 +9,8 @@ import click
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
+from ambient_trainer import cli
 from ambient_trainer.cli.commands.fit import STOPPED
-from ambient_trainer.cli.interrupt import interruptible
-from ambient_trainer.cli.options import Finite, circuit_option, effort_options, output_options, sensor_columns
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import fit_progress
 
 if TYPE_CHECKING:
     from ambient_trainer.estimators.base import Effort
@@ -22,27 +19,30 @@ if TYPE_CHECKING:
 
 @click.command("compare")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
-@circuit_option("As in fit; repeat it.", multiple=True)
-@click.option("--split", "split_s", type=Finite(), metavar="S", help="Train before this time_s, score after it.")
+@cli.circuit_option("As in fit; repeat it.", multiple=True)
+@click.option("--split", "split_s", type=cli.Finite(), metavar="S", help="Train before this time_s, score after it.")
 @click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
-@click.option("--sensors", metavar="A,B,...", help="As in fit (default: every _degC column).")
+@click.option(
+    "--sensors", type=cli.names, default="", metavar="A,B,...", show_default="every _degC column", help="As in fit."
+)
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
-@output_options()
-@effort_options
+@cli.output_options()
+@cli.effort_options
 def command(
     trace_paths: tuple[str, ...],
     circuit: tuple[str, ...],
     split_s: float | None,
     held_out: str | None,
-    sensors: str | None,
+    sensors: tuple[str, ...],
     models: str | None,
-    output: Output,
+    output: cli.Output,
     effort: Effort,
 ) -> int:
     """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
 
     Ctrl-C shows those that are done.
     """
+    from ambient_trainer.api.data import sensor_columns
     from ambient_trainer.evaluation.compare import contend, report_of  # scipy: --help should not wait for it
 
     if models is not None and not Path(models).is_dir():
@@ -52,7 +52,7 @@ def command(
     contest = _contest(trace_paths, split_s, held_out)
     contenders: list[Contender] = []
     for name in circuit:
-        with interruptible(effort.budget.cancel), fit_progress(name, effort.starts, contest.samples) as progress:
+        with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
             contenders.append(contend(name, contest, sensor_columns(sensors), effort, progress))
         if models is not None:
             save_model(written[len(contenders) - 1], contenders[-1].model)

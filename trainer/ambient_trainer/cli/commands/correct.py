@@ -5,18 +5,17 @@ from __future__ import annotations
 import click
 
 from ambient_model.codec import load_model, save_model
-from ambient_trainer.cli.options import output_options, window_options
-from ambient_trainer.cli.output import Output
+from ambient_trainer import cli
 
 
 @click.command("correct")
 @click.argument("model_path", metavar="MODEL.json")
 @click.argument("trace_path", metavar="TRACE")
 @click.option("-o", "--output", "corrected_path", required=True, metavar="MODEL2.json", help="The corrected model.")
-@window_options
-@output_options("the corrections")
+@cli.window_options
+@cli.output_options("the corrections")
 def command(
-    model_path: str, trace_path: str, corrected_path: str, from_s: float | None, to_s: float | None, output: Output
+    model_path: str, trace_path: str, corrected_path: str, from_s: float | None, to_s: float | None, output: cli.Output
 ) -> None:
     """Correct MODEL.json for the one device that logged TRACE while the ambient was known, and write it anew.
 

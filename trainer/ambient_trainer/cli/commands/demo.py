@@ -11,8 +11,7 @@ import click
 
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import fit_progress
+from ambient_trainer import cli
 
 if TYPE_CHECKING:
     from ambient_trainer.evaluation.compare import Contender
@@ -23,7 +22,7 @@ _TRAINING, _VERIFICATION = "5", "4"
 
 
 @click.command("demo")
-@click.option("-o", "--output", "folder", default="out", show_default=True, metavar="DIR", help="Where the files go.")
+@click.option("-o", "--output", "folder", default="out", metavar="DIR", help="Where the files go.")
 def command(folder: str) -> None:
     """Simulate a phone, fit circuits to it, score them on another run, and let the daemon replay that run.
 
@@ -48,11 +47,11 @@ def command(folder: str) -> None:
         save_trace(str(verification), simulate(_VERIFICATION, seed=1).trace)
     click.echo("2. Circuits are fitted to the first run and scored on the second, which none of them saw.")
     contest = held_out_contest([load_trace(str(training))], load_trace(str(verification)))
-    contenders = []
+    contenders, effort = [], Effort()
     for name in _CIRCUITS:
-        with fit_progress(name, 8, contest.samples) as progress:
-            contenders.append(contend(name, contest, (), Effort(), progress))
-    Output().show(report_of(contenders))
+        with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
+            contenders.append(contend(name, contest, (), effort, progress))
+    cli.Output().show(report_of(contenders))
     exported = next(each for each in contenders if each.fit.circuit == _EXPORTED)
     save_model(str(model_path), exported.model)
     click.echo(f"3. {_EXPORTED} is exported: {model_path}")

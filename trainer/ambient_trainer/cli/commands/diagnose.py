@@ -6,21 +6,12 @@ from typing import Any
 
 import click
 
-from ambient_trainer.cli.options import (
-    Finite,
-    circuit_option,
-    jobs_option,
-    output_options,
-    period_option,
-    window_options,
-)
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer import cli
 
 
 @click.command("diagnose")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
-@circuit_option()
+@cli.circuit_option()
 @click.option(
     "--baseline",
     "baselines",
@@ -28,23 +19,23 @@ from ambient_trainer.cli.progress import staged_progress
     metavar="TRACE",
     help="A known-good trace of the same device: the question is then what changed since. May be given often.",
 )
-@window_options
+@cli.window_options
 @click.option(
     "--later",
     "later_from_s",
-    type=Finite(),
+    type=cli.Finite(),
     metavar="FROM_S",
     help="Keep the samples from this time_s on for a test of the circuit without and with what was found.",
 )
-@period_option("at most 2000 samples, or as short as time constants ask for")
-@output_options("the diagnosis", page=True)
+@cli.period_option("at most 2000 samples, or as short as time constants ask for")
+@cli.output_options("the diagnosis", page=True)
 @click.option("--extended", "extended_path", metavar="FILE.yaml", help="Write the circuit with what was missing.")
-@jobs_option("Candidates at a time.")
+@cli.jobs_option("Candidates at a time.")
 def command(
     trace_paths: tuple[str, ...],
     circuit: str,
     baselines: tuple[str, ...],
-    output: Output,
+    output: cli.Output,
     extended_path: str | None,
     **question: Any,
 ) -> None:
@@ -56,7 +47,7 @@ def command(
     from ambient_trainer.api.diagnosing import diagnose  # scipy: --help should not wait for it
 
     output.check([*trace_paths, *baselines, circuit], [extended_path])
-    with staged_progress() as progress:
+    with cli.staged_progress() as progress:
         result = diagnose(trace_paths, circuit, baselines=baselines, progress=progress, **question)
     output.show(result.summary)
     if extended_path is None:

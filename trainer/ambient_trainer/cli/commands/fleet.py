@@ -2,65 +2,48 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
-from ambient_trainer.cli.options import (
-    circuit_option,
-    jobs_option,
-    output_options,
-    seed_option,
-    sensor_columns,
-    starts_option,
-)
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import counted_progress
+from ambient_trainer import cli
 
 BROKEN = 1
 
 
 @click.command("fleet")
 @click.argument("logs", metavar="LOGS")
-@click.option("--by", default="unit", show_default=True, metavar="COLUMN", help="The column that holds the unit.")
-@circuit_option("A shipped circuit or observer, a .yaml file, or free-1 to free-4.")
+@click.option("--by", default="unit", metavar="COLUMN", help="The column that holds the unit.")
+@cli.circuit_option("A shipped circuit or observer, a .yaml file, or free-1 to free-4.")
 @click.option("-o", "--output", "folder", required=True, metavar="DIR", help="Where table and models go.")
-@click.option("--within", metavar="A,B,...", default="", help="Columns of groups of units, one level more.")
+@click.option("--within", type=cli.names, metavar="A,B,...", help="Columns of groups of units, one level more.")
 @click.option(
-    "--sensors", metavar="A,B,...", help="What free-N and observers read (default: every _degC column of most units)."
+    "--sensors",
+    type=cli.names,
+    default="",
+    metavar="A,B,...",
+    show_default="every _degC column of most units",
+    help="What free-N and observers read.",
 )
 @click.option(
     "--engine",
     default="local",
-    show_default=True,
     metavar="local|serial|tcp://HOST:PORT",
     help="A Dask cluster on this machine, none, or any scheduler.",
 )
-@jobs_option("Processes of the local cluster.")
+@cli.jobs_option("Processes of the local cluster.")
 @click.option(
     "--diagnose",
-    "forward",
     metavar="NAME|FILE",
     help="Diagnose the units that fit least, with this circuit, as `diagnose` does; typical units are the baseline.",
 )
 @click.option("--resume", is_flag=True, help="Go on where this command was interrupted.")
 @click.option("--strict", is_flag=True, help="End with status 1 where a unit failed.")
-@starts_option
-@seed_option("Of the places.")
-@output_options("what the terminal shows", page=True)
+@cli.starts_option
+@cli.seed_option("Of the places.")
+@cli.output_options("what the terminal shows", page=True)
 def command(
-    logs: str,
-    by: str,
-    circuit: str,
-    folder: str,
-    within: str,
-    sensors: str | None,
-    engine: str,
-    jobs: int,
-    forward: str | None,
-    resume: bool,
-    strict: bool,
-    starts: int,
-    seed: int,
-    output: Output,
+    logs: str, circuit: str, folder: str, strict: bool, starts: int, seed: int, output: cli.Output, **how: Any
 ) -> int:
     """Fit an estimator to each unit in LOGS, partially pooled, and export one file a unit.
 
@@ -73,24 +56,14 @@ def command(
     from ambient_trainer.api.fleet import fit_fleet  # scipy and pandas: --help should not wait for them
     from ambient_trainer.estimators.base import Effort
 
-    groups = tuple(name for part in within.split(",") if (name := part.strip()))
     output.check([logs, circuit], folder=folder)
-    with counted_progress() as progress:
-        result = fit_fleet(
-            logs,
-            circuit,
-            folder,
-            by=by,
-            within=groups,
-            sensors=sensor_columns(sensors),
-            engine=engine,
-            jobs=jobs,
-            resume=resume,
-            diagnose=forward,
-            effort=Effort(starts=starts, seed=seed),
-            progress=progress,
-            announce=lambda address: click.echo(f"Dask's dashboard: {address}"),
-        )
+    with cli.counted_progress() as progress:
+        how |= {
+            "effort": Effort(starts, seed),
+            "progress": progress,
+            "announce": lambda address: click.echo(f"Dask's dashboard: {address}"),
+        }
+        result = fit_fleet(logs, circuit, folder, **how)
     output.show(result.summary)
     click.echo(f"Table: {folder}/fleet.parquet, models: {folder}/models, for an unseen unit: {folder}/population.json")
     return BROKEN if strict and len(result.failed) else 0

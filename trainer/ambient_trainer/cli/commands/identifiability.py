@@ -4,51 +4,46 @@ from __future__ import annotations
 
 import click
 
-from ambient_trainer.cli.options import (
-    circuit_option,
-    output_options,
-    period_option,
-    seed_option,
-    starts_option,
-    window_options,
-)
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import counted_progress
+from ambient_trainer import cli
+
+
+def _fixed(text: str) -> tuple[str, float | None]:
+    return cli.assigned("NAME or NAME=VALUE, such as C_flash=12", float)(text) if "=" in text else (text, None)
 
 
 @click.command("identifiability")
 @click.argument("trace_path", metavar="TRACE")
-@circuit_option()
+@cli.circuit_option()
 @click.option(
     "--fix",
     "fixes",
     multiple=True,
+    type=_fixed,
     metavar="NAME[=VALUE]",
     help="Hold a parameter, where no value is given at the one of the fit. May be given several times.",
 )
-@starts_option
+@cli.starts_option
 @click.option(
     "--replicates",
     type=click.IntRange(0, 1000),
     default=20,
-    show_default=True,
     help="Fit the circuit's own output so many times with noise of its own.",
 )
-@seed_option("Of places and noise.")
-@window_options
-@period_option()
-@output_options()
+@cli.seed_option("Of places and noise.")
+@cli.window_options
+@cli.period_option()
+@cli.output_options()
 def command(
     trace_path: str,
     circuit: str,
-    fixes: tuple[str, ...],
+    fixes: tuple[tuple[str, float | None], ...],
     starts: int,
     replicates: int,
     seed: int,
     from_s: float | None,
     to_s: float | None,
     period_s: float | None,
-    output: Output,
+    output: cli.Output,
 ) -> None:
     """Fit a circuit to TRACE and test whether its inputs and output identify its parameters.
 
@@ -63,19 +58,8 @@ def command(
     from ambient_trainer.evaluation.identifiability_report import report_of
 
     output.check([trace_path, circuit])
-    fixed = dict(_fix(each) for each in fixes)
     thermal = thermal_circuit(circuit)
     trace = load_trace(trace_path).cut(from_s, to_s)
-    with counted_progress() as progress:
-        result = identifiability(thermal, trace, fixed, Effort(starts, seed), replicates, progress, period_s)
+    with cli.counted_progress() as progress:
+        result = identifiability(thermal, trace, dict(fixes), Effort(starts, seed), replicates, progress, period_s)
     output.show(report_of(result))
-
-
-def _fix(text: str) -> tuple[str, float | None]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        return name, None
-    try:
-        return name, float(value)
-    except ValueError:
-        raise click.UsageError(f"--fix {text!r}: write NAME or NAME=VALUE, such as C_flash=12") from None

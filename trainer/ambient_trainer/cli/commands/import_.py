@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ambient_trainer.cli.output import Output, check_outputs
+from ambient_trainer import cli
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.report import Finding, Report, Table
 
@@ -57,13 +57,13 @@ def command(src: str, kind: str, map_path: str | None, output: str) -> None:
     """
     from ambient_trainer.data.trace import save_trace  # numpy and pandas: --help should not wait for them
 
-    check_outputs([output], [src, *([map_path] if map_path else [])])
+    cli.Output().check([src, *([map_path] if map_path else [])], [output])
     importer = plugin(IMPORTERS, kind)
     if map_path is None and getattr(importer, "NEEDS_MAP", False):
         raise click.UsageError(f"--format {kind} needs --map MAP.yaml; see 'ambient-trainer import --help' for one.")
     imported = importer.import_file(src, map_path)
     save_trace(output, imported.trace)
-    Output().show(_report(imported))
+    cli.Output().show(_report(imported))
     click.echo(f"wrote {output}")
 
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ambient_trainer.cli.options import FiniteRange, output_options
-from ambient_trainer.cli.output import Output
+from ambient_trainer import cli
 from ambient_trainer.report import Finding, Report, Table
 
 if TYPE_CHECKING:
@@ -23,13 +22,16 @@ if TYPE_CHECKING:
 @click.option(
     "--within",
     "within_s",
-    type=FiniteRange(0, min_open=True),
+    type=cli.FiniteRange(0, min_open=True),
     metavar="S",
-    help="Search no larger shift (default: half of the shorter trace).",
+    show_default="half of the shorter trace",
+    help="Search no larger shift.",
 )
-@output_options("the shifts")
+@cli.output_options("the shifts")
 @click.option("-o", "trace_out", metavar="TRACE", required=True, help="The joined trace; .gz compresses it.")
-def command(trace_paths: tuple[str, ...], apply: bool, within_s: float | None, output: Output, trace_out: str) -> None:
+def command(
+    trace_paths: tuple[str, ...], apply: bool, within_s: float | None, output: cli.Output, trace_out: str
+) -> None:
     """Join the traces of several loggers on the clock and the stamps of the first.
 
     The shift between two clocks is estimated from a column that both have, such as ambient_degC; without one, from a

@@ -11,16 +11,7 @@ import click
 
 from ambient_model import __version__
 from ambient_model.faults import refuse
-from ambient_trainer.cli.options import (
-    FiniteRange,
-    jobs_option,
-    output_options,
-    period_option,
-    sensor_names,
-    window_options,
-)
-from ambient_trainer.cli.output import Output
-from ambient_trainer.cli.progress import counted_progress
+from ambient_trainer import cli
 
 if TYPE_CHECKING:
     from ambient_trainer.selection.result import Options, SearchResult
@@ -28,38 +19,41 @@ if TYPE_CHECKING:
 
 @click.command("search")
 @click.argument("trace_paths", metavar="TRACE...", nargs=-1, required=True)
-@click.option("--most", type=click.IntRange(1, 12), default=6, show_default=True, help="Up to so many sensors.")
-@click.option("--order", type=click.IntRange(1, 4), default=4, show_default=True, help="States of a filter or circuit.")
-@click.option("--blocks", type=click.IntRange(2, 1000), default=10, show_default=True, help="Held out in turn.")
-@click.option("--gap", "gap_s", type=FiniteRange(min=0), metavar="S", help="Beside a block [default: a tenth of it].")
+@click.option("--most", type=click.IntRange(1, 12), default=6, help="Up to so many sensors.")
+@click.option("--order", type=click.IntRange(1, 4), default=4, help="States of a filter or circuit.")
+@click.option("--blocks", type=click.IntRange(2, 1000), default=10, help="Held out in turn.")
+@click.option(
+    "--gap", "gap_s", type=cli.FiniteRange(min=0), metavar="S", show_default="a tenth of it", help="Beside a block."
+)
 @click.option(
     "--tolerance",
     "tolerance_degC",
-    type=FiniteRange(min=1e-3, max=10),
+    type=cli.FiniteRange(min=1e-3, max=10),
     default=0.1,
-    show_default=True,
     help="Error of each sensor, as noise and as a bias.",
 )
-@click.option("--against", metavar="A,B,...", help="Score this set beside the best, such as usb,battery.")
+@click.option(
+    "--against", type=cli.names, metavar="A,B,...", help="Score this set beside the best, such as usb,battery."
+)
 @click.option(
     "--check", "check_paths", metavar="TRACE", multiple=True, help="Score on this, too; nothing is chosen by it."
 )
 @click.option("--circuits", "circuit_folder", metavar="DIR", help="Write the best circuit of each size to this folder.")
 @click.option("--no-circuits", is_flag=True, help="Search for sensors only.")
-@window_options
-@period_option()
-@output_options(page=True)
+@cli.window_options
+@cli.period_option()
+@cli.output_options(page=True)
 @click.option("--state", "state_path", metavar="FILE", help="Keep what is done here, and go on from it.")
-@jobs_option("Processes.")
+@cli.jobs_option("Processes.")
 def command(
     trace_paths: tuple[str, ...],
-    against: str | None,
+    against: tuple[str, ...] | None,
     check_paths: tuple[str, ...],
     circuit_folder: str | None,
     no_circuits: bool,
     from_s: float | None,
     to_s: float | None,
-    output: Output,
+    output: cli.Output,
     state_path: str | None,
     jobs: int,
     **options: Any,
@@ -88,8 +82,10 @@ def command(
     checks = [load_trace(path) for path in check_paths]
     identity = _identity(trace_paths, from_s, to_s, chosen)
     try:
-        with counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
-            result = searched(data, pool, sensor_names(against), checks, not no_circuits)
+        with cli.counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
+            result = searched(
+                data, pool, [name.removesuffix("_degC") for name in against or ()], checks, not no_circuits
+            )
     except KeyboardInterrupt:
         kept = f"what is done is kept in {state_path}: the same command goes on from there"
         lost = "nothing was kept: with --state FILE the next one could go on from there"

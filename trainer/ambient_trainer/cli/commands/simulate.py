@@ -9,19 +9,15 @@ from typing import Any
 import click
 
 from ambient_model.faults import Refused
-from ambient_trainer.cli.options import FiniteRange, sampling_option, seed_option
-from ambient_trainer.cli.output import check_outputs
-from ambient_trainer.cli.progress import staged_progress
+from ambient_trainer import cli
 from ambient_trainer.report.machine import write_json
 
 
 @click.command("simulate")
 @click.argument("scenario")
-@click.option(
-    "--device", default="phone", show_default=True, metavar="NAME|FILE.yaml", help="phone, set_top_box, or a file."
-)
-@seed_option("Another one, another noise.")
-@sampling_option("Seconds between samples.", longest_s=60)
+@click.option("--device", default="phone", metavar="NAME|FILE.yaml", help="phone, set_top_box, or a file.")
+@cli.seed_option("Another one, another noise.")
+@cli.sampling_option("Seconds between samples.", longest_s=60)
 @click.option("--zones", "all_zones", is_flag=True, help="All of the device's zones, not only its main sensors.")
 @click.option("--hide", multiple=True, metavar="EFFECT", help="Hide this in it; may stand several times.")
 @click.option(
@@ -30,11 +26,13 @@ from ambient_trainer.report.machine import write_json
 @click.option("--truth", "truth_path", metavar="FILE.json", help="Write what is hidden to this file.")
 @click.option("--units", type=click.IntRange(2, 1_000_000), metavar="N", help="Draw a fleet of so many units.")
 @click.option(
-    "--minutes", type=FiniteRange(min=1), metavar="M", help="Of each unit's log (default: as long as SCENARIO)."
+    "--minutes",
+    type=cli.FiniteRange(min=1),
+    metavar="M",
+    show_default="as long as SCENARIO",
+    help="Of each unit's log.",
 )
-@click.option(
-    "--cased", type=FiniteRange(0, 1), default=0.5, show_default=True, metavar="SHARE", help="Of the units, in a case."
-)
+@click.option("--cased", type=cli.FiniteRange(0, 1), default=0.5, metavar="SHARE", help="Of the units, in a case.")
 @click.option(
     "-o", "--output", required=True, metavar="OUT", help="The trace (.gz compresses it), or a fleet's folder."
 )
@@ -91,9 +89,9 @@ def command(
 
     if os.path.isdir(output):
         raise click.UsageError(f"{output} is a folder: name a file, or draw a fleet with --units")
-    check_outputs([output, truth_path], [])
+    cli.Output().check([], [output, truth_path])
     try:
-        with staged_progress() as progress:
+        with cli.staged_progress() as progress:
             logged |= {"sizes": truth_path is not None, "progress": partial(progress, f"scenario {scenario}")}
             simulated = simulate(scenario, device, seed, period_s, hide, **logged)
     except Refused as refused:
@@ -115,7 +113,7 @@ def _fleet(folder: str, truth_path: str | None, plan: dict[str, Any]) -> None:
     from ambient_trainer.fleet.dataset import write_dataset
     from ambient_trainer.simulator.fleet import FleetPlan, FleetUnit, fleet
 
-    check_outputs([truth_path], [], folder=folder)
+    cli.Output().check([], [truth_path], folder)
     truths = []
 
     def written(unit: FleetUnit) -> tuple[str, Any, dict[str, str]]:
@@ -123,7 +121,7 @@ def _fleet(folder: str, truth_path: str | None, plan: dict[str, Any]) -> None:
         return unit.name, unit.trace, {"case": unit.case}
 
     try:
-        with staged_progress() as progress:
+        with cli.staged_progress() as progress:
             what = partial(progress, f"{plan['count']} units")
             count = write_dataset(folder, map(written, fleet(FleetPlan(**plan), what)))
     except Refused as refused:
