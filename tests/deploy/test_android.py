@@ -33,7 +33,7 @@ category c0;
 level s0:c0;
 mlsconstrain file read (l1 dom l2);
 attribute domain; attribute exec_type; attribute vendor_file_type; attribute file_type; attribute dev_type;
-type init, domain; type hal_thermal_default, domain;
+type init, domain; type hal_thermal_default, domain; type hal_sensors_default, domain;
 type vendor_file, vendor_file_type, file_type; type sysfs; type sysfs_thermal; type sysfs_batteryinfo; type device;
 """
 AFTER = """
