@@ -35,17 +35,10 @@ def lag_on(which: int, tau_s: float, offset: float) -> Estimator:
 def phone(guard: bool = True, spread: bool = True) -> Model:
     """The main estimator follows usb, the guard the battery; both say 20 degC where usb is at 25 and battery at 30."""
     main = lag_on(0, 20.0, -5.0)
-    return Model(
-        "phone",
-        "today",
-        "ambient_degC",
-        main,
-        {},
-        {},
-        conformance_of(main, ((25.0, 30.0),)),
-        Secondary(lag_on(1, 60.0, -10.0), 1.5) if guard else None,
-        ErrorVariance(0.25, TERMS if guard else TERMS[:2], QUANTILES) if spread else None,
-    )
+    second = Secondary(lag_on(1, 60.0, -10.0), 1.5) if guard else None
+    variance = ErrorVariance(0.25, TERMS if guard else TERMS[:2], QUANTILES) if spread else None
+    conformance = conformance_of(main, ((25.0, 30.0),))
+    return Model("phone", "today", "ambient_degC", main, {}, {}, conformance, second, variance)
 
 
 def tracker_of(model: Model, period_s: float = 1.0, coast_s: float | None = None) -> Tracker:
@@ -108,14 +101,12 @@ def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float 
             continue
         ambient, weight = alone.ambient_degC, 0.0
         if model.secondary is not None:
-            assert second is not None
             ambient, _, weight = blended(ambient, second, model.secondary.threshold_degC)
         status = "degraded" if weight > 0 and alone.status != "coasting" else alone.status
         assert (said.ambient_degC, said.status, said.used) == (ambient, status, alone.used)
         low, high = main.error_low_degC, main.error_high_degC
         if model.error_variance is not None:
             sigma = observer.sigma_degC
-            assert sigma is not None
             assert sigma >= math.sqrt(model.error_variance.constant_degC2)
             assert alone.status != "coasting" or sigma >= width
             low, high = (end * sigma for end in model.error_variance.quantiles[90])
@@ -143,28 +134,23 @@ def test_a_new_start_is_initial_state() -> None:
     assert observer.sigma_degC is None
 
 
+def restored(first: Observer, model: Model) -> Observer:
+    """Another of the same model, that goes on from where ``first`` stands."""
+    second, main, background = observer_of(model), first.tracker.snapshot(), first.background()
+    assert second.fits(main, background)
+    second.tracker.restore(main)
+    second.restore(main, background)
+    return second
+
+
 @pytest.mark.parametrize(("guard", "spread"), [(True, True), (True, False), (False, True)])
 @pytest.mark.parametrize("at", [1, 7, 700])
 def test_it_goes_on_to_the_bit_where_another_stood(guard: bool, spread: bool, at: int) -> None:
     model = phone(guard, spread)
-    whole, first, second = (observer_of(model) for _ in range(3))
+    whole, first = observer_of(model), observer_of(model)
     wanted = fed(whole, moving(900))
     fed(first, moving(at))
-    main, background = first.tracker.snapshot(), first.background()
-    assert main is not None
-    assert second.fits(main, background)
-    second.tracker.restore(main)
-    second.restore(main, background)
-    assert fed(second, moving(900 - at, start=at)) == wanted[at:]
-
-
-def restored(first: Observer) -> Observer:
-    """Another of the same model, that goes on from where ``first`` stands."""
-    second, main = observer_of(phone()), first.tracker.snapshot()
-    assert main is not None
-    second.tracker.restore(main)
-    second.restore(main, first.background())
-    return second
+    assert fed(restored(first, model), moving(900 - at, start=at)) == wanted[at:]
 
 
 def test_a_coast_right_after_a_restart_does_not_shrink_either() -> None:
@@ -172,7 +158,7 @@ def test_a_coast_right_after_a_restart_does_not_shrink_either() -> None:
     first = observer_of(phone())
     usb_degC = [25.0] * 100 + [29.0] * 20 + [25.0] * 60
     before = fed(first, [(float(k), (each, 30.0)) for k, each in enumerate(usb_degC)])
-    second = restored(first)
+    second = restored(first, phone())
     lost = [(180.0, (None, 30.0)), (190.0, (None, 30.0))]
     said = fed(second, lost)
     assert said == fed(first, lost)
@@ -192,9 +178,6 @@ def test_a_background_of_another_model_or_moment_does_not_fit() -> None:
     observer = observer_of(phone())
     fed(observer, moving(10))
     main, (guard, unrest, _) = observer.tracker.snapshot(), observer.background()
-    assert main is not None
-    assert guard is not None
-    assert unrest is not None
     assert observer.fits(main, Background(guard, unrest))
     for wrong in (
         Background(None, unrest),

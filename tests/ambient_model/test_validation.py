@@ -6,7 +6,7 @@ import pytest
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.faults import Refused
-from ambient_model.model import Discrete, Estimator, Input, Model, ReadingModel, SensorLimits
+from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, ReadingModel, SensorLimits
 from ambient_model.observer import Observer
 from ambient_model.tracking import Tracker
 from ambient_model.validation import Validation
@@ -16,11 +16,10 @@ NAMES = ("usb", "battery", "display", "shell")
 LIMITS = SensorLimits(step=0.1, jump=1.0, gate=0.6, slow_gate=0.3, still_s=60.0, memory_s=60.0, effect_degC=0.2)
 
 
-def covariance() -> np.ndarray:
-    """Readings and their low-pass filters follow one common temperature; each sensor adds noise of its own."""
-    random = np.random.default_rng(3)
-    own = random.normal(size=(8, 8)) * 0.05
-    return 100 * np.ones((8, 8)) + own @ own.T + 0.01 * np.eye(8)
+def precision_of(own: np.ndarray) -> Matrix:
+    """Of readings and low-pass filters that follow one common temperature, each with noise of covariance ``own``."""
+    precision = np.linalg.inv(100 * np.ones((8, 8)) + own + 0.01 * np.eye(8))
+    return tuple(map(tuple, ((precision + precision.T) / 2).tolist()))
 
 
 @pytest.fixture(scope="module")
@@ -29,10 +28,11 @@ def model() -> Model:
     inputs = tuple(Input(name, "degC", name, -45.0, 130.0) for name in NAMES)
     discrete = Discrete(1.0, (), (), ((),), ((0.25,) * 4,))
     main = Estimator(inputs, (), (discrete,), 0.0, (), {50: (-0.1, 0.1), 90: (-0.3, 0.3), 98: (-0.5, 0.5)})
+    noise = np.random.default_rng(3).normal(size=(8, 8)) * 0.05
     readings = ReadingModel(
         lags_s=LAGS_S,
         mean=(25.0,) * 8,
-        precision=tuple(map(tuple, np.linalg.inv(covariance()).tolist())),
+        precision=precision_of(noise @ noise.T),
         sensors=(LIMITS,) * 4,
         jump_s=1.0,
         settled_s=0.0,
@@ -40,15 +40,18 @@ def model() -> Model:
         rate_K_per_s=5.0,
     )
     rows = tuple((20.0 + i, 21.0, 22.0, 23.0) for i in range(4))
-    precision = np.array(readings.precision)
-    symmetric = tuple(map(tuple, ((precision + precision.T) / 2).tolist()))
-    readings = readings._replace(precision=symmetric)
     return Model("average", "now", "ambient", main, {}, {}, conformance_of(main, rows), readings=readings)
+
+
+def observer_of(model: Model, **readings: object) -> Observer:
+    """With some of the expected readings' numbers as given."""
+    model = model._replace(readings=model.readings._replace(**readings))
+    return Observer(model, Tracker(model.main, model.main.discrete[0]))
 
 
 @pytest.fixture
 def observer(model: Model) -> Observer:
-    return Observer(model, Tracker(model.main, model.main.discrete[0]))
+    return observer_of(model)
 
 
 def readings_at(k: int) -> list[float]:
@@ -66,27 +69,21 @@ def test_a_file_keeps_the_key(model: Model) -> None:
     assert '"readings"' not in encode(model._replace(readings=None))
 
 
-@pytest.mark.parametrize("wrong", ["precision", "jump_s", "lags_s"])
-def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str) -> None:
-    assert model.readings is not None
-    changes = {
-        "precision": ((1.0, 2.0, *(0.0,) * 6), *model.readings.precision[1:]),
-        "jump_s": 0.0,
-        "lags_s": (-1.0,),
-    }
+@pytest.mark.parametrize(
+    ("wrong", "value"), [("precision", ((1.0, 2.0, *(0.0,) * 6),) * 8), ("jump_s", 0.0), ("lags_s", (-1.0,))]
+)
+def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str, value: object) -> None:
     with pytest.raises(Refused) as refused:
-        decode(encode(model._replace(readings=model.readings._replace(**{wrong: changes[wrong]}))).encode(), "model")
+        decode(encode(model._replace(readings=model.readings._replace(**{wrong: value}))).encode(), "model")
     assert any(fault.place.startswith(f"readings.{wrong}") for fault in refused.value.faults)
 
 
 @pytest.mark.parametrize("away", [(1,), (0, 2), (0, 1, 3)])
 def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, away: tuple[int, ...]) -> None:
-    assert model.readings is not None
     validation = Validation(model.readings, model.main, 1.0)
     u = np.array([24.0, 25.5, 25.0, 26.0])
     given = [None if i in away else float(value) for i, value in enumerate(u)]
     used = validation.update(0.0, given)
-    assert used is not None
     # at the start the low-pass filters have the readings' values
     kept = [i for i in range(8) if i % 4 not in away]
     gone = [i for i in range(8) if i % 4 in away]
@@ -106,7 +103,7 @@ def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, 
 def test_short_gaps_leave_the_estimate_as_it_is(model: Model, observer: Observer) -> None:
     random = np.random.default_rng(1)
     gaps = fed(observer, 600, lambda k, u: [None if random.random() < 0.1 and k else value for value in u])
-    plain = fed(Observer(model, Tracker(model.main, model.main.discrete[0])), 600)
+    plain = fed(observer_of(model), 600)
     assert {each.status for each in gaps} == {"tracking"}
     assert max(abs(a.ambient_degC - b.ambient_degC) for a, b in zip(gaps, plain)) < 0.1
     width = gaps[-1].high_degC - gaps[-1].low_degC
@@ -114,40 +111,31 @@ def test_short_gaps_leave_the_estimate_as_it_is(model: Model, observer: Observer
 
 
 @pytest.fixture
-def loose(model: Model) -> Model:
+def loose(model: Model) -> Observer:
     """Sensors 3 degC apart from one another are as usual."""
-    assert model.readings is not None
-    own = np.kron(np.ones((2, 2)), 9 * np.eye(4)) + 100 * np.ones((8, 8)) + 0.01 * np.eye(8)
-    precision = np.linalg.inv(own)
-    limits = LIMITS._replace(gate=9.0, slow_gate=6.0)
-    wide = model.readings._replace(
-        precision=tuple(map(tuple, ((precision + precision.T) / 2).tolist())), sensors=(limits,) * 4
-    )
-    return model._replace(readings=wide)
+    apart = precision_of(np.kron(np.ones((2, 2)), 9 * np.eye(4)))
+    return observer_of(model, precision=apart, sensors=(LIMITS._replace(gate=9.0, slow_gate=6.0),) * 4)
 
 
 @pytest.mark.parametrize("phases", [(0, 3, 6, 9), (9, 7, 1, 4)])
-def test_every_sensor_at_a_tenth_of_the_rate_from_the_start(loose: Model, phases: tuple[int, ...]) -> None:
+def test_every_sensor_at_a_tenth_of_the_rate_from_the_start(loose: Observer, phases: tuple[int, ...]) -> None:
     apart = (-3.0, 0.0, 3.0, 1.0)
 
     def sparse(k: int, u: list[float]) -> list[float | None]:
         return [u[i] + apart[i] if k % 10 == phases[i] else None for i in range(4)]
 
-    observer = Observer(loose, Tracker(loose.main, loose.main.discrete[0]))
-    found = fed(observer, 300, sparse)
+    found = fed(loose, 300, sparse)
     first = min(phases)
     assert [each.status for each in found[:9]] == ["faulted"] * first + ["degraded"] * (9 - first)
     assert {each.status for each in found[9:]} == {"tracking"}
     assert max(abs(each.ambient_degC - 25.25 - k / 400) for k, each in enumerate(found[9:], start=9)) < 0.2
 
 
-def test_a_start_waits_for_a_sensor_no_longer_than_readings_are_held(loose: Model) -> None:
-    observer = Observer(loose, Tracker(loose.main, loose.main.discrete[0]))
-    assert observer.validation is not None
+def test_a_start_waits_for_a_sensor_no_longer_than_readings_are_held(loose: Observer) -> None:
     found = []
     for k in range(40):
-        found += fed(observer, 1, lambda k, u: [None, *u[1:]], start=k)
-        assert (observer.validation.snapshot() is None) == (k < 15)
+        found += fed(loose, 1, lambda k, u: [None, *u[1:]], start=k)
+        assert (loose.validation.snapshot() is None) == (k < 15)
     assert {each.status for each in found} == {"degraded"}
 
 
@@ -178,7 +166,6 @@ def test_a_stuck_sensor_is_refused_once_the_others_move(observer: Observer) -> N
     found = fed(observer, 900, lambda k, u: [stuck, *u[1:]], start=300)
     assert found[0].status == "tracking"
     assert found[-1].status == "degraded"
-    assert observer.validation is not None
     assert list(observer.validation.refused) == [0]
 
 
@@ -197,7 +184,6 @@ def drifted(k: int, u: list[float], after: float) -> list[float]:
 )
 def test_a_refused_reading_that_stays_within_its_gate_is_used_again(observer: Observer, change, until: int) -> None:
     fed(observer, 200)
-    assert observer.validation is not None
     refused = []
     for k in range(200, 2400):
         [found] = fed(observer, 1, change, start=k)
@@ -224,7 +210,6 @@ def test_a_refused_reading_that_stays_within_its_gate_is_used_again(observer: Ob
 def test_a_lie_that_stays_is_never_used_again(observer: Observer, change) -> None:
     fed(observer, 200)
     fed(observer, 800, change, start=200)
-    assert observer.validation is not None
     for k in range(1000, 2600):
         fed(observer, 1, change, start=k)
         assert list(observer.validation.refused) == [0]
@@ -242,10 +227,7 @@ def test_heat_that_training_lacks_is_doubted_and_used(observer: Observer) -> Non
 @pytest.mark.parametrize(("missing", "moves"), [((0,), True), ((0, 1), True), ((0, 1, 2), False)])
 def test_a_missing_reading_moves_with_those_that_are_there(model: Model, missing, moves) -> None:
     """Unless they are too few: then it keeps its last value, and is doubted."""
-    assert model.readings is not None
-    common = np.kron([[100.0, 95.0], [95.0, 100.0]], np.ones((4, 4))) + 0.01 * np.eye(8)
-    fast = model.readings._replace(precision=tuple(map(tuple, np.linalg.inv(common).tolist())))
-    observer = Observer(model._replace(readings=fast), Tracker(model.main, model.main.discrete[0]))
+    observer = observer_of(model, precision=precision_of(np.kron([[0.0, -5.0], [-5.0, 0.0]], np.ones((4, 4)))))
     fed(observer, 200)
 
     def absent(k, u):
@@ -263,8 +245,7 @@ def test_a_missing_reading_moves_with_those_that_are_there(model: Model, missing
 def test_whole_degrees_widen_the_interval(model: Model, half_width: float, status: str) -> None:
     """And degrade the estimate where that is more than its usual error."""
     main = model.main._replace(interval={**model.main.interval, 90: (-half_width, half_width)})
-    usual = Observer(model._replace(main=main), Tracker(main, main.discrete[0]))
-    found = fed(usual, 300, lambda k, u: [float(round(value)) for value in u])
+    found = fed(observer_of(model._replace(main=main)), 300, lambda k, u: [float(round(value)) for value in u])
     assert {each.status for each in found[60:]} == {status}
     assert found[-1].high_degC - found[-1].low_degC > 2 * 1.645 * 0.39
 
@@ -278,9 +259,7 @@ def test_too_little_left_coasts_and_then_faults(observer: Observer) -> None:
 
 
 def test_the_output_stays_within_its_bounds(model: Model) -> None:
-    assert model.readings is not None
-    bounded = model._replace(readings=model.readings._replace(output=(0.0, 25.2), rate_K_per_s=0.001))
-    found = fed(Observer(bounded, Tracker(model.main, model.main.discrete[0])), 600)
+    found = fed(observer_of(model, output=(0.0, 25.2), rate_K_per_s=0.001), 600)
     assert max(each.ambient_degC for each in found) <= 25.2
     assert found[-1].status == "degraded"
     steps = np.abs(np.diff([each.ambient_degC for each in found]))
@@ -291,8 +270,7 @@ def test_a_snapshot_continues_alike(model: Model, observer: Observer) -> None:
     fed(observer, 700)
     lie = fed(observer, 5, lambda k, u: [85.0, *u[1:]], start=700)[-1]
     main, background = observer.tracker.snapshot(), observer.background()
-    assert main is not None
-    other = Observer(model, Tracker(model.main, model.main.discrete[0]))
+    other = observer_of(model)
     assert other.fits(main, background)
     other.tracker.restore(main)
     other.restore(main, background)
