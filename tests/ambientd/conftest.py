@@ -1,5 +1,6 @@
 """A small model made by hand, a fake sysfs of real files, and the daemon as a real process."""
 
+import json
 import math
 import os
 import signal
@@ -82,24 +83,8 @@ def make_model() -> Callable[..., Model]:
 
 
 @pytest.fixture
-def model_file(tmp_path: Path) -> str:
-    path = tmp_path / "model.json"
-    path.write_text(encode(made_model()))
-    return str(path)
-
-
-@pytest.fixture
-def fallback_model_file(tmp_path: Path) -> str:
-    path = tmp_path / "fallback-model.json"
-    path.write_text(encode(made_model(fallbacks=True)))
-    return str(path)
-
-
-@pytest.fixture
-def guarded_model_file(tmp_path: Path) -> str:
-    path = tmp_path / "guarded-model.json"
-    path.write_text(encode(made_model(fallbacks=True, guarded=True)))
-    return str(path)
+def model_file(saved: Callable[[Model], str]) -> str:
+    return saved(made_model())
 
 
 class FakeSysfs:
@@ -167,6 +152,32 @@ def phone(sysfs: FakeSysfs) -> FakeSysfs:
     return sysfs
 
 
+@pytest.fixture
+def on_phone(model_file: str, phone: FakeSysfs) -> Callable[..., list[str]]:
+    """The arguments that run the model on the phone at 20 Hz and publish to some outputs."""
+    run = ["run", "--model", model_file, "--sysfs-root", str(phone.root), "--rate", "20"]
+    return lambda *outputs: [*run, *(word for each in outputs for word in ("--publish", each))]
+
+
+@pytest.fixture
+def configure(tmp_path: Path, model_file: str, phone: FakeSysfs) -> Callable[..., Path]:
+    """Write a configuration of the model on the phone at 20 Hz, with some keys as given."""
+
+    def write(**keys: object) -> Path:
+        path = tmp_path / "c.json"
+        path.write_text(json.dumps({"model": model_file, "rate_hz": 20, "sysfs_root": str(phone.root), **keys}))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def status(tmp_path: Path) -> Callable[[], dict]:
+    """What ``status:`` in the folder of the test says; nothing where it is not there."""
+    path = tmp_path / "status"
+    return lambda: json.loads(path.read_text()) if path.exists() else {}
+
+
 WriteTrace = Callable[..., str]
 
 
@@ -190,14 +201,15 @@ def trace_file(write_trace: WriteTrace) -> str:
     return write_trace(rows)
 
 
-def command_line(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "ambientd", *map(str, arguments)]
+AMBIENTD = ("-m", "ambientd")
 
 
 @pytest.fixture
 def ambientd() -> "Callable[..., subprocess.CompletedProcess[str]]":
-    """Run the command to its end."""
-    return lambda *arguments: subprocess.run(command_line(*arguments), capture_output=True, text=True, timeout=30)
+    """Run the command to its end, or what Python takes ``by``."""
+    return lambda *arguments, by=AMBIENTD: subprocess.run(
+        [sys.executable, *by, *map(str, arguments)], capture_output=True, text=True, timeout=30
+    )
 
 
 Start = Callable[..., "subprocess.Popen[str]"]
@@ -208,10 +220,11 @@ def start() -> Iterator[Start]:
     """Start the command and leave it running; what still runs at the end of the test is killed."""
     running: list[subprocess.Popen[str]] = []
 
-    def started(*arguments: object) -> "subprocess.Popen[str]":
-        process = subprocess.Popen(command_line(*arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        running.append(process)
-        return process
+    def started(*arguments: object, by: tuple[str, ...] = AMBIENTD, **options: object) -> "subprocess.Popen[str]":
+        words = [sys.executable, *by, *map(str, arguments)]
+        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+        running.append(subprocess.Popen(words, text=True, **options))
+        return running[-1]
 
     yield started
     for process in running:

@@ -33,8 +33,8 @@ def check(ambientd):
     return run
 
 
-def test_it_prints_the_model_and_reads_its_sensors(check, fallback_model_file, phone):
-    status, printed, refused = check("--model", fallback_model_file, "--sysfs-root", phone.root)
+def test_it_prints_the_model_and_reads_its_sensors(check, make_model, saved, phone):
+    status, printed, refused = check("--model", saved(make_model(fallbacks=True)), "--sysfs-root", phone.root)
     assert (status, refused) == (0, "")
     zones = f"{phone.root}/class/thermal/thermal_zone"
     estimator = ("model", "input", "input", "states", "periods", "interval", "fallbacks")
@@ -53,8 +53,8 @@ def test_it_prints_the_model_and_reads_its_sensors(check, fallback_model_file, p
     assert text[-2:] == [f"usb, {zones}10/temp: 30 degC", f"battery, {zones}3/temp: 25 degC"]
 
 
-def test_it_prints_the_secondary_estimator_and_the_error_variance(check, guarded_model_file):
-    status, printed, _ = check("--model", guarded_model_file)
+def test_it_prints_the_secondary_estimator_and_the_error_variance(check, make_model, saved):
+    status, printed, _ = check("--model", saved(make_model(fallbacks=True, guarded=True)))
     assert status == 0
     assert re.match(r"-0.75 to \+1 degC .* 90 %; wider with movement, guard", dict(printed)["interval"])
     assert "1 degC" in dict(printed)["secondary"]
@@ -78,14 +78,13 @@ def damaged(estimator, matrix):
     return estimator._replace(discrete=(estimator.discrete[0], wrong, *estimator.discrete[2:]))
 
 
-def test_what_contradicts_itself_is_a_warning(check, make_model, tmp_path):
+def test_what_contradicts_itself_is_a_warning(check, make_model, saved):
     model = make_model(fallbacks=True, guarded=True)
     wrong = model._replace(
         fallbacks={**model.fallbacks, "battery": damaged(model.fallbacks["battery"], "B")},
         secondary=model.secondary._replace(estimator=damaged(model.secondary.estimator, "A")),
     )
-    (tmp_path / "m.json").write_text(encode(wrong))
-    status, printed, refused = check("--model", tmp_path / "m.json")
+    status, printed, refused = check("--model", saved(wrong))
     assert (status, refused) == (0, "")
     warnings = [text for subject, text in printed if subject == "warning"]
     # most where usb goes from 25 to 26 degC: 1e-3 * 26 beside the 25.00995 degC that a right step of 0.2 s reaches
@@ -96,11 +95,9 @@ def test_what_contradicts_itself_is_a_warning(check, make_model, tmp_path):
 
 
 def test_a_recursion_that_does_not_give_the_files_outputs_fails(check, model_file):
-    with open(model_file) as stream:
-        data = json.load(stream)
+    data = json.loads(Path(model_file).read_text())
     data["conformance"]["outputs"][3]["values"][7] += 1e-6
-    with open(model_file, "w") as stream:
-        json.dump(data, stream)
+    Path(model_file).write_text(json.dumps(data))
     status, _, refused = check("--model", model_file)
     assert status == 1
     assert f"{model_file}: conformance: " in refused
@@ -108,13 +105,13 @@ def test_a_recursion_that_does_not_give_the_files_outputs_fails(check, model_fil
 
 
 @pytest.mark.parametrize("command", ["run", "check"])
-def test_an_input_that_no_zone_gives_is_refused_by_name(ambientd, make_model, phone, tmp_path, command):
+def test_an_input_that_no_zone_gives_is_refused_by_name(ambientd, make_model, saved, phone, command):
     main = make_model().main
     inputs = (main.inputs[0], main.inputs[1]._replace(name="cpu_power", unit="W"))
-    (tmp_path / "power.json").write_text(encode(make_model(inputs)))
-    done = ambientd(command, "--model", tmp_path / "power.json", "--sysfs-root", phone.root)
+    path = saved(make_model(inputs))
+    done = ambientd(command, "--model", path, "--sysfs-root", phone.root)
     assert done.returncode == 1
-    assert done.stderr.startswith(f"ambientd: {tmp_path}/power.json: input cpu_power: is in W")
+    assert done.stderr.startswith(f"ambientd: {path}: input cpu_power: is in W")
 
 
 POWERED = (
@@ -133,9 +130,9 @@ def powered(make_model, make_hwmon, make_supply, tmp_path):
     (tmp_path / "powered.json").write_text(encode(make_model(POWERED)))
     make_hwmon(1, "board", (1, "inlet", "21500\n"))
     root = make_supply("bms", current_now="-750000\n", voltage_now="4100000\n")
+    path = tmp_path / "powered-c.json"
 
     def config(sensors, **more):
-        path = tmp_path / "powered-c.json"
         path.write_text(json.dumps({"model": "powered.json", "sysfs_root": str(root), "sensors": sensors, **more}))
         return path
 
@@ -197,15 +194,12 @@ def test_a_sensor_in_another_unit_or_for_no_input_is_refused(check, powered):
 
 
 def test_the_daemon_reads_every_kind_and_finds_a_renumbered_one_again(
-    start, until, ended, powered, make_hwmon, sysfs, tmp_path
+    start, until, ended, powered, make_hwmon, sysfs, status, tmp_path
 ):
-    status = tmp_path / "status"
-
     def raw():
-        report = json.loads(status.read_text()) if status.exists() else {"sensors": {}}
-        return {name: each["raw"] for name, each in report["sensors"].items()}
+        return {name: each["raw"] for name, each in status().get("sensors", {}).items()}
 
-    daemon = start("run", "--config", powered(WHOLE), "--rate", "20", "--publish", f"status:{status}")
+    daemon = start("run", "--config", powered(WHOLE), "--rate", "20", "--publish", f"status:{tmp_path}/status")
     until(lambda: raw() == {"inlet": 21.5, "battery_current": 0.75})
     chip = sysfs.root / "class/hwmon/hwmon1"
     (chip / "temp1_input").write_text("")

@@ -52,13 +52,12 @@ def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
     assert done.stderr == ""
 
 
-def test_a_replay_imports_neither_sockets_nor_what_else_it_does_not_use(model_file, trace_file, tmp_path):
+def test_a_replay_imports_neither_sockets_nor_what_else_it_does_not_use(ambientd, model_file, trace_file, tmp_path):
     code = (
         "import sys; before = {*sys.modules}; from ambientd.cli import call; status = call(sys.argv[1:]);"
         "print(*{*sys.modules} - before, file=sys.stderr); sys.exit(status)"
     )
-    call = [sys.executable, "-c", code, "replay", model_file, trace_file, "-o", str(tmp_path / "out.csv")]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=30)
+    done = ambientd("replay", model_file, trace_file, "-o", tmp_path / "out.csv", by=("-c", code))
     assert done.returncode == 0
     unwanted = {"socket", "select", "signal", "ambientd.publish.socket", "ambientd.run", "ambientd.sources.zone"}
     assert not unwanted & {*done.stderr.split()}

@@ -59,8 +59,9 @@ def read_all(path: str) -> None:
             pass
 
 
-def test_neither_memory_nor_descriptors_grow(fallback_model_file, long_trace, memory):
-    command = [sys.executable, "-m", "ambientd", "run", "--model", fallback_model_file, "--replay", str(long_trace)]
+def test_neither_memory_nor_descriptors_grow(make_model, saved, long_trace, memory):
+    model = saved(make_model(fallbacks=True))
+    command = [sys.executable, "-m", "ambientd", "run", "--model", model, "--replay", str(long_trace)]
     kinds = ("file", "file-in-place", "status", "socket")
     outputs = ["stdout", *(f"{kind}:{memory}/{kind}" for kind in kinds), f"prometheus:{memory}/a.prom"]
     command += ["--speed", "0", *(word for output in outputs for word in ("--publish", output))]

@@ -124,16 +124,13 @@ def test_a_helper_or_a_stranger_is_no_kind(kind):
         parse(f"{kind}:path")
 
 
-def test_only_what_a_configuration_uses_is_imported(model_file, phone, tmp_path):
-    configuration = {"model": model_file, "sysfs_root": str(phone.root), "publish": ["status:s"]}
-    (tmp_path / "c.json").write_text(json.dumps(configuration))
+def test_only_what_a_configuration_uses_is_imported(ambientd, configure):
     code = (
         "import sys; from ambientd.cli import call; status = call(sys.argv[1:]); assert status == 0;"
         "print(*(name for name in sys.modules if name.startswith('ambientd.publish.') or name == 'pkgutil'),"
         "*(name for name in sys.modules if name in ('ambientd.sources.hwmon', 'ambientd.sources.power_supply')))"
     )
-    call = [sys.executable, "-c", code, "check", "--config", str(tmp_path / "c.json")]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=30)
+    done = ambientd("check", "--config", configure(publish=["status:s"]), by=("-c", code))
     loaded = {name.rpartition(".")[2] for name in done.stdout.splitlines()[-1].split()}
     assert "status" in loaded, done.stderr
     assert not loaded & {"socket", "prometheus", "stdout", "file_in_place", "hwmon", "power_supply"}

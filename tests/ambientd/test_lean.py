@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 import typing
 from pathlib import Path
@@ -51,13 +50,14 @@ def test_a_named_tuple_behaves_as_that_of_typing(Record):
         one.a = 2
 
 
-def test_a_daemon_that_publishes_a_file_imports_nothing_else():
+def test_a_daemon_that_publishes_a_file_imports_nothing_else(ambientd):
     code = (
         f"import sys; sys.path[:0] = [{str(ROOT / 'daemon')!r}, {str(ROOT / 'shared')!r}]; from ambientd import lean;"
         "lean.install(); import ambientd.handover, ambientd.run, ambientd.publish.file;"
         "lean.restore(); print(*sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-I", "-S", "-c", code], capture_output=True, text=True, check=True)
+    done = ambientd(by=("-I", "-S", "-c", code))
+    assert (done.returncode, done.stderr) == (0, "")
     assert HEAVY & set(done.stdout.split()) == set()
 
 
@@ -81,7 +81,7 @@ def test_a_child_that_is_killed_is_a_refusal():
         Child(lambda: os.kill(os.getpid(), 9)).result()
 
 
-def test_ctrl_c_is_the_parents_to_answer():
+def test_ctrl_c_is_the_parents_to_answer(start):
     script = """
 import os, signal, time
 from ambientd.handover import Child
@@ -94,14 +94,7 @@ signal.signal(signal.SIGINT, lambda number, frame: print("taken"))
 os.write(1, b"listening\\n")
 print(child.result())
 """
-    process = subprocess.Popen(
-        [sys.executable, "-c", script],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    assert process.stdout is not None
+    process = start(by=("-c", script), start_new_session=True)
     assert {process.stdout.readline(), process.stdout.readline()} == {"at work\n", "listening\n"}
     os.killpg(process.pid, signal.SIGINT)
     printed, errors = process.communicate(timeout=30)

@@ -5,7 +5,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import time
 import uuid
 
@@ -94,12 +93,12 @@ def test_without_a_watchdog_of_its_own_no_tick_is_told(manager, environment):
     notifier.close()
 
 
-def test_without_a_manager_nothing_is_told_nor_imported():
+def test_without_a_manager_nothing_is_told_nor_imported(ambientd):
     code = (
         "import sys; from ambientd.notify import Notifier; n = Notifier({}, print); n.ready('up'); n.ticked(0.0);"
         " n.reloading(); n.stopping(); n.close(); print('socket' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30)
+    done = ambientd(by=("-c", code))
     assert (done.stdout, done.stderr) == ("False\n", "")
 
 
@@ -149,38 +148,24 @@ def test_a_watchdog_too_short_for_the_ticks_is_noted(tmp_path):
     notifier.close()
 
 
-def started(arguments, **environment):
-    return subprocess.Popen(
-        [sys.executable, "-m", "ambientd", *map(str, arguments)],
-        env={**os.environ, **environment},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def test_the_daemon_is_ready_when_it_has_published_and_pings_while_it_ticks(manager, model_file, phone, tmp_path):
+def test_the_daemon_is_ready_when_it_has_published_and_pings_while_it_ticks(manager, start, on_phone, tmp_path):
     listener, name = manager
-    arguments = ("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20", "--publish")
-    daemon = started([*arguments, f"file:{tmp_path}/temp"], NOTIFY_SOCKET=name, WATCHDOG_USEC="400000")
-    try:
-        assert heard(listener) == ["READY=1", "STATUS=model 'bench': warming_up"]
-        assert (tmp_path / "temp").read_text() == "23000\n"
-        assert [heard(listener) for _ in range(5)] == [["WATCHDOG=1"]] * 5
-        daemon.send_signal(signal.SIGSTOP)  # what does not tick does not ping
-        time.sleep(0.2)
-        drain(listener)
-        time.sleep(0.5)
-        assert silent(listener)
-        daemon.send_signal(signal.SIGCONT)
-        listener.settimeout(10)
-        assert heard(listener) == ["WATCHDOG=1"]
-        daemon.terminate()
-        said = [heard(listener)]
-        while said[-1] == ["WATCHDOG=1"]:
-            said.append(heard(listener))
-        assert said[-1] == ["STOPPING=1", "STATUS=stopping"]
-        assert daemon.wait(10) == 0
-    finally:
-        daemon.kill()
-        daemon.communicate()
+    environment = {**os.environ, "NOTIFY_SOCKET": name, "WATCHDOG_USEC": "400000"}
+    daemon = start(*on_phone(f"file:{tmp_path}/temp"), env=environment, stdout=subprocess.DEVNULL)
+    assert heard(listener) == ["READY=1", "STATUS=model 'bench': warming_up"]
+    assert (tmp_path / "temp").read_text() == "23000\n"
+    assert [heard(listener) for _ in range(5)] == [["WATCHDOG=1"]] * 5
+    daemon.send_signal(signal.SIGSTOP)  # what does not tick does not ping
+    time.sleep(0.2)
+    drain(listener)
+    time.sleep(0.5)
+    assert silent(listener)
+    daemon.send_signal(signal.SIGCONT)
+    listener.settimeout(10)
+    assert heard(listener) == ["WATCHDOG=1"]
+    daemon.terminate()
+    said = [heard(listener)]
+    while said[-1] == ["WATCHDOG=1"]:
+        said.append(heard(listener))
+    assert said[-1] == ["STOPPING=1", "STATUS=stopping"]
+    assert daemon.wait(10) == 0

@@ -1,13 +1,10 @@
 """Mode, owner and group of what the daemon creates: as configured, from the first moment, or not there at all."""
 
 import grp
-import json
 import os
 import pwd
 import socket
 import stat
-import subprocess
-import sys
 
 import pytest
 
@@ -96,7 +93,7 @@ def out(tmp_path):
 
 
 @pytest.fixture
-def configured(tmp_path, out, model_file, phone):
+def configured(tmp_path, out, configure):
     """A configuration that publishes every kind with an access."""
 
     def write(access, **more):
@@ -104,9 +101,7 @@ def configured(tmp_path, out, model_file, phone):
         publish = [f"file:{out}/temp", {"kind": "file", "path": f"{out}/same", "mode": "in-place"}]
         publish += [f"status:{out}/status", f"prometheus:{out}/a.prom", f"socket:{out}/s"]
         publish += [{"kind": "status", "path": f"{tmp_path}/own", "access": mine}]
-        config = {"model": model_file, "rate_hz": 20, "sysfs_root": str(phone.root), "state": {"path": f"{out}/state"}}
-        (tmp_path / "c.json").write_text(json.dumps({**config, "publish": publish, "access": access, **more}))
-        return tmp_path / "c.json"
+        return configure(**{"publish": publish, "access": access, "state": {"path": f"{out}/state"}, **more})
 
     return write
 
@@ -154,8 +149,7 @@ def test_check_reports_before_the_start_what_could_not_be_given_away(configured,
     user, group = f"user {os.getuid()}", f"group {os.getgid()}"
     given = [f"{mode}, user 4711, {group}" for mode in ("0640", "0640", "0640", "0640", "0660")]
     assert said == [*given, f"0640, {user}, {group}", f"0640, user 4711, {group}"]
-    call = [sys.executable, "-c", WITHOUT_CHOWN, "check", "--config", str(config)]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=30)
+    done = ambientd("check", "--config", config, by=("-c", WITHOUT_CHOWN))
     assert done.returncode == 1
     assert done.stderr.count("(Operation not permitted)") == 6
     assert "CAP_CHOWN" in done.stderr

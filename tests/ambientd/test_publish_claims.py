@@ -15,11 +15,9 @@ def text(path):
 
 
 @pytest.mark.parametrize("kind", ["file", "file-in-place", "status", "prometheus"])
-def test_a_second_daemon_is_refused_until_the_first_has_ended_in_any_way(
-    start, until, ended, model_file, phone, tmp_path, kind
-):
+def test_a_second_daemon_is_refused_until_the_first_has_ended_in_any_way(start, until, ended, on_phone, tmp_path, kind):
     out = tmp_path / "temp"
-    run = ("run", "--model", model_file, "--sysfs-root", phone.root, "--publish", f"{kind}:{out}")
+    run = on_phone(f"{kind}:{out}")
     first = start(*run)
     until(lambda: text(out))
     second = start(*run)

@@ -3,8 +3,6 @@
 import json
 import os
 import socket
-import subprocess
-import sys
 
 import pytest
 
@@ -34,30 +32,17 @@ def made(path):
 
 
 @pytest.fixture
-def daemon(made, model_file, phone):
+def daemon(start, made, on_phone):
     """Start a daemon that inherits the socket, as from Android's init or from systemd."""
-    running = []
 
-    def start(manager, *publish):
-        arguments = ["run", "--model", model_file, "--sysfs-root", str(phone.root), "--rate", "20"]
-        arguments += [part for each in publish for part in ("--publish", each)]
+    def begin(manager, *outputs):
         descriptor = made.fileno()
+        how = {"by": ("-c", AS_SYSTEMD, str(descriptor))}
         if manager == "init":
-            call = [sys.executable, "-m", "ambientd", *arguments]
-            environment = {**os.environ, "ANDROID_SOCKET_ambientd": str(descriptor)}
-        else:
-            call = [sys.executable, "-c", AS_SYSTEMD, str(descriptor), *arguments]
-            environment = dict(os.environ)
-        process = subprocess.Popen(
-            call, env=environment, pass_fds=[descriptor], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
-        running.append(process)
-        return process
+            how = {"env": {**os.environ, "ANDROID_SOCKET_ambientd": str(descriptor)}}
+        return start(*on_phone(*outputs), pass_fds=[descriptor], **how)
 
-    yield start
-    for process in running:
-        process.kill()
-        process.communicate()
+    return begin
 
 
 @pytest.mark.parametrize("manager", ["init", "systemd"])

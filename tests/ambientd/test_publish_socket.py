@@ -135,13 +135,12 @@ sys.stdin.read()
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
 @pytest.mark.parametrize("limit", [1024, 32])
-def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, model_file, phone, until):
+def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, on_phone, until):
     """``nobody`` holds what it gets; the next five find a place at once, and the file is still renewed."""
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         os.chmod(folder, 0o755)  # pytest's own are closed to others
         path, file = f"{folder}/s", f"{folder}/temp"
-        run = [sys.executable, "-m", "ambientd", "run", "--model", model_file, "--sysfs-root", str(phone.root)]
-        run += ["--rate", "20", "--publish", f"file:{file}", "--publish", f"socket:{path}"]
+        run = [sys.executable, "-m", "ambientd", *on_phone(f"file:{file}", f"socket:{path}")]
         daemon = subprocess.Popen(["sh", "-c", f'ulimit -n {limit}; exec "$@"', "sh", *run])
         stack.callback(daemon.wait)
         stack.callback(daemon.kill)

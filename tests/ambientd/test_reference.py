@@ -9,7 +9,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from ambient_model.codec import encode as encode_model
 from ambient_model.conformance import conformance_of
 from ambient_model.tracking import TRACKING, WARMING_UP, Estimate
 from ambientd.fallback import FallbackState
@@ -184,21 +183,13 @@ def test_it_is_shown(device, make_model):
 
 
 @pytest.fixture
-def config(make_model, phone, tmp_path):
+def config(make_model, saved, configure):
     """A configuration with a model that has settled after a few ticks."""
     model = make_model()
     quick = tuple(each._replace(A=((0.0, 0.0),) * 2, B=((1.0, 0.0), (0.0, 1.0))) for each in model.main.discrete)
     main = model.main._replace(discrete=quick)
-    model = model._replace(main=main, conformance=conformance_of(main, model.conformance.inputs))
-    (tmp_path / "model.json").write_text(encode_model(model))
-
-    def write(**more):
-        path = tmp_path / "config.json"
-        values = {"model": "model.json", "sysfs_root": str(phone.root), "rate_hz": 20, "publish": ["status:status"]}
-        path.write_text(json.dumps({**values, **more}))
-        return path
-
-    return write
+    path = saved(model._replace(main=main, conformance=conformance_of(main, model.conformance.inputs)))
+    return lambda **keys: configure(model=path, publish=["status:status"], **keys)
 
 
 LEARNS = {"state": {"path": "state.json", "max_age_s": 3600}, "reference": {}}
@@ -225,33 +216,25 @@ def test_a_reference_without_a_state_is_refused_with_every_fault(ambientd, confi
 
 
 @pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
-def test_a_daemon_is_told_and_remembers_it_over_its_end(start, until, ended, ambientd, config, tmp_path, by):
+def test_a_daemon_is_told_and_remembers_it_over_its_end(start, until, ended, ambientd, config, status, tmp_path, by):
     path = config(**LEARNS)
-    status = tmp_path / "status"
-
-    def shown():
-        return json.loads(status.read_text())
-
-    def is_tracking():
-        return status.exists() and shown()["status"] == TRACKING
-
     daemon = start("run", "--config", path)
-    until(is_tracking)
+    until(lambda: status().get("status") == TRACKING)
     done = ambientd("tell", "23.5", "--sigma", "0.5", "--config", path)
     assert (done.returncode, done.stderr) == (0, "")
-    offset = shown()["offset_degC"]
+    offset = status()["offset_degC"]
     assert 0.1 < offset < 0.4
-    assert shown()["ambient_degC"] == pytest.approx(23 + offset, abs=1e-6)
+    assert status()["ambient_degC"] == pytest.approx(23 + offset, abs=1e-6)
     for value, why in (("23.5", "counted"), ("33", "counted")):
         done = ambientd("tell", value, "--config", path)
         assert done.returncode == 1
         assert why in done.stderr
     ended(daemon, by)
-    status.unlink(missing_ok=True)
+    (tmp_path / "status").unlink(missing_ok=True)
     assert json.loads((tmp_path / "state.json").read_text().splitlines()[0])["offset"]["last"]["degC"] == 33
     start("run", "--config", path)
-    until(status.exists)
-    assert shown()["offset_degC"] == pytest.approx(offset, abs=1e-3)
+    until(status)
+    assert status()["offset_degC"] == pytest.approx(offset, abs=1e-3)
     assert not (tmp_path / "state.json.tell").exists()
 
 

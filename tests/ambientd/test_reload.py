@@ -15,26 +15,14 @@ from ambientd.publish.claims import Claims
 
 
 @pytest.fixture
-def configure(tmp_path, model_file, phone):
+def configure(tmp_path, configure):
     """Write the configuration anew, with some keys changed; ``file`` are keys of the published file."""
 
     def write(file=None, **changes):
         out = {"kind": "file", "path": f"{tmp_path}/temp", **(file or {})}
-        publish = [out, f"status:{tmp_path}/status", f"socket:{tmp_path}/s"]
-        config = {"model": model_file, "rate_hz": 20, "sysfs_root": str(phone.root), "publish": publish}
-        (tmp_path / "c.json").write_text(json.dumps({**config, **changes}))
-        return tmp_path / "c.json"
+        return configure(**{"publish": [out, f"status:{tmp_path}/status", f"socket:{tmp_path}/s"], **changes})
 
     return write
-
-
-@pytest.fixture
-def status(tmp_path):
-    def read():
-        path = tmp_path / "status"
-        return json.loads(path.read_text()) if path.exists() else {}
-
-    return read
 
 
 @pytest.fixture
@@ -244,11 +232,9 @@ def test_another_offset_leaves_no_gap_and_another_mode_comes_back(running, reloa
     assert (status, len(log.splitlines()), content()) == (0, 3, None)
 
 
-def test_it_ends_though_its_reader_has_stopped_reading(start, until, model_file, tmp_path):
+def test_it_ends_though_its_reader_has_stopped_reading(start, until, model_file, write_trace, tmp_path):
     """As fast as it goes it waits for ever for a full pipe; the signal comes through."""
-    trace = tmp_path / "long.csv"
-    trace.write_text("time_s,usb_degC,battery_degC\n" + "".join(f"{k},30,25\n" for k in range(20000)))
-    run = ("run", "--model", model_file, "--replay", trace, "--speed", "0")
+    run = ("run", "--model", model_file, "--replay", write_trace([(k, 30, 25) for k in range(20000)]), "--speed", "0")
     daemon = start(*run, "--publish", f"file:{tmp_path}/temp", "--publish", "stdout")
     until(lambda: (tmp_path / "temp").exists())
     until(lambda: "\nState:\tS" in Path(f"/proc/{daemon.pid}/status").read_text())

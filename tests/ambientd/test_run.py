@@ -10,6 +10,7 @@ import threading
 import pytest
 
 from ambient_model.faults import Refused
+from ambientd.fallback import FallbackTracker
 from ambientd.schedule import Ticks, Waiter
 from ambientd.service import Service
 
@@ -21,12 +22,6 @@ def say(phone, number, content):
         stream.truncate()
 
 
-@pytest.fixture
-def on_phone(model_file, phone):
-    """The arguments that run the model on the fake device at 20 Hz."""
-    return ("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20")
-
-
 def text(path):
     return path.read_text() if path.exists() else ""
 
@@ -35,8 +30,7 @@ def test_it_follows_the_zones_and_leaves_nothing_behind(start, until, ended, on_
     out = tmp_path / "out"
     out.mkdir()
     kinds = (f"file:{out}/temp", f"file-in-place:{out}/same", f"status:{out}/status", f"prometheus:{out}/a.prom")
-    publish = [part for kind in (*kinds, f"socket:{out}/s") for part in ("--publish", kind)]
-    daemon = start(*on_phone, *publish)
+    daemon = start(*on_phone(*kinds, f"socket:{out}/s"))
     until(lambda: text(out / "temp") == "23000\n")
     say(phone, 10, b"31000\n")
     until(lambda: 'ambientd_sensor_used{sensor="usb",unit="degC"} 31.0' in text(out / "a.prom"))
@@ -53,7 +47,7 @@ def test_it_follows_the_zones_and_leaves_nothing_behind(start, until, ended, on_
 
 @pytest.mark.parametrize("by", [signal.SIGTERM, signal.SIGINT])
 def test_stdout_is_the_default_and_either_signal_ends_it(start, ended, on_phone, by):
-    daemon = start(*on_phone)
+    daemon = start(*on_phone())
     first = [json.loads(daemon.stdout.readline()) for _ in range(3)]
     assert [line["ambient_degC"] for line in first] == pytest.approx([23.0] * 3)
     assert first[0]["time_s"] < first[1]["time_s"] < first[2]["time_s"]
@@ -62,21 +56,20 @@ def test_stdout_is_the_default_and_either_signal_ends_it(start, ended, on_phone,
     assert "Traceback" not in log
 
 
-def test_without_any_zone_it_runs_faulted_until_they_come(start, until, ended, model_file, sysfs, tmp_path):
-    daemon = start(
-        *("run", "--model", model_file, "--sysfs-root", sysfs.root, "--rate", "20"),
-        *("--publish", f"status:{tmp_path}/status", "--publish", f"file:{tmp_path}/temp"),
-    )
-    until(lambda: '"faulted"' in text(tmp_path / "status"))
+def test_without_any_zone_it_runs_faulted_until_they_come(start, until, ended, on_phone, phone, status, tmp_path):
+    zones = phone.root / "class/thermal"
+    zones.rename(tmp_path / "later")
+    zones.mkdir()
+    daemon = start(*on_phone(f"status:{tmp_path}/status", f"file:{tmp_path}/temp"))
+    until(lambda: status().get("status") == "faulted")
     assert not (tmp_path / "temp").exists()
-    sysfs.zone(0, "usb-therm", "30000\n")
-    sysfs.zone(1, "battery", "25000\n")
+    (tmp_path / "later").rename(zones)
     until(lambda: text(tmp_path / "temp") == "23000\n")
     assert ended(daemon)[0] == 0
 
 
 def test_a_reader_of_stdout_that_leaves_does_not_end_it(start, until, ended, on_phone, tmp_path):
-    daemon = start(*on_phone, "--publish", "stdout", "--publish", f"status:{tmp_path}/status")
+    daemon = start(*on_phone("stdout", f"status:{tmp_path}/status"))
     daemon.stdout.close()
     until(lambda: text(tmp_path / "status"))
     before = text(tmp_path / "status")
@@ -88,11 +81,9 @@ def test_a_reader_of_stdout_that_leaves_does_not_end_it(start, until, ended, on_
     ]
 
 
-def test_a_full_pipe_on_stdout_delays_nothing(start, model_file, tmp_path):
+def test_a_full_pipe_on_stdout_delays_nothing(start, model_file, write_trace):
     """A thousand rows a second fill the pipe that no one reads; what goes in is whole lines, and it ends on time."""
-    trace = tmp_path / "long.csv"
-    with open(trace, "w") as out:
-        out.write("time_s,usb_degC,battery_degC\n" + "".join(f"{k},30,25\n" for k in range(2000)))
+    trace = write_trace([(k, 30, 25) for k in range(2000)])
     daemon = start("run", "--model", model_file, "--replay", trace, "--speed", "1000")
     assert daemon.wait(15) == 0  # it reached the last row with the pipe full
     said, _ = daemon.communicate()
@@ -136,17 +127,14 @@ def test_a_trace_with_a_fault_ends_with_1_and_leaves_nothing_behind(ambientd, mo
     assert not (tmp_path / "s").exists()
 
 
-def test_who_connects_between_two_ticks_is_served_before_the_next(start, until, model_file, phone, tmp_path):
+def test_who_connects_between_two_ticks_is_served_before_the_next(start, until, on_phone, status, tmp_path):
     """Ten seconds lie between two ticks; the line that is there is told long before."""
-    start(
-        *("run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "0.1"),
-        *("--publish", f"socket:{tmp_path}/s", "--publish", f"status:{tmp_path}/status"),
-    )
-    until(lambda: text(tmp_path / "status"))
+    start(*on_phone(f"socket:{tmp_path}/s", f"status:{tmp_path}/status"), "--rate", "0.1")
+    until(status)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
         reader.settimeout(8)
         reader.connect(f"{tmp_path}/s")
-        assert json.loads(reader.makefile().readline()) == json.loads(text(tmp_path / "status"))
+        assert json.loads(reader.makefile().readline()) == status()
 
 
 def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, model_file, tmp_path):
@@ -155,9 +143,7 @@ def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, 
         "model: model.json\nrate_hz: 0.1\nsysfs_root: /nowhere\nlevel_percent: 98\n"
         "publish:\n  - {kind: file, path: temp, mode: in-place, poison_millidegC: -40000}\n"
     )
-    daemon = start(
-        *("run", "--config", config, "--sysfs-root", phone.root, "--rate", "20", "--publish", "stdout")
-    )  # fmt: skip
+    daemon = start("run", "--config", config, "--sysfs-root", phone.root, "--rate", "20", "--publish", "stdout")
     line = [json.loads(daemon.stdout.readline()) for _ in range(2)][1]
     assert [line[key] for key in ("level_percent", "low_degC", "high_degC")] == pytest.approx([98, 22.0, 24.5])
     assert not (tmp_path / "temp").exists()
@@ -214,11 +200,7 @@ def test_without_a_thread_to_spare_the_work_is_done_all_the_same(monkeypatch):
 
 
 def test_age_grows_while_the_estimate_rests_on_memory(make_model):
-    from ambientd.fallback import FallbackTracker
-
-    reports = []
-
-    model = make_model()
+    model, reports = make_model(), []
     samples = [(0.0, [30.0, None]), (1.0, [30.0, 25.0]), (2.0, [30.0, None]), (3.5, [30.0, None]), (4.0, [30.0, 25.0])]
     service = Service(model, 90, FallbackTracker(model, 1.0), reports.append)
     for sample in samples:

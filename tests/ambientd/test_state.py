@@ -214,40 +214,19 @@ def test_a_first_start_says_nothing_and_a_folder_is_told(state_file, settled):
     ]
 
 
-@pytest.fixture
-def configured(model_file, phone, tmp_path):
-    config = tmp_path / "c.json"
-    config.write_text(
-        json.dumps(
-            {
-                "model": model_file,
-                "rate_hz": 20,
-                "sysfs_root": str(phone.root),
-                "publish": [f"status:{tmp_path}/status"],
-                "state": {"path": "state", "max_age_s": 20},
-            }
-        )
-    )
-    return ("run", "--config", config)
-
-
-def status_of(tmp_path):
-    path = tmp_path / "status"
-    return json.loads(path.read_text()) if path.exists() else {}
-
-
-def test_a_restarted_daemon_goes_on_with_the_estimate(start, until, ended, configured, phone, tmp_path):
+def test_a_restarted_daemon_goes_on_with_the_estimate(start, until, ended, configure, status, phone, tmp_path):
     """The lag on usb is 40 s: what starts anew says the new equilibrium, what goes on is still near the old value."""
-    first = start(*configured)
-    until(lambda: status_of(tmp_path).get("ambient_degC") == pytest.approx(23.0))
-    began_s = status_of(tmp_path)["time_s"]
-    until(lambda: status_of(tmp_path)["time_s"] > began_s + 0.2)  # within the first period it would start anew
+    config = configure(publish=[f"status:{tmp_path}/status"], state={"path": "state", "max_age_s": 20})
+    first = start("run", "--config", config)
+    until(lambda: status().get("ambient_degC") == pytest.approx(23.0))
+    began_s = status()["time_s"]
+    until(lambda: status()["time_s"] > began_s + 0.2)  # within the first period it would start anew
     _, _, log = ended(first, signal.SIGTERM)
     assert len(log.splitlines()) == 1
     (phone.root / "class/thermal/thermal_zone10/temp").write_text("40000\n")
-    second = start(*configured)
-    until(lambda: status_of(tmp_path))
-    said = status_of(tmp_path)["ambient_degC"]
+    second = start("run", "--config", config)
+    until(status)
+    said = status()["ambient_degC"]
     _, _, log = ended(second)
     assert log.splitlines()[0].startswith(f"ambientd: state {tmp_path}/state: continuing from ")
     # usb counts at once: 23 + 10, and is drawn from with its lag; anew it would be 23 + 0.2 * 10 = 25

@@ -17,13 +17,11 @@ def path(tmp_path):
 
 
 @pytest.fixture
-def daemon(start, until, model_file, phone, path):
+def daemon(start, until, on_phone, path):
     """Start a daemon at 20 Hz and wait for its socket."""
 
     def started():
-        process = start(
-            "run", "--model", model_file, "--sysfs-root", phone.root, "--rate", "20", "--publish", f"socket:{path}"
-        )
+        process = start(*on_phone(f"socket:{path}"))
         until(lambda: os.path.exists(path))
         return process
 
