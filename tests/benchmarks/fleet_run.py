@@ -10,23 +10,23 @@ import tempfile
 import time
 
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.fleet.engine import Serial, engine_of
+from ambient_trainer.fleet.engine import Engine, engine_of
 from ambient_trainer.fleet.run import Question, fit_fleet
 
 
-class Timed(Serial):
+class Timed(Engine):
     """This process; ``task_s`` is the time of the tasks alone, without what keeps, reads and writes their results."""
 
     task_s = 0.0
 
-    def run(self, task, numbers, arguments, lost):
+    def run(self, job, numbers):
         def timed(*args):
             since = time.perf_counter()
-            found = list(task(*args))
+            found = list(job.task(*args))
             self.task_s += time.perf_counter() - since
             return found
 
-        return super().run(timed, numbers, arguments, lost)
+        return super().run(job._replace(task=timed), numbers)
 
 
 def main() -> None:

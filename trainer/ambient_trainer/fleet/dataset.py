@@ -7,9 +7,10 @@ column holds many; so does a folder ``unit=NAME`` of one. Files are looked at in
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import unquote
 
 import numpy as np
@@ -40,22 +41,43 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class Entry:
-    """Where a unit's log lies, about how many rows it has, and what is wrong with it as far as one sees from here."""
+    """Where a unit's log lies, about how many rows and bytes it has, and what is wrong with it at first sight."""
 
     unit: str
     pieces: tuple[Piece, ...]
     rows: int
+    size: int
     labels: tuple[tuple[str, str], ...] = ()
     reason: str | None = None
+
+    def with_more(self, other: Entry) -> Entry:
+        """This entry and another of the same unit."""
+        pieces, rows, size = self.pieces + other.pieces, self.rows + other.rows, self.size + other.size
+        return replace(self, pieces=pieces, rows=rows, size=size, reason=self.reason or other.reason)
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong with it, its size too."""
+        if self.reason is None and self.size > _LARGEST_BYTES:
+            return f"{self.size:,} bytes: cut it, no unit's log is larger than a gigabyte"
+        return self.reason
 
 
 @dataclass(frozen=True)
 class Source:
-    """Which dataset, which column holds the unit, which ones its groups, and which columns are wanted (None: all)."""
+    """Which column holds the unit, which ones its groups, and which columns are wanted (None: all)."""
 
     by: str
     within: tuple[str, ...] = ()
     columns: tuple[str, ...] | None = None
+
+    def takes(self, name: str) -> bool:
+        """Whether a column of a Parquet file is read."""
+        if name in (TIME, self.by, *self.within):
+            return True
+        if self.columns is not None:
+            return name in self.columns
+        return not name.startswith("__index") and split_column(name) != ("", "")
 
 
 class Log(NamedTuple):
@@ -76,16 +98,8 @@ def entries(path: str, source: Source) -> list[Entry]:
         raise refuse(path, "", "there is no such file or folder", "name a folder of traces, or a Parquet dataset")
     found: dict[str, Entry] = {}
     for file in _files(path):
-        for each in _entries_in(file, path, source):
-            before = found.get(each.unit)
-            if before is not None:
-                each = replace(
-                    before,
-                    pieces=(*before.pieces, *each.pieces),
-                    rows=before.rows + each.rows,
-                    reason=before.reason or each.reason,
-                )
-            found[each.unit] = each
+        for each in _entries_in(file, path, source.by):
+            found[each.unit] = found[each.unit].with_more(each) if each.unit in found else each
     if not found:
         raise refuse(
             path, "", "holds no trace", "put .csv, .csv.gz or .parquet files there, one a unit or with a column"
@@ -104,49 +118,41 @@ def _hidden(file: str, path: str) -> bool:
     return any(part.startswith((".", "_")) for part in os.path.relpath(file, path).split(os.sep))
 
 
-def _entries_in(file: str, path: str, source: Source) -> Iterator[Entry]:
+def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:
     labels = _partition(file, path)
-    named = labels.get(source.by)
-    name = named or os.path.basename(file).partition(".csv")[0].removesuffix(_PARQUET)
+    name = labels.get(by) or os.path.basename(file).partition(".csv")[0].removesuffix(_PARQUET)
     kept = tuple(sorted(labels.items()))
-    size = os.path.getsize(file)
     if not file.endswith(_PARQUET):
-        reason = None if size <= _LARGEST_BYTES else f"{size:,} bytes: cut it, no unit's log is larger than a gigabyte"
-        yield Entry(name, (Piece(file),), size // _BYTES_A_ROW, kept, reason)
+        size = os.path.getsize(file)
+        yield Entry(name, (Piece(file),), size // _BYTES_A_ROW, size, kept)
         return
     try:
         opened = _opened(file)
-        if named is None and source.by in opened.schema_arrow.names:
-            yield from _units_in(opened, file, source.by, kept)
-        else:
-            whole = opened.metadata
-            groups = tuple(Piece(file, index) for index in range(whole.num_row_groups))
-            yield Entry(name, groups, whole.num_rows, kept, _too_large(whole.num_rows * whole.num_columns))
+        columns = opened.schema_arrow.names
+        for index in range(opened.metadata.num_row_groups):
+            rows = opened.metadata.row_group(index).num_rows
+            counts = _units_in(opened, index, by) if by in columns and by not in labels else {name: rows}
+            for unit, count in counts.items():
+                yield Entry(unit, (Piece(file, index),), count, 8 * count * len(columns), kept)
+        if not opened.metadata.num_row_groups:
+            yield Entry(name, (Piece(file),), 0, 0, kept, "no rows")
     except (OSError, ValueError) as error:
-        yield Entry(name, (Piece(file),), 0, kept, f"cannot be read ({_first_line(error)})")
+        yield Entry(name, (Piece(file),), 0, 0, kept, _unreadable(error))
 
 
-def _units_in(opened: pq.ParquetFile, file: str, by: str, labels: tuple[tuple[str, str], ...]) -> Iterator[Entry]:
-    """The units of each row group: from its statistics where they say that there is one, else from the column."""
-    for index in range(opened.metadata.num_row_groups):
-        group = opened.metadata.row_group(index)
-        known = next((c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == by), None)
-        numbers = known.statistics if known is not None else None
-        if numbers is not None and numbers.has_min_max and numbers.min == numbers.max and not numbers.null_count:
-            counts = {str(numbers.min): group.num_rows}
-        else:
-            column = opened.read_row_group(index, columns=[by]).column(0)
-            counted = column.value_counts()
-            counts = {str(each["values"].as_py()): each["counts"].as_py() for each in counted}
-        for unit, rows in counts.items():
-            reason = _too_large(rows * len(opened.schema_arrow.names))
-            yield Entry(unit, (Piece(file, index),), rows, labels, reason)
+def _units_in(opened: pq.ParquetFile, index: int, by: str) -> dict[str, int]:
+    """The units of a row group and their rows: from its statistics where there is one, else from the column."""
+    group = opened.metadata.row_group(index)
+    known = next((c for c in map(group.column, range(group.num_columns)) if c.path_in_schema == by), None)
+    numbers = known.statistics if known is not None else None
+    if numbers is not None and numbers.has_min_max and numbers.min == numbers.max and not numbers.null_count:
+        return {str(numbers.min): group.num_rows}
+    counted = opened.read_row_group(index, columns=[by]).column(0).value_counts()
+    return {str(each["values"].as_py()): each["counts"].as_py() for each in counted}
 
 
-def _too_large(cells: int) -> str | None:
-    if 8 * cells <= _LARGEST_BYTES:
-        return None
-    return f"{8 * cells:,} bytes: cut it, no unit's log is larger than a gigabyte"
+def _unreadable(error: Exception) -> str:
+    return f"cannot be read ({str(error).partition(chr(10))[0][:200] or type(error).__name__})"
 
 
 def _partition(file: str, path: str) -> dict[str, str]:
@@ -158,110 +164,74 @@ def _partition(file: str, path: str) -> dict[str, str]:
 
 def logs(wanted: Sequence[Entry], source: Source) -> Iterator[Log]:
     """The logs of some units, in their order; each row group is read once where neighbours share it."""
-    tables = _Tables(source, {each.unit for each in wanted})
+    opened = lru_cache(1)(_opened)
+    units = sorted(each.unit for each in wanted)
+
+    @lru_cache(1)
+    def rows(piece: Piece) -> pd.DataFrame:
+        return _rows(opened(piece.path), piece.row_group, source, units)
+
     for entry in wanted:
-        labels = dict(entry.labels)
-        if entry.reason is not None:
-            yield Log(entry.unit, None, _group(labels, source), entry.reason)
-            continue
+        labels, trace, reason = dict(entry.labels), None, entry.fault
         try:
-            trace = _trace(entry, source, tables, labels)
-            yield Log(entry.unit, trace, _group(labels, source), None)
+            if reason is None:
+                trace = _trace(entry, source, rows, labels)
         except Refused as refused:
-            yield Log(entry.unit, None, _group(labels, source), _reason(refused))
+            reason = reason_of(refused)
         except (OSError, ValueError) as error:
-            yield Log(entry.unit, None, _group(labels, source), f"cannot be read ({_first_line(error)})")
+            reason = _unreadable(error)
+        yield Log(entry.unit, trace, tuple(labels.get(name, UNKNOWN) for name in source.within), reason)
 
 
-def _group(labels: dict[str, str], source: Source) -> tuple[str, ...]:
-    return tuple(labels.get(name, UNKNOWN) for name in source.within)
-
-
-def _reason(refused: Refused) -> str:
+def reason_of(refused: Refused) -> str:
+    """Why a unit has no row of figures: the faults, without the place of its log."""
     return "; ".join(f"{each.place}: {each.problem}" if each.place else each.problem for each in refused.faults)
 
 
-def _trace(entry: Entry, source: Source, tables: _Tables, labels: dict[str, str]) -> Trace:
-    if not entry.pieces[0].path.endswith(_PARQUET):
-        if len(entry.pieces) > 1:
-            raise refuse(entry.unit, "", "two files have the name of this unit", "rename one")
+def _trace(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], labels: dict[str, str]) -> Trace:
+    """The trace of a unit; what it says of its groups goes to ``labels``."""
+    if entry.pieces[0].path.endswith(_PARQUET):
+        trace = frame_trace(_frame(entry, source, rows, labels), entry.unit)
+    elif len(entry.pieces) > 1:
+        raise refuse(entry.unit, "", "two files have the name of this unit", "rename one")
+    else:
         trace = load_trace(entry.pieces[0].path)
         labels.update({name: trace.notes[name] for name in source.within if name in trace.notes})
-        return _checked(trace, source)
-    frame = tables.frame(entry, labels)
-    return _checked(frame_trace(frame, entry.unit), source)
-
-
-def _checked(trace: Trace, source: Source) -> Trace:
     for name in source.columns or ():
         if not np.isfinite(trace.column(name)).any():
             raise refuse(trace.path, f"column {name}", "holds no value at all", "leave the unit out, or log it again")
     return trace
 
 
-class _Tables:
-    """Row groups as they are asked for, the last one kept: neighbours mostly share it."""
+def _frame(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], labels: dict[str, str]) -> pd.DataFrame:
+    import pandas as pd
 
-    def __init__(self, source: Source, units: set[str]) -> None:
-        self._source = source
-        self._units = units
-        self._file: tuple[str, Any] = ("", None)
-        self._group: tuple[Piece | None, Any] = (None, None)
+    parts = [rows(piece) for piece in entry.pieces]
+    if source.by in parts[0].columns:
+        parts = [each[each[source.by] == entry.unit] for each in parts]
+    frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
+    labels.update({name: str(frame[name].iloc[0]) for name in source.within if name in frame.columns and len(frame)})
+    return frame.drop(columns=[name for name in (source.by, *source.within) if name in frame.columns])
 
-    def frame(self, entry: Entry, labels: dict[str, str]) -> pd.DataFrame:
-        """The rows of a unit; what stands in the columns of its groups goes to ``labels``."""
-        import pandas as pd
 
-        parts = [self._part(piece, entry.unit) for piece in entry.pieces]
-        frame = pd.concat(parts, ignore_index=True) if len(parts) > 1 else parts[0]
-        for name in self._source.within:
-            if name in frame.columns and len(frame):
-                labels[name] = str(frame[name].iloc[0])
-        others = [name for name in (self._source.by, *self._source.within) if name in frame.columns]
-        return frame.drop(columns=others)
+def _rows(opened: pq.ParquetFile, row_group: int | None, source: Source, units: Sequence[str]) -> pd.DataFrame:
+    """The rows of some units in a row group."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
 
-    def _part(self, piece: Piece, unit: str) -> pd.DataFrame:
-        if self._group[0] != piece:
-            self._group = (piece, self._read(piece))
-        frame = self._group[1]
-        if self._source.by not in frame.columns:
-            return frame
-        return frame[frame[self._source.by] == unit]
-
-    def _read(self, piece: Piece) -> pd.DataFrame:
-        import pyarrow as pa
-        import pyarrow.compute as pc
-
-        if self._file[0] != piece.path:
-            self._file = (piece.path, _opened(piece.path))
-        opened = self._file[1]
-        names = opened.schema_arrow.names
-        wanted = [name for name in names if self._takes(name)]
-        table = opened.read_row_group(piece.row_group, columns=wanted, use_threads=False)
-        by = self._source.by
-        if by in wanted:
-            units = table.column(by).cast(pa.string())
-            table = table.set_column(wanted.index(by), by, units)
-            table = table.filter(pc.is_in(units, value_set=pa.array(sorted(self._units))))
-        return table.to_pandas(use_threads=False)
-
-    def _takes(self, name: str) -> bool:
-        columns = self._source.columns
-        if name in (TIME, self._source.by, *self._source.within):
-            return True
-        if name.startswith("__index"):
-            return False
-        return split_column(name) != ("", "") if columns is None else name in columns
+    wanted = [name for name in opened.schema_arrow.names if source.takes(name)]
+    table = opened.read_row_group(row_group, columns=wanted, use_threads=False)
+    if source.by in wanted:
+        names = table.column(source.by).cast(pa.string())
+        table = table.set_column(wanted.index(source.by), source.by, names)
+        table = table.filter(pc.is_in(names, value_set=pa.array(units)))
+    return table.to_pandas(use_threads=False)
 
 
 def _opened(path: str) -> pq.ParquetFile:
     import pyarrow.parquet as pq
 
     return pq.ParquetFile(path)
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).partition("\n")[0][:200] or type(error).__name__
 
 
 def write_dataset(

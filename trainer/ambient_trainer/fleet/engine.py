@@ -9,16 +9,14 @@ order asks for it by number.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import signal
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 from ambient_model.faults import refuse
-
-_Result = TypeVar("_Result")
 
 LOCAL, SERIAL = "local", "serial"
 _AHEAD = 3
@@ -41,8 +39,21 @@ _CONNECTIONS = 5
 _PATIENCE_S = 60.0
 
 
-class Engine(ABC):
-    """What runs tasks; a context, whose end stops what it started."""
+class Job(NamedTuple):
+    """Numbered tasks of one kind: ``task(items(number), *rest)`` gives a result an item.
+
+    ``items`` is asked when a task is about to be sent; ``lost`` is the result of an item whose worker dies whenever it
+    is tried.
+    """
+
+    task: Callable[..., Sequence[Any]]
+    items: Callable[[int], Sequence[Any]]
+    rest: tuple[Any, ...]
+    lost: Callable[[Any], Any]
+
+
+class Engine:
+    """Runs tasks in this process, one after the other; a context, whose end stops what it started."""
 
     workers = 1
     address: str | None = None
@@ -54,35 +65,10 @@ class Engine(ABC):
     def __exit__(self, *_: object) -> None:
         return None
 
-    @abstractmethod
-    def run(
-        self,
-        task: Callable[..., Sequence[_Result]],
-        numbers: Sequence[int],
-        arguments: Callable[[int], tuple[Sequence[Any], tuple[Any, ...]]],
-        lost: Callable[[Any], _Result],
-    ) -> Iterator[tuple[int, list[_Result]]]:
-        """The number and the results of each task as it is done.
-
-        ``arguments`` gives a task's items and what else it needs; it is asked when the task is about to be sent.
-        ``lost`` is the result of an item whose worker dies whenever it is tried.
-        """
-
-
-class Serial(Engine):
-    """This process, one task after the other."""
-
-    def run(
-        self,
-        task: Callable[..., Sequence[_Result]],
-        numbers: Sequence[int],
-        arguments: Callable[[int], tuple[Sequence[Any], tuple[Any, ...]]],
-        lost: Callable[[Any], _Result],
-    ) -> Iterator[tuple[int, list[_Result]]]:
-        """The tasks in their order."""
+    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, list[Any]]]:
+        """The number and the results of each task as it is done."""
         for number in numbers:
-            items, rest = arguments(number)
-            yield number, list(task(items, *rest))
+            yield number, list(job.task(job.items(number), *job.rest))
 
 
 class Dask(Engine):
@@ -91,9 +77,9 @@ class Dask(Engine):
     def __init__(self, engine: str, workers: int) -> None:
         self._engine = engine
         self._wanted = workers
+        self._stack = contextlib.ExitStack()
         self._cluster: Any = None
         self._client: Any = None
-        self._settings: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
 
     def __enter__(self) -> Dask:
         try:
@@ -102,39 +88,31 @@ class Dask(Engine):
         except ImportError as error:
             problem = f"Dask is not installed ({error.name})"
             raise refuse("--engine", "", problem, "pip install 'ambientd[trainer,fleet]', or --engine serial") from None
-        if self._engine == LOCAL:
-            self._settings = dask.config.set(_SETTINGS)
-            with _without_interrupts():
-                self._cluster = distributed.LocalCluster(
-                    n_workers=self._wanted, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
-                )
-        try:
+        with contextlib.ExitStack() as stack:
+            if self._engine == LOCAL:
+                stack.enter_context(dask.config.set(_SETTINGS))
+                with _without_interrupts():
+                    self._cluster = distributed.LocalCluster(
+                        n_workers=self._wanted, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
+                    )
+                stack.callback(_close, self._cluster, 5)
+            stack.callback(lambda: _close(self._client, 5))
             self._connect()
-        except BaseException:
-            self.__exit__()
-            raise
+            self._stack = stack.pop_all()
         self.address = self._client.dashboard_link
         return self
 
     def __exit__(self, *_: object) -> None:
-        for each in (self._client, self._cluster):
-            if each is not None:
-                with contextlib.suppress(Exception):
-                    each.close(timeout=5)
-        self._client = self._cluster = None
-        self._settings.__exit__(None, None, None)
+        self._stack.close()
 
     def _connect(self) -> None:
         import distributed
 
-        if self._client is not None:
-            with contextlib.suppress(Exception):
-                self._client.close(timeout=1)
-        place = self._cluster if self._cluster is not None else self._engine
+        _close(self._client, 1)
         limit_s = time.monotonic() + _PATIENCE_S
         while True:
             try:
-                self._client = distributed.Client(place, timeout=10, set_as_default=False)
+                self._client = distributed.Client(self._cluster or self._engine, timeout=10, set_as_default=False)
                 break
             except (OSError, TimeoutError, ValueError) as error:
                 if isinstance(error, ValueError) or time.monotonic() > limit_s:
@@ -143,18 +121,12 @@ class Dask(Engine):
                 time.sleep(1.0)
         self.workers = max(1, sum(self._client.nthreads().values()))
 
-    def run(
-        self,
-        task: Callable[..., Sequence[_Result]],
-        numbers: Sequence[int],
-        arguments: Callable[[int], tuple[Sequence[Any], tuple[Any, ...]]],
-        lost: Callable[[Any], _Result],
-    ) -> Iterator[tuple[int, list[_Result]]]:
+    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, list[Any]]]:
         """The tasks as they are done, a few ahead of the workers."""
         left = list(numbers)
         for attempt in range(_CONNECTIONS):
             try:
-                for number, found in self._connected(task, left, arguments, lost):
+                for number, found in self._connected(job, tuple(left)):
                     left.remove(number)
                     yield number, found
                 return
@@ -163,67 +135,61 @@ class Dask(Engine):
                     raise
                 self._connect()
 
-    def _connected(
-        self,
-        task: Callable[..., Sequence[_Result]],
-        numbers: Sequence[int],
-        arguments: Callable[[int], tuple[Sequence[Any], tuple[Any, ...]]],
-        lost: Callable[[Any], _Result],
-    ) -> Iterator[tuple[int, list[_Result]]]:
+    def _connected(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, list[Any]]]:
         from distributed import KilledWorker, as_completed
 
-        waiting = iter(tuple(numbers))
         underway: dict[Any, int] = {}
         done = as_completed(loop=self._client.loop)
 
-        def send() -> None:
-            number = next(waiting, None)
-            if number is not None:
-                items, rest = arguments(number)
-                future = self._client.submit(task, items, *rest, pure=False, retries=_RETRIES)
-                underway[future] = number
-                done.add(future)
+        def send(number: int) -> None:
+            future = self._submitted(job, job.items(number))
+            underway[future] = number
+            done.add(future)
 
-        for _ in range(_AHEAD * self.workers):
-            send()
+        ahead = _AHEAD * self.workers
+        waiting = iter(numbers[ahead:])
+        for number in numbers[:ahead]:
+            send(number)
         while underway:
             future = next(done)
             number = underway.pop(future)
             try:
                 found = list(future.result())
             except KilledWorker:
-                found = self._alone(task, *arguments(number), lost)
+                found = [self._alone(job, item) for item in job.items(number)]
             future.release()
-            send()
+            for following in itertools.islice(waiting, 1):
+                send(following)
             yield number, found
 
-    def _alone(
-        self,
-        task: Callable[..., Sequence[_Result]],
-        items: Sequence[Any],
-        rest: tuple[Any, ...],
-        lost: Callable[[Any], _Result],
-    ) -> list[_Result]:
-        """Each item in a task of its own."""
+    def _submitted(self, job: Job, items: Sequence[Any]) -> Any:
+        return self._client.submit(job.task, items, *job.rest, pure=False, retries=_RETRIES)
+
+    def _alone(self, job: Job, item: Any) -> Any:
+        """The result of an item in a task of its own."""
         from distributed import KilledWorker
 
-        found: list[_Result] = []
-        for item in items:
-            try:
-                found += self._client.submit(task, [item], *rest, pure=False, retries=_RETRIES).result()
-            except KilledWorker:
-                found.append(lost(item))
-        return found
+        try:
+            return self._submitted(job, [item]).result()[0]
+        except KilledWorker:
+            return job.lost(item)
 
 
 def engine_of(name: str, workers: int) -> Engine:
     """The engine called so: ``local``, ``serial``, or a scheduler's address; raises :class:`Refused` for others."""
     if name == SERIAL:
-        return Serial()
+        return Engine()
     if name != LOCAL and "://" not in name:
         hint = f"write {LOCAL}, {SERIAL}, or the address of a scheduler such as tcp://127.0.0.1:8786"
         raise refuse("--engine", "", f"{name!r} is no engine", hint)
     return Dask(name, workers)
+
+
+def _close(each: Any, timeout_s: float) -> None:
+    """Close a client or a cluster, where there is one and as far as it answers."""
+    if each is not None:
+        with contextlib.suppress(Exception):
+            each.close(timeout=timeout_s)
 
 
 @contextlib.contextmanager

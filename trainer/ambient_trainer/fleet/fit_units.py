@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -21,12 +22,12 @@ from ambient_model.faults import Refused, refuse
 from ambient_model.model import SCORES, Model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimators.base import Effort, Estimator, Fit
+from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
-from ambient_trainer.fleet.dataset import Entry, Log, Source, logs
+from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
 from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
-from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, Statistics, assembled, members, space_of
+from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, members, space_of
 
 _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
@@ -55,9 +56,20 @@ class Looked:
     samples: int = 0
     seconds: float = 0.0
     sha256: str = ""
-    main: Statistics | None = None
-    others: tuple[tuple[Array, Array, float, float], ...] = ()
-    """Of the secondary and the fallbacks in their order: H, g, r'r, seconds."""
+    memory_s: float = 0.0
+    blocks: Normal | None = None
+    """The normal equations of the main member by blocks of the log."""
+    members: tuple[Normal, ...] = ()
+    """Those of each member in its order, of the whole log."""
+
+
+@dataclass(frozen=True)
+class Learnt:
+    """Under what each unit is fitted: the population by member, the groups, and the names of their columns."""
+
+    populations: Mapping[str, Population]
+    groups: tuple[tuple[str, ...], ...]
+    within: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -77,18 +89,23 @@ def begin(
     """
     with threadpool_limits(1):
         method = estimator(circuit, sensors)
-        traces, reasons = [], []
-        for log in _each(wanted, source):
+        read, reasons = [], []
+        for entry in wanted:
+            (log,) = logs([entry], source)
             if log.trace is None:
                 reasons.append(f"{log.unit}: {log.reason}")
             else:
-                traces.append(log.trace)
-            if len(traces) == enough:
+                read.append(replace(log.trace, path=log.unit))
+            if len(read) == enough:
                 break
-        columns = tuple(sensors) or (_common(traces) if method.reads_any else ())
-        faults = [_unfit(method, trace, columns) for trace in traces]
-        reasons += [f"{trace.path}: {fault}" for trace, fault in zip(traces, faults) if fault]
-        traces = [trace for trace, fault in zip(traces, faults) if fault is None]
+        columns = tuple(sensors) or (_common(read) if method.reads_any else ())
+        traces = []
+        for trace in read:
+            try:
+                method.training([trace], columns or None, None, 1)
+                traces.append(trace)
+            except Refused as refused:
+                reasons.append(f"{trace.path}: {reason_of(refused)}")
         if len(traces) < 2:
             why = f"; {reasons[0]}" if reasons else ""
             raise refuse(
@@ -104,29 +121,10 @@ def begin(
         return Start(fit, spaces, tuple(trace.path for trace in traces))
 
 
-def _each(wanted: Sequence[Entry], source: Source) -> Any:
-    for entry in wanted:
-        for log in logs([entry], source):
-            yield log if log.trace is None else log._replace(trace=replace(log.trace, path=entry.unit))
-
-
 def _common(traces: Sequence[Trace]) -> tuple[str, ...]:
     """The temperatures that more than half of the traces have, in the order of the first that has them all."""
     counts = Counter(name for trace in traces for name in trace.columns if name.endswith("_degC") and name != REFERENCE)
     return tuple(name for name, count in counts.items() if 2 * count > len(traces))
-
-
-def _unfit(method: Estimator, trace: Trace, columns: Sequence[str]) -> str | None:
-    """Why a trace cannot be one of those that the population is begun with."""
-    try:
-        method.training([trace], columns or None, None, 1)
-    except Refused as refused:
-        return _problem(refused)
-    return None
-
-
-def _problem(refused: Refused) -> str:
-    return "; ".join(f"{each.place}: {each.problem}" if each.place else each.problem for each in refused.faults)
 
 
 def _thinned(trace: Trace, period_s: float) -> Trace:
@@ -161,117 +159,105 @@ def _looked(log: Log, start: Start) -> Looked:
     try:
         every = {name: space.statistics(trace) for name, space in start.spaces.items()}
     except Refused as refused:
-        return Looked(log.unit, log.group, _problem(refused))
+        return Looked(log.unit, log.group, reason_of(refused))
     digest = hashlib.sha256(np.ascontiguousarray(trace.time_s).tobytes())
     for name in (*start.spaces[MAIN].inputs, REFERENCE):
         digest.update(np.ascontiguousarray(trace.columns[name]).tobytes())
-    main = every.pop(MAIN)
-    others = tuple(
-        (s.H.sum(axis=0), s.g.sum(axis=0), float(s.square.sum()), float(s.seconds.sum())) for s in every.values()
-    )
     known = int(np.count_nonzero(np.isfinite(trace.reference)))
-    return Looked(log.unit, log.group, None, known, float(main.seconds.sum()), digest.hexdigest(), main, others)
+    members = tuple(each.blocks.total() for each in every.values())
+    main = every[MAIN]
+    duration_s = float(members[0].seconds)
+    return Looked(log.unit, log.group, None, known, duration_s, digest.hexdigest(), main.memory_s, main.blocks, members)
 
 
-def normal_of(looked: Sequence[Looked], member: int) -> Normal:
-    """The normal equations of units that have a log; member 0 is the main one."""
-    if member == 0:
-        totals = [
-            (s.H.sum(axis=0), s.g.sum(axis=0), s.square.sum(), s.seconds.sum()) for each in looked if (s := each.main)
-        ]
-    else:
-        totals = [each.others[member - 1] for each in looked]
-    return Normal(*(np.array(each) for each in zip(*totals)))
-
-
-def fit_chunk(
-    looked: Sequence[Looked],
-    start: Start,
-    populations: Mapping[str, Population],
-    groups: Sequence[tuple[str, ...]],
-    within: Sequence[str],
-    created: str,
-) -> list[Fitted]:
+def fit_chunk(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str) -> list[Fitted]:
     """Each unit of a chunk under the population: its row, and its model file."""
     with threadpool_limits(1):
         good = [each for each in looked if each.reason is None]
-        found = dict(zip((each.unit for each in good), _fitted(good, start, populations, groups, within, created)))
-        return [found[each.unit] if each.unit in found else _failed(each, within) for each in looked]
+        found = iter(_fitted(good, start, learnt, created) if good else ())
+        return [next(found) if each.reason is None else failed(each, learnt.within) for each in looked]
 
 
-def _failed(unit: Looked, within: Sequence[str]) -> Fitted:
-    return Fitted({"unit": unit.unit, **dict(zip(within, unit.group)), "status": FAILED, "reason": unit.reason}, None)
+def failed(unit: Looked, within: Sequence[str], reason: str | None = None) -> Fitted:
+    """The row of a unit that could not be fitted."""
+    groups = dict(zip(within, unit.group))
+    return Fitted({"unit": unit.unit, **groups, "status": FAILED, "reason": reason or unit.reason}, None)
 
 
-def _fitted(
-    looked: Sequence[Looked],
-    start: Start,
-    populations: Mapping[str, Population],
-    groups: Sequence[tuple[str, ...]],
-    within: Sequence[str],
-    created: str,
-) -> list[Fitted]:
-    if not looked:
-        return []
-    numbers = {name: index for index, name in enumerate(groups)}
+def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str) -> list[Fitted]:
+    numbers = {name: index for index, name in enumerate(learnt.groups)}
     group = np.array([numbers.get(each.group, -1) for each in looked])
-    population, units = populations[MAIN], normal_of(looked, 0)
-    held = _held_out(looked, population, group)
-    posteriors = {
-        name: _kept(populations[name].posterior(normal_of(looked, index), group), populations[name], group, held.weight)
-        for index, name in enumerate(start.spaces)
-    }
-    main = posteriors[MAIN]
+    units = Normal.stacked(each.members[0] for each in looked)
+    population = learnt.populations[MAIN]
+    held = _held_out(looked, units, population, group)
+    posteriors = {}
+    for index, (name, each) in enumerate(learnt.populations.items()):
+        own = each.posterior(Normal.stacked(unit.members[index] for unit in looked), group)
+        posteriors[name] = _kept(own, each, group, held.weight)
+    deviation = {name: _deviation_degC(learnt.populations[name], each) for name, each in posteriors.items()}
+    rows = pd.DataFrame(
+        {
+            "unit": [each.unit for each in looked],
+            **{name: [each.group[index] for each in looked] for index, name in enumerate(learnt.within)},
+            "status": OK,
+            "reason": None,
+            "samples": [float(each.samples) for each in looked],
+            "duration_s": units.seconds,
+            "effective_samples": units.seconds / population.memory_s,
+            **_figures(units, population, group, posteriors[MAIN], held),
+            **_readable(start.spaces[MAIN], posteriors[MAIN]),
+        }
+    ).to_dict("records")
+    found = []
+    for index, (unit, row) in enumerate(zip(looked, rows)):
+        systems = {name: start.spaces[name].system(each.mean[index]) for name, each in posteriors.items()}
+        said = {name: row[name] for name in ("unit", "effective_samples", "shrinkage")}
+        training = {"trace": unit.unit, "sha256": unit.sha256, "from_s": None, "to_s": None}
+        wide = {name: float(each[index]) for name, each in deviation.items()}
+        text = model_text(assembled(start.fit, systems), wide, said, [training], created)
+        found.append(Fitted(row, text))
+    return found
+
+
+def _figures(
+    units: Normal, population: Population, group: NDArray[np.intp], main: Posterior, held: _HeldOut
+) -> dict[str, Array]:
+    """How well each unit is known, what it leaves, and how far it lies from the population."""
     scale = population.variance_degC2 * population.memory_s
     mean, between = population.prior(group)
     distance, freedom = deviance(units.H / scale, units.g / scale, mean, between)
     whole = np.linalg.inv(between)
-    shrinkage = 1 - held.weight * (
-        1 - np.einsum("uij,ji->u", population.posterior(units, group).covariance, whole) / len(whole)
-    )
-    misfit = units.squares(main.mean) / units.seconds
-    # one for a unit whose sensors go together as the population's do
-    leverage = np.trace(units.H, axis1=1, axis2=2) / units.seconds / len(whole)
-    names, base, follow = start.spaces[MAIN].parameters
-    rows = []
-    for index, each in enumerate(looked):
-        values = base + follow @ main.mean[index]
-        half = SCORES[90] * np.sqrt(np.einsum("ki,ij,kj->k", follow, main.covariance[index], follow))
-        deviation = {
-            name: _deviation_degC(populations[name], post.covariance[index]) for name, post in posteriors.items()
-        }
-        row = {
-            "unit": each.unit,
-            **dict(zip(within, each.group)),
-            "status": OK,
-            "reason": None,
-            "samples": each.samples,
-            "duration_s": each.seconds,
-            "effective_samples": each.seconds / population.memory_s,
-            "shrinkage": float(shrinkage[index]),
-            "kept": float(held.weight[index]),
-            "rmse_pooled_degC": float(held.pooled[index]),
-            "rmse_separate_degC": float(held.separate[index]),
-            "rmse_partial_degC": float(held.partial[index]),
-            "half_width_90_degC": SCORES[90] * deviation[MAIN],
-            "distance": float(distance[index]),
-            "freedom": float(freedom[index]),
-            "leverage": float(leverage[index]),
-            "misfit_degC2": float(misfit[index]),
-        }
-        for name, value, width in zip(names, values.tolist(), half.tolist()):
-            row |= {name: value, f"{name}_low90": value - width, f"{name}_high90": value + width}
-        systems = {name: start.spaces[name].system(post.mean[index]) for name, post in posteriors.items()}
-        said = {"unit": each.unit, **{name: row[name] for name in ("effective_samples", "shrinkage")}}
-        training = {"trace": each.unit, "sha256": each.sha256, "from_s": None, "to_s": None}
-        fit = assembled(start.fit, systems)
-        rows.append(Fitted(row, model_text(fit, deviation, said, [training], created)))
-    return rows
+    own = population.posterior(units, group).covariance
+    return {
+        "shrinkage": 1 - held.weight * (1 - np.einsum("uij,ji->u", own, whole) / len(whole)),
+        "kept": held.weight,
+        "rmse_pooled_degC": held.pooled,
+        "rmse_separate_degC": held.separate,
+        "rmse_partial_degC": held.partial,
+        "half_width_90_degC": SCORES[90] * _deviation_degC(population, main),
+        "distance": distance,
+        "freedom": freedom,
+        # one for a unit whose sensors go together as the population's do
+        "leverage": np.trace(units.H, axis1=1, axis2=2) / units.seconds / len(whole),
+        "misfit_degC2": units.squares(main.mean) / units.seconds,
+    }
 
 
-def _deviation_degC(population: Population, covariance: Array) -> float:
-    """Of the error to expect of a unit: its noise, and what is not known of its gains, over the population's use."""
-    return float(np.sqrt(population.variance_degC2 + np.trace(covariance)))
+def _readable(space: Space, main: Posterior) -> dict[str, Array]:
+    """The DC gains and the offset of each unit, with their 90 % intervals."""
+    names, base, follow = space.parameters
+    values = base + main.mean @ follow.T
+    half = SCORES[90] * np.sqrt(np.einsum("ki,uij,kj->uk", follow, main.covariance, follow))
+    columns: dict[str, Array] = {}
+    for index, name in enumerate(names):
+        value, width = values[:, index], half[:, index]
+        columns |= {name: value, f"{name}_low90": value - width, f"{name}_high90": value + width}
+    return columns
+
+
+def _deviation_degC(population: Population, units: Posterior) -> Array:
+    """Of the error to expect of each: its noise, and what is not known of its gains, over the population's use."""
+    return np.sqrt(population.variance_degC2 + np.trace(units.covariance, axis1=-2, axis2=-1))
 
 
 @dataclass(frozen=True)
@@ -284,11 +270,8 @@ class _HeldOut:
     weight: Array
 
 
-def _held_out(looked: Sequence[Looked], population: Population, group: NDArray[np.intp]) -> _HeldOut:
-    blocks = Normal(
-        *(np.array([getattr(each.main, name) for each in looked]) for name in ("H", "g", "square", "seconds"))
-    )
-    total = Normal(*(each.sum(axis=1) for each in blocks))
+def _held_out(looked: Sequence[Looked], total: Normal, population: Population, group: NDArray[np.intp]) -> _HeldOut:
+    blocks = Normal.stacked(each.blocks for each in looked if each.blocks)
     mean, _ = population.prior(group)
     count, options = len(looked), len(_WEIGHTS)
     pooled, separate, partial = np.zeros(count), np.zeros(count), np.zeros((options, count))
@@ -317,10 +300,18 @@ def _kept(post: Posterior, population: Population, group: NDArray[np.intp], weig
     )
 
 
-def unseen_model(start: Start, populations: Mapping[str, Population], said: Mapping[str, Any], created: str) -> str:
+def unseen_model(start: Start, learnt: Learnt, units: int, created: str) -> str:
     """The model file for a unit that was never seen, with the interval that is honest for it."""
-    systems = {name: space.system(populations[name].mean) for name, space in start.spaces.items()}
-    deviation = {name: _deviation_degC(each, each.unseen_covariance) for name, each in populations.items()}
+    main = learnt.populations[MAIN]
+    said = {
+        "units": units,
+        "learnt_from": main.units,
+        "memory_s": main.memory_s,
+        "noise_degC": main.noise_degC,
+        "between_units_degC": main.between_degC,
+    }
+    systems = {name: space.system(learnt.populations[name].mean) for name, space in start.spaces.items()}
+    deviation = {name: each.unseen_degC for name, each in learnt.populations.items()}
     return model_text(assembled(start.fit, systems), deviation, said, [], created)
 
 

@@ -16,6 +16,8 @@ from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.report import report_of
 from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.fleet.dataset import Entry, Source, logs
+from ambient_trainer.fleet.fit_units import OK
+from ambient_trainer.fleet.pooling import improbability
 from ambient_trainer.fleet.result import Outlier
 
 _LISTED = 15
@@ -23,6 +25,17 @@ _KNOWN_GOOD = 4
 """Typical units train the forward circuit: what they leave of each other counts as the sensors' noise."""
 _DIAGNOSED_FROM = 4.0
 """Six of a thousand simulated units are as improbable without a planted cause; a diagnosis takes a minute or two."""
+
+
+def scored(table: pd.DataFrame) -> pd.DataFrame:
+    """A fleet's table with the improbability of each unit, missing for those that failed.
+
+    By its distance, by how its sensors go together, and by what it leaves with its own gains and the population's.
+    """
+    good = table["status"] == OK
+    columns = table.loc[good, ["distance", "leverage", "misfit_degC2", "rmse_pooled_degC"]].to_numpy(dtype=float)
+    found = pd.Series(improbability(*columns[:, :3].T, columns[:, 3] ** 2), index=table.index[good])
+    return table.assign(improbability=found)
 
 
 def least_probable(table: pd.DataFrame) -> tuple[Outlier, ...]:

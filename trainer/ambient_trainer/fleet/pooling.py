@@ -12,6 +12,7 @@ their units say of them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,18 +35,30 @@ _QUARTILES_APART = 1.349
 
 
 class Normal(NamedTuple):
-    """Normal equations of u units in p coordinates: H = Z'Z (u, p, p), g = Z'r (u, p), r'r (u,), and the time (u,).
+    """Normal equations in p coordinates, of one log or of u: H = Z'Z (u, p, p), g = Z'r (u, p), r'r (u,), time (u,).
 
-    Samples are weighed by their period, so all four are integrals over time, in s."""
+    Samples are weighed by their period, so all four are integrals over time, in s.
+    """
 
     H: Array
     g: Array
     square: Array
     seconds: Array
 
-    def of(self, chosen: NDArray[np.intp] | NDArray[np.bool_]) -> Normal:
-        """Those of some units."""
-        return Normal(*(each[chosen] for each in self))
+    @classmethod
+    def of_samples(cls, Z: Array, r: Array, weight_s: Array) -> Normal:
+        """Those of regressors (p, N) and residuals (N,)."""
+        weighed = Z * weight_s
+        return cls(weighed @ Z.T, weighed @ r, weight_s @ r**2, weight_s.sum())
+
+    @classmethod
+    def stacked(cls, each: Iterable[Normal]) -> Normal:
+        """Those of several logs."""
+        return cls(*(np.array(part) for part in zip(*each)))
+
+    def total(self, axis: int = 0) -> Normal:
+        """Those of all together."""
+        return Normal(*(each.sum(axis=axis) for each in self))
 
     def squares(self, c: Array) -> Array:
         """Per unit the sum of squared errors at coordinates c (u, p)."""
@@ -109,9 +122,20 @@ class Population:
         return posterior(units.H / scale, units.g / scale, mean, between)
 
     @property
-    def unseen_covariance(self) -> Array:
-        """Of a unit that was never seen, about ``mean``."""
-        return self.between + self.group_between + self.mean_covariance
+    def noise_degC(self) -> float:
+        """Standard deviation of what no gains explain."""
+        return float(np.sqrt(self.variance_degC2))
+
+    @property
+    def between_degC(self) -> float:
+        """Standard deviation of the estimate between the units of a group."""
+        return float(np.sqrt(np.trace(self.between)))
+
+    @property
+    def unseen_degC(self) -> float:
+        """Of the error to expect of a unit that was never seen, about ``mean``."""
+        covariance = self.between + self.group_between + self.mean_covariance
+        return float(np.sqrt(self.variance_degC2 + np.trace(covariance)))
 
 
 def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Population:

@@ -81,9 +81,9 @@ def report_of(fleet: FleetFit) -> Report:
             "rmse_degC": {way: dict(zip(map(str, _SHARES), _percentiles(errors[way]))) for way in _WAYS},
             "population": {
                 "learnt_from": population.units,
-                "noise_degC": float(np.sqrt(population.variance_degC2)),
+                "noise_degC": population.noise_degC,
                 "memory_s": population.memory_s,
-                "between_units_degC": float(np.sqrt(np.trace(population.between))),
+                "between_units_degC": population.between_degC,
             },
             "outliers": [each._asdict() for each in fleet.outliers],
         },
@@ -97,17 +97,13 @@ def _percentiles(errors: Any) -> list[float]:
 def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str, str]]:
     population = fleet.population
     return [
-        ("between of units", f"{np.sqrt(np.trace(population.between)):.2f}", "degC in the estimate"),
-        ("noise", f"{np.sqrt(population.variance_degC2):.2f}", "degC that no gains explain"),
+        ("between of units", f"{population.between_degC:.2f}", "degC in the estimate"),
+        ("noise", f"{population.noise_degC:.2f}", "degC that no gains explain"),
         ("memory", f"{population.memory_s:.0f}", "s that errors go together"),
         ("effective samples", f"{good['effective_samples'].median():.1f}", "a unit (median)"),
         ("shrinkage", f"{good['shrinkage'].median():.2f}", "of a unit (median); 1 is all the population's"),
-        ("unseen unit", f"{1.645 * _unseen_degC(fleet):.2f}", "degC, half the 90 % interval"),
+        ("unseen unit", f"{1.645 * population.unseen_degC:.2f}", "degC, half the 90 % interval"),
     ]
-
-
-def _unseen_degC(fleet: FleetFit) -> float:
-    return float(np.sqrt(fleet.population.variance_degC2 + np.trace(fleet.population.unseen_covariance)))
 
 
 def _parameters(good: pd.DataFrame, names: tuple[str, ...]) -> list[tuple[str, ...]]:

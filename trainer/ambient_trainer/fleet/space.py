@@ -25,6 +25,7 @@ from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import Fit, SecondaryFit
+from ambient_trainer.fleet.pooling import Normal
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.response import states
 from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
@@ -42,12 +43,9 @@ _NOISE_DEGC2, _MEMORY_S = 0.1, 100.0
 
 
 class Statistics(NamedTuple):
-    """What one unit's log says: per block H (k, p, p), g (k, p), r'r (k,), seconds (k,), mean regressor (p,)."""
+    """What one unit's log says: its normal equations, a row a block, and the autocorrelation time of its noise."""
 
-    H: Array
-    g: Array
-    square: Array
-    seconds: Array
+    blocks: Normal
     memory_s: float
 
 
@@ -93,19 +91,13 @@ class Space:
             raw = self.regressors(segment)[:, known]
             residual = segment.outputs[0, known] - self.origin @ raw
             tables.append((segment.period_s, self.weights.T @ raw, residual))
-        H, g, square, seconds = [], [], [], []
         Z, r = np.concatenate([each for _, each, _ in tables], axis=1), np.concatenate([each for _, _, each in tables])
         weight = np.concatenate([np.full(len(each), period) for period, _, each in tables])
         if not np.isfinite(Z).all():
             raise refuse(trace.path, "", "the filter's responses are not finite", "look for error codes in the sensors")
-        for index in np.array_split(np.arange(len(r)), BLOCKS):
-            z = Z[:, index] * weight[index]
-            H.append(z @ Z[:, index].T)
-            g.append(z @ r[index])
-            square.append(float(weight[index] @ r[index] ** 2))
-            seconds.append(float(weight[index].sum()))
-        found = Statistics(np.array(H), np.array(g), np.array(square), np.array(seconds), 0.0)
-        return found._replace(memory_s=_memory_s(found, Z, r, tables[0][0]))
+        cut = np.array_split(np.arange(len(r)), BLOCKS)
+        blocks = Normal.stacked(Normal.of_samples(Z[:, index], r[index], weight[index]) for index in cut)
+        return Statistics(blocks, _memory_s(blocks.total(), Z, r, tables[0][0]))
 
     def system(self, c: Array) -> StateSpace:
         """The filter at coordinates c: the transpose of its modes, driven by each input through that one's gains."""
@@ -143,11 +135,10 @@ def grids(trace: Trace, inputs: Sequence[str]) -> list[Segment]:
     return found
 
 
-def _memory_s(found: Statistics, Z: Array, r: Array, period_s: float) -> float:
+def _memory_s(whole: Normal, Z: Array, r: Array, period_s: float) -> float:
     """Autocorrelation time of what a unit's own weakly regularised least squares leave."""
     scale = _NOISE_DEGC2 * _MEMORY_S
-    total = found.H.sum(axis=0) / scale + np.eye(len(Z)) / _WEAK_DEGC**2
-    left = r - np.linalg.solve(total, found.g.sum(axis=0) / scale) @ Z
+    left = r - np.linalg.solve(whole.H / scale + np.eye(len(Z)) / _WEAK_DEGC**2, whole.g / scale) @ Z
     return residual_memory(left) * period_s
 
 
