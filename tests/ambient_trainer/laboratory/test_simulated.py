@@ -13,7 +13,7 @@ from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Simulated
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.simulator.chamber import Chamber as Dynamics
 from ambient_trainer.simulator.chamber import ramped
-from ambient_trainer.simulator.chamber_air import ChamberAir
+from ambient_trainer.simulator.live import ChamberAir
 
 STILL = Dynamics(heating_K_min=2.0, cooling_K_min=1.5, wobble_degC=0.0)
 SWINGING = Dynamics(heating_K_min=2.0, cooling_K_min=1.5, wobble_degC=1.0)

@@ -5,9 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.heat import Demand, HeatBalance, rk4_step
+from ambient_trainer.simulator.heat import LONGEST_STEP_S, Demand, HeatBalance, rk4_step
 from ambient_trainer.simulator.run import Run, integrate
-from ambient_trainer.simulator.stepper import LONGEST_STEP_S
 
 _PHONE = load_device()
 NODES = tuple(_PHONE.nodes)

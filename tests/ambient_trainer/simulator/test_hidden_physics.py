@@ -7,10 +7,10 @@ from scipy.integrate import solve_ivp
 from ambient_trainer.simulator.additions import AIR, TERMS, Additions, together
 from ambient_trainer.simulator.device_file import load_device
 from ambient_trainer.simulator.heat import HeatBalance
-from ambient_trainer.simulator.hidden import Hidden, Setting
+from ambient_trainer.simulator.hidden import Acting, Hidden, Setting
 from ambient_trainer.simulator.run import Run, integrate
 from ambient_trainer.simulator.signals import SIGNALS, signal, switched
-from ambient_trainer.simulator.simulate import FaultyInstruments, added
+from ambient_trainer.simulator.simulate import Instruments
 from ambient_trainer.simulator.text import hidden_text
 
 _PHONE = load_device()
@@ -53,7 +53,7 @@ def _setting(effect, count=_COUNT, period_s=1.0):
 
 
 def _added(effect, setting, number=0):
-    return added(effect, setting, number, np.random.default_rng(4))
+    return Acting(effect, setting, lambda: np.random.default_rng(4)).part(number)
 
 
 def _run(count=_COUNT):
@@ -224,7 +224,8 @@ def test_sessions_begin_soon_and_last_about_as_long_as_asked():
 
 
 def _ailing(*effects, count=3000):
-    return FaultyInstruments(effects, _setting(effects[0], count), lambda effect: np.random.default_rng(1))
+    setting = _setting(effects[0], count)
+    return Instruments(acting=[Acting(each, setting, lambda: np.random.default_rng(1)) for each in effects])
 
 
 def test_a_bias_slews_in_at_its_sensor_only():

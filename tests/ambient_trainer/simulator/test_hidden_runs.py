@@ -147,7 +147,8 @@ def _ran(hidden, loss, pattern):
     driven = Driven(run, nodes_degC, np.zeros(count), np.zeros(count), np.empty((count, 0)))
     part = Added((Term(loss, np.ones(count), pattern),))
     trace = Trace("", time_s, {})
-    return Ran(hidden, Setting(phone, time_s, 10.0, {}), driven, part, part, trace, lambda: np.random.default_rng(0))
+    setting = Setting(phone, time_s, 10.0, {})
+    return Ran(hidden, setting, lambda: np.random.default_rng(0), driven, part, part, trace)
 
 
 def test_a_changed_resistance_is_exact_where_the_loss_scales():

@@ -8,9 +8,9 @@ from typing import NamedTuple
 from ambient_trainer.data import Trace
 from ambient_trainer.simulator import (
     Added,
+    Instruments,
     Progress,
     Scenario,
-    Skewed,
     Step,
     Unit,
     case_of,
@@ -45,7 +45,7 @@ def traces(runs: Sequence[Asked], period_s: float, progress: Progress | None = N
     ]
     driven = integrate(prepared, period_s, progress, covered)
     return [
-        trace_of(one, each.scenario, each.seed, period_s, each.unit.zones, Skewed(each.unit.gains))
+        trace_of(one, each.scenario, each.seed, period_s, each.unit.zones, Instruments(each.unit.gains))
         for one, each in zip(driven, runs)
     ]
 

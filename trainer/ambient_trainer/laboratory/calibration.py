@@ -19,7 +19,7 @@ from ambient_trainer.laboratory.instruments import Driver, instrument
 from ambient_trainer.laboratory.messages import Clock, InstrumentError
 from ambient_trainer.report import Block, Finding, Report, Table
 from ambient_trainer.simulator.chamber import Chamber
-from ambient_trainer.simulator.chamber_air import ChamberAir
+from ambient_trainer.simulator.live import ChamberAir
 
 BATHS_DEGC = (0.0, 20.0, 40.0, 60.0)
 """The temperatures to which the simulated bath goes, one after the other."""

@@ -16,19 +16,18 @@ from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.heat import Demand, HeatBalance
 from ambient_trainer.simulator.hidden import Effect, Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
-from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
+from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
+from ambient_trainer.simulator.live import Stepper
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Simulated, added, setting_of, simulate, simulate_many, trace_of
-from ambient_trainer.simulator.stepper import Stepper
+from ambient_trainer.simulator.simulate import Instruments, Simulated, simulate, simulate_many, trace_of
 from ambient_trainer.simulator.truth import Truth
-from ambient_trainer.simulator.unit import Case, Skewed, Unit, case_of, drawn, nominal
+from ambient_trainer.simulator.unit import Unit, case_of, drawn, nominal
 
 __all__ = [
     "SIGNALS",
     "Added",
-    "Case",
     "Constant",
     "Demand",
     "Device",
@@ -41,14 +40,12 @@ __all__ = [
     "Run",
     "Scenario",
     "Simulated",
-    "Skewed",
     "Step",
     "Stepper",
     "Tolerances",
     "Truth",
     "Unit",
     "Zone",
-    "added",
     "bursts",
     "case_of",
     "coloured",
@@ -67,7 +64,6 @@ __all__ = [
     "probe_reading",
     "rounded",
     "scenario_names",
-    "setting_of",
     "simulate",
     "simulate_many",
     "stream",

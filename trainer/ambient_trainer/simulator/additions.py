@@ -11,11 +11,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.heat import ZERO_DEGC_K, Demand, HeatBalance, Rates, steady_state
-
-Array = NDArray[np.float64]
 
 AIR = "ambient air"
 _DRAUGHT_K = 15.0

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from ambient_trainer.data.strict_yaml import Strict
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
-
-Array = NDArray[np.float64]
 
 
 class Probes(Strict):

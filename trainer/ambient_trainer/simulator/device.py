@@ -6,14 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.strict_yaml import Strict
+from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.chamber import Chamber
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 _Positive = Annotated[float, Field(gt=0)]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import Field, model_validator
 
 from ambient_model.faults import Fault, Refused
@@ -72,15 +71,9 @@ def load_constants(name: str = DEFAULT) -> dict[str, Constant]:
 
 
 def with_calibrated(text: str, values: Values) -> str:
-    """The text of a device file with new ``values`` of calibrated numbers, all else as it stands."""
-    spans = []
-    for path, node in _scalars(yaml.compose(text, yaml.SafeLoader), ""):
-        constant, _, key = path.rpartition(".")
-        if key == "value" and constant in values:
-            spans.append((node.start_mark.index, node.end_mark.index, f"{rounded(values[constant]):g}"))
-    for start, end, value in reversed(spans):
-        text = text[:start] + value + text[end:]
-    return text
+    """The text of a device file with new ``values`` of its calibrated numbers, in their order, all else as it is."""
+    left = iter(values.values())
+    return re.sub(r"(?<=\{value: )[^,}]+", lambda _: f"{rounded(next(left)):g}", text)
 
 
 def rounded(value: float) -> float:
@@ -131,16 +124,3 @@ def _plain(part: Any, path: str, found: dict[str, Any]) -> Any:
 
 def _inner(path: str, part: Any, index: int) -> str:
     return f"{path}.{part.get('name', index) if isinstance(part, dict) else index}"
-
-
-def _scalars(node: yaml.Node | None, path: str) -> Iterator[tuple[str, yaml.Node]]:
-    """The scalars of a YAML tree by path, as in :func:`_plain`."""
-    if isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            yield from _scalars(value, f"{path}.{key.value}".lstrip("."))
-    elif isinstance(node, yaml.SequenceNode):
-        for index, each in enumerate(node.value):
-            names = {key.value: value.value for key, value in each.value} if isinstance(each, yaml.MappingNode) else {}
-            yield from _scalars(each, _inner(path, names, index))
-    elif node is not None:
-        yield path, node

@@ -12,22 +12,18 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import Device
 from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.hidden import Hidden
-from ambient_trainer.simulator.instruments import Instruments
-from ambient_trainer.simulator.run import Run, integrate, prepare, stream
+from ambient_trainer.simulator.hidden import Acting, Hidden
+from ambient_trainer.simulator.run import Driven, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
-from ambient_trainer.simulator.simulate import FaultyInstruments, added, setting_of, trace_of
+from ambient_trainer.simulator.simulate import Instruments, setting_of, trace_of
 from ambient_trainer.simulator.text import hidden_text, parse_hidden
-from ambient_trainer.simulator.unit import Skewed, Unit, case_of, drawn
-
-Array = NDArray[np.float64]
+from ambient_trainer.simulator.unit import Unit, case_of, drawn
 
 CASE_ON, CASE_OFF = "on", "off"
 _AT_ONCE = 50
@@ -79,45 +75,52 @@ def fleet(plan: FleetPlan, progress: Callable[[int, int], None] | None = None) -
     }
     for first in range(1, plan.count + 1, _AT_ONCE):
         numbers = range(first, min(first + _AT_ONCE, plan.count + 1))
-        yield from _simulated(plan, device, scenario, numbers, hidden)
+        used = [_in_use(plan, device, scenario, number, hidden.get(number, ())) for number in numbers]
+        done = integrate([each.run for each in used], plan.period_s, None, [each.added for each in used])
+        yield from (each.logged(driven) for each, driven in zip(used, done))
         if progress:
             progress(numbers[-1], plan.count)
 
 
-def _simulated(
-    plan: FleetPlan, device: Device, scenario: Scenario, numbers: Sequence[int], hidden: Mapping[int, Sequence[Hidden]]
-) -> Iterator[FleetUnit]:
-    units = [drawn(number, plan.seed, device.main_zones, device) for number in numbers]
-    cased = [stream(plan.seed, f"unit {each} cased").uniform() < plan.cased for each in numbers]
-    seeds = [_RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + each for each in numbers]
-    runs = [
-        prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
-        for seed, unit in zip(seeds, units)
-    ]
-    effects = [tuple(hidden.get(number, ())) for number in numbers]
-    parts = [
-        _added(unit, case, run, seed, each, plan.period_s)
-        for unit, case, run, seed, each in zip(units, cased, runs, seeds, effects)
-    ]
-    for driven, unit, case, seed, each in zip(
-        integrate(runs, plan.period_s, None, parts), units, cased, seeds, effects
-    ):
-        faulty = FaultyInstruments(each, setting_of(driven.run, plan.period_s), partial(_random, seed))
-        instruments = _Both(Skewed(unit.gains), faulty)
-        trace = trace_of(driven, plan.scenario, seed, plan.period_s, unit.zones, instruments)
-        label = CASE_ON if case else CASE_OFF
+@dataclass(frozen=True)
+class _InUse:
+    """A unit in the run that it goes through."""
+
+    plan: FleetPlan
+    unit: Unit
+    cased: bool
+    seed: int
+    run: Run
+    acting: Sequence[Acting]
+
+    @property
+    def added(self) -> Added:
+        parts = [each.part(10 + index) for index, each in enumerate(self.acting)]
+        return together([*parts, *([case_of(self.unit, self.run, self.plan.period_s, self.seed)] * self.cased)])
+
+    def logged(self, driven: Driven) -> FleetUnit:
+        unit, name, case = self.unit, f"u{self.unit.number:05d}", CASE_ON if self.cased else CASE_OFF
+        instruments = Instruments(unit.gains, self.acting)
+        trace = trace_of(driven, self.plan.scenario, self.seed, self.plan.period_s, unit.zones, instruments)
+        effects = [each.hidden for each in self.acting]
         truth = {
-            "unit": _name(unit),
-            "case": label,
+            "unit": name,
+            "case": case,
             "offset_K": {zone.name: zone.offset_degC for zone in unit.zones},
             "gain": dict(unit.gains),
-            "hidden": [{"text": hidden_text(one), "cause": one.cause, "location": one.location} for one in each],
+            "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in effects],
         }
-        yield FleetUnit(_name(unit), replace(trace, path=_name(unit)), label, truth)
+        return FleetUnit(name, replace(trace, path=name), case, truth)
 
 
-def _name(unit: Unit) -> str:
-    return f"u{unit.number:05d}"
+def _in_use(plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidden: Sequence[Hidden]) -> _InUse:
+    unit = drawn(number, plan.seed, device.main_zones, device)
+    cased = stream(plan.seed, f"unit {number} cased").uniform() < plan.cased
+    seed = _RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + number
+    run = prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
+    setting = setting_of(run, plan.period_s)
+    own = [partial(stream, seed, f"hidden {each.cause} {each.location}") for each in hidden]
+    return _InUse(plan, unit, cased, seed, run, [Acting(each, setting, random) for each, random in zip(hidden, own)])
 
 
 def _usage(scenario: Scenario, seed: int, minutes: float | None) -> Scenario:
@@ -135,30 +138,3 @@ def _usage(scenario: Scenario, seed: int, minutes: float | None) -> Scenario:
         for each in scenario.before
     )
     return scenario.model_copy(update={"steps": tuple(steps), "before": before})
-
-
-def _added(unit: Unit, cased: bool, run: Run, seed: int, hidden: Sequence[Hidden], period_s: float) -> Added:
-    setting = setting_of(run, period_s)
-    effects = [added(each, setting, 10 + index, _random(seed, each)) for index, each in enumerate(hidden)]
-    return together([*effects, *([case_of(unit, run, period_s, seed)] if cased else [])])
-
-
-def _random(seed: int, hidden: Hidden) -> np.random.Generator:
-    return stream(seed, f"hidden {hidden.cause} {hidden.location}")
-
-
-@dataclass(frozen=True)
-class _Both(Instruments):
-    """A unit's own instruments, and what is wrong with them besides."""
-
-    own: Instruments
-    faulty: Instruments
-
-    def felt(self, zone: str, felt_degC: Array) -> Array:
-        return self.faulty.felt(zone, self.own.felt(zone, felt_degC))
-
-    def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
-        return self.faulty.read(zone, self.own.read(zone, reading_degC, step_degC), step_degC)
-
-    def air(self, air_degC: Array) -> Array:
-        return self.faulty.air(self.own.air(air_degC))

@@ -7,6 +7,7 @@ flow is proportional to its speed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -15,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.optimize import root
 
 from ambient_model.faults import refuse
+from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.device import Device
-
-Array = NDArray[np.float64]
 
 STEFAN_BOLTZMANN_W_M2_K4 = 5.670374419e-8  # CODATA
 ZERO_DEGC_K = 273.15
+LONGEST_STEP_S = 1.0
 
 
 class Demand(NamedTuple):
@@ -180,6 +181,20 @@ def rk4_step(derivative: Callable[[float, Array], Array], start_s: float, state:
     k3 = derivative(start_s + half, state + half * k2)
     k4 = derivative(start_s + step_s, state + step_s * k3)
     return state + (step_s / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
+
+
+def advanced(rates: Rates, state: Array, demand: Demand, air_degC: tuple[Array, Array], period_s: float) -> Array:
+    """The state one sample later, while the air goes straight from the one temperature to the other."""
+    now, slope_K_s = air_degC[0], (air_degC[1] - air_degC[0]) / period_s
+    substeps = math.ceil(period_s / LONGEST_STEP_S)
+    step_s = period_s / substeps
+
+    def derivative(elapsed_s: float, nodes: Array) -> Array:
+        return rates(nodes, now + slope_K_s * elapsed_s, demand)
+
+    for substep in range(substeps):
+        state = rk4_step(derivative, substep * step_s, state, step_s)
+    return state
 
 
 def _incidence(device: Device, edges: Sequence[str]) -> Array:

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.simulator.additions import TERMS, Added
 from ambient_trainer.simulator.device import Device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.run import Driven
 
-Array = NDArray[np.float64]
 Figure = tuple[float, str, dict[str, tuple[float, str]]]
 """Magnitude, its unit, further figures by name."""
 
@@ -96,19 +95,36 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Ran:
-    """One effect in the run that went through it; arrays over all samples, also those before the recording."""
+class Acting:
+    """One effect in a run."""
 
     hidden: Hidden
     setting: Setting
+    random: Callable[[], np.random.Generator]
+    """The effect's own random numbers, from their beginning."""
+
+    @property
+    def effect(self) -> Effect:
+        """Its physics."""
+        return effects()[self.hidden.cause]
+
+    def part(self, number: int) -> Added:
+        """What effect ``number`` of a run adds to its heat balance; nothing where it is of size zero."""
+        if not self.hidden.amount:
+            return Added()
+        return self.effect.added(self.hidden, self.setting, f"effect {number}", self.random())
+
+
+@dataclass(frozen=True)
+class Ran(Acting):
+    """One effect in the run that went through it; arrays over all samples, also those before the recording."""
+
     driven: Driven
     added: Added
     """By the effect alone."""
     all_added: Added
     """By all effects of the run."""
     trace: Trace
-    random: Callable[[], np.random.Generator]
-    """The effect's own random numbers, from their beginning."""
 
     @property
     def there(self) -> NDArray[np.bool_]:

@@ -3,29 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Probes
 from ambient_trainer.simulator.device import Device, Zone
-
-Array = NDArray[np.float64]
-
-
-class Instruments:
-    """Instruments without faults; faulty ones override what they touch. Arrays have the shape (n,)."""
-
-    def felt(self, zone: str, felt_degC: Array) -> Array:
-        """The temperature of ``zone``'s sensor itself."""
-        return felt_degC
-
-    def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
-        """What ``zone`` reports, in steps of ``step_degC``."""
-        return reading_degC
-
-    def air(self, air_degC: Array) -> Array:
-        """The air that the reference records, sample by sample."""
-        return air_degC
 
 
 def felt(zone: Zone, device: Device, nodes_degC: Array, period_s: float) -> Array:

@@ -15,14 +15,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.additions import Added, Additions
-from ambient_trainer.simulator.chamber import Chamber, ramped, wobble
+from ambient_trainer.simulator.chamber import ramped, wobble
 from ambient_trainer.simulator.device import Bursts, Device
-from ambient_trainer.simulator.heat import HeatBalance
+from ambient_trainer.simulator.heat import HeatBalance, advanced
 from ambient_trainer.simulator.scenario import Scenario
-from ambient_trainer.simulator.stepper import advanced
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 """Receives (samples done, all)."""
 _Number = TypeVar("_Number", np.float64, np.intp)
@@ -70,9 +69,9 @@ def stream(seed: int, purpose: str) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(purpose.encode())])
 
 
-def prepare(scenario: Scenario, seed: int, period_s: float, device: Device, chamber: Chamber | None = None) -> Run:
-    """The air, the activities and the bursts of one run, in the device's chamber unless another is given."""
-    chamber = chamber or device.chamber
+def prepare(scenario: Scenario, seed: int, period_s: float, device: Device) -> Run:
+    """The air, the activities and the bursts of one run, in the device's chamber."""
+    chamber = device.chamber
     unrecorded = math.ceil(scenario.before_s / period_s - 1e-9)
     recorded = math.ceil(scenario.duration_s / period_s - 1e-9)
     time_s: Array = np.arange(-unrecorded, recorded, dtype=np.float64) * period_s

@@ -8,12 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import coloured
-
-Array = NDArray[np.float64]
 
 FULL_SUN_W_M2 = 800.0
 FULL_WIND_M_S = 2.0

@@ -5,30 +5,28 @@ The same scenario, device, seed, period and effects give the same trace.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.simulator.additions import Added, together
-from ambient_trainer.simulator.chamber import Chamber
 from ambient_trainer.simulator.device import Device, Zone
 from ambient_trainer.simulator.device_file import DEFAULT, load_device
 from ambient_trainer.simulator.heat import HeatBalance
-from ambient_trainer.simulator.hidden import SOURCE, Hidden, Ran, Setting, effects, faults, run_faults
-from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
+from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, Setting, faults, run_faults
+from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Driven, Progress, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.text import parse_hidden
 from ambient_trainer.simulator.truth import Truth, size_degC, truth
 
-Array = NDArray[np.float64]
+GAIN_REFERENCE_DEGC = 25.0
 
 Asked = tuple[str, int] | tuple[str, int, Sequence[Hidden]]
 """Scenario, seed and, where there are some, effects."""
@@ -89,14 +87,13 @@ def simulate_many(
     progress: Progress | None = None,
     zones: Sequence[Zone] | None = None,
     device: Device | None = None,
-    chamber: Chamber | None = None,
 ) -> list[Simulated]:
     """Simulate several (scenario, seed, effects), each as :func:`simulate` does, in the time of the longest.
 
     A run without effects, or with some of size zero, has the same bytes but for the columns of signals and decoys.
     """
     device = device or load_device()
-    each = _Batch(device, chamber or device.chamber, period_s, decoys, zones or device.main_zones, progress)
+    each = _Batch(device, period_s, decoys, zones or device.main_zones, progress)
     asked = [_key(run) for run in runs]
     _check(asked, decoys, device)
     every = list(dict.fromkeys([*asked, *_twins(asked)] if sizes else asked))
@@ -140,35 +137,34 @@ class _Done:
 
 
 @dataclass(frozen=True)
-class FaultyInstruments(Instruments):
-    """The instruments of a run with what is hidden in them; each is used once a run."""
+class Instruments:
+    """The instruments of a run, with what is wrong with them; each is used once a run."""
 
-    hidden: Sequence[Hidden]
-    setting: Setting
-    random: Callable[[Hidden], np.random.Generator]
-    """An effect's own random numbers, from their beginning."""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """By zone the relative error of the slope, about :data:`GAIN_REFERENCE_DEGC`."""
+    acting: Sequence[Acting] = ()
 
     def felt(self, zone: str, felt_degC: Array) -> Array:
         """The temperature of ``zone``'s sensor itself, shape (n,)."""
+        felt_degC = felt_degC + self.gains.get(zone, 0.0) * (felt_degC - GAIN_REFERENCE_DEGC)
         for each in self._at(zone):
-            felt_degC = effects()[each.cause].felt(each, self.setting, felt_degC, self.random(each))
+            felt_degC = each.effect.felt(each.hidden, each.setting, felt_degC, each.random())
         return felt_degC
 
     def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
         """What ``zone`` reports, shape (n,), in steps of ``step_degC``."""
         for each in self._at(zone):
-            effect = effects()[each.cause]
-            reading_degC = effect.read(each, self.setting, reading_degC, step_degC, self.random(each))
+            reading_degC = each.effect.read(each.hidden, each.setting, reading_degC, step_degC, each.random())
         return reading_degC
 
     def air(self, air_degC: Array) -> Array:
         """The air that the reference records, shape (n,)."""
-        for each in self.hidden:
-            air_degC = effects()[each.cause].air(each, self.setting, air_degC, self.random(each))
+        for each in self.acting:
+            air_degC = each.effect.air(each.hidden, each.setting, air_degC, each.random())
         return air_degC
 
-    def _at(self, zone: str) -> list[Hidden]:
-        return [each for each in self.hidden if each.location == zone]
+    def _at(self, zone: str) -> list[Acting]:
+        return [each for each in self.acting if each.hidden.location == zone]
 
 
 @dataclass(frozen=True)
@@ -176,33 +172,31 @@ class _Batch:
     """What all runs have in common."""
 
     device: Device
-    chamber: Chamber
     period_s: float
     decoys: Sequence[str]
     zones: Sequence[Zone]
     progress: Progress | None
 
     def run(self, runs: Sequence[_Key]) -> list[_Done]:
-        prepared = [
-            prepare(load_scenario(name), seed, self.period_s, self.device, self.chamber) for name, seed, _ in runs
-        ]
+        prepared = [prepare(load_scenario(name), seed, self.period_s, self.device) for name, seed, _ in runs]
         settings = [self._setting(run, seed, hidden) for run, (_, seed, hidden) in zip(prepared, runs)]
-        parts = [
-            [added(each, setting, index, _random(seed, each)) for index, each in enumerate(hidden)]
+        acting = [
+            [Acting(each, setting, partial(_random, seed, each)) for each in hidden]
             for setting, (_, seed, hidden) in zip(settings, runs)
         ]
+        parts = [[each.part(number) for number, each in enumerate(some)] for some in acting]
         driven = integrate(prepared, self.period_s, self.progress, [together(each) for each in parts])
-        return [self._done(*each) for each in zip(runs, driven, settings, parts)]
+        return [self._done(*each) for each in zip(runs, driven, settings, acting, parts)]
 
-    def _done(self, key: _Key, driven: Driven, setting: Setting, parts: Sequence[Added]) -> _Done:
-        name, seed, hidden = key
-        instruments = FaultyInstruments(hidden, setting, lambda each: _random(seed, each))
-        trace = trace_of(driven, name, seed, self.period_s, self.zones, instruments)
+    def _done(
+        self, key: _Key, driven: Driven, setting: Setting, acting: Sequence[Acting], parts: Sequence[Added]
+    ) -> _Done:
+        name, seed, _ = key
+        trace = trace_of(driven, name, seed, self.period_s, self.zones, Instruments(acting=acting))
         trace = replace(trace, columns={**trace.columns, **self._logged(setting, seed, driven.run)})
-        both = together(parts)
         ran = [
-            Ran(each, setting, driven, part, both, trace, partial(_random, seed, each))
-            for each, part in zip(hidden, parts)
+            Ran(each.hidden, setting, each.random, driven, part, together(parts), trace)
+            for each, part in zip(acting, parts)
         ]
         return _Done(trace, tuple(ran))
 
@@ -229,13 +223,6 @@ def setting_of(run: Run, period_s: float) -> Setting:
     """Where an effect without a signal acts."""
     time_s: Array = (np.arange(run.samples, dtype=np.float64) - run.unrecorded) * period_s
     return Setting(run.device, time_s, period_s, {})
-
-
-def added(hidden: Hidden, setting: Setting, number: int, random: np.random.Generator) -> Added:
-    """What ``hidden`` adds to a run's heat balance; nothing where it is of size zero."""
-    if not hidden.amount:
-        return Added()
-    return effects()[hidden.cause].added(hidden, setting, f"effect {number}", random)
 
 
 def _key(run: Asked) -> _Key:

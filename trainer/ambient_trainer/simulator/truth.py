@@ -10,7 +10,7 @@ import numpy as np
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.device import Device
-from ambient_trainer.simulator.hidden import Ran, effects
+from ambient_trainer.simulator.hidden import Ran
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Truth:
 def truth(ran: Ran) -> Truth:
     """The truth about one effect; zero where it was never in force."""
     hidden, there = ran.hidden, ran.there
-    magnitude, unit, others = effects()[hidden.cause].magnitude(ran) if there.any() else (0.0, "", {})
+    magnitude, unit, others = ran.effect.magnitude(ran) if there.any() else (0.0, "", {})
     return Truth(
         hidden.cause,
         hidden.location,
@@ -65,7 +65,7 @@ def size_degC(effect: Trace, clean: Trace, ran: Ran) -> tuple[float, str]:
     effect changes that alone.
     """
     there = ran.there[ran.driven.run.unrecorded :]
-    names = [REFERENCE] if effects()[ran.hidden.cause].in_reference else _sensors(clean)
+    names = [REFERENCE] if ran.effect.in_reference else _sensors(clean)
     if not there.any():
         return 0.0, names[0]
     rms = {name: float(np.sqrt(np.mean((effect.columns[name] - clean.columns[name])[there] ** 2))) for name in names}

@@ -10,22 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.faults import refuse
 from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import Device, Tolerances, Zone
 from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.hidden import Hidden
-from ambient_trainer.simulator.instruments import Instruments
+from ambient_trainer.simulator.hidden import Acting, Hidden
 from ambient_trainer.simulator.run import Run, stream
-from ambient_trainer.simulator.simulate import added, setting_of
+from ambient_trainer.simulator.simulate import setting_of
 
-Array = NDArray[np.float64]
-
-GAIN_REFERENCE_DEGC = 25.0
 _MOST_SHARE = 0.98
 
 _TPU_W_mK, _AIR_W_mK, _OUTSIDE_W_m2K = 0.2, 0.026, 20.0
@@ -49,19 +45,8 @@ class Unit:
     phone: Device
     zones: tuple[Zone, ...]
     gains: Mapping[str, float]
-    """By zone the relative error of the slope, about 25 degC."""
+    """By zone the relative error of the slope."""
     case: Case
-
-
-@dataclass(frozen=True)
-class Skewed(Instruments):
-    """A unit's instruments, each with its own error of gain."""
-
-    gains: Mapping[str, float]
-
-    def felt(self, zone: str, felt_degC: Array) -> Array:
-        """What ``zone``'s sensor makes of its own temperature."""
-        return felt_degC + self.gains.get(zone, 0.0) * (felt_degC - GAIN_REFERENCE_DEGC)
 
 
 def nominal(zones: Sequence[Zone]) -> Unit:
@@ -143,12 +128,13 @@ def _assembled(phone: Device, tolerances: Tolerances, random: np.random.Generato
 
 def case_of(unit: Unit, run: Run, period_s: float, seed: int) -> Added:
     """What the unit's case adds to ``run``: it covers the rear shell since ever."""
-    setting, random = setting_of(run, period_s), stream(seed, "case")
+    setting = setting_of(run, period_s)
     effects = (
         Hidden("ambient_coupling", "back", size=unit.case.resistance_frac),
         Hidden("thermal_mass", "back", size=unit.case.capacitance_J_K),
     )
-    return together([added(effect, setting, index, random) for index, effect in enumerate(effects)])
+    acting = (Acting(each, setting, partial(stream, seed, "case")) for each in effects)
+    return together([each.part(number) for number, each in enumerate(acting)])
 
 
 def _case(plastic_mm: float, air_mm: float, mass_g: float) -> Case:

@@ -23,7 +23,7 @@ from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoRespon
 from ambient_trainer.laboratory.pseudo_terminal import XOFF, XON, Response, SimulatedInstrument
 from ambient_trainer.laboratory.serial_line import Answer, Malformed, Query, SerialDriver, SerialLine, text_replies
 from ambient_trainer.simulator.chamber import Probes
-from ambient_trainer.simulator.chamber_air import Probe
+from ambient_trainer.simulator.live import Probe
 
 RESET = b"*RST\n*CLS\n"
 OPEN = 9.9e37

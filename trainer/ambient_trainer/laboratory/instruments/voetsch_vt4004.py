@@ -303,7 +303,7 @@ class Simulated(SimulatedInstrument):
     def __init__(
         self, settings: Settings, clock: Clock, seed: int | np.random.Generator = 0, room_degC: float = 22.0
     ) -> None:
-        from ambient_trainer.simulator.chamber_air import ChamberAir  # scipy: the watchdog does not wait for it
+        from ambient_trainer.simulator.live import ChamberAir  # scipy: the watchdog does not wait for it
 
         self.air = ChamberAir(clock.now_s(), room_degC, seed)
         self._settings, self._receives_from_s = settings, -math.inf

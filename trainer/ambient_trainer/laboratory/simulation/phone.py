@@ -18,7 +18,7 @@ from ambient_trainer.laboratory.campaign import PowerSupply
 from ambient_trainer.laboratory.instruments import Air
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.simulator import Device, Zone
-from ambient_trainer.simulator.live_device import LiveDevice
+from ambient_trainer.simulator.live import LiveDevice
 
 _WIDTH = 12  # of a number in a file that is overwritten
 _READ_S = 0.0003  # the machine's seconds that a reader takes to go: one who is still there would be taken for the next

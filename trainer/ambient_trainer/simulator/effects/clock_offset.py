@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.device import Device
-from ambient_trainer.simulator.hidden import Array, Effect, Figure, Hidden, Ran, Setting
+from ambient_trainer.simulator.hidden import Effect, Figure, Hidden, Ran, Setting
 
 _SKEW = 5e-5  # s per s: a bad crystal
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.chamber import coloured
-from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, Setting, SurfaceEffect
+from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, Setting, SurfaceEffect
 
 _LEAST_DIFFERENCE_K = 1.0
 

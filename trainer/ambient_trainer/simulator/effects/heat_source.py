@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.chamber import coloured
-from ambient_trainer.simulator.hidden import Array, Effect, Figure, Hidden, Ran, Setting, slope
+from ambient_trainer.simulator.hidden import Effect, Figure, Hidden, Ran, Setting, slope
 from ambient_trainer.simulator.signals import FULL_SUN_W_M2
 
 _WARM_UP_S = 45.0  # of a charger's electronics

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, SensorEffect, Setting
+from ambient_trainer.data.trace import Array
+from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, SensorEffect, Setting
 
 _SLEW_S = 90.0
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ambient_trainer.simulator.hidden import Array, Figure, Hidden, Ran, SensorEffect, Setting
+from ambient_trainer.data.trace import Array
+from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, SensorEffect, Setting
 
 _REFERENCE_DEGC = 25.0
 _BENT_PER_K = 1e-3  # the gain's own change

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
-from ambient_trainer.simulator.hidden import Array, Hidden, SensorEffect, Setting
+from ambient_trainer.simulator.hidden import Hidden, SensorEffect, Setting
 
 _LAGS = (0.7, 0.3)  # shares of the delay
 
