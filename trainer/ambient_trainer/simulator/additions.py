@@ -127,12 +127,13 @@ class Additions:
         self.capacitance[:, :size] = balance.capacitance
         for row, each in zip(self.capacitance, added):
             row[size : size + len(each.bodies)] = [body.capacity_J_K for body in each.bodies]
-        self._kinds = {kind: _stacked(kind, added, size) for kind in TERMS if any(_of(kind, each) for each in added)}
+        found = {kind: _coefficients(kind, added, size) for kind in TERMS}
+        self._kinds = {kind: coefficients for kind, coefficients in found.items() if coefficients is not None}
         self._ends, self._conductances = _linked(added, tuple(balance.devices[0].nodes), self.width)
 
     def coefficients(self, k: int) -> dict[str, Array]:
         """By kind of term its coefficients from sample ``k`` to the next, shape (batch, nodes)."""
-        return {kind: _coefficients(kind, *stacked, k) for kind, stacked in self._kinds.items()}
+        return {kind: of_all[min(k, len(of_all) - 1)] for kind, of_all in self._kinds.items()}
 
     def rates_during(self, k: int) -> Rates:
         """dT/dt in K/s from sample ``k`` to the next, of states of the shape (batch, width)."""
@@ -182,28 +183,15 @@ class Additions:
         return state
 
 
-def _stacked(kind: str, added: Sequence[Added], size: int) -> tuple[Array, Array]:
-    """The terms of one kind of a batch: courses, shape (n, batch, terms), and patterns, (batch, terms, nodes)."""
-    most = max(len(_of(kind, each)) for each in added)
-    count = max(len(term.course) for each in added for term in _of(kind, each))
-    courses = np.zeros((count, len(added), most))
-    patterns = np.zeros((len(added), most, size))
-    for index, each in enumerate(added):
-        for place, term in enumerate(_of(kind, each)):
-            courses[: len(term.course), index, place] = term.course
-            patterns[index, place] = term.pattern
-    return courses, patterns
-
-
-def _coefficients(kind: str, courses: Array, patterns: Array, k: int) -> Array:
-    """The coefficients of one kind from sample ``k`` on, shape (batch, nodes)."""
-    course = courses[min(k, len(courses) - 1)]
-    result: Array = np.matmul(course[:, None, :], patterns)[:, 0]
+def _coefficients(kind: str, added: Sequence[Added], size: int) -> Array | None:
+    """Of one kind of term by sample, shape (n, batch, nodes), zero after a run's end; None where there is none."""
+    terms = [(index, term) for index, each in enumerate(added) for term in each.terms if term.kind == kind]
+    if not terms:
+        return None
+    result = np.zeros((max(len(term.course) for _, term in terms), len(added), size))
+    for index, term in terms:
+        result[: len(term.course), index] += term.course[:, None] * term.pattern
     return np.maximum(result, _LEAST_LOSS - 1.0) if kind in _COVERING else result
-
-
-def _of(kind: str, added: Added) -> list[Term]:
-    return [term for term in added.terms if term.kind == kind]
 
 
 def _linked(added: Sequence[Added], nodes: Sequence[str], width: int) -> tuple[Array, Array]:

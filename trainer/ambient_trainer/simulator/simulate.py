@@ -6,8 +6,9 @@ The same scenario, device, seed, period and effects give the same trace.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,14 +20,12 @@ from ambient_trainer.simulator.device import Device, Zone
 from ambient_trainer.simulator.device_file import DEFAULT, load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, Setting, faults, run_faults
-from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
+from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading
 from ambient_trainer.simulator.run import Driven, Progress, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.text import parse_hidden
 from ambient_trainer.simulator.truth import Truth, size_degC, truth
-
-GAIN_REFERENCE_DEGC = 25.0
 
 Asked = tuple[str, int] | tuple[str, int, Sequence[Hidden]]
 """Scenario, seed and, where there are some, effects."""
@@ -93,16 +92,25 @@ def simulate_many(
     A run without effects, or with some of size zero, has the same bytes but for the columns of signals and decoys.
     """
     device = device or load_device()
-    each = _Batch(device, period_s, decoys, zones or device.main_zones, progress)
     asked = [_key(run) for run in runs]
     _check(asked, decoys, device)
     every = list(dict.fromkeys([*asked, *_twins(asked)] if sizes else asked))
-    done = dict(zip(every, each.run(every)))
+    planned = [_planned(key, period_s, decoys, device) for key in every]
+    parts = [[each.part(number) for number, each in enumerate(one.acting)] for one in planned]
+    driven = integrate([one.run for one in planned], period_s, progress, [together(each) for each in parts])
+    logged = zones or device.main_zones
+    done = {one.key: one.done(logged, ended, added) for one, ended, added in zip(planned, driven, parts)}
     return [_answered(key, done, sizes) for key in asked]
 
 
 def trace_of(
-    driven: Driven, scenario: str, seed: int, period_s: float, zones: Sequence[Zone], instruments: Instruments
+    driven: Driven,
+    scenario: str,
+    seed: int,
+    period_s: float,
+    zones: Sequence[Zone],
+    instruments: Instruments,
+    signals: Mapping[str, Array] = {},
 ) -> Trace:
     """What device and laboratory log of a run, from the recording's first sample on."""
     run, device = driven.run, driven.run.device
@@ -123,6 +131,8 @@ def trace_of(
     if device.fan:
         columns[device.fan.logs] = np.round(HeatBalance([device]).fan_frac(driven.nodes_degC[kept]), 3)
     time_s = np.round(np.arange(run.samples - run.unrecorded) * period_s, 6)
+    # in an order that reveals nothing
+    columns |= {name: values[kept] for name, values in sorted((signals or {}).items())}
     notes = {"simulated": "yes", "scenario": scenario, "seed": str(seed)}
     return Trace(f"scenario {scenario}", time_s, columns, notes)
 
@@ -130,93 +140,42 @@ def trace_of(
 _Key = tuple[str, int, tuple[Hidden, ...]]
 
 
-@dataclass(frozen=True)
-class _Done:
+class _Done(NamedTuple):
     trace: Trace
     ran: tuple[Ran, ...]
 
 
-@dataclass(frozen=True)
-class Instruments:
-    """The instruments of a run, with what is wrong with them; each is used once a run."""
+class _Planned(NamedTuple):
+    """A run with the effects in it, before it is integrated."""
 
-    gains: Mapping[str, float] = field(default_factory=dict)
-    """By zone the relative error of the slope, about :data:`GAIN_REFERENCE_DEGC`."""
-    acting: Sequence[Acting] = ()
+    key: _Key
+    run: Run
+    setting: Setting
+    acting: tuple[Acting, ...]
 
-    def felt(self, zone: str, felt_degC: Array) -> Array:
-        """The temperature of ``zone``'s sensor itself, shape (n,)."""
-        felt_degC = felt_degC + self.gains.get(zone, 0.0) * (felt_degC - GAIN_REFERENCE_DEGC)
-        for each in self._at(zone):
-            felt_degC = each.effect.felt(each.hidden, each.setting, felt_degC, each.random())
-        return felt_degC
-
-    def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
-        """What ``zone`` reports, shape (n,), in steps of ``step_degC``."""
-        for each in self._at(zone):
-            reading_degC = each.effect.read(each.hidden, each.setting, reading_degC, step_degC, each.random())
-        return reading_degC
-
-    def air(self, air_degC: Array) -> Array:
-        """The air that the reference records, shape (n,)."""
-        for each in self.acting:
-            air_degC = each.effect.air(each.hidden, each.setting, air_degC, each.random())
-        return air_degC
-
-    def _at(self, zone: str) -> list[Acting]:
-        return [each for each in self.acting if each.hidden.location == zone]
-
-
-@dataclass(frozen=True)
-class _Batch:
-    """What all runs have in common."""
-
-    device: Device
-    period_s: float
-    decoys: Sequence[str]
-    zones: Sequence[Zone]
-    progress: Progress | None
-
-    def run(self, runs: Sequence[_Key]) -> list[_Done]:
-        prepared = [prepare(load_scenario(name), seed, self.period_s, self.device) for name, seed, _ in runs]
-        settings = [self._setting(run, seed, hidden) for run, (_, seed, hidden) in zip(prepared, runs)]
-        acting = [
-            [Acting(each, setting, partial(_random, seed, each)) for each in hidden]
-            for setting, (_, seed, hidden) in zip(settings, runs)
-        ]
-        parts = [[each.part(number) for number, each in enumerate(some)] for some in acting]
-        driven = integrate(prepared, self.period_s, self.progress, [together(each) for each in parts])
-        return [self._done(*each) for each in zip(runs, driven, settings, acting, parts)]
-
-    def _done(
-        self, key: _Key, driven: Driven, setting: Setting, acting: Sequence[Acting], parts: Sequence[Added]
-    ) -> _Done:
-        name, seed, _ = key
-        trace = trace_of(driven, name, seed, self.period_s, self.zones, Instruments(acting=acting))
-        trace = replace(trace, columns={**trace.columns, **self._logged(setting, seed, driven.run)})
-        ran = [
-            Ran(each.hidden, setting, each.random, driven, part, together(parts), trace)
-            for each, part in zip(acting, parts)
-        ]
+    def done(self, zones: Sequence[Zone], driven: Driven, parts: Sequence[Added]) -> _Done:
+        scenario, seed, _ = self.key
+        instruments, signals = Instruments(acting=self.acting), self.setting.signals
+        trace = trace_of(driven, scenario, seed, self.setting.period_s, zones, instruments, signals)
+        ran = (
+            Ran(each.hidden, each.setting, each.random, driven, part, together(parts), trace)
+            for each, part in zip(self.acting, parts)
+        )
         return _Done(trace, tuple(ran))
 
-    def _setting(self, run: Run, seed: int, hidden: Sequence[Hidden]) -> Setting:
-        bare = setting_of(run, self.period_s)
-        windows = {each.signal: bare.lasting(each) for each in hidden if each.signal is not None}
-        drawn = {
-            name: signal(name, bare.time_s, (max(window[0], 0.0), window[1]), stream(seed, f"signal {name}"))
-            for name, window in windows.items()
-        }
-        return replace(bare, signals=drawn)
 
-    def _logged(self, setting: Setting, seed: int, run: Run) -> dict[str, Array]:
-        """Signals and decoys in the order of their names, which reveals nothing."""
-        end_s = float(setting.time_s[-1]) + setting.period_s
-        columns = dict(setting.signals)
-        for name in self.decoys:
-            if name not in columns:
-                columns[name] = signal(name, setting.time_s, (0.0, end_s), stream(seed, f"signal {name}"))
-        return {name: columns[name][run.unrecorded :] for name in sorted(columns)}
+def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) -> _Planned:
+    scenario, seed, hidden = key
+    run = prepare(load_scenario(scenario), seed, period_s, device)
+    bare = setting_of(run, period_s)
+    windows = {each.signal: bare.lasting(each) for each in (*(Hidden("", signal=name) for name in decoys), *hidden)}
+    signals = {
+        name: signal(name, bare.time_s, (max(start_s, 0.0), end_s), stream(seed, f"signal {name}"))
+        for name, (start_s, end_s) in windows.items()
+        if name is not None
+    }
+    setting = replace(bare, signals=signals)
+    return _Planned(key, run, setting, tuple(Acting(each, setting, partial(_random, seed, each)) for each in hidden))
 
 
 def setting_of(run: Run, period_s: float) -> Setting:
