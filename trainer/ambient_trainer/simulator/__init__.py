@@ -1,11 +1,10 @@
 """Simulated devices and the scenarios they go through; everything that comes from here is simulated."""
 
-from ambient_trainer.simulator.additions import Added, together
+from ambient_trainer.simulator.additions import Added
 from ambient_trainer.simulator.chamber import coloured
-from ambient_trainer.simulator.device import Device, Tolerances, Zone
+from ambient_trainer.simulator.device import Device, Zone
 from ambient_trainer.simulator.device_file import (
     Constant,
-    device_names,
     device_path,
     load_constants,
     load_device,
@@ -14,7 +13,7 @@ from ambient_trainer.simulator.device_file import (
 )
 from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.heat import Demand, HeatBalance
-from ambient_trainer.simulator.hidden import Effect, Hidden
+from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
 from ambient_trainer.simulator.instruments import felt, probe_reading, zone_reading
 from ambient_trainer.simulator.live import Stepper
@@ -32,7 +31,6 @@ __all__ = [
     "Demand",
     "Device",
     "Driven",
-    "Effect",
     "HeatBalance",
     "Hidden",
     "Instruments",
@@ -42,14 +40,12 @@ __all__ = [
     "Simulated",
     "Step",
     "Stepper",
-    "Tolerances",
     "Truth",
     "Unit",
     "Zone",
     "bursts",
     "case_of",
     "coloured",
-    "device_names",
     "device_path",
     "draw_hidden",
     "drawn",
@@ -67,7 +63,6 @@ __all__ = [
     "simulate",
     "simulate_many",
     "stream",
-    "together",
     "trace_of",
     "with_calibrated",
     "zone_reading",

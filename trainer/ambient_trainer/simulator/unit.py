@@ -63,44 +63,30 @@ def drawn(number: int, seed: int, zones: Sequence[Zone], device: Device | None =
     tolerances = shipped.tolerances
     if tolerances is None:
         raise refuse("--device", "tolerances", "the device has none", "say in its file by what its units differ")
-    sensors = {
-        zone.name: _Sensor.drawn(zone, tolerances, stream(seed, f"unit {number} sensor {zone.name}")) for zone in zones
-    }
-    shares = {
-        zone.name: min(
-            zone.share * _scatter(tolerances.share, stream(seed, f"unit {number} share {zone.name}")), _MOST_SHARE
-        )
-        for zone in shipped.main_zones
-        if zone.beside
-    }
     case = stream(seed, f"unit {number} case")
+    made = [_made(zone, shipped, tolerances, number, seed) for zone in zones]
     return Unit(
         number,
         _assembled(shipped, tolerances, stream(seed, f"unit {number} phone")),
-        tuple(sensors[zone.name].of(zone, shares.get(zone.name, zone.share)) for zone in zones),
-        {name: sensor.gain for name, sensor in sensors.items()},
+        tuple(zone for zone, _ in made),
+        {zone.name: gain for zone, gain in made},
         _case(case.uniform(*_TPU_mm), case.uniform(*_AIR_mm), case.uniform(*_TPU_g)),
     )
 
 
-@dataclass(frozen=True)
-class _Sensor:
-    offset_K: float
-    gain: float
-    lag: float
+def _made(zone: Zone, device: Device, tolerances: Tolerances, number: int, seed: int) -> tuple[Zone, float]:
+    """A zone with its sensor's own errors, and the sensor's error of gain."""
+    random, made = stream(seed, f"unit {number} sensor {zone.name}"), tolerances.sensors[zone.sensor]
 
-    @staticmethod
-    def drawn(zone: Zone, tolerances: Tolerances, random: np.random.Generator) -> _Sensor:
-        lag, made = _scatter(tolerances.lag, random), tolerances.sensors[zone.sensor]
+    def error(size: float) -> float:
+        return float(random.normal(0.0, size) if made.drawn == "normal" else random.uniform(-size, size))
 
-        def error(size: float) -> float:
-            return float(random.normal(0.0, size) if made.drawn == "normal" else random.uniform(-size, size))
-
-        return _Sensor(sum(error(size) for size in made.offset_K), error(made.gain), lag)
-
-    def of(self, zone: Zone, share: float) -> Zone:
-        changed = {"offset_degC": zone.offset_degC + self.offset_K, "lag_s": zone.lag_s * self.lag, "share": share}
-        return zone.model_copy(update=changed)
+    share, lag = zone.share, _scatter(tolerances.lag, random)
+    offset_K, gain = sum(map(error, made.offset_K)), error(made.gain)
+    if zone.beside and zone.name in device.sensors:
+        share = min(share * _scatter(tolerances.share, stream(seed, f"unit {number} share {zone.name}")), _MOST_SHARE)
+    changed = {"offset_degC": zone.offset_degC + offset_K, "lag_s": zone.lag_s * lag, "share": share}
+    return zone.model_copy(update=changed), gain
 
 
 def _assembled(phone: Device, tolerances: Tolerances, random: np.random.Generator) -> Device:
