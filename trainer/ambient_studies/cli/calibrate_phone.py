@@ -1,7 +1,5 @@
 """``ambient-trainer calibrate-phone``: fit the simulated phone to the thesis's figures and print what is left."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

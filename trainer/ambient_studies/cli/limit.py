@@ -1,7 +1,5 @@
 """``ambient-trainer limit``: how much better than a model a linear filter could be, on the simulated phone."""
 
-from __future__ import annotations
-
 import click
 
 from ambient_trainer.cli import Output, output_options, sampling_option, staged_progress, whole_numbers

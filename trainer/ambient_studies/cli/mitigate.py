@@ -1,7 +1,5 @@
 """``ambient-trainer mitigate``: the estimate's benefit to a governor, in closed loop on a simulated phone."""
 
-from __future__ import annotations
-
 import click
 
 from ambient_trainer.cli import Finite, FiniteRange, Output, output_options, sampling_option, staged_progress

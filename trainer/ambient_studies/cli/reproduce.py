@@ -1,7 +1,5 @@
 """``ambient-trainer reproduce``: the thesis's evaluation on a simulated phone, beside what the thesis published."""
 
-from __future__ import annotations
-
 import click
 
 from ambient_trainer.cli import Output, output_options, seed_option, staged_progress

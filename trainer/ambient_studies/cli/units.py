@@ -1,7 +1,5 @@
 """``ambient-trainer units``: what a model of one phone is worth on others of the same make."""
 
-from __future__ import annotations
-
 import click
 
 from ambient_trainer.cli import Output, jobs_option, output_options, sampling_option, staged_progress

@@ -4,8 +4,6 @@ Of 20 cases 3 hide nothing, 13 one effect and 4 two at once. Single effects go t
 ``SCALES``; two are of the two larger ones, at different places, and of different causes. Every trace has decoys.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

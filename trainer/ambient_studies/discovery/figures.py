@@ -1,7 +1,5 @@
 """Figures of the benchmark: counts, and shares with Wilson's score interval, which holds near 0 and 1 too."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """One case of the discovery benchmark: what was hidden, what was found, and how well."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ambient_trainer.diagnosis import NONE, UNKNOWN, Cause

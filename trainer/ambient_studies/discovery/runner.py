@@ -1,7 +1,5 @@
 """The benchmark: the circuit is trained once, then each case is diagnosed and scored, many at a time."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Of one effect the first step has to name it, of two both have to stand among the
 there may be no step.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ With time constants evenly spaced in logarithm it approaches any causal filter o
 against fitting the noise, is selected by leaving out one training run at a time.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

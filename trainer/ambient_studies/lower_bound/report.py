@@ -1,7 +1,5 @@
 """The report of the lower bounds: a table, a sentence a scenario, and a warning where a filter is no bound."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any

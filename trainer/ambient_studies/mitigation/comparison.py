@@ -1,7 +1,5 @@
 """The comparison: identify the governor in the chamber, then simulate it in every room with every knowledge."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

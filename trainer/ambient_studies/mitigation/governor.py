@@ -9,8 +9,6 @@ the steady-state budget at this ambient, a proportional term (alone it makes the
 and an integral term for the budget's error. The governors of a comparison differ in their ambient only.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

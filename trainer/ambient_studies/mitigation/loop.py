@@ -3,8 +3,6 @@
 A governor gets its sensor, the estimate and the SoC's power; only with :attr:`Knowledge.TRUTH` the true ambient.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass

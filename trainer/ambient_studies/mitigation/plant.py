@@ -1,7 +1,5 @@
 """Simulated phones in closed loop: what the open-loop simulation computes, with a cap on the SoC at each step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -4,8 +4,6 @@ Only the time of the work counts. Work is the SoC's energy above standby, as a s
 without a governor (the die's own protection alone).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The settings of the comparison: rooms, what is the same for every row, and what a governor knows in each."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import Enum

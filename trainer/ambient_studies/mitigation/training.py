@@ -5,8 +5,6 @@ power. A free filter of order 1 is fitted twice: to the skin from the sensor and
 power and the air; the second gives the rise per W and its time constant.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_model.trace import REFERENCE

@@ -4,8 +4,6 @@ Every Jacobian is one batch of simulations. Where the published figures do not d
 the engineer's guess, with a standard deviation of one in the logarithm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Both without noise and rounding, which the calibration shall not fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import NamedTuple

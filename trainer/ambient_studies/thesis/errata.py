@@ -1,7 +1,5 @@
 """The errors of the thesis's text, computed from its own tables; erratum 8 (a moving ambient) from simulated runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache

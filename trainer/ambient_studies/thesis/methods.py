@@ -3,8 +3,6 @@
 A causal estimate starts from equilibrium with the first sensor sample and never uses the reference.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

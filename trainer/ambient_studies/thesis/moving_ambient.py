@@ -13,8 +13,6 @@ Where C are shares of a whole (equations 4.11, 4.22) k is 0: y drops out of its 
 the derivative of the sensors. So the term is tried with free C and D (4.29, 4.30). At k <= 0 the loop is unstable.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What the tables call methods, variants and scenarios, and which of the thesis's tables holds which scenario."""
 
-from __future__ import annotations
-
 from ambient_studies.thesis.published import MODELS
 
 RELATED = {

@@ -1,7 +1,5 @@
 """How well the simulated phone meets the published figures, from the traces that it writes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

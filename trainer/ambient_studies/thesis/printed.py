@@ -4,8 +4,6 @@ States are flash, battery, usb; parameters go by the names of the circuit files.
 structure is shown with the printed parameters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

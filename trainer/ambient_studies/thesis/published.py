@@ -1,7 +1,5 @@
 """What the thesis published: parameters (tables 4.1 to 4.8) and errors (tables 5.1 to 5.12), with what they imply."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass

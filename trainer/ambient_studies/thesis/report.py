@@ -1,7 +1,5 @@
 """The report of a reproduction: published beside simulated errors, the thesis's figures, errata, calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

@@ -3,8 +3,6 @@
 No two runs share a seed, so none has another's weather or noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

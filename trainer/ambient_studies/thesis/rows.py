@@ -4,8 +4,6 @@ An error is true minus estimate. Samples without an estimate are counted and not
 None.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

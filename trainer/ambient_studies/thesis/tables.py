@@ -1,7 +1,5 @@
 """The thesis's tables 5.1 to 5.12, each figure as published and as found on the simulated phone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

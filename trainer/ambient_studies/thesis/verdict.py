@@ -1,7 +1,5 @@
 """What of a reproduction agrees with the thesis, and what does not, in sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import itemgetter

@@ -1,7 +1,5 @@
 """A unit learns its offset as the device does: from a week of one reading of the room a day."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units go through scenarios, bare or in their cases, all together in one loop over arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ correction is then scored on the other runs, bare and in its case. So is the off
 readings.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 What a record of it gives is in :mod:`ambient_trainer.evaluation.bath`.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing

@@ -8,8 +8,6 @@ period in which the middle of its asking and answering lies, and to none where t
 a period. Nothing is repeated or interpolated.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import os

@@ -5,8 +5,6 @@ NTP, the clock offset is its time less the middle of asking and answering, wrong
 Millidegrees, tenths, microamperes and microvolts of a kernel become degC, A and V here, once.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

@@ -5,8 +5,6 @@ are its seconds, which go on over a stop and a new start. An error names instrum
 came.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Mapping

@@ -4,8 +4,6 @@ A step ends when its time is over and all that it waits for has settled. A run t
 a step. It ends by air or device beyond a limit, or without an ambient for too long while the chamber works.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

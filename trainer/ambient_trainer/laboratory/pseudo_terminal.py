@@ -1,7 +1,5 @@
 """A simulated instrument at the far end of a pseudo-terminal: bytes take the time of their baud, in order."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

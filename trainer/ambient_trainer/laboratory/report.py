@@ -3,8 +3,6 @@
 The report before a run is its schedule, estimated: ramps at the chamber's usual rates, and the settling asked for.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from typing import NamedTuple

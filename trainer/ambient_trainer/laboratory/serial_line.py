@@ -6,8 +6,6 @@ whose answer no other query has. Once that came, whatever was late has come befo
 that comes unasked is an error, as is an answer that is cut short, doubled or another instrument's.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import os

@@ -4,8 +4,6 @@
 ``error: no devices/emulators found``, is kept for the message of the failure that follows.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -4,8 +4,6 @@ A conductance takes from one side what it gives to the other; every other term i
 Coefficients change at samples and hold until the next.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A climate chamber and its probes: air that follows the set point at a limited rate, settles, and swings about it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

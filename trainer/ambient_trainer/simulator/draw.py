@@ -1,7 +1,5 @@
 """An effect drawn at random: at a place whose temperature a diagnosing circuit knows, and large enough to matter."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

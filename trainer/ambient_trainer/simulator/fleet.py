@@ -4,8 +4,6 @@ Usage: each unit begins the scenario at a step of its own and goes round; before
 temperature. The same seed gives the same unit, however many others there are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

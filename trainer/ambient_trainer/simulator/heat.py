@@ -5,8 +5,6 @@ are in degC, power in W. Convection follows the difference to the power 1.25, ra
 flow is proportional to its speed.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple

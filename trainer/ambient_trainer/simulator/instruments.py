@@ -1,7 +1,5 @@
 """What instruments make of true temperatures: lag, noise, calibration, rounding, and what is wrong with them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

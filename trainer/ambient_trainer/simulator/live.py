@@ -4,8 +4,6 @@ A chamber's air is held on a grid of whole seconds from its start; between them 
 controller counts from the next second on, so nothing that was once read changes any more.
 """
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Callable, Sequence

@@ -4,8 +4,6 @@ What is asked of device and chamber changes at samples and holds until the next;
 them.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable, Sequence

@@ -3,8 +3,6 @@
 A signal is zero outside its window; both are drawn from the run's seed by their names, whatever else is hidden.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -3,8 +3,6 @@
 The same scenario, device, seed, period and effects give the same trace.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -5,8 +5,6 @@ only where neither size nor times are given. Keys are from, to, signal, body and
 All faults of all effects are reported at once.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The truth about a hidden effect, in the terms of a diagnosis; computed from the physics that ran, never logged."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 

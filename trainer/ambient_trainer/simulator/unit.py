@@ -5,8 +5,6 @@ parts of one make scatter by, it is normal, or log-normal for what cannot be neg
 0.2 to 0.5 mm of air under it against 20 W/(m2 K), and 25 to 40 g: conduction, R = d/k.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 What a paper leaves open is filled in; an estimator's ``about`` says what was given and what was filled in.
 """
 
-from __future__ import annotations
-
 from ambient_studies.thesis.methods import Method
 from ambient_studies.thesis.related._estimator import RelatedEstimator
 from ambient_trainer.data import Trace, plugin, plugin_names

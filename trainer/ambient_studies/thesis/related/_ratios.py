@@ -5,8 +5,6 @@
 with L_i = 1/(1 + tau2_i s) and d_i = K_i tau1_i / tau2_i: d and K have one sign where every time constant is positive.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The samples that a method uses hold every column it reads; at any other it has no estimate."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import NamedTuple

@@ -12,8 +12,6 @@ Source: N. H. Chau, "Estimation of air temperature using smartphones in differen
 Telecommunication 3(4), 494-507, 2019 (its abstract).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

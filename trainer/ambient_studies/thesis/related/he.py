@@ -14,8 +14,6 @@ Source: L. He, Y. Lee, K. G. Shin, "Mobile device batteries as thermometers", Pr
 Ubiquitous Technol. 4(1), article 12, 2020, doi 10.1145/3381015 (its abstract); section 1.1 of the thesis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

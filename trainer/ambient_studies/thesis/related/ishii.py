@@ -24,8 +24,6 @@ Sources: M. Ishii, Y. Nakashima, H. Nakao, US patent 10409301 and (first-order r
 10520368, both Fujitsu (their abstracts); section 1.1 of the thesis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -24,8 +24,6 @@ parameters are those of least squares on the training trace, none negative.
 Source: section 1.1 and chapter 5 of the thesis; the paper itself was not at hand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 

@@ -11,8 +11,6 @@ has its value. 202 is the unit of the display, in which values come (`display_un
 The instrument switches itself off; without a sensor it reports that instead of a number.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple
 

@@ -5,8 +5,6 @@ sensor has as ``_raw`` needs the offset and the scale beside it. ``w1_slave`` ha
 its first line; 85 degC is what a DS18B20 holds before its first conversion (its data sheet, table 1).
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import tempfile

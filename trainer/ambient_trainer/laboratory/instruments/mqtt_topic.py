@@ -4,8 +4,6 @@ A message holds a number, or JSON with the number under ``key``, as zigbee2mqtt 
 broker retained is as old as nobody knows, and is left out.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -4,8 +4,6 @@ What is simulated takes the place of what the campaign names: ports, the connect
 its actions, each of which the simulated phone knows by its name.
 """
 
-from __future__ import annotations
-
 import contextlib
 import math
 import sys

@@ -1,7 +1,5 @@
 """The resistance to the ambient changes: a case covers convection and radiation, a fan or the wind forces the air."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.lti.lag import lagged

@@ -1,7 +1,5 @@
 """The reference's clock and the device's disagree, by a little more every hour."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

@@ -1,7 +1,5 @@
 """A body of its own temperature holds on: a hand with blood, cloth before a thigh, a table on a cold slab."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.lti.lag import lagged

@@ -1,7 +1,5 @@
 """The loss is not proportional to the difference: a draught sets in with it."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

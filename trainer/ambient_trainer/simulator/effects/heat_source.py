@@ -1,7 +1,5 @@
 """Heat into a node: a charger that warms up and tapers, a radio that bursts, low sun, an accessory's current."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

@@ -1,7 +1,5 @@
 """A conduction path that the circuit lacks: a strap with a mass of its own."""
 
-from __future__ import annotations
-
 from itertools import permutations
 
 import numpy as np

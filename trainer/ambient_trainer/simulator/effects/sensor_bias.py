@@ -1,7 +1,5 @@
 """A sensor's constant error, which comes within a minute and a half."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

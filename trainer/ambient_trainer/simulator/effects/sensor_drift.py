@@ -1,7 +1,5 @@
 """A sensor drifts: slowly at first, then faster."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

@@ -1,7 +1,5 @@
 """A sensor's wrong slope, which is a little bent."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

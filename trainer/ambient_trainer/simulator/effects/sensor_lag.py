@@ -1,7 +1,5 @@
 """A sensor's delay: two lags, one behind the other, as through grease and a housing."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

@@ -1,7 +1,5 @@
 """A sensor sticks at one value; its last digit flickers now and then."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.data.trace import Array

@@ -1,7 +1,5 @@
 """A node of its own that the circuit lacks: an accessory of layers, clamped on."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_trainer.simulator.additions import AIR, Added, Body, Link, apart
