@@ -10,7 +10,7 @@ from ambient_studies.discovery.score import place_in, score
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Step
 from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.truth import Truth
+from ambient_trainer.simulator.simulate import Truth
 
 PHONE = load_circuit("phone")
 TIME_S = 5.0 + 10.0 * np.arange(100)

@@ -9,8 +9,8 @@ import pytest
 
 from ambient_studies.unit_variation.runs import CALIBRATION, CALIBRATION_DEGC, Asked, traces
 from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.fleet import nominal
 from ambient_trainer.simulator.simulate import simulate
-from ambient_trainer.simulator.unit import nominal
 
 PERIOD_S = 5.0
 ZONES = load_device().main_zones

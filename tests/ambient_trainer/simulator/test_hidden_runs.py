@@ -12,12 +12,11 @@ from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.device_file import load_device
-from ambient_trainer.simulator.draw import choices, draw_hidden
 from ambient_trainer.simulator.hidden import PLUGINS, Hidden, Ran, Setting, checked, effects
 from ambient_trainer.simulator.run import Driven, Run
 from ambient_trainer.simulator.scenario import load_scenario
-from ambient_trainer.simulator.simulate import simulate, simulate_many
-from ambient_trainer.simulator.truth import truth
+from ambient_trainer.simulator.simulate import simulate, simulate_many, truth
+from ambient_trainer.simulator.text import choices, draw_hidden
 
 NODES = tuple(load_device().nodes)
 _SCENARIO = "3"

@@ -6,9 +6,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.hidden import Hidden, effects
-from ambient_trainer.simulator.text import hidden_text, parse_hidden
+from ambient_trainer.simulator.text import draw_hidden, hidden_text, parse_hidden
 
 _CAUSES = tuple(effects())
 _LASTS_S = 23_100.0

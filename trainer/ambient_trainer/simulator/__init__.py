@@ -11,7 +11,7 @@ from ambient_trainer.simulator.device_file import (
     rounded,
     with_calibrated,
 )
-from ambient_trainer.simulator.draw import draw_hidden
+from ambient_trainer.simulator.fleet import Unit, case_of, drawn, nominal
 from ambient_trainer.simulator.heat import Demand, HeatBalance
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
@@ -20,9 +20,8 @@ from ambient_trainer.simulator.live import Stepper
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Instruments, Simulated, simulate, simulate_many, trace_of
-from ambient_trainer.simulator.truth import Truth
-from ambient_trainer.simulator.unit import Unit, case_of, drawn, nominal
+from ambient_trainer.simulator.simulate import Instruments, Simulated, Truth, simulate, simulate_many, trace_of
+from ambient_trainer.simulator.text import draw_hidden
 
 __all__ = [
     "SIGNALS",

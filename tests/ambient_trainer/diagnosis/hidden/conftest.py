@@ -18,10 +18,10 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.diagnose import diagnose_changed
 from ambient_trainer.diagnosis.result import Diagnosis
-from ambient_trainer.simulator.draw import draw_hidden
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.signals import SIGNALS
 from ambient_trainer.simulator.simulate import Simulated
+from ambient_trainer.simulator.text import draw_hidden
 
 PERIOD_S = 20.0
 """Of the phone's records: half as many samples as a diagnosis takes by itself, for half the time."""
