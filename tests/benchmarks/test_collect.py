@@ -16,7 +16,7 @@ from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect
 from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Clock, Sample
 from ambient_trainer.laboratory.run import Run, Supervision
-from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
 
 RUN_MIN = 0.75

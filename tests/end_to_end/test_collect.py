@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.laboratory.simulation.laboratory import room_air
+from ambient_trainer.laboratory.simulation import room_air
 from ambient_trainer.simulator import run as simulator_run
 from ambient_trainer.simulator.scenario import scenario_path
 

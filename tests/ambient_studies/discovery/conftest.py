@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambient_studies.discovery.cases import Case, baselines
-from ambient_studies.discovery.outcome import Outcome
+from ambient_studies.discovery.figures import Outcome
 from ambient_studies.discovery.runner import train
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.diagnosis.result import Cause

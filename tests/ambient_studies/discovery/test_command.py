@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from ambient_studies.discovery.cases import Case
-from ambient_studies.discovery.outcome import Outcome
+from ambient_studies.discovery.figures import Outcome
 from ambient_studies.discovery.runner import Done
 from ambient_studies.discovery.score import Scored
 from ambient_trainer.diagnosis.result import Cause

@@ -9,6 +9,7 @@ from rich.console import Console
 from scipy.optimize import brentq
 
 from ambient_studies.discovery.figures import (
+    Outcome,
     Share,
     confident_verdicts,
     confusion,
@@ -19,7 +20,6 @@ from ambient_studies.discovery.figures import (
     pairs_found,
     reliability,
 )
-from ambient_studies.discovery.outcome import Outcome
 from ambient_studies.discovery.report import as_json, report_of
 from ambient_trainer.diagnosis.result import Cause
 from ambient_trainer.report import Finding

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import pytest
 
 from ambient_model.model import Model
-from ambient_studies.mitigation.comparison import settling_min
+from ambient_studies.mitigation.comparison import identify, settling_min, training_trace
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.loop import Record, closed_loop
 from ambient_studies.mitigation.setting import Room, Setting
-from ambient_studies.mitigation.training import identify, training_trace
 from ambient_trainer.data import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator

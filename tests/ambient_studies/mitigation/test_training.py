@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_studies.mitigation.training import identify
+from ambient_studies.mitigation.comparison import identify
 from ambient_trainer.data.trace import Trace
 
 

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from ambient_studies.thesis import calibration
-from ambient_studies.thesis.calibration import calibrate, residuals
-from ambient_studies.thesis.candidates import FORMULAS, SCENARIOS, formula_errors, formulas, record, statistics
+from ambient_studies.thesis.calibration import (
+    FORMULAS,
+    SCENARIOS,
+    calibrate,
+    formula_errors,
+    formulas,
+    record,
+    residuals,
+    statistics,
+)
 from ambient_studies.thesis.outcome import Outcome, outcome_table, outcomes
 from ambient_studies.thesis.published import published_results, sensor_statistics
 from ambient_trainer.simulator import load_device, simulate

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_studies.unit_variation.learning import LIE_DEGC, learnt
 from ambient_studies.unit_variation.report import report_of, scatter
-from ambient_studies.unit_variation.runs import CALIBRATION, Asked, traces
+from ambient_studies.unit_variation.runs import CALIBRATION, LIE_DEGC, Asked, learnt, traces
 from ambient_studies.unit_variation.study import Plan, study
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.simulator.device_file import load_device

@@ -21,7 +21,7 @@ from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, MULTIPLEXER, Clock, Sample
-from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.laboratory.simulation import simulated_laboratory
 
 SPEED = 60.0
 SAFE_DEGC = 20.0

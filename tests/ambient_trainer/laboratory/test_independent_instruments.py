@@ -40,7 +40,7 @@ from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Clock, InstrumentError
 from ambient_trainer.laboratory.run import Ending, Supervision
-from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 SPEED = 120.0

@@ -18,7 +18,7 @@ from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.report import problems_of
 from ambient_trainer.laboratory.run import Ending, Supervision
-from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
 
 SPEED = 150.0

@@ -13,6 +13,7 @@ import numpy as np
 from ambient_studies.discovery.figures import (
     CONFIDENT,
     LARGE_IN_NOISE,
+    Outcome,
     Share,
     by_cause,
     confident_verdicts,
@@ -25,7 +26,6 @@ from ambient_studies.discovery.figures import (
     pairs_found,
     reliability,
 )
-from ambient_studies.discovery.outcome import Outcome
 from ambient_studies.discovery.runner import Done
 from ambient_trainer.diagnosis import digits, duration
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ambient_studies.discovery.outcome import Outcome
+from ambient_studies.discovery.figures import Outcome
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.diagnosis import Cause, Diagnosis, Step
 from ambient_trainer.simulator import Truth, load_device

@@ -1,16 +1,78 @@
-"""The comparison: identify the governor in the chamber, then simulate it in every room with every knowledge."""
+"""The comparison: identify the governor in the chamber, then simulate it in every room with every knowledge.
+
+In the thesis's scenario 5 thermocouples lie on the skin and in the air, and the phone logs its sensor and the SoC's
+power. A free filter of order 1 is fitted twice: to the skin from the sensor and the air, and to the skin from the SoC's
+power and the air; the second gives the rise per W and its time constant. The rooms are no part of it.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
+
 from ambient_model.faults import refuse
 from ambient_model.model import Model
+from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import Identified
 from ambient_studies.mitigation.loop import Record, closed_loop, phone_zones
+from ambient_studies.mitigation.plant import skin_degC
 from ambient_studies.mitigation.setting import Room, Setting
-from ambient_studies.mitigation.training import identify, training_trace
+from ambient_trainer.data import Trace
+from ambient_trainer.estimators import Effort, Fit, FreeFilterEstimator
+from ambient_trainer.simulator import (
+    Zone,
+    felt,
+    integrate,
+    load_device,
+    load_scenario,
+    prepare,
+    probe_reading,
+    stream,
+    zone_reading,
+)
+
+SCENARIO = "5"
+SEED = 0
+_AIR, _POWER = "air_degC", "soc_power_W"
+_MARGIN_PERCENT = 95
+
+
+def training_trace(zone: Zone, period_s: float = 1.0, progress: Callable[[int, int], None] | None = None) -> Trace:
+    """The run: ``zone``'s column, ``air_degC``, ``soc_power_W``, and the skin as the reference."""
+    phone = load_device()
+    driven = integrate([prepare(load_scenario(SCENARIO), SEED, period_s, phone)], period_s, progress)[0]
+    kept = slice(driven.run.unrecorded, None)
+    reading = zone_reading(zone, felt(zone, phone, driven.nodes_degC, period_s), stream(SEED, f"zone {zone.name}"))
+    columns = {
+        f"{zone.name}_degC": reading[kept],
+        _AIR: probe_reading(driven.run.air_degC, period_s, stream(SEED, "probes"))[kept],
+        _POWER: np.round(driven.processor_W[kept], 3),
+        REFERENCE: probe_reading(skin_degC(driven.nodes_degC), period_s, stream(SEED, "skin"))[kept],
+    }
+    time_s = np.round(np.arange(len(reading[kept])) * period_s, 6)
+    return Trace(f"scenario {SCENARIO}", time_s, columns, {"simulated": "yes"})
+
+
+def identify(trace: Trace) -> Identified:
+    """Identify a governor on the trace's first column."""
+    sensor = next(iter(trace.columns))
+    skin, power = _fit(trace, sensor), _fit(trace, _POWER)
+    return Identified(
+        sensor=sensor.removesuffix("_degC"),
+        skin=skin.system,
+        hold=skin.hold,
+        rmse_degC=skin.rmse_degC,
+        margin_K=max(0.0, float(np.percentile(skin.errors_degC[0], _MARGIN_PERCENT))),
+        resistance_K_W=power.dc_gains[0],
+        time_constant_s=float(-1.0 / power.system.A[0, 0]),
+    )
+
+
+def _fit(trace: Trace, driver: str) -> Fit:
+    return FreeFilterEstimator(1).fit([trace], Effort(starts=4), inputs=(driver, _AIR))
+
 
 Progress = Callable[[str, int, int], None]
 """Stage, steps done, steps in all."""

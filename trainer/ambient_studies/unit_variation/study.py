@@ -15,8 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_model.model import Model
 from ambient_studies.mitigation.loop import phone_zones
-from ambient_studies.unit_variation.learning import DAYS, LIE_DEGC, learnt
-from ambient_studies.unit_variation.runs import CALIBRATION, ON_BEFORE_MIN, Asked, traces
+from ambient_studies.unit_variation.runs import CALIBRATION, DAYS, LIE_DEGC, ON_BEFORE_MIN, Asked, learnt, traces
 from ambient_trainer.data import Trace
 from ambient_trainer.estimation import results, workers
 from ambient_trainer.evaluation import Evaluation, correction, evaluate_trace

@@ -11,7 +11,7 @@ from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import Job, collect, laboratory_path
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.run import Supervision
-from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+from ambient_trainer.laboratory.simulation import simulated_laboratory
 
 METER = '''
 """A meter that answers T? by a number of kelvin."""

@@ -83,7 +83,7 @@ def command(
 def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed: int) -> Iterator[Job]:
     from ambient_trainer.laboratory.collect import Job
     from ambient_trainer.laboratory.messages import Clock
-    from ambient_trainer.laboratory.simulation.laboratory import simulated_laboratory
+    from ambient_trainer.laboratory.simulation import simulated_laboratory
 
     if not simulate:
         yield Job(loaded, output)

@@ -1,1 +1,0 @@
-"""``collect --simulate``: instruments on pseudo-terminals, a phone behind a shell, and one air for all of them."""
