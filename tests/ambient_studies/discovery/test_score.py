@@ -9,7 +9,7 @@ import pytest
 from ambient_studies.discovery.score import place_in, score
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Step
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.simulate import Truth
 
 PHONE = load_circuit("phone")

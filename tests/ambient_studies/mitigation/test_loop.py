@@ -12,7 +12,7 @@ from ambient_model.tracking import Tracker, nearest_discrete
 from ambient_studies.mitigation.governor import FLOOR_W
 from ambient_studies.mitigation.loop import closed_loop, phone_zones
 from ambient_studies.mitigation.setting import Knowledge, Outage, Room, Setting
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.run import Run, integrate, stream
 

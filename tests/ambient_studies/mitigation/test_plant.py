@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_studies.mitigation.plant import Plant, skin_degC
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.heat import Demand, HeatBalance
 from ambient_trainer.simulator.instruments import felt, zone_reading
 from ambient_trainer.simulator.run import Run, integrate, stream

@@ -19,7 +19,7 @@ from ambient_studies.thesis.calibration import (
 from ambient_studies.thesis.outcome import Outcome, outcome_table, outcomes
 from ambient_studies.thesis.published import published_results, sensor_statistics
 from ambient_trainer.simulator import load_device, simulate
-from ambient_trainer.simulator.device_file import load_constants
+from ambient_trainer.simulator.device import load_constants
 
 
 def shipped_values():

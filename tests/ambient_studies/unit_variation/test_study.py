@@ -12,7 +12,7 @@ from ambient_studies.unit_variation.report import report_of, scatter
 from ambient_studies.unit_variation.runs import CALIBRATION, LIE_DEGC, Asked, learnt, traces
 from ambient_studies.unit_variation.study import Plan, study
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.fleet import drawn
 
 PLAN = Plan(count=5, seed=2, scenarios=("1",), period_s=5.0)

@@ -6,7 +6,7 @@ import yaml
 from ambient_model.faults import Refused
 from ambient_trainer.laboratory.campaign import load_campaign
 from ambient_trainer.laboratory.collect import signals_while
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names, scenario_path
 
 STEP = {"duration_min": 5, "chamber_degC": 20}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.heat import LONGEST_STEP_S, Demand, HeatBalance, rk4_step
 from ambient_trainer.simulator.run import Run, integrate
 

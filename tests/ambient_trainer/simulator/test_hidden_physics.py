@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.simulator.additions import AIR, TERMS, Additions, together
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import Acting, Hidden, Setting
 from ambient_trainer.simulator.run import Run, integrate

@@ -11,7 +11,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, Term
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.hidden import PLUGINS, Hidden, Ran, Setting, checked, effects
 from ambient_trainer.simulator.run import Driven, Run
 from ambient_trainer.simulator.scenario import load_scenario

@@ -13,7 +13,7 @@ from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.simulator import load_device, simulate
-from ambient_trainer.simulator.device_file import device_path
+from ambient_trainer.simulator.device import device_path
 from ambient_trainer.simulator.heat import HeatBalance
 
 DAY = "set_top_box"

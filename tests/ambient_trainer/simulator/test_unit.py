@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.fleet import drawn, nominal
 
 ZONES = load_device().main_zones

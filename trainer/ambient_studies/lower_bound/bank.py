@@ -12,12 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ambient_trainer.data import Trace, sampling_period_s
+from ambient_trainer.data import Array, Trace, sampling_period_s
 from ambient_trainer.lti import one_pole
-
-Array = NDArray[np.float64]
 
 _FASTEST_S, _SLOWEST_S = 2.0, 8000.0
 _RIDGES = tuple(10.0**exponent for exponent in range(-10, -1))

@@ -2,9 +2,10 @@
 
 from ambient_trainer.simulator.additions import Added
 from ambient_trainer.simulator.chamber import coloured
-from ambient_trainer.simulator.device import Device, Zone
-from ambient_trainer.simulator.device_file import (
+from ambient_trainer.simulator.device import (
     Constant,
+    Device,
+    Zone,
     device_path,
     load_constants,
     load_device,

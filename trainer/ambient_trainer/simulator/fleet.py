@@ -19,8 +19,7 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, together
-from ambient_trainer.simulator.device import Device, Tolerances, Zone
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import Device, Tolerances, Zone, load_device
 from ambient_trainer.simulator.hidden import Acting, Hidden
 from ambient_trainer.simulator.run import Driven, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario

@@ -13,8 +13,7 @@ import numpy as np
 from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator.chamber import Chamber, Probes
-from ambient_trainer.simulator.device import Bursts, Device, Zone
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import Bursts, Device, Zone, load_device
 from ambient_trainer.simulator.heat import Demand, HeatBalance, advanced
 from ambient_trainer.simulator.instruments import felt_weights, reported
 from ambient_trainer.simulator.run import bursts, stream

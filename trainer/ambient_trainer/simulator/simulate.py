@@ -15,8 +15,7 @@ from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.simulator.additions import Added, together
-from ambient_trainer.simulator.device import Device, Zone
-from ambient_trainer.simulator.device_file import DEFAULT, load_device
+from ambient_trainer.simulator.device import DEFAULT, Device, Zone, load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, Setting, faults, run_faults
 from ambient_trainer.simulator.instruments import Instruments, felt, probe_reading, zone_reading

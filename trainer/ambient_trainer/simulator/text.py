@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from ambient_model.faults import Fault, Refused
-from ambient_trainer.simulator.device import Device
-from ambient_trainer.simulator.device_file import load_device
+from ambient_trainer.simulator.device import Device, load_device
 from ambient_trainer.simulator.hidden import Effect, Hidden, checked, effects, outside_faults, run_faults
 from ambient_trainer.simulator.run import stream
 
