@@ -79,7 +79,7 @@ def test_nothing_is_beyond_what_can_be(many):
 
 def test_a_case_is_that_of_its_layers(many):
     """Conduction through 1 to 2 mm of 0.2 W/(m K) and 0.2 to 0.5 mm of air against 20 W/(m2 K)."""
-    shares = [unit.case.resistance_frac for unit in many]
+    shares = [unit.case[0].size for unit in many]
     assert min(shares) >= 20 * (0.001 / 0.2 + 0.0002 / 0.026)
     assert max(shares) <= 20 * (0.002 / 0.2 + 0.0005 / 0.026)
-    assert all(40 <= unit.case.capacitance_J_K <= 64 for unit in many)
+    assert all(40 <= unit.case[1].size <= 64 for unit in many)

@@ -9,20 +9,7 @@ from ambient_model.tracking import Estimate
 from ambient_model.unit_offset import LEARNING, OffsetPrior, estimate_variance_degC2, initial, predicted, updated
 from ambient_trainer.data import Trace
 from ambient_trainer.evaluation import Evaluation
-from ambient_trainer.simulator import (
-    Added,
-    Instruments,
-    Progress,
-    Scenario,
-    Step,
-    Unit,
-    case_of,
-    integrate,
-    load_scenario,
-    prepare,
-    stream,
-    trace_of,
-)
+from ambient_trainer.simulator import Progress, Scenario, Step, Unit, UnitRun, load_scenario, prepare, stream, traces_of
 
 CALIBRATION = "calibration"
 CALIBRATION_DEGC = 25.0
@@ -44,14 +31,7 @@ class Asked(NamedTuple):
 def traces(runs: Sequence[Asked], period_s: float, progress: Progress | None = None) -> list[Trace]:
     """What each run logs, in the time of the longest."""
     prepared = [prepare(scenario_of(each.scenario), each.seed, period_s, each.unit.phone) for each in runs]
-    covered = [
-        case_of(each.unit, run, period_s, each.seed) if each.cased else Added() for each, run in zip(runs, prepared)
-    ]
-    driven = integrate(prepared, period_s, progress, covered)
-    return [
-        trace_of(one, each.scenario, each.seed, period_s, each.unit.zones, Instruments(each.unit.gains))
-        for one, each in zip(driven, runs)
-    ]
+    return traces_of([UnitRun(*each, run) for each, run in zip(runs, prepared)], period_s, progress)
 
 
 def scenario_of(name: str) -> Scenario:

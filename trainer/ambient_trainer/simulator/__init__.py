@@ -1,6 +1,5 @@
 """Simulated devices and the scenarios they go through; everything that comes from here is simulated."""
 
-from ambient_trainer.simulator.additions import Added
 from ambient_trainer.simulator.chamber import coloured
 from ambient_trainer.simulator.device import (
     Constant,
@@ -12,7 +11,7 @@ from ambient_trainer.simulator.device import (
     rounded,
     with_calibrated,
 )
-from ambient_trainer.simulator.fleet import Unit, case_of, drawn, nominal
+from ambient_trainer.simulator.fleet import Unit, UnitRun, drawn, nominal, traces_of
 from ambient_trainer.simulator.heat import Demand, HeatBalance
 from ambient_trainer.simulator.hidden import Hidden
 from ambient_trainer.simulator.hidden import effects as effect_kinds
@@ -21,19 +20,17 @@ from ambient_trainer.simulator.live import Stepper
 from ambient_trainer.simulator.run import Driven, Progress, Run, bursts, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario, scenario_names
 from ambient_trainer.simulator.signals import SIGNALS
-from ambient_trainer.simulator.simulate import Instruments, Simulated, Truth, simulate, simulate_many, trace_of
+from ambient_trainer.simulator.simulate import Simulated, Truth, simulate, simulate_many
 from ambient_trainer.simulator.text import draw_hidden
 
 __all__ = [
     "SIGNALS",
-    "Added",
     "Constant",
     "Demand",
     "Device",
     "Driven",
     "HeatBalance",
     "Hidden",
-    "Instruments",
     "Progress",
     "Run",
     "Scenario",
@@ -42,9 +39,9 @@ __all__ = [
     "Stepper",
     "Truth",
     "Unit",
+    "UnitRun",
     "Zone",
     "bursts",
-    "case_of",
     "coloured",
     "device_path",
     "draw_hidden",
@@ -63,7 +60,7 @@ __all__ = [
     "simulate",
     "simulate_many",
     "stream",
-    "trace_of",
+    "traces_of",
     "with_calibrated",
     "zone_reading",
 ]

@@ -9,7 +9,7 @@ temperature. The same seed gives the same unit, however many others there are.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -21,7 +21,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, together
 from ambient_trainer.simulator.device import Device, Tolerances, Zone, load_device
 from ambient_trainer.simulator.hidden import Acting, Hidden
-from ambient_trainer.simulator.run import Driven, Run, integrate, prepare, stream
+from ambient_trainer.simulator.run import Progress, Run, integrate, prepare, stream
 from ambient_trainer.simulator.scenario import Scenario, Step, load_scenario
 from ambient_trainer.simulator.simulate import Instruments, setting_of, trace_of
 from ambient_trainer.simulator.text import hidden_text, parse_hidden
@@ -34,14 +34,6 @@ _TPU_g, _TPU_J_gK = (25.0, 40.0), 1.6
 
 
 @dataclass(frozen=True)
-class Case:
-    """What a case does to the rear shell: the convective resistance grows by this share of it, and it stores heat."""
-
-    resistance_frac: float
-    capacitance_J_K: float
-
-
-@dataclass(frozen=True)
 class Unit:
     """One phone, its sensors, and the case that it may be put into; number 0 is the nominal one."""
 
@@ -50,7 +42,8 @@ class Unit:
     zones: tuple[Zone, ...]
     gains: Mapping[str, float]
     """By zone the relative error of the slope."""
-    case: Case
+    case: tuple[Hidden, ...]
+    """What it does to the rear shell: the convective resistance grows by a share of it, and it stores heat."""
 
 
 def nominal(zones: Sequence[Zone]) -> Unit:
@@ -94,20 +87,16 @@ def _made(zone: Zone, device: Device, tolerances: Tolerances, number: int, seed:
 
 
 def _assembled(phone: Device, tolerances: Tolerances, random: np.random.Generator) -> Device:
-    def scattered(values: Mapping[str, float], deviation: float) -> dict[str, float]:
-        return {name: value * _scatter(deviation, random) for name, value in sorted(values.items())}
-
     idle, load = _scatter(tolerances.idle_power, random), _scatter(tolerances.load_power, random)
     values = {
         f"activities.{name}.heat_W.{node}": heat_W * (idle if name == phone.idle else load)
         for name, activity in phone.activities.items()
         for node, heat_W in activity.heat_W.items()
     }
-    capacitances = {name: node.capacitance_J_K for name, node in phone.nodes.items()}
-    for name, value in scattered(capacitances, tolerances.capacitance).items():
-        values[f"nodes.{name}.capacitance_J_K"] = value
-    for edge, value in scattered(phone.conductance_W_K, tolerances.conductance).items():
-        values[f"conductance_W_K.{edge}"] = value
+    for name, node in sorted(phone.nodes.items()):
+        values[f"nodes.{name}.capacitance_J_K"] = node.capacitance_J_K * _scatter(tolerances.capacitance, random)
+    for edge, value in sorted(phone.conductance_W_K.items()):
+        values[f"conductance_W_K.{edge}"] = value * _scatter(tolerances.conductance, random)
     values["convection_W_m2_K125"] = phone.convection_W_m2_K125 * _scatter(tolerances.loss, random)
     radiated = _scatter(tolerances.loss, random)
     values |= {f"nodes.{name}.emissivity": min(node.emissivity * radiated, 1.0) for name, node in phone.nodes.items()}
@@ -116,25 +105,45 @@ def _assembled(phone: Device, tolerances: Tolerances, random: np.random.Generato
     return phone.with_values(values)
 
 
-def case_of(unit: Unit, run: Run, period_s: float, seed: int) -> Added:
-    """What the unit's case adds to ``run``: it covers the rear shell since ever."""
-    setting = setting_of(run, period_s)
-    effects = (
-        Hidden("ambient_coupling", "back", size=unit.case.resistance_frac),
-        Hidden("thermal_mass", "back", size=unit.case.capacitance_J_K),
-    )
-    acting = (Acting(each, setting, partial(stream, seed, "case")) for each in effects)
-    return together([each.part(number) for number, each in enumerate(acting)])
-
-
-def _case(plastic_mm: float, air_mm: float, mass_g: float) -> Case:
+def _case(plastic_mm: float, air_mm: float, mass_g: float) -> tuple[Hidden, ...]:
     resistance_m2K_W = 1e-3 * (plastic_mm / _TPU_W_mK + air_mm / _AIR_W_mK)
-    return Case(resistance_m2K_W * _OUTSIDE_W_m2K, mass_g * _TPU_J_gK)
+    return (
+        Hidden("ambient_coupling", "back", size=resistance_m2K_W * _OUTSIDE_W_m2K),
+        Hidden("thermal_mass", "back", size=mass_g * _TPU_J_gK),
+    )
 
 
 def _scatter(deviation: float, random: np.random.Generator) -> float:
     """A factor, log-normal with the median 1."""
     return math.exp(deviation * random.standard_normal())
+
+
+@dataclass(frozen=True)
+class UnitRun:
+    """A unit, in its case since ever or bare, in a run of a scenario with ``seed`` for its weather and noise."""
+
+    unit: Unit
+    cased: bool
+    scenario: str
+    seed: int
+    run: Run
+    acting: Sequence[Acting] = ()
+    """What is hidden in it besides."""
+
+    def added(self, period_s: float) -> Added:
+        """What case and effects add to the unit."""
+        setting, random = setting_of(self.run, period_s), partial(stream, self.seed, "case")
+        case = [Acting(each, setting, random) for each in self.unit.case * self.cased]
+        return together([each.part(number) for number, each in enumerate([*self.acting, *case])])
+
+
+def traces_of(runs: Sequence[UnitRun], period_s: float, progress: Progress | None = None) -> list[Trace]:
+    """What each run logs, in the time of the longest."""
+    done = integrate([each.run for each in runs], period_s, progress, [each.added(period_s) for each in runs])
+    return [
+        trace_of(driven, each.scenario, each.seed, period_s, each.unit.zones, Instruments(each.unit.gains, each.acting))
+        for each, driven in zip(runs, done)
+    ]
 
 
 CASE_ON, CASE_OFF = "on", "off"
@@ -171,7 +180,7 @@ class FleetUnit:
     truth: Mapping[str, Any]
 
 
-def fleet(plan: FleetPlan, progress: Callable[[int, int], None] | None = None) -> Iterator[FleetUnit]:
+def fleet(plan: FleetPlan, progress: Progress | None = None) -> Iterator[FleetUnit]:
     """The units of ``plan``, one after the other, simulated fifty at a time.
 
     Raises :class:`Refused` for a scenario, device or effect with faults, and more effects than units.
@@ -187,52 +196,34 @@ def fleet(plan: FleetPlan, progress: Callable[[int, int], None] | None = None) -
     }
     for first in range(1, plan.count + 1, _AT_ONCE):
         numbers = range(first, min(first + _AT_ONCE, plan.count + 1))
-        used = [_in_use(plan, device, scenario, number, hidden.get(number, ())) for number in numbers]
-        done = integrate([each.run for each in used], plan.period_s, None, [each.added for each in used])
-        yield from (each.logged(driven) for each, driven in zip(used, done))
+        runs = [_run(plan, device, scenario, number, hidden.get(number, ())) for number in numbers]
+        yield from map(_logged, runs, traces_of(runs, plan.period_s))
         if progress:
             progress(numbers[-1], plan.count)
 
 
-@dataclass(frozen=True)
-class _InUse:
-    """A unit in the run that it goes through."""
-
-    plan: FleetPlan
-    unit: Unit
-    cased: bool
-    seed: int
-    run: Run
-    acting: Sequence[Acting]
-
-    @property
-    def added(self) -> Added:
-        parts = [each.part(10 + index) for index, each in enumerate(self.acting)]
-        return together([*parts, *([case_of(self.unit, self.run, self.plan.period_s, self.seed)] * self.cased)])
-
-    def logged(self, driven: Driven) -> FleetUnit:
-        unit, name, case = self.unit, f"u{self.unit.number:05d}", CASE_ON if self.cased else CASE_OFF
-        instruments = Instruments(unit.gains, self.acting)
-        trace = trace_of(driven, self.plan.scenario, self.seed, self.plan.period_s, unit.zones, instruments)
-        effects = [each.hidden for each in self.acting]
-        truth = {
-            "unit": name,
-            "case": case,
-            "offset_K": {zone.name: zone.offset_degC for zone in unit.zones},
-            "gain": dict(unit.gains),
-            "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in effects],
-        }
-        return FleetUnit(name, replace(trace, path=name), case, truth)
-
-
-def _in_use(plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidden: Sequence[Hidden]) -> _InUse:
+def _run(plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidden: Sequence[Hidden]) -> UnitRun:
     unit = drawn(number, plan.seed, device.main_zones, device)
     cased = stream(plan.seed, f"unit {number} cased").uniform() < plan.cased
     seed = _RUNS_APART * (plan.seed + 1) + 10_000_019 * plan.run + number
     run = prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
     setting = setting_of(run, plan.period_s)
     own = [partial(stream, seed, f"hidden {each.cause} {each.location}") for each in hidden]
-    return _InUse(plan, unit, cased, seed, run, [Acting(each, setting, random) for each, random in zip(hidden, own)])
+    acting = [Acting(each, setting, random) for each, random in zip(hidden, own)]
+    return UnitRun(unit, cased, plan.scenario, seed, run, acting)
+
+
+def _logged(run: UnitRun, trace: Trace) -> FleetUnit:
+    unit, name, case = run.unit, f"u{run.unit.number:05d}", CASE_ON if run.cased else CASE_OFF
+    effects = [each.hidden for each in run.acting]
+    truth = {
+        "unit": name,
+        "case": case,
+        "offset_K": {zone.name: zone.offset_degC for zone in unit.zones},
+        "gain": dict(unit.gains),
+        "hidden": [{"text": hidden_text(each), "cause": each.cause, "location": each.location} for each in effects],
+    }
+    return FleetUnit(name, replace(trace, path=name), case, truth)
 
 
 def _usage(scenario: Scenario, seed: int, minutes: float | None) -> Scenario:
