@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_studies.unit_variation.runs import CALIBRATION, CALIBRATION_DEGC, Asked, traces
+from ambient_studies.unit_variation.study import CALIBRATION, CALIBRATION_DEGC, Asked, traces
 from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.fleet import nominal
 from ambient_trainer.simulator.simulate import simulate

@@ -9,8 +9,7 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_studies.unit_variation.report import report_of, scatter
-from ambient_studies.unit_variation.runs import CALIBRATION, LIE_DEGC, Asked, learnt, traces
-from ambient_studies.unit_variation.study import Plan, study
+from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Asked, Plan, learnt, study, traces
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.fleet import drawn

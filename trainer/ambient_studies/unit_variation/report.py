@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ambient_studies.unit_variation.runs import CALIBRATION_DEGC, DAYS, KNOWN_MIN, LIE_DEGC, READING_SIGMA_DEGC
-from ambient_studies.unit_variation.study import Study
+from ambient_studies.unit_variation.study import CALIBRATION_DEGC, DAYS, KNOWN_MIN, LIE_DEGC, READING_SIGMA_DEGC, Study
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table, palette, plots
 
 if TYPE_CHECKING:

@@ -137,9 +137,9 @@ class UnitRun:
         return together([each.part(number) for number, each in enumerate([*self.acting, *case])])
 
 
-def traces_of(runs: Sequence[UnitRun], period_s: float, progress: Progress | None = None) -> list[Trace]:
+def traces_of(runs: Sequence[UnitRun], period_s: float) -> list[Trace]:
     """What each run logs, in the time of the longest."""
-    done = integrate([each.run for each in runs], period_s, progress, [each.added(period_s) for each in runs])
+    done = integrate([each.run for each in runs], period_s, added=[each.added(period_s) for each in runs])
     return [
         trace_of(driven, each.scenario, each.seed, period_s, each.unit.zones, Instruments(each.unit.gains, each.acting))
         for each, driven in zip(runs, done)
