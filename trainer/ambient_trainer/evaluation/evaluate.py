@@ -7,7 +7,7 @@ counted.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from ambient_model.faults import Refused, refuse
 from ambient_model.model import Discrete, Input, Model
 from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
-from ambient_model.tracking import Tracker, bridge_limit_s, nearest_discrete
+from ambient_model.tracking import Estimate, Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace, sha256_of
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
@@ -61,14 +61,12 @@ class Evaluation:
 
     def after(self, count: int) -> Evaluation:
         """The evaluation without its first ``count`` samples, none of which may have been scored."""
-        rows = ("time_s", "estimate_degC", "low_degC", "high_degC", "status", "reference_degC", "error_degC")
-        kept: dict[str, Any] = {name: getattr(self, name)[count:] for name in rows}
-        return replace(
-            self,
-            **kept,
-            inputs={each: values[count:] for each, values in self.inputs.items()},
-            baseline=self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[count:]),
-        )
+        rows: dict[str, Any] = {
+            name: values[count:] for name, values in vars(self).items() if isinstance(values, np.ndarray)
+        }
+        inputs = {each: values[count:] for each, values in self.inputs.items()}
+        baseline = self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[count:])
+        return replace(self, **rows, inputs=inputs, baseline=baseline)
 
     @property
     def without_estimate(self) -> int:
@@ -89,17 +87,6 @@ class Evaluation:
     def unscored(self) -> int:
         """The number of samples without an estimate or a reference."""
         return self.without_estimate + self.without_reference
-
-
-class _Tracked(NamedTuple):
-    estimate_degC: Array
-    low_degC: Array
-    high_degC: Array
-    status: NDArray[np.str_]
-    used: Array
-    """The inputs as the recursion took them, n x m."""
-    sigma_degC: Array
-    """Of a model with an error variance."""
 
 
 def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
@@ -141,28 +128,32 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
             "log more often, or fit the model to a trace with this period",
         )
     inputs = {each: trace.columns[each.column] for each in model.main.inputs}
-    tracked = _track(model, discrete, trace.time_s, np.column_stack(list(inputs.values())))
-    error = trace.reference - tracked.estimate_degC
+    estimates, sigma_degC = _tracked(model, discrete, trace.time_s, np.column_stack(list(inputs.values())))
+    estimate, low, high, used = (  # None becomes NaN
+        np.array([getattr(each, name) for each in estimates], dtype=np.float64)
+        for name in ("ambient_degC", "low_degC", "high_degC", "used")
+    )
+    error = trace.reference - estimate
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:
-        raise _too_few(trace, tracked)
+        raise _too_few(trace, estimate)
     variance = model.error_variance
-    published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, tracked.sigma_degC[scored])
+    published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, sigma_degC[scored])
     return Evaluation(
         trace=trace.path,
         time_s=trace.time_s,
         inputs=inputs,
-        estimate_degC=tracked.estimate_degC,
-        low_degC=tracked.low_degC,
-        high_degC=tracked.high_degC,
-        status=tracked.status,
+        estimate_degC=estimate,
+        low_degC=low,
+        high_degC=high,
+        status=np.array([each.status for each in estimates]),
         reference_degC=trace.reference,
         error_degC=error,
         metrics=score(error[scored]),
         coverage=coverage(error[scored], *published),
         trace_period_s=trace_period_s,
         period_s=discrete.period_s,
-        baseline=_baseline(model, tracked, trace.reference, scored),
+        baseline=_baseline(model, used, trace.reference, scored),
     )
 
 
@@ -183,8 +174,8 @@ def _require_columns(model: Model, trace: Trace) -> None:
         )
 
 
-def _too_few(trace: Trace, tracked: _Tracked) -> Refused:
-    estimates = np.isfinite(tracked.estimate_degC)
+def _too_few(trace: Trace, estimate_degC: Array) -> Refused:
+    estimates = np.isfinite(estimate_degC)
     references = np.isfinite(trace.reference)
     return refuse(
         trace.path,
@@ -195,28 +186,21 @@ def _too_few(trace: Trace, tracked: _Tracked) -> Refused:
     )
 
 
-def _track(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> _Tracked:
+def _tracked(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> tuple[list[Estimate], Array]:
+    """The estimates, and sigma in degC of a model with an error variance."""
     observer = Observer(model, Tracker(model.main, discrete))
     estimates, sigmas = [], []
     for now_s, row in zip(time_s.tolist(), inputs.tolist()):
         estimates.append(observer.update(now_s, [None if value != value else value for value in row]))
         sigmas.append(observer.sigma_degC)
-    return _Tracked(
-        # None becomes NaN
-        np.array([each.ambient_degC for each in estimates], dtype=np.float64),
-        np.array([each.low_degC for each in estimates], dtype=np.float64),
-        np.array([each.high_degC for each in estimates], dtype=np.float64),
-        np.array([each.status for each in estimates]),
-        np.array([each.used for each in estimates], dtype=np.float64),
-        np.array(sigmas, dtype=np.float64),
-    )
+    return estimates, np.array(sigmas, dtype=np.float64)
 
 
-def _baseline(model: Model, tracked: _Tracked, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:
+def _baseline(model: Model, used: Array, reference: Array, scored: NDArray[np.bool_]) -> Baseline | None:
     static = static_linear(model)
     if static is None:
         return None
     # from the inputs as the recursion took them: where one is held over a gap, both are scored on the same sample
     gains = np.array([static.gains.get(each.name, 0.0) for each in model.main.inputs])
-    estimate = tracked.used @ gains + static.offset
+    estimate = used @ gains + static.offset
     return Baseline(estimate, score((reference - estimate)[scored]))

@@ -7,10 +7,10 @@ quantile of the normal distribution: where one single error lies, if errors are 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from statistics import NormalDist
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+import pandas as pd
+from scipy.stats import norm
 
 from ambient_model.model import LEVELS_PERCENT, Band, Quantiles
 from ambient_trainer.data.trace import Array
@@ -46,7 +46,7 @@ def score(error_degC: Array) -> Metrics:
 
 def normal_interval(mean: float, sigma: float, level_percent: float) -> Band:
     """What ``level_percent`` of the draws from a normal distribution lie between."""
-    reach = _quantile(level_percent) * sigma
+    reach = _reach(level_percent) * sigma
     return (mean - reach, mean + reach)
 
 
@@ -67,16 +67,13 @@ def rolling_band(error_degC: Array) -> tuple[Array, Array]:
     The value at k is of the errors k - 10 to k + 9; the first 10 and the last 10 values repeat the nearest window's.
     A missing error (NaN) is left out of the windows and its own value is NaN; with fewer than 20 errors all are NaN.
     """
-    low, high = np.full_like(error_degC, np.nan), np.full_like(error_degC, np.nan)
-    known = np.flatnonzero(np.isfinite(error_degC))
-    if len(known) < ROLLING_SAMPLES:
-        return low, high
-    windows = sliding_window_view(error_degC[known], ROLLING_SAMPLES)
-    mean, reach = windows.mean(axis=1), _quantile(ROLLING_LEVEL_PERCENT) * windows.std(axis=1, ddof=1)
-    window = np.clip(np.arange(len(known)) - ROLLING_SAMPLES // 2, 0, len(windows) - 1)
-    low[known], high[known] = (mean - reach)[window], (mean + reach)[window]
+    known = pd.Series(error_degC).dropna()
+    windows = known.rolling(ROLLING_SAMPLES, center=True)
+    mean, reach = windows.mean(), _reach(ROLLING_LEVEL_PERCENT) * windows.std()
+    every = range(len(error_degC))
+    low, high = (ends.bfill().ffill().reindex(every).to_numpy() for ends in (mean - reach, mean + reach))
     return low, high
 
 
-def _quantile(level_percent: float) -> float:
-    return NormalDist().inv_cdf(0.5 + level_percent / 200)
+def _reach(level_percent: float) -> float:
+    return float(norm.ppf(0.5 + level_percent / 200))

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BeforeValidator
 
-from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.faults import refuse
 from ambient_model.model import Model
+from ambient_trainer.data.strict_yaml import Strict, validated
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 
 
-class TrainingSpan(BaseModel):
+class TrainingSpan(Strict, extra="ignore"):
     """A part of a trace that a model was trained on: from_s <= time_s < to_s, open where there is none."""
-
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
 
     trace: str
     sha256: str
@@ -38,20 +37,29 @@ class TrainingSpan(BaseModel):
         return f"{self.trace}, {start} to {stop}"
 
 
-class StaticLinear(BaseModel):
+class StaticLinear(Strict, extra="ignore"):
     """The static baseline: ambient = sum of gain x input + offset."""
 
-    model_config = ConfigDict(frozen=True, allow_inf_nan=False)
-
-    kind: Literal["static linear"]
     gains: dict[str, float]
     offset: float
 
 
-def training_spans(model: Model) -> list[TrainingSpan]:
+def _of_this_kind(content: Any) -> Any:
+    return content if isinstance(content, dict) and content.get("kind") == STATIC_LINEAR else None
+
+
+class _Provenance(Strict, extra="ignore"):
+    training: tuple[TrainingSpan, ...] = ()
+    baseline: Annotated[StaticLinear | None, BeforeValidator(_of_this_kind)] = None
+
+
+class _File(Strict):
+    provenance: _Provenance
+
+
+def training_spans(model: Model) -> tuple[TrainingSpan, ...]:
     """What the model was trained on; empty where its file names nothing. Raises :class:`Refused` for other forms."""
-    found: list[TrainingSpan] = _parsed(TypeAdapter(list[TrainingSpan]), model, "training", [])
-    return found
+    return _parsed(model).training
 
 
 def static_linear(model: Model) -> StaticLinear | None:
@@ -59,19 +67,11 @@ def static_linear(model: Model) -> StaticLinear | None:
 
     Raises :class:`Refused` for one that cannot be computed from the model's inputs.
     """
-    content = model.provenance.get("baseline")
-    if not isinstance(content, dict) or content.get("kind") != STATIC_LINEAR:
-        return None
-    found: StaticLinear = _parsed(TypeAdapter(StaticLinear), model, "baseline", None)
+    found = _parsed(model).baseline
     inputs = [each.name for each in model.main.inputs]
-    strangers = [name for name in found.gains if name not in inputs]
-    if strangers:
-        raise refuse(
-            f"model {model.name}",
-            "provenance.baseline.gains",
-            f"{', '.join(strangers)}: no input of the model",
-            f"inputs are {', '.join(inputs)}",
-        )
+    if found and (strangers := found.gains.keys() - set(inputs)):
+        problem, hint = f"{', '.join(strangers)}: no input of the model", f"inputs are {', '.join(inputs)}"
+        raise refuse(f"model {model.name}", "provenance.baseline.gains", problem, hint)
     return found
 
 
@@ -80,18 +80,5 @@ def overlaps_training(model: Model, trace: Trace, sha256: str) -> bool:
     return any(span.sha256.lower() == sha256 and span.holds_any(trace.time_s) for span in training_spans(model))
 
 
-def _parsed(adapter: TypeAdapter[Any], model: Model, key: str, absent: Any) -> Any:
-    if key not in model.provenance:
-        return absent
-    try:
-        return adapter.validate_python(model.provenance[key])
-    except ValidationError as error:
-        faults = [
-            Fault(
-                ".".join(["provenance", key, *map(str, each["loc"])]),
-                each["msg"],
-                "export the model again with 'ambient-trainer fit'",
-            )
-            for each in error.errors()
-        ]
-        raise Refused(f"model {model.name}", faults) from error
+def _parsed(model: Model) -> _Provenance:
+    return validated(_File, {"provenance": dict(model.provenance)}, f"model {model.name}").provenance
