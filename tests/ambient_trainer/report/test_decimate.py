@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ambient_trainer.report.decimate import broken_at_gaps, envelope, extremes
+from ambient_trainer.report.plots import broken_at_gaps, envelope, extremes
 
 NAN = float("nan")
 VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(NAN)), min_size=1, max_size=300)

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 from ambient_trainer.report import Block, Finding, Report, Section, Table
-from ambient_trainer.report.machine import write_json
+from ambient_trainer.report.files import write_json
 
 
 class Result(ABC):

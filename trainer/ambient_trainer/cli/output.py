@@ -15,8 +15,7 @@ from rich.console import Console
 
 from ambient_model.faults import Fault
 from ambient_trainer.report import Report
-from ambient_trainer.report.files import PAGE, SCRIPT
-from ambient_trainer.report.machine import write_json
+from ambient_trainer.report.files import PAGE, SCRIPT, write_json
 from ambient_trainer.report.terminal import print_report
 
 _WIDTH_OF_A_FILE = 140

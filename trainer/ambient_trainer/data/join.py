@@ -90,17 +90,9 @@ def _start(trace: Trace) -> datetime | float | None:
 
 
 def joined(traces: Sequence[Trace]) -> Trace:
-    """One trace with the columns of all.
+    """One trace with the columns of all, which are on one clock; the first gives the stamps.
 
-    Parameters
-    ----------
-    traces : sequence of Trace
-        On one clock. The first gives the stamps.
-
-    Returns
-    -------
-    Trace
-        A name that stands in several traces gets a number from the second on: ``ambient_2_degC``.
+    A name that stands in several traces gets a number from the second on: ``ambient_2_degC``.
     """
     first = traces[0]
     columns = dict(first.columns)

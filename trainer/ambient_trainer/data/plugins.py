@@ -11,18 +11,10 @@ from types import ModuleType
 
 @cache
 def plugin_names(package: str) -> dict[str, str]:
-    """Names of the plug-ins of a package and the modules that hold them.
+    """Names of the plug-ins of a package and the modules that hold them, sorted by name.
 
-    Parameters
-    ----------
-    package : str
-        Dotted name of a package. Each of its modules is a plug-in, unless its name starts with ``_``; so is each
-        entry point of the group of that name.
-
-    Returns
-    -------
-    dict of str to str
-        Plug-in name (the module's, with ``-`` for ``_``) to dotted module name, sorted by plug-in name.
+    Each module of ``package`` is a plug-in (with ``-`` for ``_``), unless its name starts with ``_``; so is each entry
+    point of the group of that name.
     """
     folder = importlib.import_module(package)
     found = {

@@ -22,19 +22,9 @@ whole range beyond where the column is, or what sensors report instead of a valu
 
 
 def without_spikes(trace: Trace) -> tuple[Trace, dict[str, int]]:
-    """Replace isolated readings that nothing physical can have taken.
+    """The trace with the local median in the place of each spike, and how many of them by column, where there are any.
 
-    Parameters
-    ----------
-    trace : Trace
-        Its columns that end in ``_degC`` are held against what a temperature does, others against their own size.
-
-    Returns
-    -------
-    trace : Trace
-        With the local median instead of each spike.
-    count : dict
-        How many, by column; columns without any are left out.
+    Columns that end in ``_degC`` are held against what a temperature does, others against their own size.
     """
     columns, count = dict(trace.columns), {}
     for name, values in columns.items():

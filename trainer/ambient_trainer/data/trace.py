@@ -76,23 +76,11 @@ class Trace:
 
 
 def load_trace(source: str | os.PathLike[str] | pd.DataFrame) -> Trace:
-    """Trace in a file or in a DataFrame.
+    """Trace in a CSV file, ``.gz`` too, or in a DataFrame.
 
-    Parameters
-    ----------
-    source : str, path or pandas.DataFrame
-        A CSV file, ``.gz`` too; or a frame with columns ``<name>_<unit>``, NaN for a missing value, and the time as the
-        column ``time_s`` or the index: in s, or dates or durations, which count from the first row. String entries of
-        ``DataFrame.attrs`` become the notes.
-
-    Returns
-    -------
-    Trace
-
-    Raises
-    ------
-    Refused
-        Naming line or row and column, for anything that the contract does not allow.
+    A frame has columns ``<name>_<unit>``, NaN for a missing value, and the time as the column ``time_s`` or the index:
+    in s, or dates or durations, which count from the first row. String entries of ``DataFrame.attrs`` become the notes.
+    Raises :class:`Refused`, naming line or row and column, for anything that the contract does not allow.
     """
     if not isinstance(source, (str, os.PathLike)):
         return frame_trace(source)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,11 +37,11 @@ class Contender:
 
 @dataclass(frozen=True)
 class Contest:
-    """What every contender is fitted to, and how its model is scored: (running, from a cold start)."""
+    """What every contender is fitted to, and the trace that it is scored on from ``split_s`` on."""
 
-    training: tuple[Trace, ...]
-    to_s: float | None
-    score: Callable[[Model], tuple[Evaluation, Evaluation]]
+    training: Sequence[Trace]
+    held_out: Trace
+    split_s: float | None = None
 
     @property
     def samples(self) -> int:
@@ -55,30 +55,18 @@ def split_contest(trace: Trace, split_s: float) -> Contest:
     if not first_s < split_s <= last_s:
         problem = f"{split_s:g} s leaves nothing on one side of {trace.path} ({first_s:g} to {last_s:g} s)"
         raise refuse("--split", "", problem, "choose a time in between")
-
-    def score(model: Model) -> tuple[Evaluation, Evaluation]:
-        return evaluate_run_in(model, trace, split_s), evaluate_cold(model, trace, split_s)
-
-    return Contest((trace.cut(None, split_s),), split_s, score)
-
-
-def held_out_contest(training: Sequence[Trace], held_out: Trace) -> Contest:
-    """Fit to whole traces, score on another one, which starts cold."""
-
-    def score(model: Model) -> tuple[Evaluation, Evaluation]:
-        found = evaluate_cold(model, held_out)
-        return found, found
-
-    return Contest(tuple(training), None, score)
+    return Contest([trace.cut(None, split_s)], trace, split_s)
 
 
 def contend(name: str, contest: Contest, sensors: Sequence[str], effort: Effort, progress: Progress) -> Contender:
     """Fit the estimator called ``name`` and score it; ``sensors`` (trace columns) are for those that read any."""
     method = estimator(name)
     fit = method.fit(contest.training, effort, progress, inputs=sensors if method.reads_any else None)
-    training = [training_of(trace, None, contest.to_s) for trace in contest.training]
+    training = [training_of(trace, None, contest.split_s) for trace in contest.training]
     model = model_of(fit, training, {}, reading_model(fit, contest.training))
-    return Contender(fit, model, *contest.score(model))
+    cold = evaluate_cold(model, contest.held_out, contest.split_s)
+    running = cold if contest.split_s is None else evaluate_run_in(model, contest.held_out, contest.split_s)
+    return Contender(fit, model, running, cold)
 
 
 def report_of(contenders: Sequence[Contender]) -> Report:

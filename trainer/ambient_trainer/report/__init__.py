@@ -28,13 +28,9 @@ result))`` prints and writes what was asked for (:mod:`ambient_trainer.cli.optio
 
 - The **terminal** (:mod:`.terminal`) prints the title, findings and tables, in their order; facts, notes (a ``str``
   among the blocks), figures and sections with ``detail`` are left out.
-- The **machine** (:mod:`.machine`) gets ``data``, and nothing else: keys are a contract.
+- The **machine** (:mod:`.files`) gets ``data``, and nothing else: keys are a contract.
 - The **page** (:mod:`.page`) has everything, by one template. It escapes all text, writes ``degC`` as °C and what
   stands between backquotes as code, numbers the plots, and turns dark where the reader's screen is.
-
-A sentence is a :class:`Finding`: ``plain``, or with a status; with a ``label`` (a word in a badge) or a ``value``
-(shown large, such as the share that a benchmark reached). A section among the blocks of a section is a subsection, and
-can be folded.
 
 How to test it: a file ``sample_report.py`` among the package's tests with ``samples() -> dict[str, Report]``, made in a
 moment; ``tests/ambient_trainer/report/test_pages.py`` finds it by its name and opens each in a browser, wide and

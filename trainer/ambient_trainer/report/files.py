@@ -1,4 +1,19 @@
-"""The names of the files of a page; light, so that a command can look at them before the work."""
+"""The files of a report: what a page's are called, and the JSON object for a machine. Light: every command needs it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from ambient_model.atomic import replacing
 
 PAGE = "index.html"
 SCRIPT = "plotly.min.js"
+
+
+def write_json(path: str, data: Mapping[str, Any]) -> None:
+    """Write ``data`` whole or not at all; raises :class:`ValueError` where a number is not finite."""
+    with replacing(path) as stream:
+        json.dump(data, stream, indent=1, allow_nan=False)
+        stream.write("\n")

@@ -16,16 +16,9 @@ Status = Literal["plain", "result", "good", "warning", "bad"]
 class Finding:
     """A sentence and what it means for the reader.
 
-    Parameters
-    ----------
-    text : str
-        The sentence. What stands between backquotes is code; ``degC`` becomes °C on a page.
-    status : {"plain", "result", "good", "warning", "bad"}
-        ``result`` is the main answer, ``warning`` is read before any figure is trusted.
-    label : str
-        A word or two before the sentence, such as a cause's name.
-    value : str
-        A figure that the sentence explains; the page shows it large.
+    In ``text``, what stands between backquotes is code; ``degC`` becomes °C on a page. The status ``result`` is the main
+    answer, ``warning`` is read before any figure is trusted. The ``label`` is a word or two before the sentence, and
+    ``value`` a figure that it explains; the page shows it large.
     """
 
     text: str
@@ -61,18 +54,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class Section:
-    """Blocks under a heading; a section among the blocks is one level below.
+    """Blocks under a heading, which may be empty; a section among the blocks is one level below.
 
-    Parameters
-    ----------
-    title : str
-        The heading; may be empty.
-    blocks : sequence of Finding, Facts, Table, Figure, Section, str or None
-        In the order to read them. A ``str`` is a note, for pages only; None and an empty ``str`` are left out.
-    detail : bool
-        The page shows it, the terminal does not.
-    fold : {"", "open", "closed"}
-        Whether the reader of a page can fold it, and how it starts.
+    A ``str`` among the blocks is a note, for pages only; None and an empty ``str`` are left out. What is ``detail`` is
+    not for the terminal; what has a ``fold`` can be folded on a page, and starts so.
     """
 
     title: str
@@ -88,20 +73,9 @@ Block: TypeAlias = Finding | Facts | Table | Figure | Section | str
 class Report:
     """What a result says, for people and for machines.
 
-    Parameters
-    ----------
-    title : str
-        The result in one short line, with its figure.
-    lead : sequence of Finding, Facts, Table, Figure, str or None
-        What to read first: the main finding, warnings, facts about the data.
-    sections : sequence of Section
-        The rest, in the order to read it.
-    data : mapping
-        Exactly what ``--json`` writes.
-    subject : str
-        The kind of report, such as ``Model evaluation``; a page shows it above the title.
-    footnotes : sequence of str
-        How to read the figures; pages only.
+    The ``title`` is the result in one short line, with its figure; ``lead`` is what to read first: the main finding,
+    warnings, facts about the data. ``data`` is exactly what ``--json`` writes. A page has the ``subject``, the kind of
+    report, above the title, and ``footnotes`` on how to read the figures.
     """
 
     title: str

@@ -64,14 +64,14 @@ def command(
 
 def _contest(trace_paths: tuple[str, ...], split_s: float | None, held_out: str | None) -> Contest:
     from ambient_trainer.data.trace import load_trace
-    from ambient_trainer.evaluation.compare import held_out_contest, split_contest
+    from ambient_trainer.evaluation.compare import Contest, split_contest
 
     if (split_s is None) == (held_out is None):
         raise click.UsageError("give either --split S or --held-out TRACE: a score needs data that no fit saw")
     if held_out is not None:
         if held_out in trace_paths:
             raise click.UsageError(f"{held_out} is a training trace too: hold out another one, or use --split")
-        return held_out_contest([load_trace(path) for path in trace_paths], load_trace(held_out))
+        return Contest([load_trace(path) for path in trace_paths], load_trace(held_out))
     if len(trace_paths) > 1:
         raise click.UsageError("--split cuts one trace; with several, name another one with --held-out")
     assert split_s is not None

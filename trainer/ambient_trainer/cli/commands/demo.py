@@ -32,7 +32,7 @@ def command(folder: str) -> None:
 
     from ambient_trainer.data.trace import load_trace, save_trace
     from ambient_trainer.estimators.base import Effort
-    from ambient_trainer.evaluation.compare import contend, held_out_contest, report_of
+    from ambient_trainer.evaluation.compare import Contest, contend, report_of
     from ambient_trainer.simulator import simulate
 
     try:
@@ -46,7 +46,7 @@ def command(folder: str) -> None:
         save_trace(str(training), simulate(_TRAINING, seed=0).trace)
         save_trace(str(verification), simulate(_VERIFICATION, seed=1).trace)
     click.echo("2. Circuits are fitted to the first run and scored on the second, which none of them saw.")
-    contest = held_out_contest([load_trace(str(training))], load_trace(str(verification)))
+    contest = Contest([load_trace(str(training))], load_trace(str(verification)))
     contenders, effort = [], Effort()
     for name in _CIRCUITS:
         with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:

@@ -10,7 +10,7 @@ import click
 
 from ambient_model.faults import Refused
 from ambient_trainer import cli
-from ambient_trainer.report.machine import write_json
+from ambient_trainer.report.files import write_json
 
 
 @click.command("simulate")

@@ -185,29 +185,18 @@ class ColumnMap(Strict):
 
 
 def parse_map(data: Any, source: str, presets: dict[str, Any] | None = None) -> ColumnMap:
-    """Column map of what a YAML file holds.
+    """Column map of what a YAML file holds; ``presets`` stand for what it leaves out, on both levels.
 
-    Parameters
-    ----------
-    data : object
-        What the file holds.
-    source : str
-        Names the map in messages.
-    presets : dict, optional
-        Taken for what ``data`` leaves out.
-
-    Raises
-    ------
-    Refused
-        With every fault and its place, such as ``columns.usb_degC.scale``.
+    Raises :class:`Refused` with every fault and its place in ``source``, such as ``columns.usb_degC.scale``.
     """
     if isinstance(data, dict):
-        merged = {**(presets or {}), **data}
-        for key, preset in (presets or {}).items():
-            if isinstance(preset, dict) and isinstance(data.get(key), dict):
-                merged[key] = preset | data[key]
-        data = merged
+        both = {key: preset | data[key] for key, preset in (presets or {}).items() if _are_dicts(preset, data.get(key))}
+        data = {**(presets or {}), **data, **both}
     return validated(ColumnMap, data, source, _target_faults(data))
+
+
+def _are_dicts(*values: Any) -> bool:
+    return all(isinstance(value, dict) for value in values)
 
 
 def _target_faults(data: Any) -> list[Fault]:

@@ -48,26 +48,10 @@ class Imported:
 
 
 def import_table(path: str, column_map: ColumnMap, source: str) -> Imported:
-    """Trace that a column map makes of a text table.
+    """Trace that a column map makes of a text table; its time starts at 0 with the first row.
 
-    Parameters
-    ----------
-    path : str
-        The table.
-    column_map : ColumnMap
-        Layout of the table, and which columns become what.
-    source : str
-        Names the map in messages.
-
-    Returns
-    -------
-    Imported
-        Its time starts at 0 with the first row.
-
-    Raises
-    ------
-    Refused
-        With one fault for each column, by line; or with those of the map that do not fit the table.
+    Raises :class:`Refused` with one fault for each column, by line; or with those of the map, which ``source`` names,
+    that do not fit the table.
     """
     cells, dropped = _cells(path, column_map, source)
     reading = _Reading(path, cells, column_map)

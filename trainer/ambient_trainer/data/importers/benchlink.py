@@ -40,20 +40,7 @@ HELP = "the export of a 34970A multiplexer's logging software"
 
 
 def import_file(path: str, map_path: str | None = None) -> Imported:
-    """Trace in a multiplexer's export.
-
-    Parameters
-    ----------
-    path : str
-        The export.
-    map_path : str, optional
-        A column map; without one, every channel becomes a column.
-
-    Raises
-    ------
-    Refused
-        With every fault of the map, or the first of each column.
-    """
+    """Trace in a multiplexer's export; without a map, every channel becomes a column. Raises :class:`Refused`."""
     data = load_yaml(map_path) if map_path is not None else {}
     encoding = data.get("encoding") if isinstance(data, dict) else None
     header = _find_header(path, encoding if isinstance(encoding, str) else None)

@@ -11,18 +11,5 @@ NEEDS_MAP = True
 
 
 def import_file(path: str, map_path: str) -> Imported:
-    """Trace that a column map makes of a text table.
-
-    Parameters
-    ----------
-    path : str
-        The table.
-    map_path : str
-        The column map.
-
-    Raises
-    ------
-    Refused
-        With every fault of the map, or the first of each column.
-    """
+    """Trace that a column map makes of a text table; raises :class:`Refused`, with every fault of the map."""
     return import_table(path, parse_map(load_yaml(map_path), map_path), map_path)
