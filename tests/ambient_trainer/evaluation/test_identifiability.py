@@ -64,12 +64,12 @@ def test_resistance_against_capacitance_comes_out_by_name(name):
     resistances = ("flash_ambient", "battery_ambient", "usb_ambient", f"{hot}_flash", f"{hot}_battery", "battery_usb")
     scaling = {**dict.fromkeys(CAPACITANCES, 1.0), **{f"R_{each}": -1.0 for each in resistances}}
     assert known.symmetries == (scaling,)
-    assert known.blind == 3  # the shares of eq. 4.11 give two more, that bend
+    assert known.blind_directions == 3  # the shares of eq. 4.11 give two more, that bend
     assert set(known.mixed) == set(scaling)
     time_constants = [{f"C_{node}": 1.0, f"R_{node}_ambient": 1.0} for node in ("flash", "battery", "usb")]
     assert [each for each in known.products if each in time_constants] == time_constants
     assert len(known.products) == 5
-    assert np.count_nonzero(np.array(known.singular_degC) > 1e-6) == 9
+    assert np.count_nonzero(np.array(known.singular_values_degC) > 1e-6) == 9
     scaled = {each: value * 1.7 ** scaling.get(each, 0.0) for each, value in found.values.items()}
     again = own_output(found.circuit, scaled, [inputs_of(found.circuit.inputs)], NOISE_DEGC, 1.0)
     np.testing.assert_allclose(again.own[0].outputs, found.own[0].outputs, atol=1e-8)
@@ -77,7 +77,7 @@ def test_resistance_against_capacitance_comes_out_by_name(name):
 
 def test_fixed_capacitances_cure_it():
     found, known = subject("model1_ss", CAPACITANCES)
-    assert known.blind == 0
+    assert known.blind_directions == 0
     assert known.symmetries == known.products == known.mixed == ()
     ends = reestimates(found, known, Effort(8, 0), quiet)
     assert not any(each.another for each in ends)
@@ -110,12 +110,12 @@ def test_single_input_circuits_keep_the_scale_of_their_losses(name):
     hot = "soc" if name == "model1_ss_single_input" else "display"
     exchange = {"C_battery": 1.0, "C_usb": 1.0, f"R_{hot}_battery": -1.0, "R_battery_usb": -1.0}
     assert list(known.symmetries) == [exchange, losses]
-    assert known.blind == 3
+    assert known.blind_directions == 3
     _, cured = subject(name, ("C_battery", "C_usb"))
     assert cured.symmetries == (losses,)
-    assert cured.blind == 1
+    assert cured.blind_directions == 1
     _, all_known = subject(name, ("C_battery", "C_usb", "R_usb_ambient"))
-    assert all_known.blind == 0
+    assert all_known.blind_directions == 0
 
 
 def test_free_c_and_d_need_more_than_the_capacitances():
@@ -126,7 +126,7 @@ def test_free_c_and_d_need_more_than_the_capacitances():
         one = held(circuit, {each: values[each] for each in fixed})
         found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
         known = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
-        assert known.blind == blind
+        assert known.blind_directions == blind
         if blind == 2:
             assert list(known.symmetries) == [
                 {"R_display_flash": 1.0, "w1": 1.0},
@@ -141,9 +141,9 @@ def test_what_a_resistance_out_of_sight_leaves_open_is_known_apart():
     one = held(circuit, {each: values[each] for each in CAPACITANCES})
     found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
     known = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
-    assert known.blind == 0
+    assert known.blind_directions == 0
     assert known.silent == ("R_display_flash",)
-    assert known.blind_here == 1
+    assert known.blind_directions_here == 1
     assert known.mixed_here == ("R_flash_ambient", "R_display_battery", "R_battery_usb")
 
 
@@ -163,7 +163,7 @@ def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
     index = structure.search.names.index("R_soc_battery")
     got = profile(found.structure, found.circuit, found.values, "R_soc_battery", NOISE_DEGC**2)
     assert not got.flat
-    assert np.log(got.high / got.low) / 2 == pytest.approx(width[index], rel=0.1)
+    assert np.log(got.interval95[1] / got.interval95[0]) / 2 == pytest.approx(width[index], rel=0.1)
     assert list(got.values) == sorted(got.values)
     assert min(got.deviances) == 0.0
 
@@ -172,8 +172,7 @@ def test_a_confounded_parameter_has_a_flat_profile():
     found, _ = subject("model2_ss")
     got = profile(found.structure, found.circuit, found.values, "C_flash", NOISE_DEGC**2)
     assert got.flat
-    assert got.low is None
-    assert got.high is None
+    assert got.interval95 == (None, None)
     assert max(got.deviances) < THRESHOLD
     assert got.values[0] == pytest.approx(0.04)
     assert got.values[-1] == pytest.approx(400)
@@ -241,7 +240,7 @@ def test_what_only_this_fit_leaves_open_is_said_to_be_so(trace):
     circuit = load_circuit("model2_ss")
     free = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(2, 0), 0, quiet)
     end = replace(free.reestimates[0], fit_percent=100.0, moved={"R_flash_ambient": 4.0, "R_battery_usb": 0.2, "w1": 0})
-    lost = replace(free.sensitivity, blind_here=1, mixed_here=("R_flash_ambient", "R_battery_usb"))
+    lost = replace(free.sensitivity, blind_directions_here=1, mixed_here=("R_flash_ambient", "R_battery_usb"))
     found = replace(free, reestimates=(end,), sensitivity=lost)
     here = [each.text for each in report_of(found).sections[1].blocks]
     assert any("at this fit" in each and "R_battery_usb, R_flash_ambient" in each for each in here)

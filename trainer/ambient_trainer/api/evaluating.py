@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import pandas as pd
 
@@ -16,7 +15,6 @@ from ambient_trainer.api.data import Data, traces_of
 from ambient_trainer.api.fitting import FitResult
 from ambient_trainer.api.result import Result
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_cold, evaluate_run_in
-from ambient_trainer.evaluation.metrics import Metrics
 from ambient_trainer.evaluation.report import report_of, trace_labels
 from ambient_trainer.evaluation.stress import Stressed, section_of
 from ambient_trainer.evaluation.stress import stress as stress_trace
@@ -47,12 +45,14 @@ class EvaluationResult(Result):
 
         ``coverage_50``, ``coverage_90`` and ``coverage_98`` are the shares of errors inside the published intervals.
         """
-        rows = [
-            {"trace": label, **row}
-            for label, each in zip(trace_labels(self.evaluations), self.evaluations)
-            for row in _rows(each)
-        ]
-        return pd.DataFrame(rows).set_index(["trace", "method"])
+        rows = []
+        for label, each in zip(trace_labels(self.evaluations), self.evaluations):
+            shares = {f"coverage_{level}": share for level, share in each.coverage.items()}
+            for method, metrics in each.by_method.items():
+                rows.append({"trace": label, "method": method, **asdict(metrics)})
+                if method == "model":
+                    rows[-1] |= {**shares, "overlaps_training": each.overlaps_training}
+        return pd.DataFrame(rows).drop(columns="interval_degC").set_index(["trace", "method"])
 
     @cached_property
     def estimates(self) -> pd.DataFrame:
@@ -143,17 +143,3 @@ def evaluate(
         evaluations.append(evaluated(model, trace, from_s, to_s))
     stressed = stress_trace(model, traces[0].cut(from_s, to_s)) if stress else ()
     return EvaluationResult(model, tuple(evaluations), stressed)
-
-
-def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:
-    coverage = {f"coverage_{level}": share for level, share in evaluation.coverage.items()}
-    rows = [{**_row("model", evaluation.metrics), **coverage, "overlaps_training": evaluation.overlaps_training}]
-    if evaluation.run_in:
-        rows.append(_row("model, run in", evaluation.run_in))
-    if evaluation.baseline:
-        rows.append(_row("static linear", evaluation.baseline.metrics))
-    return rows
-
-
-def _row(method: str, metrics: Metrics) -> dict[str, Any]:
-    return {"method": method, **{name: each for name, each in asdict(metrics).items() if name != "interval_degC"}}

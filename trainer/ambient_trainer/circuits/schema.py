@@ -35,14 +35,14 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from importlib import resources
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.circuits.circuit import AMBIENT, Addition, Circuit, Edge, Form, Node, Output, Parameter, Source
-from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
+from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, shipped_path, validated, wrong
 from ambient_trainer.lti.statespace import Hold
 
 _Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$")]
@@ -70,7 +70,7 @@ def _weights_or_parallel(each: str) -> BeforeValidator:
     return BeforeValidator(read)
 
 
-_LIBRARY = resources.files(__package__) / "library"
+_LIBRARY = Path(__file__).with_name("library")
 _PARALLEL = "parallel"
 _SMALLEST, _LARGEST = 1e-9, 1e15
 """J/K or K/W; what is smaller or larger is a wrong unit."""
@@ -164,8 +164,7 @@ class _File(Strict):
 
 def circuit_names() -> tuple[str, ...]:
     """The names of the shipped circuits."""
-    names = (entry.name for entry in _LIBRARY.iterdir())
-    return tuple(sorted(name.removesuffix(".yaml") for name in names if name.endswith(".yaml")))
+    return tuple(sorted(path.stem for path in _LIBRARY.glob("*.yaml")))
 
 
 def load_circuit(name_or_path: str, besides: Sequence[str] = ()) -> Circuit:
@@ -173,13 +172,8 @@ def load_circuit(name_or_path: str, besides: Sequence[str] = ()) -> Circuit:
 
     ``besides`` are names that the caller takes itself, for the message.
     """
-    if name_or_path in circuit_names():
-        return parse_circuit((_LIBRARY / f"{name_or_path}.yaml").read_text(), name_or_path)
-    if not name_or_path.endswith((".yaml", ".yml")):
-        known = ", ".join([*circuit_names(), *besides])
-        problem = f"no circuit is called {name_or_path!r}"
-        raise refuse("--circuit", "", problem, f"take one of {known}, or a .yaml file")
-    return circuit_of_data(load_yaml(name_or_path), name_or_path)
+    path = shipped_path("--circuit", name_or_path, _LIBRARY, circuit_names(), besides)
+    return circuit_of_data(load_yaml(path), path)
 
 
 def parse_circuit(text: str, source: str) -> Circuit:

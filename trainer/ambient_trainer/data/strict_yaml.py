@@ -29,13 +29,19 @@ def wrong(problem: str, hint: str) -> PydanticCustomError:
     return PydanticCustomError("wrong", "{problem}", {"problem": problem, "hint": hint})
 
 
-def shipped_path(kind: str, name: str | os.PathLike[str], folder: Path, names: Sequence[str]) -> str:
-    """The file of ``folder`` of that name, or ``name`` itself where it is a YAML file's; else ``Refused``."""
+def shipped_path(
+    kind: str, name: str | os.PathLike[str], folder: Path, names: Sequence[str], besides: Sequence[str] = ()
+) -> str:
+    """The file of ``folder`` of that name, or ``name`` itself where it is a YAML file's; else ``Refused``.
+
+    ``besides`` are names that the caller takes itself, for the message.
+    """
     name = os.fspath(name)
     if name in names:
         return str(folder / f"{name}.yaml")
     if not name.endswith((".yaml", ".yml")):
-        raise refuse(kind, "", f"none is called {name!r}", f"take one of {', '.join(names)}, or a .yaml file")
+        known = ", ".join([*names, *besides])
+        raise refuse(kind, "", f"none is called {name!r}", f"take one of {known}, or a .yaml file")
     return name
 
 

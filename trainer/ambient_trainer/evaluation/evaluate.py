@@ -19,6 +19,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Estimate, Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace, sha256_of
+from ambient_trainer.estimation.static_linear import STATIC_LINEAR
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
 from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
 
@@ -67,6 +68,13 @@ class Evaluation:
         inputs = {each: values[count:] for each, values in self.inputs.items()}
         baseline = self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[count:])
         return replace(self, **rows, inputs=inputs, baseline=baseline)
+
+    @property
+    def by_method(self) -> dict[str, Metrics]:
+        """The metrics of the model, of it run in, and of the static formula, as far as there are any."""
+        static = self.baseline and self.baseline.metrics
+        found = {"model": self.metrics, "model, run in": self.run_in, STATIC_LINEAR: static}
+        return {method: each for method, each in found.items() if each}
 
     @property
     def without_estimate(self) -> int:

@@ -108,7 +108,7 @@ class Identifiability:
     @property
     def identifiable(self) -> bool:
         """Whether a perfect trace determines all parameters."""
-        return not self.sensitivity.blind
+        return not self.sensitivity.blind_directions
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -47,9 +46,9 @@ def _thesis_test(found: Identifiability) -> str:
 
 def _at_this_fit(found: Identifiability) -> list[str]:
     known, lines = found.sensitivity, []
-    if known.blind_here:
+    if known.blind_directions_here:
         lines.append(
-            f"Where this fit lies the output stays the same along {known.blind_here} more, which mix "
+            f"Where this fit lies the output stays the same along {known.blind_directions_here} more, which mix "
             f"{', '.join(known.mixed_here)}."
         )
     if known.silent:
@@ -76,11 +75,11 @@ def _structure(found: Identifiability) -> list[str]:
     known = found.sensitivity
     if found.identifiable:
         return ["Structure: every free parameter changes the output in its own way; perfect data determine them all."]
-    count = f"{known.blind} direction{'s' if known.blind > 1 else ''}"
+    count = f"{known.blind_directions} direction{'s' if known.blind_directions > 1 else ''}"
     lines = [f"Structure: not identifiable. The output stays exactly the same along {count}:"]
     lines += [f"  {_scaling(each)}" for each in known.symmetries]
-    if known.blind > len(known.symmetries):
-        lines.append(f"  {known.blind - len(known.symmetries)} that depend on the values of {', '.join(known.mixed)}")
+    if (bent := known.blind_directions - len(known.symmetries)) > 0:
+        lines.append(f"  {bent} that depend on the values of {', '.join(known.mixed)}")
     products = ", ".join(map(_product, known.products))
     return [*lines, f"  Of the parameters that these mix, only products are identifiable: {products or 'none'}."]
 
@@ -108,7 +107,7 @@ def _parameter_table(found: Identifiability) -> Table:
                 _note(found, each.name),
                 f"{each.value:.4g}",
                 f"{found.sensitivity.effect_degC[each.name]:.2g}",
-                f"{_end(each.low)} to {_end(each.high)}",
+                " to ".join(map(_end, each.interval95)),
                 "-" if back is None else f"{back.mean:.4g} ({back.standard_errors_off:+.1f})",
             )
         )
@@ -121,43 +120,28 @@ def _parameter_table(found: Identifiability) -> Table:
 
 def as_json(found: Identifiability) -> dict[str, Any]:
     """The content of ``identifiability --json``; what is open or not finite is null."""
-    known = found.sensitivity
+    starts = [
+        {"fit_percent": each.fit_percent, "another": each.another, "values": each.values} for each in found.reestimates
+    ]
     return {
         "circuit": found.circuit,
         "trace": found.trace,
-        "held": list(found.held),
-        "at_bound": list(found.at_bound),
-        "without_effect": list(found.sensitivity.silent),
-        "values": {name: found.values[name] for name in known.effect_degC},
+        "held": found.held,
+        "at_bound": found.at_bound,
+        "without_effect": found.sensitivity.silent,
+        "values": {name: found.values[name] for name in found.sensitivity.effect_degC},
         "rmse_degC": found.rmse_degC,
         "residual_memory_samples": found.memory_samples,
         "identifiable": found.identifiable,
-        **{name: list(getattr(known, name)) for name in ("symmetries", "products", "mixed", "mixed_here")},
-        "blind_directions": known.blind,
-        "blind_directions_here": known.blind_here,
-        "singular_values_degC": list(known.singular_degC),
-        "effect_degC": known.effect_degC,
+        **asdict(found.sensitivity),
         "thesis_test": {
             "same_percent": SAME_PERCENT,
             "other_parameter_sets": len(found.others),
             "close_percent": CLOSE_PERCENT,
             "close_parameter_sets": sum(each.close for each in found.reestimates),
-            "starts": [
-                {"fit_percent": each.fit_percent, "another": each.another, "values": each.values}
-                for each in found.reestimates
-            ],
+            "starts": starts,
         },
-        "profiles": [
-            {
-                "name": each.name,
-                "value": each.value,
-                "interval95": [each.low, each.high],
-                "flat": each.flat,
-                "values": list(each.values),
-                "deviances": [deviance if math.isfinite(deviance) else None for deviance in each.deviances],
-            }
-            for each in found.profiles
-        ],
+        "profiles": [{**asdict(each), "flat": each.flat} for each in found.profiles],
         "recovered": [asdict(each) for each in found.recovered],
     }
 
@@ -174,19 +158,20 @@ def _note(found: Identifiability, name: str) -> str:
 
 
 def _scaling(exponents: Mapping[str, float]) -> str:
-    up = [_power(name, value) for name, value in exponents.items() if value > 0]
-    down = [_power(name, -value) for name, value in exponents.items() if value < 0]
-    if not down:
-        return f"{', '.join(up)} times k"
-    return f"{', '.join(up)} times k, {', '.join(down)} divided by k"
+    up, down = _powers(exponents)
+    return f"{', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else "")
 
 
 def _product(exponents: Mapping[str, float]) -> str:
-    if all(value < 0 for value in exponents.values()):
-        exponents = {name: -value for name, value in exponents.items()}
-    up = [_power(name, value) for name, value in exponents.items() if value > 0]
-    down = [_power(name, -value) for name, value in exponents.items() if value < 0]
+    up, down = _powers(exponents)
+    up, down = (up, down) if up else (down, up)
     return "·".join(up) + "".join(f"/{each}" for each in down)
+
+
+def _powers(exponents: Mapping[str, float]) -> tuple[list[str], list[str]]:
+    """The parameters with exponents above 0, and those with exponents below."""
+    up = [_power(name, value) for name, value in exponents.items() if value > 0]
+    return up, [_power(name, -value) for name, value in exponents.items() if value < 0]
 
 
 def _power(name: str, exponent: float) -> str:

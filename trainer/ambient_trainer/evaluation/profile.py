@@ -32,14 +32,14 @@ class Profile:
     name: str
     value: float
     values: tuple[float, ...]
-    deviances: tuple[float, ...]
-    low: float | None
-    high: float | None
+    deviances: tuple[float | None, ...]
+    """None where the circuit cannot be simulated."""
+    interval95: tuple[float | None, float | None]
 
     @property
     def flat(self) -> bool:
         """Whether the data leave a side open."""
-        return self.low is None or self.high is None
+        return None in self.interval95
 
 
 def starting_at(circuit: Circuit, values: Values) -> Circuit:
@@ -107,4 +107,5 @@ def profile(
 
     (below, low), (above, high) = side(-1, spans[0]), side(1, spans[1])
     points = [*reversed(below), (value, 0.0), *above]
-    return Profile(name, value, tuple(x for x, _ in points), tuple(d for _, d in points), low, high)
+    deviances = tuple(deviance if math.isfinite(deviance) else None for _, deviance in points)
+    return Profile(name, value, tuple(x for x, _ in points), deviances, (low, high))

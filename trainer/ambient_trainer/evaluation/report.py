@@ -100,11 +100,9 @@ def _metrics_table(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> 
     for label, each in zip(labels, evaluations):
         trace = f"{label} (training data)" if each.overlaps_training else label
         shares = "/".join(f"{100 * share:.1f}" for share in each.coverage.values())
-        rows.append((trace, "model", *_cells(each.metrics), shares, f"{each.scored:,}"))
-        if each.run_in:
-            rows.append((trace, "model, run in", *_cells(each.run_in), "-", f"{each.run_in.samples:,}"))
-        if each.baseline:
-            rows.append((trace, STATIC_LINEAR, *_cells(each.baseline.metrics), "-", f"{each.scored:,}"))
+        for method, metrics in each.by_method.items():
+            inside = shares if method == "model" else "-"
+            rows.append((trace, method, *_cells(metrics), inside, f"{metrics.samples:,}"))
     return Table(_CAPTION, _COLUMNS, rows, labels=2)
 
 

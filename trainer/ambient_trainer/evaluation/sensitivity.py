@@ -36,21 +36,21 @@ _NEGLIGIBLE = 1e-3
 class Sensitivity:
     """How much the output says of the free parameters' logarithms.
 
-    ``singular_degC`` are the singular values of J at the fit, over the root of the number of samples: by how much the
-    output moves (RMS, degC) per e-fold along each direction, strongest first. ``blind`` is the number of directions
-    that move nothing wherever they are looked at, ``symmetries`` those of them that are scalings, ``products`` what
-    is identifiable of the ``mixed`` ones: name to exponent.
+    ``singular_values_degC`` are those of J at the fit, over the root of the number of samples: by how much the output
+    moves (RMS, degC) per e-fold along each direction, strongest first. ``blind_directions`` counts the directions that
+    move nothing wherever they are looked at, ``symmetries`` are those of them that are scalings, ``products`` what is
+    identifiable of the ``mixed`` ones: name to exponent.
     """
 
-    singular_degC: tuple[float, ...]
+    singular_values_degC: tuple[float, ...]
     effect_degC: dict[str, float]
     """Per parameter by how much the output moves (RMS) per e-fold of it alone, at the fit."""
-    blind: int
+    blind_directions: int
     symmetries: tuple[Exponents, ...]
     products: tuple[Exponents, ...]
     mixed: tuple[str, ...]
     """The parameters that no trace determines by themselves."""
-    blind_here: int
+    blind_directions_here: int
     """How many more directions move nothing at the fit, among the parameters that matter there."""
     mixed_here: tuple[str, ...]
     """The parameters that these directions mix."""
@@ -93,13 +93,13 @@ def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: in
     )
     blind_here, mixed_here = _blind_here(here, places, effect >= SILENT_DEGC)
     return Sensitivity(
-        singular_degC=tuple(np.linalg.svd(here, compute_uv=False).tolist()),
+        singular_values_degC=tuple(np.linalg.svd(here, compute_uv=False).tolist()),
         effect_degC=dict(zip(names, effect.tolist())),
-        blind=blind,
+        blind_directions=blind,
         symmetries=tuple(symmetries),
         products=tuple(each for each in products if len(each) > 1),
         mixed=tuple(name for name, involved in zip(names, np.diag(projector)) if involved > _INVOLVED**2),
-        blind_here=blind_here,
+        blind_directions_here=blind_here,
         mixed_here=tuple(names[index] for index in mixed_here),
     )
 

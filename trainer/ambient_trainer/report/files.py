@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from ambient_model.atomic import replacing
+from ambient_model.faults import refuse
 
 PAGE = "index.html"
 SCRIPT = "plotly.min.js"
+
+
+def made_folder(folder: str) -> Path:
+    """The folder, made where missing; raises :class:`Refused` where it cannot be."""
+    try:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refuse(folder, "", f"cannot be made a folder ({error.strerror})", "name another folder") from error
+    return Path(folder)
 
 
 def write_json(path: str, data: Mapping[str, Any]) -> None:

@@ -6,7 +6,6 @@ All text is escaped here and nowhere else; what stands between backquotes become
 from __future__ import annotations
 
 import itertools
-import os
 import re
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -16,8 +15,7 @@ from markupsafe import Markup, escape
 
 from ambient_model import __version__
 from ambient_model.atomic import replacing
-from ambient_model.faults import refuse
-from ambient_trainer.report.files import PAGE, SCRIPT
+from ambient_trainer.report.files import PAGE, SCRIPT, made_folder
 from ambient_trainer.report.palette import on_dark
 from ambient_trainer.report.plots import POINTS_PER_LINE, to_markup
 from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Report, Section, Table
@@ -50,18 +48,11 @@ def write_report(folder: str, report: Report) -> str:
     from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
     page = page_of(report)
-    try:
-        os.makedirs(folder, exist_ok=True)
-    except OSError as error:
-        raise refuse(
-            folder, "", f"cannot be made a folder ({error.strerror})", "name another folder for the report"
-        ) from error
-    with replacing(os.path.join(folder, SCRIPT)) as stream:
-        stream.write(get_plotlyjs())
-    path = os.path.join(folder, PAGE)
-    with replacing(path) as stream:
-        stream.write(page)
-    return path
+    place = made_folder(folder)
+    for name, text in ((SCRIPT, get_plotlyjs()), (PAGE, page)):
+        with replacing(str(place / name)) as stream:
+            stream.write(text)
+    return str(place / PAGE)
 
 
 def _environment() -> Environment:

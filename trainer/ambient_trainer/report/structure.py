@@ -16,9 +16,9 @@ Status = Literal["plain", "result", "good", "warning", "bad"]
 class Finding:
     """A sentence and what it means for the reader.
 
-    In ``text``, what stands between backquotes is code; ``degC`` becomes °C on a page. The status ``result`` is the main
-    answer, ``warning`` is read before any figure is trusted. The ``label`` is a word or two before the sentence, and
-    ``value`` a figure that it explains; the page shows it large.
+    In ``text``, what stands between backquotes is code; ``degC`` becomes °C on a page. The status ``result`` marks the
+    main answer, ``warning`` what to read before any figure is trusted. The ``label`` stands before the sentence, and
+    ``value`` is a figure that it explains; the page shows it large.
     """
 
     text: str

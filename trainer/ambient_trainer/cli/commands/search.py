@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -10,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ambient_model import __version__
-from ambient_model.faults import refuse
 from ambient_trainer import cli
+from ambient_trainer.report.files import made_folder
 
 if TYPE_CHECKING:
     from ambient_trainer.selection.result import Options, SearchResult
@@ -106,13 +105,8 @@ def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, op
 def _write_circuits(folder: str, result: SearchResult) -> None:
     from ambient_trainer.circuits.write import save_circuit
 
-    try:
-        os.makedirs(folder, exist_ok=True)
-    except OSError as error:
-        raise refuse(
-            folder, "", f"cannot be made a folder ({error.strerror})", "name another for the circuits"
-        ) from error
+    place = made_folder(folder)
     for each in result.circuits.values():
-        path = os.path.join(folder, f"{each.circuit.name}.yaml")
+        path = str(place / f"{each.circuit.name}.yaml")
         save_circuit(path, each.circuit)
         click.echo(f"Circuit: {path}")

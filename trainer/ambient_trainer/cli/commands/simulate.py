@@ -83,29 +83,23 @@ def command(
         return _fleet(output, truth_path, {**plan, "cased": cased, "hide": hide, "device": device})
     if minutes is not None:
         raise click.UsageError("--minutes is for --units: cut a trace with --from and --to where it is read")
-    from ambient_trainer.data.trace import save_trace
-    from ambient_trainer.simulator import simulate  # scipy: --help should not wait for it
-    from ambient_trainer.simulator.text import hidden_text
+    from ambient_trainer.api.simulating import simulate  # scipy: --help should not wait for it
 
     if os.path.isdir(output):
         raise click.UsageError(f"{output} is a folder: name a file, or draw a fleet with --units")
     cli.Output().check([], [output, truth_path])
+    logged |= {"seed": seed, "period_s": period_s, "hide": hide, "sizes": truth_path is not None}
     try:
         with cli.staged_progress() as progress:
-            logged |= {"sizes": truth_path is not None, "progress": partial(progress, f"scenario {scenario}")}
-            simulated = simulate(scenario, device, seed, period_s, hide, **logged)
+            result = simulate(scenario, device, **logged, progress=partial(progress, f"scenario {scenario}"))
     except Refused as refused:
         raise click.UsageError(str(refused)) from refused
-    save_trace(output, simulated.trace)
-    count = f"{len(simulated.trace.time_s)} simulated samples, one every {period_s:g} s"
-    number = len(simulated.hidden)
+    result.save(output)
+    number = len(result.truth)
     hidden = f", with {number} hidden effect{'s' * (number > 1)}" if number else ""
-    click.echo(f"wrote {output}: {count}{hidden}")
+    click.echo(f"wrote {output}: {len(result.trace)} simulated samples, one every {period_s:g} s{hidden}")
     if truth_path is not None:
-        effects = [
-            {"hidden": hidden_text(each), **truth.as_data()} for each, truth in zip(simulated.hidden, simulated.truths)
-        ]
-        write_json(truth_path, {"effects": effects})
+        write_json(truth_path, result.summary.data)
         click.echo(f"wrote {truth_path}: what is hidden in it")
 
 
