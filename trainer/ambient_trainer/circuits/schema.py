@@ -130,11 +130,6 @@ class _Mechanism(Strict):
     numbers: dict[str, _Quantity]
     settings: dict[str, Any] = Field(default_factory=dict)
 
-    def addition(self) -> Addition:
-        """It as the circuit holds it."""
-        numbers = {name: each.model_dump() for name, each in self.numbers.items()}
-        return Addition(self.kind, self.at, self.by, self.from_s, self.to_s, numbers, self.settings)
-
 
 class _File(Strict):
     format: Literal["ambient-circuit"]
@@ -213,7 +208,7 @@ class _Reading:
             sources=tuple(self._source(index, each) for index, each in enumerate(file.sources)),
             outputs=tuple(self._outputs()),
             parameters=tuple(self.parameters.values()),
-            mechanisms=tuple(each.addition() for each in file.mechanisms),
+            mechanisms=tuple(Addition(**each.model_dump()) for each in file.mechanisms),
         )
         self._check(circuit)
         if self.faults:

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 import click
 from click.types import FloatParamType
 
+import ambient_trainer as at
 from ambient_trainer.cli.output import Output
 
 Decorator: TypeAlias = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -96,9 +97,7 @@ def effort_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @seed_option("Of the places.")
     @functools.wraps(command)
     def with_effort(starts: int, pieces: int, seed: int, **rest: Any) -> Any:
-        from ambient_trainer.estimators.base import Effort  # scipy: --help should not wait for it
-
-        return command(effort=Effort(starts, seed, pieces), **rest)
+        return command(effort=at.Effort(starts, seed, pieces), **rest)
 
     return with_effort
 

@@ -22,9 +22,10 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
+import ambient_trainer as at
+
 if TYPE_CHECKING:
     from ambient_trainer.estimation import Progress as SearchProgress  # scipy: --help should not wait for it
-    from ambient_trainer.estimators.base import Effort
 
 Show: TypeAlias = Callable[[str, int, int], None]
 """What is under way, how much of it is done, and of how much."""
@@ -34,7 +35,7 @@ _PATIENCE_S = 1.0
 
 
 @contextlib.contextmanager
-def fit_progress(name: str, effort: Effort, searches: int, samples: int) -> Iterator[SearchProgress]:
+def fit_progress(name: str, effort: at.Effort, searches: int, samples: int) -> Iterator[SearchProgress]:
     """A bar over the searches of a fit, mostly one a start, with the evaluations and the best RMSE so far.
 
     The first Ctrl-C cancels the search of ``effort``; where that had nothing to return yet, the command is aborted.
@@ -80,7 +81,7 @@ def _bar(patience_s: float, *numbers: ProgressColumn) -> Iterator[Show]:
 
 
 @contextlib.contextmanager
-def _cancelled_by_interrupt(effort: Effort) -> Iterator[None]:
+def _cancelled_by_interrupt(effort: at.Effort) -> Iterator[None]:
     from ambient_trainer.estimation.budget import Cancelled  # numpy: --help should not wait for it
 
     if threading.current_thread() is not threading.main_thread():

@@ -153,26 +153,18 @@ def _wrong(u: Array, random: np.random.Generator, wrong: Wrong, i: int, onset: i
 
 def section_of(results: Sequence[Stressed]) -> Section:
     """One table of all conditions, and one picture."""
-    rows = [
-        (
-            each.condition,
-            f"{each.rmse_degC:.2f}",
-            f"{each.largest_degC:.2f}",
-            f"{100 * each.coverage90:.1f}",
-            f"{100 * each.tracking:.1f}",
-            f"{100 * each.tracking_off:.1f}",
-        )
-        for each in results
-    ]
+    rows = []
+    for each in results:
+        shares = (each.coverage90, each.tracking, each.tracking_off)
+        percents = (f"{100 * share:.1f}" for share in shares)
+        rows.append((each.condition, f"{each.rmse_degC:.2f}", f"{each.largest_degC:.2f}", *percents))
     return Section("Stress", [Table(_CAPTION, _COLUMNS, rows), Figure(partial(_figure, results))])
 
 
 def _figure(results: Sequence[Stressed]) -> go.Figure:
     figure = panel_figure("error [°C]", "", 120 + 18 * len(results))
-    names = [each.condition for each in reversed(results)]
-    for name, values in (
-        ("largest", [each.largest_degC for each in reversed(results)]),
-        ("RMSE", [each.rmse_degC for each in reversed(results)]),
-    ):
-        figure.add_bar(x=values, y=names, orientation="h", name=name)
+    shown = list(reversed(results))
+    names = [each.condition for each in shown]
+    figure.add_bar(x=[each.largest_degC for each in shown], y=names, orientation="h", name="largest")
+    figure.add_bar(x=[each.rmse_degC for each in shown], y=names, orientation="h", name="RMSE")
     return figure

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ambient_model.faults import Fault, Refused
+import ambient_trainer as at
+from ambient_model.faults import Fault
 from ambient_trainer import cli
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def command(
         raise click.UsageError("say where the trace goes: -o TRACE.csv")
     try:
         path = scenario_path(campaign)
-    except Refused as refused:
+    except at.Refused as refused:
         raise click.UsageError(str(refused)) from refused
     loaded = load_campaign(path, ports=not (simulate or dry_run))
     if dry_run:

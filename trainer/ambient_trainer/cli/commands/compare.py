@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+import ambient_trainer as at
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer import cli
 from ambient_trainer.cli.commands.fit import STOPPED
 
 if TYPE_CHECKING:
-    from ambient_trainer.estimators.base import Effort
     from ambient_trainer.evaluation.compare import Contender, Contest
 
 
@@ -36,7 +36,7 @@ def command(
     sensors: tuple[str, ...],
     models: str | None,
     output: cli.Output,
-    effort: Effort,
+    effort: at.Effort,
 ) -> int:
     """Fit several circuits to TRACEs and score them, beside the static formula, on data that none of them saw.
 

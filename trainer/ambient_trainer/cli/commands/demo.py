@@ -7,6 +7,7 @@ import sys
 
 import click
 
+import ambient_trainer as at
 from ambient_model.codec import save_model
 from ambient_model.faults import refuse
 from ambient_trainer import cli
@@ -27,10 +28,7 @@ def command(folder: str) -> None:
     import pandas as pd  # this and the others: --help should not wait for them
     from rich.console import Console
 
-    from ambient_trainer.api.evaluating import EvaluationResult
-    from ambient_trainer.api.simulating import simulate
     from ambient_trainer.data.trace import load_trace
-    from ambient_trainer.estimators.base import Effort
     from ambient_trainer.evaluation.compare import Contest, contend, report_of
 
     place = made_folder(folder)
@@ -38,11 +36,11 @@ def command(folder: str) -> None:
     model_path, replayed = str(place / "model.json"), str(place / "replay.csv")
     click.echo(f"1. A simulated phone goes through the thesis's scenario {_TRAINING} (training) and {_VERIFICATION}.")
     with Console(stderr=True).status("simulating 16 hours"):
-        simulate(_TRAINING, seed=0).save(training)
-        simulate(_VERIFICATION, seed=1).save(verification)
+        at.simulate(_TRAINING, seed=0).save(training)
+        at.simulate(_VERIFICATION, seed=1).save(verification)
     click.echo("2. Circuits are fitted to the first run and scored on the second, which none of them saw.")
     contest = Contest([load_trace(training)], load_trace(verification))
-    contenders, effort = [], Effort()
+    contenders, effort = [], at.Effort()
     for name in _CIRCUITS:
         with cli.fit_progress(name, effort, effort.starts, contest.samples) as progress:
             contenders.append(contend(name, contest, (), effort, progress))
@@ -54,7 +52,7 @@ def command(folder: str) -> None:
     error_degC = contest.held_out.reference - pd.read_csv(replayed)["ambient_degC"]
     rmse = float((error_degC**2).mean()) ** 0.5
     click.echo(f"4. ambientd replays the second run, as on a device: {replayed}, {rmse:.2f} degC off (RMSE, simulated)")
-    page = EvaluationResult(exported.model, (exported.running,)).report(str(place / "report"))
+    page = at.EvaluationResult(exported.model, (exported.running,)).report(str(place / "report"))
     click.echo(f"5. Report: {page}")
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+import ambient_trainer as at
 from ambient_trainer import cli
 
 
@@ -44,11 +45,9 @@ def command(
     The circuit is simulated forward: ambient and drives in, every sensor out. With --baseline it is fitted to
     known-good traces, and the question is what changed; without, the question is what the circuit lacks.
     """
-    from ambient_trainer.api.diagnosing import diagnose  # scipy: --help should not wait for it
-
     output.check([*trace_paths, *baselines, circuit], [extended_path])
     with cli.staged_progress() as progress:
-        result = diagnose(trace_paths, circuit, baselines=baselines, progress=progress, **question)
+        result = at.diagnose(trace_paths, circuit, baselines=baselines, progress=progress, **question)
     output.show(result.summary)
     if extended_path is None:
         return

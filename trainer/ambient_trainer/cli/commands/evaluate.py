@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+import ambient_trainer as at
 from ambient_trainer import cli
 
 
@@ -22,11 +23,9 @@ def command(model_path: str, trace_paths: tuple[str, ...], output: cli.Output, *
     The estimate starts from the first sensor sample, never from the reference, and is scored from there on: with
     --from, from a cold start at that time, or, with --run-in, as on a device that was already on.
     """
-    from ambient_trainer.api.evaluating import evaluate  # scipy: --help should not wait for it
-
     if question["run_in"] and question["from_s"] is None:
         raise click.UsageError("--run-in goes with --from: without it the estimate runs from the start anyway")
     output.check([model_path, *trace_paths])
     with cli.counted_progress() as progress:
-        result = evaluate(model_path, trace_paths, progress=progress, **question)
+        result = at.evaluate(model_path, trace_paths, progress=progress, **question)
     output.show(result.summary)

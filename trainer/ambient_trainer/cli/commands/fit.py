@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
+import ambient_trainer as at
 from ambient_model.trace import REFERENCE
 from ambient_trainer import cli
-
-if TYPE_CHECKING:
-    from ambient_trainer.estimators.base import Effort
 
 STOPPED = 1
 
@@ -54,7 +52,7 @@ def command(
     output: cli.Output,
     zones: tuple[tuple[str, str], ...],
     resolutions: tuple[tuple[str, float], ...],
-    effort: Effort,
+    effort: at.Effort,
     **data: Any,
 ) -> int:
     """Fit a circuit to one or several TRACEs that hold ambient_degC, and export it for a device.
@@ -64,7 +62,6 @@ def command(
     import numpy as np  # --help should not wait for it
 
     from ambient_trainer.api.data import sensor_columns
-    from ambient_trainer.api.fitting import fit
     from ambient_trainer.data.trace import load_trace
     from ambient_trainer.estimators.registry import estimator
 
@@ -74,7 +71,7 @@ def command(
     searches = estimator(circuit, sensor_columns(data["sensors"])).searches(effort)
     how: dict[str, Any] = {"zones": dict(zones), "resolution": dict(resolutions), "effort": effort, **data}
     with cli.fit_progress(circuit, effort, searches, samples) as progress:
-        result = fit(traces, circuit, progress=progress, **how)
+        result = at.fit(traces, circuit, progress=progress, **how)
     result.save(model_path)
     output.show(result.summary)
     periods = ", ".join(f"{each.period_s:g}" for each in result.model.main.discrete)

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+import ambient_trainer as at
 from ambient_trainer import cli
 
 BROKEN = 1
@@ -53,17 +54,14 @@ def command(
     What units share is learnt from all of them, what is a unit's own from its own log. A unit that cannot be read is a
     row with the reason. Ctrl-C keeps what is done for --resume.
     """
-    from ambient_trainer.api.fleet import fit_fleet  # scipy and pandas: --help should not wait for them
-    from ambient_trainer.estimators.base import Effort
-
     output.check([logs, circuit], folder=folder)
     with cli.counted_progress() as progress:
         how |= {
-            "effort": Effort(starts, seed),
+            "effort": at.Effort(starts, seed),
             "progress": progress,
             "announce": lambda address: click.echo(f"Dask's dashboard: {address}"),
         }
-        result = fit_fleet(logs, circuit, folder, **how)
+        result = at.fit_fleet(logs, circuit, folder, **how)
     output.show(result.summary)
     click.echo(f"Table: {folder}/fleet.parquet, models: {folder}/models, for an unseen unit: {folder}/population.json")
     return BROKEN if strict and len(result.failed) else 0

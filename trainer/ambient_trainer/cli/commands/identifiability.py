@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+import ambient_trainer as at
 from ambient_trainer import cli
 
 
@@ -52,7 +53,6 @@ def command(
     parameter may stray before this trace's noise excludes it.
     """
     from ambient_trainer.data.trace import load_trace  # scipy: --help should not wait for it
-    from ambient_trainer.estimators.base import Effort
     from ambient_trainer.estimators.registry import thermal_circuit
     from ambient_trainer.evaluation.identifiability import identifiability
     from ambient_trainer.evaluation.identifiability_report import report_of
@@ -61,5 +61,5 @@ def command(
     thermal = thermal_circuit(circuit)
     trace = load_trace(trace_path).cut(from_s, to_s)
     with cli.counted_progress() as progress:
-        result = identifiability(thermal, trace, dict(fixes), Effort(starts, seed), replicates, progress, period_s)
+        result = identifiability(thermal, trace, dict(fixes), at.Effort(starts, seed), replicates, progress, period_s)
     output.show(report_of(result))

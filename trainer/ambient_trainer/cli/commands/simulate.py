@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ambient_model.faults import Refused
+import ambient_trainer as at
 from ambient_trainer import cli
 from ambient_trainer.report.files import write_json
 
@@ -83,16 +83,14 @@ def command(
         return _fleet(output, truth_path, {**plan, "cased": cased, "hide": hide, "device": device})
     if minutes is not None:
         raise click.UsageError("--minutes is for --units: cut a trace with --from and --to where it is read")
-    from ambient_trainer.api.simulating import simulate  # scipy: --help should not wait for it
-
     if os.path.isdir(output):
         raise click.UsageError(f"{output} is a folder: name a file, or draw a fleet with --units")
     cli.Output().check([], [output, truth_path])
     logged |= {"seed": seed, "period_s": period_s, "hide": hide, "sizes": truth_path is not None}
     try:
         with cli.staged_progress() as progress:
-            result = simulate(scenario, device, **logged, progress=partial(progress, f"scenario {scenario}"))
-    except Refused as refused:
+            result = at.simulate(scenario, device, **logged, progress=partial(progress, f"scenario {scenario}"))
+    except at.Refused as refused:
         raise click.UsageError(str(refused)) from refused
     result.save(output)
     number = len(result.truth)
@@ -118,7 +116,7 @@ def _fleet(folder: str, truth_path: str | None, plan: dict[str, Any]) -> None:
         with cli.staged_progress() as progress:
             what = partial(progress, f"{plan['count']} units")
             count = write_dataset(folder, map(written, fleet(FleetPlan(**plan), what)))
-    except Refused as refused:
+    except at.Refused as refused:
         raise click.UsageError(str(refused)) from refused
     click.echo(f"wrote {folder}: {count} simulated units, one sample every {plan['period_s']:g} s")
     if truth_path is not None:
