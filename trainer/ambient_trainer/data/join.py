@@ -21,6 +21,7 @@ from ambient_trainer.data.trace import Array, Trace, load_trace
 
 _GAP = 3.0
 """In periods of its own: a longer step of a logger is a gap."""
+_EPOCH = datetime(1970, 1, 1)
 
 
 @dataclass(frozen=True)
@@ -65,26 +66,26 @@ def on_one_epoch(traces: Sequence[Logged]) -> list[Logged]:
     """The traces with their epochs: by the dates in their notes, else by their times, else from their first samples."""
     first, found = traces[0].trace, []
     for each in traces:
-        started = [_start(trace) for trace in (first, each.trace)]
-        apart = first.time_s[0] - each.trace.time_s[0]
+        ours, theirs = _start(first), _start(each.trace)
         overlap = min(first.time_s[-1], each.trace.time_s[-1]) - max(first.time_s[0], each.trace.time_s[0])
-        if None not in started and type(started[0]) is type(started[1]):
-            offset = started[1] - started[0]  # type: ignore[operator]
-            seconds = offset if isinstance(offset, float) else offset.total_seconds()
-            found.append(replace(each, epoch_s=float(seconds), epoch="the start in its notes"))
+        if ours and theirs and ours[0] == theirs[0]:
+            found.append(replace(each, epoch_s=theirs[1] - ours[1], epoch="the start in its notes"))
         elif overlap > 0:
             found.append(each)
         else:
-            found.append(replace(each, epoch_s=float(apart), epoch="its first sample, taken for simultaneous"))
+            apart = float(first.time_s[0] - each.trace.time_s[0])
+            found.append(replace(each, epoch_s=apart, epoch="its first sample, taken for simultaneous"))
     return found
 
 
-def _start(trace: Trace) -> datetime | float | None:
-    """When time_s was 0: a date in ISO form or seconds of some epoch; None where the notes do not say."""
+def _start(trace: Trace) -> tuple[str, float] | None:
+    """When time_s was 0, on which clock: by a date in ISO form or seconds of some epoch; None where no note says it."""
     text = trace.notes.get("start", "")
     number, _, unit = text.partition(" ")
     try:
-        return float(number) if unit == "s" else datetime.fromisoformat(text).replace(tzinfo=None)
+        if unit == "s":
+            return "epoch", float(number)
+        return "date", (datetime.fromisoformat(text).replace(tzinfo=None) - _EPOCH).total_seconds()
     except ValueError:
         return None
 

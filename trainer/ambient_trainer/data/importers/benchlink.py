@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_trainer.data.importers._column_map import ColumnMap, ColumnSource, parse_map
@@ -24,16 +24,13 @@ _CHANNEL = re.compile(r"Chan (?P<number>\d+)\b.*\((?P<unit>[^()]*)\)")
 _UNITS = {"C": "degC", "F": "degF", "K": "K"}
 
 
-class _Channel(NamedTuple):
-    number: str
-    header: str
-    unit: str
-
-
 class _Header(NamedTuple):
     rows_above: int
     delimiter: str
-    channels: tuple[_Channel, ...]
+    channels: dict[str, str]
+    """The column of each channel by its number."""
+    units: dict[str, str]
+    """The unit of each channel by its column."""
 
 
 HELP = "the export of a 34970A multiplexer's logging software"
@@ -45,7 +42,7 @@ def import_file(path: str, map_path: str | None = None) -> Imported:
     encoding = data.get("encoding") if isinstance(data, dict) else None
     header = _find_header(path, encoding if isinstance(encoding, str) else None)
     if map_path is None:
-        data = {"columns": {f"ch{channel.number}_degC": channel.header for channel in header.channels}}
+        data = {"columns": {f"ch{number}_degC": column for number, column in header.channels.items()}}
     source = map_path or path
     presets = {"time": _TIME, "skip_rows": header.rows_above, "delimiter": header.delimiter}
     return import_table(path, _with_channels(parse_map(data, source, presets), header, source), source)
@@ -55,9 +52,11 @@ def _find_header(path: str, encoding: str | None) -> _Header:
     for index, line in enumerate(io.StringIO(decoded(path, encoding), newline="")):
         if match := _HEADER.match(line):
             names = next(csv.reader([line], delimiter=match["delimiter"]))
-            matches = [each for name in names if (each := _CHANNEL.fullmatch(name.strip()))]
-            channels = tuple(_Channel(each["number"], each[0], each["unit"]) for each in matches)
-            return _Header(index, match["delimiter"], channels)
+            found = [each for name in names if (each := _CHANNEL.fullmatch(name.strip()))]
+            channels, units = (
+                {each[key]: each[value] for each in found} for key, value in (("number", 0), (0, "unit"))
+            )
+            return _Header(index, match["delimiter"], channels, units)
     raise refuse(
         path,
         "",
@@ -71,24 +70,16 @@ def _with_channels(column_map: ColumnMap, header: _Header, source: str) -> Colum
     faults: list[Fault] = []
     columns = {}
     for name, column in column_map.columns.items():
-        found = [_channel(each, header) for each in column.sources]
-        spelt = tuple(each.header if isinstance(each, _Channel) else each for each in found)
-        units = {each.unit for each in found if isinstance(each, _Channel)}
-        update: dict[str, Any] = {"sources": spelt}
-        fault = _unit_fault(name, column, units)
-        if fault:
+        sources = tuple(header.channels.get(each, each) for each in column.sources)
+        units = {header.units[each] for each in sources if each in header.units}
+        if fault := _unit_fault(name, column, units):
             faults.append(fault)
-        elif column.unit is None and units <= _UNITS.keys():
-            update["unit"] = next((_UNITS[unit] for unit in units), None)
-        columns[name] = column.model_copy(update=update)
+        unit = column.unit or _UNITS.get(next(iter(units), ""))
+        columns[name] = column.model_copy(update={"sources": sources, "unit": unit})
     if faults:
         raise Refused(source, faults)
     missing = (*column_map.missing, *_OPEN_THERMOCOUPLE)
     return column_map.model_copy(update={"columns": columns, "missing": missing})
-
-
-def _channel(name: str, header: _Header) -> _Channel | str:
-    return next((channel for channel in header.channels if name in (channel.number, channel.header)), name)
 
 
 def _unit_fault(name: str, column: ColumnSource, units: set[str]) -> Fault | None:
