@@ -187,7 +187,7 @@ class OffsetLearner:
             gap_s = unix_s - self._counted_unix_s
             raise ValueError(f"another counted {gap_s:.0f} s before, and one counts per {self._spec.correlation_s:g} s")
         y = value_degC - estimate.ambient_degC
-        R = sigma_degC**2 + estimate_variance_degC2(estimate, self._level)
+        R = sigma_degC**2 + estimate_variance_degC2(estimate, self._level, self._prior.std_degC**2)
         after = updated(self._prior, self._state, y, R)
         if after is None:
             raise ValueError(

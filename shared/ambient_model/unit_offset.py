@@ -1,7 +1,7 @@
 """A unit's own offset: a scalar Kalman filter that weak references of the ambient update.
 
     b[k+1] = phi b[k] + w,   phi = exp(-T / forgotten_s),  w ~ N(0, (1 - phi^2) std^2)
-    y[k] = reference - estimate = b[k] + v,   v ~ N(0, R),  R = sigma^2 + variance of the estimate
+    y[k] = reference - estimate = b[k] + v,   v ~ N(0, R),  R = sigma^2 + variance of the estimate but for b's
 
 b is a stationary Ornstein-Uhlenbeck process: without references it returns to 0 +- std. A reference is refused where
 |y - b| > 3 sqrt(P + min(R, (2 degC)^2)): one that claims a large sigma is not accepted further off for that. b stays
@@ -62,11 +62,16 @@ def updated(prior: OffsetPrior, state: OffsetState, y_degC: float, R_degC2: floa
     return OffsetState(min(max(b, -prior.bound_degC), prior.bound_degC), (1 - gain) * P, time_s)
 
 
-def estimate_variance_degC2(estimate: Estimate, level_percent: int) -> float:
-    """The variance that the published interval of ``level_percent`` stands for."""
+def estimate_variance_degC2(estimate: Estimate, level_percent: int, offset_degC2: float = 0.0) -> float:
+    """The variance that the published interval of ``level_percent`` stands for, beside the offset's.
+
+    While it is degraded, the interval holds how far the readings differ from what training makes expect. Another unit's
+    offset differs so too: its variance before any reference, ``offset_degC2``, is the filter's, not the estimate's.
+    """
     if estimate.low_degC is None or estimate.high_degC is None:
         return math.inf
-    return ((estimate.high_degC - estimate.low_degC) / 2 / SCORES[level_percent]) ** 2
+    variance = ((estimate.high_degC - estimate.low_degC) / 2 / SCORES[level_percent]) ** 2
+    return max(variance - offset_degC2, 0.0) if estimate.status == DEGRADED else variance
 
 
 def shifted(estimate: Estimate, offset_degC: float) -> Estimate:

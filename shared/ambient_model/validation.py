@@ -19,8 +19,9 @@ it. It is replaced by its expectation plus the difference that it had before, wh
 again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
 refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a
 reading is held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
-rounding adds more to its error variance than training left. What is missing for a short while keeps its value, or moves
-with the others. Time comes in as an argument; a sample less than half a period early or late counts as one that is due.
+rounding adds more to its error variance than training left. What is missing for a short while moves as the others and
+its own past predict: of z its reading alone is unknown then. Time comes in as an argument; a sample less than half a
+period early or late counts as one that is due.
 """
 
 import itertools
@@ -35,8 +36,8 @@ from ambient_model.tracking import bridge_limit_s
 
 SLOW_S = 600.0
 """Time constant of the low-pass filtered difference: as long as the slowest part of a phone."""
-SHORT_GAP_S = 15.0
-"""A gap up to this long leaves status and interval as they are; a sensor at a tenth of 1 Hz has such gaps."""
+_SHORT_GAP = 0.5
+"""A gap up to this share of what is bridged, 15 s or 5 periods, leaves status and interval as they are."""
 _STARTING_S = 600.0
 _STARTING_SLACK = 3.0
 """Gates are so much wider until the low-pass filters have left their start, which is an equilibrium."""
@@ -128,6 +129,7 @@ class Validation:
         self._model = model
         self._period_s = period_s
         self._limit_s = bridge_limit_s(period_s)
+        self._short_s = _SHORT_GAP * self._limit_s
         self._count = count = len(estimator.inputs)
         columns = [[float(row == column) for row in range(count)] for column in range(count)]
         states = [equilibrium(estimator.initial, column) for column in columns]
@@ -262,6 +264,8 @@ class Validation:
         """Compute expectations anew: a resolution or the slack has changed."""
         self._known: dict[tuple[Sensors, int], _Expectation] = {}
         self._current: list[_Expectation] = []
+        self._predictions: dict[tuple[Sensors, int], tuple[list[float], float]] = {}
+        """Of sensors that are missing for a short while, while the same are set aside."""
         self._limits: tuple[float, ...] = ()
         """Per sensor gate, slow gate and release while nothing is set aside, where they have been asked for."""
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
@@ -303,6 +307,22 @@ class Validation:
             std=std,
         )
 
+    def _prediction(self, absent: Sensors, i: int) -> tuple[list[float], float]:
+        """Weights of z and standard deviation of reading ``i`` while ``absent`` are missing, whose past is known."""
+        found = self._predictions.get((absent, i))
+        if found is None:
+            precision = self._model.precision
+            entries = [*self._entries(self._apart), *sorted(absent)]
+            covariances = _solved(self._block(entries), [float(entry == i) for entry in entries])
+            weights = [
+                -sum([c * precision[row][k] for c, row in zip(covariances, entries)]) for k in range(len(precision))
+            ]
+            for entry in entries:
+                weights[entry] = 0.0
+            found = weights, math.sqrt(max(covariances[entries.index(i)], 0.0))
+            self._predictions[absent, i] = found
+        return found
+
     def _covariances(self, apart: Sensors, i: int) -> tuple[list[int], list[float]]:
         """The entries of z of the sensors ``apart``, and the covariance of reading i with each given the others."""
         entries = self._entries(apart)
@@ -329,6 +349,7 @@ class Validation:
         if apart != self._apart:
             self._apart = apart
             self._current = []
+            self._predictions = {}
             # what replaces a reading goes on from where it is
             self._offsets = {}
             self._replaced_degC2 = self._replacement_degC2()
@@ -353,7 +374,7 @@ class Validation:
         self._waits_s = list(start.waits_s)
         used = self._begin(time_s, start.readings, refused)
         self._away_s = [time_s - read_s for read_s in start.read_s]
-        if not missing or time_s - start.time_s >= SHORT_GAP_S:
+        if not missing or time_s - start.time_s >= self._short_s:
             self._start = None
         return used
 
@@ -411,7 +432,7 @@ class Validation:
                 if i not in self.refused:
                     used[i] = value
         if missing or self._apart:
-            away = [i for i, away_s in enumerate(self._away_s) if away_s > SHORT_GAP_S]
+            away = [i for i, away_s in enumerate(self._away_s) if away_s > self._short_s]
             self._set_apart(frozenset([*self.refused, *away]))
         return used + self._lows
 
@@ -547,23 +568,20 @@ class Validation:
             self._slow[i] += self._slow_a * (d - self._slow[i])
 
     def _move_held(self, readings: Sequence[float | None], z: list[float]) -> None:
-        """Move what is missing for a short while as far as the others let expect, where that is more than its error.
+        """Move what is missing for a short while as far as the others and its own past predict.
 
         Where fewer than half are there it keeps its value, and is doubted: what one of them does would move all.
         """
-        absent = self._apart.union([i for i, value in enumerate(readings) if value is None])
-        self._held = {i: self._held.get(i, self._z) for i in absent - self._apart}
+        absent = frozenset([i for i, value in enumerate(readings) if value is None]) - self._apart
+        self._held = {i: self._held.get(i, self._z) for i in absent}
         doubt_degC2 = 0.0
         for i, read_z in self._held.items():
-            expectation = self._expectation(absent, i)
-            moved = dot(expectation.weights, list(map(sub, z, read_z)))
-            error = abs(moved)
-            if error <= expectation.std:
-                z[i] = read_z[i]
-                continue
-            if 2 * len(absent) <= self._count:
-                z[i], error = read_z[i] + moved, expectation.std
-            doubt_degC2 = max(doubt_degC2, (self._gains[i] * error) ** 2)
+            weights, std = self._prediction(absent, i)
+            moved = dot(weights, list(map(sub, z, read_z)))
+            few = 2 * len(absent | self._apart) > self._count
+            z[i] = read_z[i] if few else read_z[i] + moved
+            if abs(moved) > std:
+                doubt_degC2 = max(doubt_degC2, (self._gains[i] * (moved if few else std)) ** 2)
         if doubt_degC2 > self._usual_degC2:
             recent_degC2 = self._doubt_degC2 if self._time_s - self._doubt_s <= DOUBT_S else 0.0
             self._doubt_degC2, self._doubt_s = max(doubt_degC2, recent_degC2), self._time_s

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ambient_model.tracking import TRACKING, Estimate
+from ambient_model.tracking import DEGRADED, TRACKING, Estimate
 from ambient_model.unit_offset import OffsetPrior, estimate_variance_degC2, initial, predicted, shifted, updated
 
 DAY_S = 86400.0
@@ -73,3 +73,12 @@ def test_estimate_and_interval_move_and_keep_their_width():
     nothing = Estimate(None, None, None, "faulted", (None,))
     assert shifted(nothing, 0.5) == nothing
     assert estimate_variance_degC2(nothing, 90) == math.inf
+
+
+def test_a_degraded_interval_holds_the_offset_that_the_filter_has_already() -> None:
+    tracking = Estimate(20.0, 19.0, 21.0, TRACKING, ())
+    whole = estimate_variance_degC2(tracking, 90)
+    assert estimate_variance_degC2(tracking, 90, 0.25) == whole
+    degraded = tracking._replace(status=DEGRADED)
+    assert estimate_variance_degC2(degraded, 90, 0.25) == pytest.approx(whole - 0.25)
+    assert estimate_variance_degC2(degraded, 90, 1.0) == 0.0

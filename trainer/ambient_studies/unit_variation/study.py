@@ -92,7 +92,7 @@ def learnt(number: int, seed: int, days: Sequence[Evaluation], lie_degC: float =
         if run.status[at] in LEARNING:
             y, low, high = (float(each[at]) for each in (run.estimate_degC, run.low_degC, run.high_degC))
             estimate = Estimate(y, low, high, str(run.status[at]), ())
-            R = READING_SIGMA_DEGC**2 + estimate_variance_degC2(estimate, _LEVEL_PERCENT)
+            R = READING_SIGMA_DEGC**2 + estimate_variance_degC2(estimate, _LEVEL_PERCENT, prior.std_degC**2)
             state = updated(prior, state, reading_degC - y, R) or state
         offsets.append(state.offset_degC)
     return offsets
