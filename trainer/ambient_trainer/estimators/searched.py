@@ -135,16 +135,21 @@ def with_fallbacks_and_variance(
     refit: Refit | None,
     remark: str,
     details: Mapping[str, Any],
+    offset_degC: float = 0.0,
 ) -> Fit:
     """The fit with a fallback an input, if there is a ``refit``, and an error variance model.
 
-    Its errors are those of ``unseen`` blocks, if there are any. ``remark`` and ``details`` are of this kind
-    of observer. Cancelled, it leaves out the fallbacks that are not done.
+    Its errors are those of ``unseen`` blocks, if there are any. Blocks that are alike do not show an offset of the
+    sensors: where the data do not exclude one of ``offset_degC`` (a standard deviation), the constant is at least what
+    the DC gains make of it. ``remark`` and ``details`` are of this kind of observer. Cancelled, it leaves out the
+    fallbacks that are not done.
     """
     fallbacks, stopped = fallbacks_of(fit, refit)
     moments = [Moment(fit.over(each), each.outputs[0]) for each in segments]
     period_s = segments[0].period_s
     variance = fit_error_variance(unseen or moments, period_s)
+    still_degC2 = offset_degC**2 * sum(gain**2 for gain in fit.dc_gains)
+    variance = variance._replace(constant_degC2=max(variance.constant_degC2, still_degC2))
     gain = noise_gain(fit.system, period_s)
     half = half_widths(variance, [(each.estimate_degC, 0 * each.estimate_degC) for each in moments], period_s)
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}

@@ -79,6 +79,14 @@ def test_the_interval_covers_runs_that_the_fit_never_saw(fit, simulated):
     assert 0.87 <= np.mean(covered) <= 0.93
 
 
+def test_where_the_sensors_offsets_are_open_the_interval_is_no_narrower_than_they_make_it(simulated):
+    """A log of two levels: whatever the offsets are, the blocks are predicted as well."""
+    trace = simulated(1, samples=400)
+    fit = FreeObserver().fit([trace], ONE)
+    offset_degC = fit.details["choice"]["offset_degC"]
+    assert fit.error_variance.constant_degC2 >= offset_degC**2 * np.square(fit.dc_gains).sum()
+
+
 def test_fallbacks_and_remarks(fit):
     assert list(fit.fallbacks) == ["a", "b", "c"]
     assert f"order {len(fit.states)}" in fit.notes[0]

@@ -72,7 +72,8 @@ class FreeObserver(Estimator):
 
         main, tried = fitted(training, effort, progress), selection.tried
         details = {"choice": choice.as_json(), "tried": [each.as_json() for each in tried]}
-        return with_fallbacks_and_variance(main, segments, tried[choice], fallback, _remark(choice, [*tried]), details)
+        remark, offset_degC = _remark(choice, [*tried]), choice.offset_degC
+        return with_fallbacks_and_variance(main, segments, tried[choice], fallback, remark, details, offset_degC)
 
 
 def _remark(choice: Choice, tried: Sequence[Choice]) -> str:
