@@ -1,7 +1,6 @@
 """Error variance model: sigma^2 = constant + sum of weight x regressor, fitted to the errors of training runs.
 
-The regressors are those of ``ambient_model.error_variance``: low-passed squares of the estimate's rate of change and of
-its distance from the secondary estimate. Two objectives find the weights, none negative:
+The regressors are those of ``ambient_model.error_variance``. Two objectives find the weights, none negative:
 
 - :func:`student_weights`, for one kind of run: those with which Student's t distribution makes the errors most likely.
   Its tails are wide: a few large errors in a jump do not widen the interval of quiet hours.
@@ -19,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize, nnls
 
-from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Term
+from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles, Term
 from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import low_pass
 
@@ -43,10 +42,7 @@ class Moment(NamedTuple):
 
 
 def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVariance:
-    """Error variance model of one estimator over training runs.
-
-    Its terms are of the rate of change, by lags that the runs are long enough for.
-    """
+    """Error variance model of one estimator, with terms of its rate of change by lags that the runs are long for."""
     samples = max(len(each.estimate_degC) for each in moments)
     lags = [periods for periods in _LAGS_PERIODS if periods * _LAGS_IN_DATA <= samples] or [1]
     wanted = tuple(Term("movement", periods * period_s, 1.0) for periods in lags)
@@ -55,11 +51,9 @@ def fit_error_variance(moments: Sequence[Moment], period_s: float) -> ErrorVaria
     table = np.concatenate([regressors_degC2(wanted, each, 0 * each, period_s) for each in estimates], axis=1)
     known = ~np.isnan(errors)
     constant, *weights = student_weights(errors[known], table[:, known])
+    off = np.abs(errors) / np.sqrt(np.array([constant, *weights]) @ table)
     terms = tuple(term._replace(weight=weight) for term, weight in zip(wanted, weights) if weight > 0)
-    unscaled = ErrorVariance(constant, terms, {})
-    off = np.abs(errors) / np.concatenate([sigma_degC(unscaled, each, 0 * each, period_s) for each in estimates])
-    reaches = np.nanpercentile(off, LEVELS_PERCENT).tolist()
-    return unscaled._replace(quantiles={level: (-reach, reach) for level, reach in zip(LEVELS_PERCENT, reaches)})
+    return ErrorVariance(constant, terms, _symmetric(np.nanpercentile(off, LEVELS_PERCENT).tolist()))
 
 
 def fit_weighted_error_variance(terms: Sequence[Term], error: Array, table: Array, weight: Array) -> ErrorVariance:
@@ -67,11 +61,12 @@ def fit_weighted_error_variance(terms: Sequence[Term], error: Array, table: Arra
     constant, *factors = (weights := least_squares_weights(error, table, weight)).tolist()
     reach = np.abs(error) / np.sqrt(np.maximum(weights @ table, _LEAST_VARIANCE_DEGC2))
     reaches = [weighted_quantile(reach, weight, level / 100) for level in LEVELS_PERCENT]
-    return ErrorVariance(
-        max(constant, _LEAST_VARIANCE_DEGC2),
-        tuple(term._replace(weight=factor) for term, factor in zip(terms, factors)),
-        {level: (-reach, reach) for level, reach in zip(LEVELS_PERCENT, reaches)},
-    )
+    weighted = tuple(term._replace(weight=factor) for term, factor in zip(terms, factors))
+    return ErrorVariance(max(constant, _LEAST_VARIANCE_DEGC2), weighted, _symmetric(reaches))
+
+
+def _symmetric(reaches: Sequence[float]) -> Quantiles:
+    return {level: (-reach, reach) for level, reach in zip(LEVELS_PERCENT, reaches)}
 
 
 def half_widths(model: ErrorVariance, estimates: Iterable[tuple[Array, Array]], period_s: float) -> dict[str, float]:
@@ -89,10 +84,8 @@ def sigma_degC(model: ErrorVariance, ambient_degC: Array, apart_degC: Array, per
 
     ``apart_degC`` (N,) is the main estimate minus the secondary one, limited to the threshold; zero without one.
     """
-    variance = np.full_like(ambient_degC, model.constant_degC2)
-    for term in model.terms:
-        variance += term.weight * _regressor_degC2(term, ambient_degC, apart_degC, period_s)
-    return np.sqrt(variance)
+    weights = np.array([model.constant_degC2, *(term.weight for term in model.terms)])
+    return np.sqrt(weights @ regressors_degC2(model.terms, ambient_degC, apart_degC, period_s))
 
 
 def regressors_degC2(terms: Sequence[Term], ambient_degC: Array, apart_degC: Array, period_s: float) -> Array:

@@ -115,28 +115,17 @@ def require_enough(traces: Sequence[Trace], structure: Structure) -> None:
 
 @dataclass(frozen=True)
 class Effort:
-    """How hard to search.
-
-    Parameters
-    ----------
-    starts : int
-        Searches from so many places; the first is the circuit's or the data's own.
-    seed : int
-        Of all random draws.
-    pieces : int
-        A trace is fitted in so many pieces, each from thermal equilibrium, as a device starts that is switched on.
-        One piece fits a device best that has long been on; several penalise gains that make every start absurd.
-    budget : Budget
-        What each search may spend, and the token that cancels all of them.
-    first : int
-        The number of the first search, where others make those before: of an estimator whose ``starts_apart``.
-    """
+    """How hard to search."""
 
     starts: int = 8
+    """Searches from so many places; the first is the circuit's or the data's own."""
     seed: int = 0
     pieces: int = 1
+    """A trace is fitted in so many, each from thermal equilibrium, which penalises gains that make starts absurd."""
     budget: Budget = field(default_factory=Budget, compare=False, repr=False)
+    """What each search may spend, and the token that cancels all of them."""
     first: int = 0
+    """The number of the first search, where others make those before: of an estimator whose ``starts_apart``."""
 
 
 USUAL = Effort()
@@ -165,21 +154,10 @@ class Estimator(ABC):
         period_s: float | None = None,
         inputs: Sequence[str] | None = None,
     ) -> Fit:
-        """Fit to one or several traces, which hold the sensors and the reference ``ambient_degC``.
+        """Fit to traces of the sensors and the reference ``ambient_degC``, on the grid of :meth:`training`.
 
-        Parameters
-        ----------
-        progress : callable, optional
-            Called after each evaluation with the search's number, the evaluation's, and the best sum of squares.
-        period_s : float, optional
-            The grid; by default the traces' own.
-        inputs : sequence of str, optional
-            Trace columns, where it ``reads_any``; by default every temperature but the reference.
-
-        Raises
-        ------
-        Refused
-            Where a column is missing or never changes, or the traces hold too little.
+        ``inputs`` are trace columns, where it ``reads_any``. Raises :class:`Refused` where a column is missing or never
+        changes, or the traces hold too little.
         """
         training = self.training(traces, inputs, period_s, effort.pieces)
         with threadpool_limits(1):

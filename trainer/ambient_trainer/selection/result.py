@@ -37,10 +37,7 @@ class Options:
 
 @dataclass(frozen=True)
 class ScoredSystem:
-    """A continuous system that estimates the ambient from trace columns, and its held-out error.
-
-    ``squares`` are sums of squared errors in degC^2, ``samples`` their numbers, one a block.
-    """
+    """A continuous system over trace columns and, per held-out block, sum (degC^2) and number of squared errors."""
 
     system: StateSpace
     hold: Hold
@@ -87,10 +84,9 @@ class Alternative:
 
 @dataclass(frozen=True)
 class SelectedSet:
-    """The best set of sensors of a size, or one to compare with.
+    """The best set of sensors of a size, or one to compare with, by a filter over ``fixed`` poles and a ``free`` one.
 
-    Sets are compared by the filter over ``fixed`` poles; those of ``free`` are fitted. ``noise_gain`` is the standard
-    deviation of the estimate per unit of white noise in every sensor, ``noise_degC`` that which their own noise makes.
+    ``noise_gain`` is the estimate's standard deviation per unit of noise, ``noise_degC`` what the sensors' own makes.
     """
 
     sensors: tuple[str, ...]
@@ -128,10 +124,7 @@ class SelectedCircuit:
 
 @dataclass(frozen=True)
 class TraceScores:
-    """RMSE in degC on a trace that had no part in the selection, by number of sensors.
-
-    ``against`` are those of the set to compare with: over fixed poles, and with free ones.
-    """
+    """RMSE in degC on a trace without a part in the selection, by number of sensors; ``against``: fixed, free poles."""
 
     path: str
     fixed: tuple[float, ...]

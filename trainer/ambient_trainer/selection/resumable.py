@@ -26,9 +26,8 @@ _ANEW = "remove it to start anew, or name another --state"
 class ResumablePool:
     """Worker processes and the results that are known; a context, whose end stops the processes and closes the file.
 
-    ``path`` is the state file, made where it is missing; without one the results stay in memory. They depend on
-    ``identity``. ``progress`` gets what is computed, how many results of it are there, and how many are wanted. Raises
-    :class:`Refused` where the file is none of this search, or another process uses it.
+    Results depend on ``identity`` and are kept in the state file ``path``, if any. ``progress`` gets what is computed,
+    how many results are there, and how many are wanted. Raises :class:`Refused` for a file of another search or in use.
     """
 
     def __init__(
@@ -40,8 +39,7 @@ class ResumablePool:
     ) -> None:
         self.computed = 0
         """Number of results that were not known before."""
-        self._progress = progress
-        self._parallel = workers(jobs)
+        self._progress, self._parallel = progress, workers(jobs)
         self._database, self.known = _opened(path, {**_HEADER, **(identity or {})})
 
     def __enter__(self) -> ResumablePool:
@@ -55,8 +53,7 @@ class ResumablePool:
     def results(self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1, name: str = "") -> Results:
         """The results by key, computed ``at_once`` by a process where they are not known yet.
 
-        ``task`` is a pure function of a list of keys, whose results JSON can hold; it goes to the processes as it is.
-        ``name`` distinguishes its results from those of other tasks; by default it is ``what``.
+        ``task`` is a pure function of keys whose results JSON can hold, ``name`` or ``what`` its own among tasks.
         """
         names = {key: f"{name or what} {key!r}" for key in keys}
         missing = [key for key, name in names.items() if name not in self.known]
@@ -68,8 +65,7 @@ class ResumablePool:
         for part, values in zip(parts, computed):
             new = {names[key]: value for key, value in zip(part, values)}
             with self._database:
-                rows = [(name, json.dumps(value)) for name, value in new.items()]
-                self._database.executemany("INSERT INTO results VALUES (?, ?)", rows)
+                _insert(self._database, "results", new)
             self.known.update(new)
             self.computed += len(new)
             done += len(new)
@@ -82,20 +78,23 @@ def _one_thread(task: Task, keys: Sequence[Any]) -> Sequence[Any]:
         return task(keys)
 
 
+def _insert(database: sqlite3.Connection, table: str, values: Mapping[str, Any]) -> None:
+    rows = [(name, json.dumps(value)) for name, value in values.items()]
+    database.executemany(f"INSERT INTO {table} VALUES (?, ?)", rows)
+
+
 def _opened(path: str | None, header: Mapping[str, Any]) -> tuple[sqlite3.Connection, dict[str, Any]]:
     """The database at ``path`` and its results."""
     exists = path is not None and os.path.exists(path)
     database = sqlite3.connect(path or ":memory:", timeout=0)
     try:
         # whatever a killed process left half-written is rolled back; a crash of the machine may cost the file
-        database.execute("PRAGMA synchronous = OFF")
-        database.execute("PRAGMA locking_mode = EXCLUSIVE")
-        database.execute("BEGIN EXCLUSIVE")
+        for statement in ("PRAGMA synchronous = OFF", "PRAGMA locking_mode = EXCLUSIVE", "BEGIN EXCLUSIVE"):
+            database.execute(statement)
         if not exists:
             for table in ("header", "results"):
                 database.execute(f"CREATE TABLE {table} (name TEXT, value TEXT)")
-            rows = [(name, json.dumps(value)) for name, value in header.items()]
-            database.executemany("INSERT INTO header VALUES (?, ?)", rows)
+            _insert(database, "header", header)
         elif database.execute("PRAGMA integrity_check").fetchone() != ("ok",):
             raise sqlite3.DatabaseError("damaged")
         kept, known = (
@@ -113,8 +112,7 @@ def _opened(path: str | None, header: Mapping[str, Any]) -> tuple[sqlite3.Connec
     except BaseException as error:
         database.close()
         if isinstance(error, sqlite3.OperationalError) and "locked" in str(error):
-            hint = "wait for it, or name another --state"
-            raise refuse(str(path), "", "another search is using it", hint) from None
+            raise refuse(str(path), "", "another search is using it", "wait, or name another --state") from None
         if isinstance(error, sqlite3.Error | ValueError | TypeError):
             raise refuse(str(path), "", "is not the state of a search, or is damaged", _ANEW) from None
         raise

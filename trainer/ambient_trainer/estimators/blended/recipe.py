@@ -45,36 +45,29 @@ _Span = Annotated[tuple[float, float], AfterValidator(_increasing)]
 _PositiveSpan = Annotated[tuple[_Positive, _Positive], AfterValidator(_increasing)]
 _Watts = Annotated[dict[_Name, _Positive], Field(min_length=1)]
 _Signals = Annotated[dict[_Column, float], Field(min_length=1)]
+_Parts = dict[_Name, _NotNegative]
 _Runs = Annotated[int, Field(ge=1, le=20)]
 _Hours = Annotated[float, Field(ge=1, le=48)]
 
 
-class Sensor(Strict):
-    """A sensor's lag behind its node, and the standard deviation of the circuit's misfit."""
-
+class _Sensor(Strict):  # a sensor's lag behind its node, and the standard deviation of the circuit's misfit
     lag_s: _Positive
     trust_degC: _Positive
 
 
-class Measured(Strict):
-    """Heat of ``watts`` (W per unit of each trace column) that goes into one node."""
-
+class _Measured(Strict):  # heat of ``watts`` (W per unit of each trace column) that goes into one node
     into: _Name
     watts: _Signals
 
 
-class Shared(Strict):
-    """Heat of ``watts`` (W per unit of each trace column) of which each node takes a share."""
-
+class _Shared(Strict):  # heat of ``watts`` (W per unit of each trace column) of which each node takes a share
     watts: _Signals
     among: Annotated[dict[_Name, float], Field(min_length=1)]
 
 
-class Heat(Strict):
-    """The measured heat."""
-
-    measured: Measured
-    shared: Shared
+class _Heat(Strict):  # the measured heat
+    measured: _Measured
+    shared: _Shared
 
 
 class Loss(Strict):
@@ -86,9 +79,7 @@ class Loss(Strict):
     at_degC: Annotated[float, Field(gt=-273.15, le=1000)]
 
 
-class Prior(Strict):
-    """Standard deviations of the unknowns about their initial values, and a sensor's log's worth in samples."""
-
+class _Prior(Strict):  # standard deviations of the unknowns, and how many samples a sensor's log counts as
     capacitance: _Positive
     resistance: _Positive
     lag: _Positive
@@ -104,9 +95,7 @@ class Work(Strict):
     busy_above: float
 
 
-class Idle(Strict):
-    """How many runs of how many hours."""
-
+class _Idle(Strict):  # how many runs of how many hours
     runs: _Runs
     hours: _Hours
 
@@ -119,12 +108,10 @@ class Synthetic(Strict):
     settling_s: _Positive
     episode_min: _PositiveSpan
     busy: _Share
-    idle: Idle
+    idle: _Idle
 
 
-class Pattern(Strict):
-    """Variants of the heat of one use, in W per node; ``alone`` on a device that does nothing else."""
-
+class _Pattern(Strict):  # variants of the heat of one use, in W per node; ``alone`` on a device that does nothing else
     watts: Annotated[tuple[_Watts, ...], Field(min_length=1)]
     alone: bool = False
 
@@ -137,31 +124,22 @@ class Unmeasured(Strict):
     episode_min: _PositiveSpan
     pause_min: _PositiveSpan
     log_deviation: _NotNegative
-    patterns: dict[_Name, Pattern]
+    patterns: dict[_Name, _Pattern]
 
 
-_Weights = dict[_Name, _NotNegative]
+class _Weights(Strict):  # what each part of the training set weighs in each objective
+    main: _Parts
+    secondary: _Parts
+    interval: _Parts
 
 
-class Weights(Strict):
-    """The weight of each part of the training set in each filter's objective and in the interval's."""
-
-    main: _Weights
-    secondary: _Weights
-    interval: _Weights
-
-
-class SlowPoles(Strict):
-    """Two real poles: initial values and bounds."""
-
+class _SlowPoles(Strict):  # two real poles: initial values and bounds
     time_constants_s: tuple[_Positive, _Positive]
     slowest_s: _Positive
     least_ratio: Annotated[float, Field(gt=1, le=10)]
 
 
-class FastPoles(Strict):
-    """A pair of poles: initial 1/omega and damping, and a bound."""
-
+class _FastPoles(Strict):  # a pair of poles: initial 1/omega and damping, and a bound
     time_s: _Positive
     damping: _Positive
     least_damping: _Positive
@@ -172,20 +150,16 @@ class FilterRules(Strict):
 
     noise: _Positive
     one_degree: _Positive
-    slow: SlowPoles
-    fast: FastPoles
+    slow: _SlowPoles
+    fast: _FastPoles
 
 
-class Threshold(Strict):
-    """``times`` the ``percent`` quantile, on the log, of the main filter's distance from the secondary one."""
-
+class _Threshold(Strict):  # ``times`` a quantile of the two filters' distance on the log
     percent: Annotated[float, Field(gt=50, le=100)]
     times: _Positive
 
 
-class VarianceLags(Strict):
-    """Time constants of the error variance's terms."""
-
+class _VarianceLags(Strict):  # time constants of the error variance's terms
     movement_lag_s: _Positive
     secondary_lag_s: _Positive
 
@@ -198,17 +172,17 @@ class Recipe(Strict):
     name: _Name
     about: str
     circuit: str
-    sensors: Annotated[dict[_Name, Sensor], Field(min_length=2)]
-    heat: Heat
+    sensors: Annotated[dict[_Name, _Sensor], Field(min_length=2)]
+    heat: _Heat
     loss: Loss
-    prior: Prior
+    prior: _Prior
     work: Work
     made_up: Synthetic
     unlogged: Unmeasured
-    weights: Weights
+    weights: _Weights
     filter: FilterRules
-    threshold: Threshold
-    error_variance: VarianceLags
+    threshold: _Threshold
+    error_variance: _VarianceLags
 
     @property
     def sensor_columns(self) -> tuple[str, ...]:
