@@ -32,8 +32,6 @@ from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, membe
 _GRID_SAMPLES = 20_000
 """The population's time constants are fitted to about so many samples of the units that it is begun with."""
 _KEPT = 201
-_WEIGHTS = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
-"""How much of what is a unit's own may be kept: all, unless the population did better on blocks that were held out."""
 OK, FAILED = "ok", "failed"
 
 
@@ -189,11 +187,10 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
     group = np.array([numbers.get(each.group, -1) for each in looked])
     units = Normal.stacked(each.members[0] for each in looked)
     population = learnt.populations[MAIN]
-    held = _held_out(looked, units, population, group)
-    posteriors = {}
+    posteriors, kept = {}, {}
     for index, (name, each) in enumerate(learnt.populations.items()):
         own = each.posterior(Normal.stacked(unit.members[index] for unit in looked), group)
-        posteriors[name] = _kept(own, each, group, held.weight)
+        posteriors[name], kept[name] = each.safe(own)
     deviation = {name: _deviation_degC(learnt.populations[name], each) for name, each in posteriors.items()}
     rows = pd.DataFrame(
         {
@@ -204,7 +201,9 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
             "samples": [float(each.samples) for each in looked],
             "duration_s": units.seconds,
             "effective_samples": units.seconds / population.memory_s,
-            **_figures(units, population, group, posteriors[MAIN], held),
+            **_known(units, population, group, kept[MAIN]),
+            **_held_out(looked, units, population, group),
+            **_fit(units, population, group, posteriors[MAIN]),
             **_readable(start.spaces[MAIN], posteriors[MAIN]),
         }
     ).to_dict("records")
@@ -219,26 +218,22 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
     return found
 
 
-def _figures(
-    units: Normal, population: Population, group: NDArray[np.intp], main: Posterior, held: _HeldOut
-) -> dict[str, Array]:
-    """How well each unit is known, what it leaves, and how far it lies from the population."""
+def _known(units: Normal, population: Population, group: NDArray[np.intp], kept: Array) -> dict[str, Array]:
+    """How much of each unit is taken from the population, and how much of its own it keeps."""
+    open_ = population.posterior(units, group).covariance @ np.linalg.inv(population.between)
+    return {"shrinkage": 1 - kept * (1 - np.trace(open_, axis1=1, axis2=2) / open_.shape[1]), "kept": kept}
+
+
+def _fit(units: Normal, population: Population, group: NDArray[np.intp], main: Posterior) -> dict[str, Array]:
+    """What each unit leaves, and how far it lies from the population."""
     scale = population.variance_degC2 * population.memory_s
-    mean, between = population.prior(group)
-    distance, freedom = deviance(units.H / scale, units.g / scale, mean, between)
-    whole = np.linalg.inv(between)
-    own = population.posterior(units, group).covariance
+    distance, freedom = deviance(units.H / scale, units.g / scale, *population.prior(group))
     return {
-        "shrinkage": 1 - held.weight * (1 - np.einsum("uij,ji->u", own, whole) / len(whole)),
-        "kept": held.weight,
-        "rmse_pooled_degC": held.pooled,
-        "rmse_separate_degC": held.separate,
-        "rmse_partial_degC": held.partial,
         "half_width_90_degC": SCORES[90] * _deviation_degC(population, main),
         "distance": distance,
         "freedom": freedom,
         # one for a unit whose sensors go together as the population's do
-        "leverage": np.trace(units.H, axis1=1, axis2=2) / units.seconds / len(whole),
+        "leverage": np.trace(units.H, axis1=1, axis2=2) / units.seconds / units.g.shape[1],
         "misfit_degC2": units.squares(main.mean) / units.seconds,
     }
 
@@ -260,44 +255,21 @@ def _deviation_degC(population: Population, units: Posterior) -> Array:
     return np.sqrt(population.variance_degC2 + np.trace(units.covariance, axis1=-2, axis2=-1))
 
 
-@dataclass(frozen=True)
-class _HeldOut:
-    """RMSE of each unit on its own blocks, each held out in turn, and how much of its own it may keep."""
-
-    pooled: Array
-    separate: Array
-    partial: Array
-    weight: Array
-
-
-def _held_out(looked: Sequence[Looked], total: Normal, population: Population, group: NDArray[np.intp]) -> _HeldOut:
+def _held_out(
+    looked: Sequence[Looked], total: Normal, population: Population, group: NDArray[np.intp]
+) -> dict[str, Array]:
+    """RMSE of each unit on its own blocks, each held out in turn, under the three ways of pooling."""
     blocks = Normal.stacked(each.blocks for each in looked if each.blocks)
-    mean, _ = population.prior(group)
-    count, options = len(looked), len(_WEIGHTS)
-    pooled, separate, partial = np.zeros(count), np.zeros(count), np.zeros((options, count))
+    squares = np.zeros((3, len(looked)))
     for number in range(blocks.g.shape[1]):
         block = Normal(*(each[:, number] for each in blocks))
         rest = Normal(*(whole - part for whole, part in zip(total, block)))
-        here = population.posterior(rest, group)
-        pooled += block.squares(np.broadcast_to(population.mean, here.mean.shape))
+        partial, _ = population.safe(population.posterior(rest, group))
         alone = np.linalg.pinv(rest.H, rcond=1e-9, hermitian=True) @ rest.g[..., None]
-        separate += block.squares(alone[..., 0])
-        partial += np.array([block.squares(mean + weight * (here.mean - mean)) for weight in _WEIGHTS])
-    # the first, which keeps most, that is no worse than the population; the last is the population or its group
-    best = np.argmax((partial <= pooled) | (np.arange(options) == options - 1)[:, None], axis=0)
-    chosen = partial[best, np.arange(count)]
-    rms = [np.sqrt(each / total.seconds) for each in (pooled, separate, chosen)]
-    return _HeldOut(rms[0], rms[1], rms[2], np.array(_WEIGHTS)[best])
-
-
-def _kept(post: Posterior, population: Population, group: NDArray[np.intp], weight: Array) -> Posterior:
-    """The posterior drawn towards the prior's mean; what is given up widens it."""
-    mean, _ = population.prior(group)
-    own = post.mean - mean
-    given_up = (1 - weight)[:, None] * own
-    return post._replace(
-        mean=mean + weight[:, None] * own, covariance=post.covariance + given_up[:, :, None] * given_up[:, None, :]
-    )
+        ways = np.broadcast_to(population.mean, rest.g.shape), alone[..., 0], partial.mean
+        squares += [block.squares(each) for each in ways]
+    rms = np.sqrt(squares / total.seconds)
+    return {f"rmse_{way}_degC": each for way, each in zip(("pooled", "separate", "partial"), rms)}
 
 
 def unseen_model(start: Start, learnt: Learnt, units: int, created: str) -> str:

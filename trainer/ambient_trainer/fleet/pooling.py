@@ -30,6 +30,8 @@ _LEAST_DEGC2 = 1e-4
 _COUNTS_AS = 2.0
 """Units that the prior of the between-unit covariance counts as."""
 _RIDGE = 1e-9
+_WORSE, _SURE = 1.05, 3.0
+"""What is one's own must not make the error so many times the population's, at so many standard deviations."""
 _QUARTILES_APART = 1.349
 """Of a standard normal number."""
 
@@ -62,8 +64,7 @@ class Normal(NamedTuple):
 
     def squares(self, c: Array) -> Array:
         """Per unit the sum of squared errors at coordinates c (u, p)."""
-        through = np.einsum("ui,uij,uj->u", c, self.H, c)
-        return np.asarray(np.maximum(self.square - 2 * np.einsum("ui,ui->u", c, self.g) + through, 0.0))
+        return np.asarray(np.maximum(self.square + ((_times(self.H, c) - 2 * self.g) * c).sum(axis=-1), 0.0))
 
 
 class Posterior(NamedTuple):
@@ -121,6 +122,22 @@ class Population:
         mean, between = self.prior(group)
         return posterior(units.H / scale, units.g / scale, mean, between)
 
+    def safe(self, post: Posterior) -> tuple[Posterior, Array]:
+        """Posteriors drawn towards the population as far as does no harm, and the share of its own that each keeps.
+
+        Coordinates are white over the population's use: where a unit's truth is t ~ N(a, V) from the population's
+        mean, keeping a share w of a changes its mean square error by w^2 a'a - 2 w a't. The share is the largest whose
+        error exceeds ``_WORSE`` times the population's in one unit of a thousand. What is given up widens V.
+        """
+        own = post.mean - self.mean
+        length = np.maximum((own**2).sum(axis=1), 1e-300)
+        sure = length - _SURE * np.sqrt(np.einsum("ui,uij,uj->u", own, post.covariance, own))
+        room = (_WORSE**2 - 1) * self.variance_degC2 * length
+        share = np.minimum(1.0, (sure + np.sqrt(sure**2 + room)) / length)
+        given_up = (1 - share)[:, None] * own
+        covariance = post.covariance + given_up[:, :, None] * given_up[:, None, :]
+        return post._replace(mean=post.mean - given_up, covariance=covariance), share
+
     @property
     def noise_degC(self) -> float:
         """Standard deviation of what no gains explain."""
@@ -145,36 +162,54 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
     member = np.eye(groups)[group]
     unity = np.eye(p)
     between, group_between = _START_DEGC2 * unity, _START_DEGC2 * unity * (groups > 1)
+    prior = _COUNTS_AS * _LEAST_DEGC2 * unity
     variance, weight = float(np.median(units.square / units.seconds)), np.ones(u)
     mean = np.zeros(p)
     for _ in range(_ROUNDS):
         scale = variance * memory_s
-        L, e = units.H / scale, units.g / scale
-        alone = posterior(L, e, np.zeros(p), between)
-        projected = np.einsum("uk,uij->kij", member * weight[:, None], alone.information)
-        said = np.einsum("uk,ui->ki", member * weight[:, None], alone.vector)
-        above = posterior(projected, said, mean, group_between)
-        total = above.information.sum(axis=0) + _RIDGE * np.trace(above.information.sum(axis=0)) / p * unity
-        mean = np.linalg.solve(total, above.vector.sum(axis=0))
-        above = posterior(projected, said, mean, group_between)
+        # in coordinates in which the units of a group are N(centre, I): R is the posterior covariance, I - R is known
+        white = np.linalg.cholesky(between)
+        whiten = np.linalg.inv(white)
+        M, f = white.T @ units.H @ white / scale, units.g @ white / scale
+        R = np.linalg.inv(unity + M)
+        weighed = member * weight[:, None]
+        projected = weighed.sum(axis=0)[:, None, None] * unity - np.tensordot(weighed, R, (0, 0))
+        said = weighed.T @ _times(R, f)
+        spread = whiten @ group_between @ whiten.T
+        above = posterior(projected, said, whiten @ mean, spread)
+        total = above.information.sum(axis=0)
+        total += _RIDGE * np.trace(total) / p * unity
+        middle = np.linalg.solve(total, above.vector.sum(axis=0))
+        above = posterior(projected, said, middle, spread)
         centre = above.mean[group]
-        here = posterior(L, e, centre, between)
-        apart = here.mean - centre
-        second = here.covariance + apart[:, :, None] * apart[:, None, :]
-        prior = _COUNTS_AS * _LEAST_DEGC2 * unity
-        between = (np.einsum("u,uij->ij", weight, second) + prior) / (weight.sum() + _COUNTS_AS)
+        apart = _times(R, f - _times(M, centre))
+        second = np.tensordot(weight, R, 1) + (apart * weight[:, None]).T @ apart
+        mean, means = white @ middle, above.mean @ white.T
+        between = (white @ second @ white.T + prior) / (weight.sum() + _COUNTS_AS)
         if groups > 1:
-            off = above.mean - mean
-            apart_groups = (above.covariance + off[:, :, None] * off[:, None, :]).sum(axis=0)
-            group_between = (apart_groups + prior) / (groups + _COUNTS_AS)
-        left = units.squares(here.mean) + np.einsum("uij,uji->u", units.H, here.covariance)
-        distance, freedom = deviance(L, e, centre, between)
-        scatter = units.squares(here.mean) / scale
-        weight = _weight(distance, freedom) * _weight(scatter, 1 + units.seconds / memory_s)
-        variance = float((weight * left).sum() / (weight * units.seconds).sum())
+            off = above.mean - middle
+            apart_groups = above.covariance.sum(axis=0) + off.T @ off
+            group_between = (white @ apart_groups @ white.T + prior) / (groups + _COUNTS_AS)
+        open_ = np.trace(R, axis1=1, axis2=2)
+        squares = units.squares((centre + apart) @ white.T)
+        weight = _weight((apart**2).sum(axis=1), p - open_) * _weight(squares / scale, 1 + units.seconds / memory_s)
+        variance = float((weight * (squares + scale * (p - open_))).sum() / (weight * units.seconds).sum())
+    known = np.linalg.inv(total)
     return Population(
-        mean, np.linalg.inv(total), between, variance, memory_s, above.mean, above.covariance, group_between, u
+        mean,
+        white @ known @ white.T,
+        between,
+        variance,
+        memory_s,
+        means,
+        white @ above.covariance @ white.T,
+        group_between,
+        u,
     )
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def _weight(square: Array, expected: Array) -> Array:

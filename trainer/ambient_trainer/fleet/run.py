@@ -169,9 +169,10 @@ def _learnt(parts: Parts, chunks: int, start: Start, within: tuple[str, ...]) ->
         )
     by_memory = brief.sort_values("memory_s", kind="stable")
     share = by_memory["seconds"].cumsum().to_numpy() / brief["seconds"].sum()
-    # a short log shows less memory than there is: a device's own time constant is the least
+    # a short log shows less memory than there is: the least is that of an error that decays as the device does, whose
+    # autocorrelation exp(-t/T) has the integral 2 T
     measured_s = float(by_memory["memory_s"].iloc[np.searchsorted(share, _MEMORY_PERCENT / 100)])
-    memory_s = max(measured_s, start.spaces[MAIN].slowest_s)
+    memory_s = max(measured_s, 2 * start.spaces[MAIN].slowest_s)
     if len(brief) > _LEARNT_FROM:
         evenly = brief.sort_values("group", kind="stable").iloc[np.arange(_LEARNT_FROM) * len(brief) // _LEARNT_FROM]
         longest = brief.sort_values("seconds", kind="stable", ascending=False).head(_LONGEST)
