@@ -12,6 +12,8 @@ from ambientd.publish.access import Access, described, grant
 
 _AS_USUAL = Access()
 _CREATE = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC
+_PART = f".{os.getpid()}.part"
+"""Its name is this process's for good: it is never forked."""
 
 
 def put(path: str, content: bytes, access: Access) -> int:
@@ -40,7 +42,7 @@ def put(path: str, content: bytes, access: Access) -> int:
 
 
 def _part(path: str) -> str:
-    return f"{path}.{os.getpid()}.part"
+    return path + _PART
 
 
 def give_up(path: str) -> None:
