@@ -11,6 +11,7 @@ import contextlib
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -31,6 +32,9 @@ MEASURED_S = {1.0: 60.0, 10.0: 30.0}
 LOOKS_PER_TICK = 4
 """Few, so that looking keeps nothing awake."""
 STARTS = 7
+COUNTED_HZ = 10.0
+COUNTED_S = (2.0, 12.0)
+"""Two runs, so that the start, which is in both, cancels out."""
 
 Command = Callable[[float, str], list[str]]
 """From a rate in Hz and the file to write to a command line."""
@@ -210,3 +214,72 @@ def test_the_first_estimate(name, subjects, living_zones, folder, benchmark, not
     )
     worst = f"of {STARTS}, worst {max(found):.3f} s"
     noted("start to first value", name, float(np.median(found)), worst)
+
+
+def _ticks_until(target: Path, end_s: float) -> int:
+    """How often the file that is published has been replaced."""
+    seen = set()
+    while time.monotonic() < end_s:
+        with contextlib.suppress(FileNotFoundError):
+            seen.add(target.stat().st_mtime_ns)
+        time.sleep(1 / COUNTED_HZ / 10)
+    return len(seen)
+
+
+def _await(target: Path) -> None:
+    """Wait for the first value of a daemon that has started while there was none."""
+    end_s = time.monotonic() + 60
+    while not target.exists():
+        assert time.monotonic() < end_s, "nothing is published"
+        time.sleep(0.01)
+
+
+def _system_calls(command: list[str], target: Path) -> float:
+    """A tick's system calls, of all threads."""
+    target.unlink(missing_ok=True)
+    with _running(command) as process:
+        _await(target)
+        summary = target.with_suffix(".strace")
+        words = ["strace", "-f", "-c", "-U", "calls,name", "-o", str(summary), "-p", str(process.pid)]
+        tracer = subprocess.Popen(words, stderr=subprocess.DEVNULL)
+        ticks = _ticks_until(target, time.monotonic() + COUNTED_S[1])
+        tracer.send_signal(signal.SIGINT)
+        tracer.wait()
+    return int(summary.read_text().split("-\n")[-1].split()[0]) / ticks
+
+
+def _instructions(command: list[str], target: Path) -> float:
+    """A tick's instructions outside the kernel, of all threads; under load, ticks that come late take more."""
+    counted: list[tuple[int, int]] = []
+    for for_s in COUNTED_S:
+        found = target.with_suffix(".callgrind")
+        words = ["valgrind", "--tool=callgrind", "--trace-children=yes", f"--callgrind-out-file={found}", *command]
+        target.unlink(missing_ok=True)
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            _await(target)
+            ticks = _ticks_until(target, time.monotonic() + for_s)
+            process.terminate()
+            process.wait()
+        finally:
+            process.kill()
+        counted.append((ticks, int(found.read_text().partition("\ntotals: ")[2].split()[0])))
+    (few, start), (many, end) = counted
+    return (end - start) / (many - few)
+
+
+@pytest.mark.timeout(900)
+@pytest.mark.benchmark(group="daemon")
+@pytest.mark.parametrize(("count", "program"), [(_system_calls, "strace"), (_instructions, "valgrind")])
+def test_what_a_tick_counts(count, program, subjects, living_zones, folder, benchmark, noted):
+    if shutil.which(program) is None:
+        pytest.skip(f"{program} is not installed")
+    counted = ["bare loop", "recursion alone", "validated readings", "the same, learning from a reference"]
+    counted += ["the same with status, socket and state", "all of these"]
+    found = benchmark.pedantic(
+        lambda: [count(subjects[name](COUNTED_HZ, str(folder / "counted")), folder / "counted") for name in counted],
+        rounds=1,
+    )
+    for name, each in zip(counted, found):
+        result = f"{each:.3g} a tick ({each / found[0]:.2f} x bare)"
+        noted(f"{count.__name__[1:].replace('_', ' ')}, {COUNTED_HZ:g} Hz", name, sum(COUNTED_S), result)
