@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
-from ambient_trainer.circuits.schema import load_circuit
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.schema import load_circuit, parse_circuit
 from ambient_trainer.lti.statespace import StateSpace
 
 CIRCUITS = Path(__file__).parents[1] / "data" / "circuits"
@@ -30,6 +31,25 @@ def forward():
 def rise():
     """A circuit in rise form with known heat capacities; its initial values are the truth."""
     return load_circuit(str(CIRCUITS / "rise.yaml"))
+
+
+def one_node(name: str, capacitance_J_K: float, resistance_K_W: float, sources: str = "") -> Circuit:
+    """A node in air, read by a sensor of its name; its parameters are ``C_`` and ``R_`` with its name."""
+    text = f"""
+format: ambient-circuit
+version: 1
+name: {name}
+about: A node in air
+form: temperature
+nodes: {{{name}: {{capacitance: C_{name}, sensor: {name}}}, ambient: {{sensor: ambient}}}}
+edges: [{{between: [{name}, ambient], resistance: R_{name}}}]
+{sources}
+outputs: sensors
+parameters:
+  C_{name}: {{unit: J/K, initial: {capacitance_J_K}}}
+  R_{name}: {{unit: K/W, initial: {resistance_K_W}}}
+"""
+    return parse_circuit(text, f"{name}.yaml")
 
 
 def run_loop(discrete: StateSpace, inputs: np.ndarray, x: np.ndarray) -> np.ndarray:

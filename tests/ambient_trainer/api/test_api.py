@@ -23,16 +23,16 @@ ONE = at.Effort(starts=1)
 
 
 @pytest.fixture(scope="module")
-def log() -> pd.DataFrame:
+def log():
     return at.simulate("3", period_s=10.0).trace
 
 
 @pytest.fixture(scope="module")
-def fitted(log: pd.DataFrame) -> at.FitResult:
+def fitted(log):
     return at.fit(log, "free-1", sensors=["usb", "battery_degC"], to_s=3_000, effort=ONE)
 
 
-def test_the_import_is_cheap() -> None:
+def test_the_import_is_cheap():
     heavy = ("numpy", "scipy", "pandas", "plotly", "sklearn", "click")
     code = f"import sys, ambient_trainer as at; print([m for m in {heavy!r} if m in sys.modules], dir(at))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -40,7 +40,7 @@ def test_the_import_is_cheap() -> None:
     assert all(repr(name) in done.stdout for name in at.__all__)
 
 
-def test_every_name_is_there_and_typed() -> None:
+def test_every_name_is_there_and_typed():
     for name in at.__all__:
         assert getattr(at, name) is not None
     with pytest.raises(AttributeError, match="nosuch"):
@@ -49,7 +49,7 @@ def test_every_name_is_there_and_typed() -> None:
 
 
 @pytest.mark.parametrize("name", ["fit", "evaluate", "diagnose", "simulate", "load_trace"])
-def test_the_sections_are_numpydoc_and_name_every_parameter(name: str) -> None:
+def test_the_sections_are_numpydoc_and_name_every_parameter(name):
     function = getattr(at, name)
     doc = inspect.getdoc(function)
     for section in ("Parameters", "Returns", "Raises", "Examples"):
@@ -60,13 +60,13 @@ def test_the_sections_are_numpydoc_and_name_every_parameter(name: str) -> None:
 
 
 @pytest.mark.parametrize("module", [f".api.{verb}" if verb else "" for verb in VERBS] + [SLOW_EXAMPLE])
-def test_the_examples_run(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_run(module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     failed, _ = doctest.testmod(importlib.import_module(f"ambient_trainer{module}"))
     assert failed == 0
 
 
-def test_a_file_its_frame_and_a_trace_give_the_same_model(tmp_path: Path) -> None:
+def test_a_file_its_frame_and_a_trace_give_the_same_model(tmp_path):
     path = at.simulate("2.5", period_s=10.0).save(tmp_path / "run.csv")
     frame = at.load_trace(path)
     trace = Trace(path, frame.index.to_numpy(), {name: frame[name].to_numpy() for name in frame})
@@ -78,7 +78,7 @@ def test_a_file_its_frame_and_a_trace_give_the_same_model(tmp_path: Path) -> Non
     assert several.fitted.samples == 2 * fits[0].fitted.samples
 
 
-def test_a_frame_is_known_by_its_content(tmp_path: Path) -> None:
+def test_a_frame_is_known_by_its_content(tmp_path):
     path = at.simulate("2.5", period_s=10.0).save(tmp_path / "run.csv")
     frame = at.load_trace(path)
     model = at.fit(frame, "linear_usb", to_s=500, effort=ONE).model
@@ -91,7 +91,7 @@ def test_a_frame_is_known_by_its_content(tmp_path: Path) -> None:
     assert training["trace"] == "DataFrame"
 
 
-def test_a_fit_has_its_tables(fitted: at.FitResult, log: pd.DataFrame, tmp_path: Path) -> None:
+def test_a_fit_has_its_tables(fitted, log, tmp_path):
     assert list(fitted.parameters.index) == [each.name for each in fitted.fitted.parameters]
     random = np.random.default_rng(1)
     usb = 25 + random.normal(size=500).cumsum()
@@ -108,7 +108,7 @@ def test_a_fit_has_its_tables(fitted: at.FitResult, log: pd.DataFrame, tmp_path:
     assert (observer.inputs["rmse_without_degC"] > 0).all()
 
 
-def test_an_evaluation_has_its_tables(fitted: at.FitResult, log: pd.DataFrame, tmp_path: Path) -> None:
+def test_an_evaluation_has_its_tables(fitted, log, tmp_path):
     path = fitted.save(tmp_path / "model.json")
     whole, cold = at.evaluate(path, [log, log.iloc[:500]]), at.evaluate(fitted, log, from_s=3_000)
     assert whole.metrics.index.get_level_values("method").tolist() == ["model", "static linear"] * 2
@@ -124,7 +124,7 @@ def test_an_evaluation_has_its_tables(fitted: at.FitResult, log: pd.DataFrame, t
     assert data["traces"][0]["rmse_degC"] == row["rmse_degC"]
 
 
-def test_what_is_hidden_stands_beside_the_trace() -> None:
+def test_what_is_hidden_stands_beside_the_trace():
     plain, run = (at.simulate("1", seed=4, period_s=60.0, hide=hide) for hide in ((), ["sensor_bias:usb:2K"]))
     assert (run.trace["usb_degC"] - plain.trace["usb_degC"]).max() == pytest.approx(2.0, abs=0.2)
     assert run.truth["cause"].tolist() == ["sensor_bias"]
@@ -132,7 +132,7 @@ def test_what_is_hidden_stands_beside_the_trace() -> None:
     assert plain.truth.empty
 
 
-def test_results_show_themselves(fitted: at.FitResult, log: pd.DataFrame, tmp_path: Path) -> None:
+def test_results_show_themselves(fitted, log, tmp_path):
     for number, result in enumerate((fitted, at.evaluate(fitted, log), at.simulate("1", period_s=60.0))):
         shown = result._repr_html_()
         assert result.summary.title in shown
@@ -143,7 +143,7 @@ def test_results_show_themselves(fitted: at.FitResult, log: pd.DataFrame, tmp_pa
     assert "<table>" in fitted._repr_html_()
 
 
-def test_a_circuit_that_predicts_sensors_has_no_model(tmp_path: Path) -> None:
+def test_a_circuit_that_predicts_sensors_has_no_model(tmp_path):
     budget = Budget(evaluations=2)
     result = at.fit(at.simulate("1", period_s=60.0).trace, "phone", effort=at.Effort(starts=1, budget=budget))
     assert result.fitted.outputs != ("ambient",)
@@ -161,7 +161,7 @@ def test_a_circuit_that_predicts_sensors_has_no_model(tmp_path: Path) -> None:
         (lambda log: at.simulate("77"), "77"),
     ],
 )
-def test_what_is_wrong_is_named(call, named: str, log: pd.DataFrame) -> None:
+def test_what_is_wrong_is_named(call, named, log):
     with pytest.raises((at.Refused, OSError)) as refused:
         call(log)
     assert named in str(refused.value)

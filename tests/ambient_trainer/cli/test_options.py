@@ -4,8 +4,6 @@ import importlib
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -35,14 +33,14 @@ from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_na
         ("nonsense", ("nonsense",)),
     ],
 )
-def test_a_call_that_makes_no_sense_is_named(call: str, named: tuple[str, ...]) -> None:
+def test_a_call_that_makes_no_sense_is_named(call, named):
     done = CliRunner().invoke(trainer, call.split())
     assert done.exit_code == 2
     for part in named:
         assert part in done.output
 
 
-def test_a_list_of_sensors_is_taken_with_and_without_the_unit() -> None:
+def test_a_list_of_sensors_is_taken_with_and_without_the_unit():
     assert names(" usb, battery_degC,,") == ("usb", "battery_degC")
     assert sensor_columns(names("usb,battery_degC")) == ("usb_degC", "battery_degC")
     assert sensor_columns(names("")) == ()
@@ -69,7 +67,7 @@ def helped(calls: list[list[str]]) -> str:
     return done.stdout
 
 
-def test_help_names_every_command_and_waits_for_nothing() -> None:
+def test_help_names_every_command_and_waits_for_nothing():
     lines = helped([[]]).splitlines()
     assert {line.split()[0] for line in lines if line.startswith("  ") and line.strip()} >= {
         *plugin_names(COMMANDS), *plugin_names(STUDIES)
@@ -94,14 +92,14 @@ def command():
 
 
 @pytest.fixture
-def no_plugins_remembered() -> Iterator[None]:
+def no_plugins_remembered():
     plugin_names.cache_clear()
     yield
     plugin_names.cache_clear()
 
 
 @pytest.mark.usefixtures("no_plugins_remembered")
-def test_another_package_adds_a_command_and_an_estimator(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_package_adds_a_command_and_an_estimator(tmp_path, monkeypatch):
     (tmp_path / "mine.py").write_text(PLUG_IN)
     described = tmp_path / "mine-1.dist-info"
     described.mkdir()
@@ -115,7 +113,7 @@ def test_another_package_adds_a_command_and_an_estimator(tmp_path: Path, monkeyp
 
 
 @pytest.mark.usefixtures("no_plugins_remembered")
-def test_a_new_command_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_command_is_one_file(tmp_path, monkeypatch):
     (tmp_path / "greet.py").write_text(PLUG_IN)
     package = importlib.import_module(COMMANDS)
     monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])

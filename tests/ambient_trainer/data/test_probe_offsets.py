@@ -20,7 +20,7 @@ probes:
 """
 
 
-def test_a_file_gives_each_probes_offset(tmp_path) -> None:
+def test_a_file_gives_each_probes_offset(tmp_path):
     path = tmp_path / "offsets.yaml"
     path.write_text(FILE)
     offsets = load_offsets(str(path))
@@ -34,7 +34,7 @@ def test_a_file_gives_each_probes_offset(tmp_path) -> None:
     points=st.dictionaries(st.integers(-50, 150), st.floats(-2.0, 2.0), min_size=1, max_size=6),
     reading_degC=st.floats(-60.0, 200.0),
 )
-def test_between_the_points_it_is_interpolated_and_beyond_them_the_nearest_holds(points, reading_degC) -> None:
+def test_between_the_points_it_is_interpolated_and_beyond_them_the_nearest_holds(points, reading_degC):
     data = [{"reading_degC": at, "offset_K": points[at], "standard_error_K": 0.0} for at in sorted(points)]
     offset_K = ProbeOffset.model_validate({"points": data}).at(reading_degC)
     below = [at for at in points if at <= reading_degC]
@@ -60,7 +60,7 @@ def test_between_the_points_it_is_interpolated_and_beyond_them_the_nearest_holds
         ("2026-05-01T10:00:00+00:00", "yesterday", ["created", "'yesterday'"]),
     ],
 )
-def test_a_file_that_is_none_is_refused(tmp_path, before, after, parts) -> None:
+def test_a_file_that_is_none_is_refused(tmp_path, before, after, parts):
     path = tmp_path / "offsets.yaml"
     path.write_text(FILE.replace(before, after))
     with pytest.raises(Refused) as caught:

@@ -14,7 +14,7 @@ from ambient_trainer.diagnosis.forward import forward
 RISE = Path(__file__).parents[2] / "data" / "circuits" / "two_beside_one.yaml"
 
 
-def test_rise_circuit_turned_round() -> None:
+def test_rise_circuit_turned_round():
     circuit = forward(load_circuit(str(RISE)))
     assert circuit.form == "temperature"
     assert [node.name for node in circuit.states] == ["board", "shell"]
@@ -38,18 +38,18 @@ def test_rise_circuit_turned_round() -> None:
     assert not value.offset.any()
 
 
-def test_forward_circuit_stays_as_it_is() -> None:
+def test_forward_circuit_stays_as_it_is():
     once = forward(load_circuit(str(RISE)))
     assert forward(once) == once
 
 
-def test_ambient_with_a_capacitance_is_prescribed() -> None:
+def test_ambient_with_a_capacitance_is_prescribed():
     once = forward(load_circuit(str(RISE)))
     heavy = tuple(replace(node, capacitance="C_shell") if node.name == "ambient" else node for node in once.nodes)
     assert forward(replace(once, nodes=heavy)) == once
 
 
-def test_no_capacity_is_refused() -> None:
+def test_no_capacity_is_refused():
     """Sensors on nodes without a capacitance only drive; a state that nothing reads shows nothing."""
     circuit = load_circuit(str(RISE))
     unread = tuple(replace(node, sensor=None) if node.capacitance else node for node in circuit.nodes)
@@ -61,7 +61,7 @@ def test_no_capacity_is_refused() -> None:
     )
 
 
-def test_no_way_out_is_refused() -> None:
+def test_no_way_out_is_refused():
     circuit = load_circuit(str(RISE))
     closed = tuple(edge for edge in circuit.edges if not {"ambient", "chip"} & set(edge.between))
     with pytest.raises(Refused) as refused:

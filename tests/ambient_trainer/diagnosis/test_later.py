@@ -4,36 +4,23 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.later import later_errors
 from ambient_trainer.lti.lag import lagged
+
+from ..conftest import one_node
 
 PERIOD_S, SAMPLES, FROM_S = 10.0, 600, 4000.0
 TIME_S = PERIOD_S * np.arange(SAMPLES)
 
 
-def cell(resistance_K_W: float, source: str = ""):
-    """A cell of 50 J/K in air."""
-    text = f"""
-format: ambient-circuit
-version: 1
-name: cell
-about: a cell in air
-form: temperature
-nodes: {{cell: {{capacitance: 50, sensor: cell}}, ambient: {{sensor: ambient}}}}
-edges: [{{between: [cell, ambient], resistance: {resistance_K_W}}}]
-{source}
-outputs: sensors
-"""
-    return parse_circuit(text, "cell.yaml")
-
-
-HEATED = cell(10, "sources: [{into: cell, signal: heater_W, share: 1}]")
+BARE, HEATED = (
+    one_node("cell", 50, 10, source) for source in ("", "sources: [{into: cell, signal: heater_W, share: 1}]")
+)
 
 
 @pytest.fixture
-def trace() -> Trace:
+def trace():
     """A heater of 1 W, on from the start and off in the middle of what is scored; the cell starts at 30 degC."""
     heater = (TIME_S < 5000) * 1.0
     degC = lagged(20 + 10 * heater, 500.0, PERIOD_S, start=30.0)
@@ -41,7 +28,7 @@ def trace() -> Trace:
 
 
 def test_the_circuit_that_made_the_trace_leaves_nothing(trace):
-    later = later_errors(cell(10), HEATED, [trace], FROM_S)
+    later = later_errors(BARE, HEATED, [trace], FROM_S)
     assert later.extended_rmse_degC < 1e-6
     assert later.samples == 200
     # without the heater its start, fitted to the time before, has decayed: what is left is the heater's response

@@ -13,7 +13,7 @@ def _trace(time_s: np.ndarray, **columns: np.ndarray) -> Trace:
     return Trace("made.csv", time_s, columns)
 
 
-def test_a_mean_is_that_of_what_lies_in_the_period() -> None:
+def test_a_mean_is_that_of_what_lies_in_the_period():
     time_s = np.arange(40.0)
     values = np.random.default_rng(1).normal(20, 3, 40)
     values[[3, 12, *range(20, 30)]] = np.nan
@@ -23,7 +23,7 @@ def test_a_mean_is_that_of_what_lies_in_the_period() -> None:
     np.testing.assert_allclose(mean.columns["a_degC"], wanted)
 
 
-def test_a_trace_about_as_coarse_is_left_alone() -> None:
+def test_a_trace_about_as_coarse_is_left_alone():
     trace = _trace(10.0 * np.arange(20), a_degC=np.arange(20.0))
     assert means(trace, 15.0) is trace
     assert means(trace, 20.0) is not trace
@@ -49,7 +49,7 @@ def _left(record, period_s: float) -> np.ndarray:
 INPUTS, SENSORS = ("ambient_degC", "heater_W"), ["chip_degC", "board_degC"]
 
 
-def test_averaging_commutes_with_a_linear_circuit() -> None:
+def test_averaging_commutes_with_a_linear_circuit():
     """The record of a finely simulated run is what the coarse circuit simulates from the record's inputs."""
     factor, samples = 10, 12000
     time_s = np.arange(float(samples))
@@ -68,7 +68,7 @@ def test_averaging_commutes_with_a_linear_circuit() -> None:
     assert (taken > 10 * averaged).all()
 
 
-def test_gaps_make_records_and_missing_readings_stay_missing() -> None:
+def test_gaps_make_records_and_missing_readings_stay_missing():
     time_s = np.concatenate([10.0 * np.arange(50), 5000 + 10.0 * np.arange(60)])
     air = np.full(110, 20.0)
     chip = np.linspace(30, 40, 110)
@@ -86,7 +86,7 @@ def test_gaps_make_records_and_missing_readings_stay_missing() -> None:
     assert set(one.signals) == {"ambient_degC", "camera_on"}
 
 
-def test_a_missing_input_of_a_few_samples_is_bridged_straight() -> None:
+def test_a_missing_input_of_a_few_samples_is_bridged_straight():
     time_s = 10.0 * np.arange(100)
     air = 20 + 0.1 * np.arange(100)
     holed = air.copy()
@@ -95,7 +95,7 @@ def test_a_missing_input_of_a_few_samples_is_bridged_straight() -> None:
     np.testing.assert_allclose(record.inputs[0], air)
 
 
-def test_a_signal_that_is_never_there_was_off() -> None:
+def test_a_signal_that_is_never_there_was_off():
     time_s = 10.0 * np.arange(100)
     empty = np.full(100, np.nan)
     trace = _trace(time_s, ambient_degC=time_s, chip_degC=time_s, camera_on=empty)
@@ -103,31 +103,31 @@ def test_a_signal_that_is_never_there_was_off() -> None:
     np.testing.assert_array_equal(record.signals["camera_on"], np.zeros(100))
 
 
-def test_an_empty_input_is_refused() -> None:
+def test_an_empty_input_is_refused():
     trace = _trace(10.0 * np.arange(100), ambient_degC=np.full(100, np.nan), chip_degC=np.zeros(100))
     with pytest.raises(Refused, match="no 3 samples in a row, one every 10 s, hold them all"):
         records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
 
 
 @pytest.mark.parametrize(("samples", "wanted"), [(100, 1.0), (1990, 1.0), (3900, 2.0), (9900, 5.0), (86400, 50.0)])
-def test_the_finest_nice_period(samples: int, wanted: float) -> None:
+def test_the_finest_nice_period(samples, wanted):
     trace = _trace(np.arange(float(samples)), a_degC=np.zeros(samples))
     assert diagnosis_period_s([trace]) == wanted
     assert samples / wanted <= MOST_SAMPLES
 
 
-def test_a_gap_of_a_day_costs_nothing() -> None:
+def test_a_gap_of_a_day_costs_nothing():
     time_s = np.concatenate([np.arange(900.0), 86400 + np.arange(900.0)])
     assert diagnosis_period_s([_trace(time_s, a_degC=time_s)]) == 1.0
 
 
-def test_the_slowest_trace_sets_the_period() -> None:
+def test_the_slowest_trace_sets_the_period():
     fast, slow = np.arange(500.0), 10 * np.arange(500.0)
     assert diagnosis_period_s([_trace(fast, a_degC=fast), _trace(slow, a_degC=slow)]) == 10.0
 
 
 @pytest.mark.parametrize("period_s", [20.0, 100.0])
-def test_inputs_that_are_held_act_half_a_sample_later(period_s: float) -> None:
+def test_inputs_that_are_held_act_half_a_sample_later(period_s):
     """Kirchhoff's law under steps is told by a record of held inputs, and badly by one of straight lines."""
     count, own = 2000, 20.0
     draw = np.random.default_rng(3)
@@ -144,7 +144,7 @@ def test_inputs_that_are_held_act_half_a_sample_later(period_s: float) -> None:
     assert (off["zero-order"] < 0.4 * off["first-order"]).all()
 
 
-def test_a_held_value_after_a_gap_stands_alone() -> None:
+def test_a_held_value_after_a_gap_stands_alone():
     row = np.array([1.0, 3.0, np.nan, 5.0, 7.0])
     trace = _trace(10.0 * np.arange(5), power_W=row, chip_degC=row)
     held = straight(trace, ["chip_degC"], "zero-order")

@@ -1,18 +1,19 @@
-"""Every estimator keeps one contract, and a new one is one file."""
+"""Every estimator keeps one contract; what a user calls a circuit becomes what fits it, or is refused."""
 
-import sys
+import json
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ambient_trainer.data.plugins import plugin_names
+from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.check import check_estimator
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
-from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names
+from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names, thermal_circuit
+from ambient_trainer.estimators.report import report_of
 
 ANY = [name for name in estimator_names() if estimator(name).reads_any and estimator(name).name == name]
 
@@ -36,11 +37,11 @@ def made(seed: int, samples: int, names: tuple[str, ...] = ("battery", "usb")) -
 @pytest.mark.parametrize(
     "name", ["linear_usb", *(pytest.param(each, marks=[pytest.mark.slow] * (each == "free_observer")) for each in ANY)]
 )
-def test_the_contract_holds(name: str) -> None:
+def test_the_contract_holds(name):
     check_estimator(estimator(name), [made(1, 160)], made(2, 80))
 
 
-def test_it_holds_for_a_circuit_with_states() -> None:
+def test_it_holds_for_a_circuit_with_states():
     names = ("soc", "flash", "battery", "usb")
     check_estimator(estimator("model1_kirchhoff"), [made(1, 240, names)], made(2, 120, names))
 
@@ -54,40 +55,70 @@ class Peeking(FreeFilterEstimator):
         return fit
 
 
-def test_a_breach_is_named() -> None:
+def test_a_breach_is_named():
     with pytest.raises(AssertionError, match="causal"):
         check_estimator(Peeking(1), [made(1, 160)], made(2, 80))
 
 
-PLUG_IN = """
-from ambient_trainer.estimators.library.free import FreeFilterEstimator
-
-NAMES = ("mine",)
-
-
-def find(name):
-    return FreeFilterEstimator(1) if name == "mine" else None
-"""
-
-
-@pytest.fixture
-def library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder beside the shipped library, of the same package."""
-    package = sys.modules[LIBRARY]
-    monkeypatch.setattr(package, "__path__", [*package.__path__, str(tmp_path)])
-    plugin_names.cache_clear()
-    yield tmp_path
-    plugin_names.cache_clear()
-
-
-def test_a_new_estimator_is_one_file(library: Path) -> None:
-    (library / "mine.py").write_text(PLUG_IN)
-    assert "mine" in estimator_names()
-    assert estimator("mine").fit([made(1, 200)], Effort(starts=1)).states == ("mode1",)
-
-
-def test_a_new_recipe_is_one_file(tmp_path: Path) -> None:
+def test_a_new_recipe_is_one_file(tmp_path):
     shipped = resources.files(LIBRARY) / "phone_observer.yaml"
     path = tmp_path / "mine.yaml"
     path.write_text(shipped.read_text().replace("name: phone_observer", "name: mine"))
     assert estimator(str(path)).name == "mine"
+
+
+ONE = Effort(starts=1)
+
+
+@pytest.fixture
+def trace():
+    return made(0, 600, ("soc", "flash", "battery", "usb", "display"))
+
+
+def test_a_shipped_name_a_file_and_a_free_filter(trace):
+    assert estimator("linear_usb").fit([trace], ONE).inputs == ("usb_degC",)
+    path = Path(__file__).parents[2] / "data" / "circuits" / "three_nodes.yaml"
+    with pytest.raises(Refused, match="no column 'cpu_power_W'"):
+        estimator(str(path)).fit([trace], ONE)
+    assert len(estimator("free-2").fit([trace], ONE).inputs) == 5
+    assert estimator("free-2").fit([trace], ONE, inputs=["usb_degC"]).inputs == ("usb_degC",)
+
+
+def test_an_unknown_name_is_refused_before_any_trace_is_read():
+    with pytest.raises(Refused) as refused:
+        estimator("free-9")
+    for name in ("phone", "phone_observer", "free-1", "free-4", "circuit_observer"):
+        assert f" {name}," in str(refused.value)
+
+
+def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offered():
+    assert thermal_circuit("model2_ss").name == "model2_ss"
+    with pytest.raises(Refused) as refused:
+        thermal_circuit("free-2")
+    assert str(refused.value).startswith("--circuit: free-2")
+    with pytest.raises(Refused) as refused:
+        thermal_circuit("free-9")
+    assert "free-1" not in str(refused.value)
+
+
+def test_a_circuit_names_its_own_sensors():
+    with pytest.raises(Refused) as refused:
+        estimator("linear_usb", ["usb_degC"])
+    for name in ("--sensors", "linear_usb", "free-1", "circuit_observer", "free_observer"):
+        assert name in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["free-1", "model2_ss", "linear_combined"])
+def test_the_machines_view_is_plain_json(name, trace):
+    """An unidentifiable circuit has no intervals: null, never NaN."""
+    fit = estimator(name).fit([trace], ONE)
+    said = json.loads(json.dumps(report_of(fit).data, allow_nan=False))
+    assert said["rmse_degC"] == fit.rmse_degC
+    assert [each["name"] for each in said["parameters"]] == [each.name for each in fit.parameters]
+    assert said["identifiable"] == fit.identifiable == (name != "model2_ss")
+    gains = [said["dc_gains"][column] for column in fit.inputs]
+    if fit.states:
+        at_rest = fit.system.D - fit.system.C @ np.linalg.inv(fit.system.A) @ fit.system.B
+        assert gains == pytest.approx(at_rest[0].tolist(), rel=1e-6, abs=1e-9)
+    else:
+        assert gains == fit.system.D[0].tolist()

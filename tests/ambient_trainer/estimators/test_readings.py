@@ -18,7 +18,7 @@ GATE_MARGIN = 1.75
 
 
 @pytest.fixture(scope="module")
-def trace() -> Trace:
+def trace():
     """Sensors between the ambient and a body that a load heats, each with a lag and noise of its own."""
     random = np.random.default_rng(2)
     ambient = np.repeat(random.uniform(10, 30, 8), SAMPLES // 8)
@@ -34,7 +34,7 @@ def trace() -> Trace:
 
 
 @pytest.fixture(scope="module")
-def fitted(trace: Trace):
+def fitted(trace):
     fit = FreeFilterEstimator(1).fit([trace], Effort(starts=1))
     readings = reading_model(fit, [trace])
     assert readings is not None
@@ -42,7 +42,7 @@ def fitted(trace: Trace):
 
 
 @pytest.fixture(scope="module")
-def z(trace: Trace, fitted) -> np.ndarray:
+def z(trace, fitted):
     """Readings and low-pass filters (N, entries), by the device's recursion."""
     fit, readings = fitted
     u = np.column_stack([trace.column(each) for each in fit.inputs])
@@ -73,7 +73,7 @@ def regressed(z: np.ndarray, deviations: np.ndarray, i: int):
     return mean, others, found, variance
 
 
-def test_mean_and_covariance_are_the_samples_with_the_readings_noise(fitted, z: np.ndarray) -> None:
+def test_mean_and_covariance_are_the_samples_with_the_readings_noise(fitted, z):
     readings = fitted[1]
     assert readings.mean == pytest.approx(z.mean(axis=0))
     deviations = added_noise(readings, z).reshape(-1, SENSORS)
@@ -85,7 +85,7 @@ def test_mean_and_covariance_are_the_samples_with_the_readings_noise(fitted, z: 
 
 
 @pytest.mark.parametrize("i", range(SENSORS))
-def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z: np.ndarray, i: int) -> None:
+def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z, i):
     fit, readings = fitted
     mean, others, found, variance = regressed(z, added_noise(readings, z), i)
     main = model_of(fit, [], {}, readings).main
@@ -103,7 +103,7 @@ def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z: np.n
 
 
 @pytest.mark.parametrize("i", range(SENSORS))
-def test_a_gate_holds_what_is_left_out(fitted, z: np.ndarray, i: int) -> None:
+def test_a_gate_holds_what_is_left_out(fitted, z, i):
     """Its largest difference on a block of time, expected from the other blocks."""
     readings = fitted[1]
     deviations = added_noise(readings, z)

@@ -23,7 +23,7 @@ def bath(reference_degC, offsets_K, noise_K=0.02, seed=0) -> pd.DataFrame:
     return pd.DataFrame({"bath": reference_degC, **probes}, index=PERIOD_S * np.arange(count))
 
 
-def test_an_offset_is_the_mean_difference_and_its_error_that_of_a_mean() -> None:
+def test_an_offset_is_the_mean_difference_and_its_error_that_of_a_mean():
     window = bath(np.full(151, 20.0), {"a": 0.3, "b": -1.0})
     offsets = calibrated([window], "bath")
     (point,) = offsets["a"].points
@@ -34,7 +34,7 @@ def test_an_offset_is_the_mean_difference_and_its_error_that_of_a_mean() -> None
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.8])
-def test_standard_errors_hold_for_autocorrelated_noise(kept) -> None:
+def test_standard_errors_hold_for_autocorrelated_noise(kept):
     inside = 0
     for seed in range(200):
         white = np.random.default_rng(seed).standard_normal(451)
@@ -45,7 +45,7 @@ def test_standard_errors_hold_for_autocorrelated_noise(kept) -> None:
     assert 0.86 <= inside / 200 <= 0.99  # of 0.95; the estimated autocorrelation time is a little short
 
 
-def test_each_temperature_gives_a_point_and_a_ramp_gives_none() -> None:
+def test_each_temperature_gives_a_point_and_a_ramp_gives_none():
     ramp = np.linspace(40.0, 0.0, 400)
     levels = [np.full(200, 40.0), ramp, np.full(200, 0.0), ramp[::-1], np.full(200, 40.3)]
     windows = settled_windows(bath(np.concatenate(levels), {"a": 0.3}), Settled(), "bath")
@@ -65,13 +65,13 @@ def test_each_temperature_gives_a_point_and_a_ramp_gives_none() -> None:
         (lambda window: window, []),
     ],
 )
-def test_what_is_not_settled_has_a_reason(spoil, reasons) -> None:
+def test_what_is_not_settled_has_a_reason(spoil, reasons):
     found = unsettled(spoil(bath(np.full(151, 20.0), {"a": 0.3, "b": 0.0}, noise_K=0.001)), Settled())
     assert len(found) == len(reasons)
     assert all(each.startswith(reason) for each, reason in zip(found, reasons))
 
 
-def test_a_probe_that_is_not_in_the_bath_is_refused() -> None:
+def test_a_probe_that_is_not_in_the_bath_is_refused():
     with pytest.raises(Refused) as caught:
         calibrated([bath(np.full(151, 0.0), {"a": 0.3, "b": -21.0}, noise_K=0.0)], "the bath")
     (fault,) = caught.value.faults

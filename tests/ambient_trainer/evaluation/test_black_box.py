@@ -13,7 +13,7 @@ BLOCKS = [slice(start, start + 240) for start in range(0, SAMPLES, 240)]
 
 
 @pytest.fixture(scope="module")
-def inputs() -> dict[str, np.ndarray]:
+def inputs():
     rng = np.random.default_rng(3)
     ambient = 20 + lagged(rng.normal(0, 60, SAMPLES), 2000.0, PERIOD_S, start=0.0)
     current = np.repeat(rng.uniform(0, 3, SAMPLES // 40) * (np.arange(SAMPLES // 40) > 0), 40)

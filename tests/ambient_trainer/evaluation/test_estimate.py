@@ -1,6 +1,5 @@
 """Estimates over whole arrays are the device's, sample by sample, to 1e-9 degC."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -43,13 +42,13 @@ def by_tracker(system: StateSpace, trace: Trace, period_s: float) -> Array:
 
 
 @pytest.mark.parametrize("period_s", [0.1, 1.0, 10.0])
-def test_a_whole_trace(trace_of: Callable[..., Trace], period_s: float) -> None:
+def test_a_whole_trace(trace_of, period_s):
     trace = trace_of(5000, period_s=period_s)
     found = estimate_degC(SYSTEM, "first-order", INPUTS, trace)
     np.testing.assert_allclose(found, by_tracker(SYSTEM, trace, period_s), rtol=0, atol=1e-9)
 
 
-def test_gaps_and_missing_values(trace_of: Callable[..., Trace]) -> None:
+def test_gaps_and_missing_values(trace_of):
     trace = trace_of(600)
     usb = trace.columns["usb_degC"].copy()
     usb[[0, 50, 51, 200]] = np.nan
@@ -64,7 +63,7 @@ def test_gaps_and_missing_values(trace_of: Callable[..., Trace]) -> None:
         assert np.isfinite(found[50])
 
 
-def test_an_unstable_system_ends_in_no_estimate(trace_of: Callable[..., Trace]) -> None:
+def test_an_unstable_system_ends_in_no_estimate(trace_of):
     """One mode grows by e in two seconds; a decoupled one and the samples before it diverges are untouched."""
     growing = replace(SYSTEM, A=np.diag([0.5, -0.01]), C=np.array([[1.0, 0.5]]))
     trace = trace_of(4000)
@@ -76,6 +75,6 @@ def test_an_unstable_system_ends_in_no_estimate(trace_of: Callable[..., Trace]) 
     np.testing.assert_allclose(found[:first], by_tracker(growing, trace.cut(None, float(first)), 1.0), rtol=1e-9)
 
 
-def test_a_missing_column_is_named(trace_of: Callable[..., Trace]) -> None:
+def test_a_missing_column_is_named(trace_of):
     with pytest.raises(Refused, match="no column 'flash_degC'"):
         estimate_degC(SYSTEM, "first-order", ("flash_degC", "usb_degC"), trace_of(10))

@@ -1,21 +1,22 @@
-"""An evaluation against a recursion written out in numpy, and what it counts and refuses."""
+"""An evaluation against a recursion written out in numpy, what it counts and refuses, and the command from outside."""
 
-from collections.abc import Callable
+import hashlib
+import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from ambient_model.faults import Refused
 from ambient_model.model import Model
+from ambient_trainer.cli.commands.evaluate import command
 from ambient_trainer.data.trace import Trace, load_trace, save_trace, sha256_of
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.evaluation.evaluate import evaluate_cold, evaluate_trace
-
-ModelOf = Callable[..., Model]
-TraceOf = Callable[..., Trace]
 
 BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
@@ -39,7 +40,7 @@ def without(trace: Trace, column: str, *indices: int) -> Trace:
     return replace(trace, columns={**trace.columns, column: holed})
 
 
-def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: ModelOf, trace_of: TraceOf) -> None:
+def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of, trace_of):
     model, trace = model_of(), trace_of(400)
     found = evaluate_trace(model, trace)
     expected = recursed(model, trace, 0)
@@ -55,7 +56,7 @@ def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of: Mo
     assert set(found.status) == {"warming_up", "tracking"}
 
 
-def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace_of: TraceOf) -> None:
+def test_a_guarded_model_is_scored_as_it_is_published(guarded_of, trace_of):
     """Against the rules over arrays, which their own tests hold against the device's."""
     model, trace = guarded_of(), trace_of(2000)
     found = evaluate_trace(model, trace)
@@ -76,7 +77,7 @@ def test_a_guarded_model_is_scored_as_it_is_published(guarded_of: ModelOf, trace
     assert found.coverage[90] == np.mean(inside)
 
 
-def test_the_reference_never_reaches_the_estimate(model_of: ModelOf, trace_of: TraceOf) -> None:
+def test_the_reference_never_reaches_the_estimate(model_of, trace_of):
     trace = trace_of(100)
     moved = replace(trace, columns={**trace.columns, "ambient_degC": trace.reference + 7.0})
     found, other = evaluate_trace(model_of(), trace), evaluate_trace(model_of(), moved)
@@ -84,14 +85,14 @@ def test_the_reference_never_reaches_the_estimate(model_of: ModelOf, trace_of: T
     assert other.metrics.mbe_degC == pytest.approx(found.metrics.mbe_degC + 7.0)
 
 
-def test_the_recursion_runs_at_the_period_nearest_the_traces(model_of: ModelOf, trace_of: TraceOf) -> None:
+def test_the_recursion_runs_at_the_period_nearest_the_traces(model_of, trace_of):
     model, trace = model_of(periods_s=(0.1, 1.0, 10.0)), trace_of(300, period_s=10.0)
     found = evaluate_trace(model, trace)
     assert (found.period_s, found.trace_period_s) == (10.0, 10.0)
     assert found.estimate_degC == pytest.approx(recursed(model, trace, 2), abs=1e-9)
 
 
-def test_what_is_not_scored_is_counted(model_of: ModelOf, trace_of: TraceOf) -> None:
+def test_what_is_not_scored_is_counted(model_of, trace_of):
     trace = without(without(trace_of(200), "usb_degC", 0, 1, 2, 50), "ambient_degC", 2, 100, 101)
     found = evaluate_trace(model_of(), trace)
     # at 50 the last reading stands in, and sample 2 lacks both
@@ -103,7 +104,7 @@ def test_what_is_not_scored_is_counted(model_of: ModelOf, trace_of: TraceOf) -> 
     assert found.metrics.mae_degC == pytest.approx(np.abs(found.error_degC[kept]).mean())
 
 
-def test_the_baseline_is_scored_on_the_same_samples(model_of: ModelOf, trace_of: TraceOf) -> None:
+def test_the_baseline_is_scored_on_the_same_samples(model_of, trace_of):
     trace = without(without(trace_of(200), "battery_degC", 0, 60), "ambient_degC", 100)
     found = evaluate_trace(model_of({"baseline": BASELINE}), trace)
     usb, battery = trace.columns["usb_degC"], trace.columns["battery_degC"].copy()
@@ -124,9 +125,7 @@ def test_the_baseline_is_scored_on_the_same_samples(model_of: ModelOf, trace_of:
         ({}, {"usb_degC": 500.0}, ("50 samples", "0 have an estimate", "50 a reference", "0 both")),
     ],
 )
-def test_what_cannot_be_scored_is_refused(
-    model_of: ModelOf, trace_of: TraceOf, provenance: dict, change: dict, facts: tuple
-) -> None:
+def test_what_cannot_be_scored_is_refused(model_of, trace_of, provenance, change, facts):
     trace = trace_of(50)
     moved = {name: values + (change.get(name) or 0.0) for name, values in trace.columns.items()}
     columns = {name: values for name, values in moved.items() if change.get(name, 0.0) is not None}
@@ -148,16 +147,14 @@ def test_what_cannot_be_scored_is_refused(
         ((500.0, None), (None, None), False),
     ],
 )
-def test_training_samples_are_recognised(
-    model_of: ModelOf, trace_of: TraceOf, tmp_path: Path, trained: tuple, evaluated: tuple, overlaps: bool
-) -> None:
+def test_training_samples_are_recognised(model_of, trace_of, tmp_path, trained, evaluated, overlaps):
     path = str(tmp_path / "renamed.csv")
     save_trace(path, trace_of(100))
     span = {"trace": "original.csv", "sha256": sha256_of(path), "from_s": trained[0], "to_s": trained[1]}
     assert evaluate_cold(model_of({"training": [span]}), load_trace(path), *evaluated).overlaps_training is overlaps
 
 
-def test_another_file_of_the_same_name_is_held_out(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
+def test_another_file_of_the_same_name_is_held_out(model_of, trace_of, tmp_path):
     path, other = str(tmp_path / "a.csv"), str(tmp_path / "b.csv")
     save_trace(path, trace_of(100))
     save_trace(other, trace_of(100, seed=2))
@@ -165,9 +162,58 @@ def test_another_file_of_the_same_name_is_held_out(model_of: ModelOf, trace_of: 
     assert evaluate_cold(model_of({"training": [span]}), load_trace(path)).overlaps_training is False
 
 
-def test_the_cut_starts_the_estimate_anew(model_of: ModelOf, trace_of: TraceOf, tmp_path: Path) -> None:
+def test_the_cut_starts_the_estimate_anew(model_of, trace_of, tmp_path):
     path = str(tmp_path / "a.csv")
     save_trace(path, trace_of(100))
     found = evaluate_cold(model_of(), load_trace(path), 40.0, 90.0)
     assert (found.time_s[0], found.time_s[-1], found.status[0]) == (40.0, 89.0, "warming_up")
     assert found.estimate_degC == pytest.approx(recursed(model_of(), trace_of(100).cut(40.0, 90.0), 0), abs=1e-9)
+
+
+BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
+
+
+def test_the_terminal_shows_the_figures_of_the_json(files, trace_of, tmp_path):
+    whole = trace_of(1200)
+    whole.columns["usb_degC"][:7] = 95.0  # above the input's range
+    model, trace = files(whole, {"baseline": BASELINE})
+    out = tmp_path / "out.json"
+    result = CliRunner().invoke(command, [model, trace, "--json", str(out)], catch_exceptions=False)
+    (only,) = json.loads(out.read_text())["traces"]
+    assert (only["samples"], only["unscored"], only["overlaps_training"]) == (1193, 7, False)
+    for figures in (only, only["baseline"]):
+        assert list(figures["interval_degC"]) == ["50", "90", "98"]
+        assert all(low < figures["mbe_degC"] < high for low, high in figures["interval_degC"].values())
+    lines = [line.split() for line in result.output.splitlines() if "trace.csv" in line]
+    rmse = [f"{figures['rmse_degC']:.2f}" for figures in (only, only["baseline"])]
+    assert [rmse[k] in line and "1,193" in line for k, line in enumerate(lines)] == [True, True]
+    title, *findings = result.output.splitlines()
+    assert rmse[0] in title
+    assert "1,193" in title
+    assert any(rmse[1] in line for line in findings)
+    assert f"{100 * only['coverage']['90']:.1f} %" in result.output
+    assert "7 more samples have no estimate" in result.output
+
+
+def test_the_title_counts_every_sample_once(files, trace_of, tmp_path):
+    model, trace = files(trace_of(300))
+    other = str(tmp_path / "other.csv")
+    os.link(trace, other)
+    result = CliRunner().invoke(command, [model, trace, other], catch_exceptions=False)
+    title = result.output.splitlines()[0]
+    assert "600 samples" in title
+    assert "2 traces" in title
+
+
+def test_figures_on_training_data_are_called_so(files, trace_of, tmp_path):
+    _, trace = files(trace_of(120))
+    digest = hashlib.sha256(Path(trace).read_bytes()).hexdigest()
+    model, trace = files(trace_of(120), {"training": [{"trace": "t", "sha256": digest, "from_s": None, "to_s": 50}]})
+    out, report = tmp_path / "out.json", tmp_path / "report"
+    result = CliRunner().invoke(
+        command, [model, trace, "--json", str(out), "--report", str(report)], catch_exceptions=False
+    )
+    assert json.loads(out.read_text())["traces"][0]["overlaps_training"] is True
+    assert "Not held out: the model was trained on samples of trace.csv" in result.output
+    assert "trace.csv (training data)" in result.output
+    assert "Not held out: the model was trained on samples of trace.csv" in (report / "index.html").read_text()

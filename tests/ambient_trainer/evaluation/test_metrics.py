@@ -15,7 +15,7 @@ RESULTS = Path(__file__).resolve().parents[4] / "shared" / "thesis" / "results.c
 
 
 @given(st.lists(st.floats(-50, 50), min_size=2, max_size=40))
-def test_the_figures_are_the_sums_of_the_textbook(errors: list[float]) -> None:
+def test_the_figures_are_the_sums_of_the_textbook(errors):
     n = len(errors)
     mean = sum(errors) / n
     sigma = (sum((e - mean) ** 2 for e in errors) / (n - 1)) ** 0.5
@@ -27,7 +27,7 @@ def test_the_figures_are_the_sums_of_the_textbook(errors: list[float]) -> None:
     assert metrics.sigma_degC == pytest.approx(sigma, abs=1e-9)
 
 
-def test_the_intervals_are_those_of_scipy() -> None:
+def test_the_intervals_are_those_of_scipy():
     error = np.random.default_rng(5).normal(0.7, 1.9, 500)
     metrics = score(error)
     assert list(metrics.interval_degC) == [50, 90, 98]
@@ -36,7 +36,7 @@ def test_the_intervals_are_those_of_scipy() -> None:
         assert band == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_published_intervals_follow_from_the_published_bias_and_rmse() -> None:
+def test_the_published_intervals_follow_from_the_published_bias_and_rmse():
     if not RESULTS.exists():
         pytest.skip(f"{RESULTS} is not here")
     with RESULTS.open() as stream:
@@ -53,7 +53,7 @@ def test_the_published_intervals_follow_from_the_published_bias_and_rmse() -> No
             assert high == pytest.approx(row[f"ci{level}_high_degC"], abs=slack), row
 
 
-def test_the_rolling_band_is_of_twenty_samples_around_each() -> None:
+def test_the_rolling_band_is_of_twenty_samples_around_each():
     error = np.random.default_rng(2).normal(size=70).cumsum()
     low, high = rolling_band(error)
     for k in range(10, 61):
@@ -66,7 +66,7 @@ def test_the_rolling_band_is_of_twenty_samples_around_each() -> None:
     assert set(high[-10:]) == {high[60]}
 
 
-def test_the_rolling_band_steps_over_what_is_missing() -> None:
+def test_the_rolling_band_steps_over_what_is_missing():
     error = np.random.default_rng(3).normal(size=50)
     holed = np.insert(error, [7, 25, 25], np.nan)
     low, high = rolling_band(holed)
@@ -78,7 +78,7 @@ def test_the_rolling_band_steps_over_what_is_missing() -> None:
     assert np.isnan(rolling_band(np.zeros(19))).all()
 
 
-def test_coverage_counts_the_ends_as_inside_and_takes_a_scale_an_error() -> None:
+def test_coverage_counts_the_ends_as_inside_and_takes_a_scale_an_error():
     error = np.array([-1.0, -0.5, 0.0, 0.5, 2.0])
     assert coverage(error, {50: (-0.5, 0.5), 90: (-1.0, 1.0), 98: (-9.0, 9.0)}) == {50: 0.6, 90: 0.8, 98: 1.0}
     error, scale = np.array([-2.0, -0.9, 0.9, 2.0]), np.array([2.0, 1.0, 0.5, 0.25])

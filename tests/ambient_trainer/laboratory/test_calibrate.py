@@ -23,7 +23,7 @@ def instruments():
         yield made
 
 
-def test_a_run_ends_when_the_bath_is_settled(instruments) -> None:
+def test_a_run_ends_when_the_bath_is_settled(instruments):
     assert instruments.identify() == "GMH thermometer, number 32407008"
     shown: list[str] = []
     recorder = BathRecorder(instruments, PERIOD_S, 5000.0)
@@ -35,7 +35,7 @@ def test_a_run_ends_when_the_bath_is_settled(instruments) -> None:
     assert len(recorder.record()) == len(shown)
 
 
-def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments) -> None:
+def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments):
     instruments.thermometer.read = lambda: (_ for _ in ()).throw(NoResponse("thermometer", "port", "a", "b"))
     shown: list[str] = []
     with pytest.raises(NoResponse):
@@ -43,7 +43,7 @@ def test_a_thermometer_that_never_answers_ends_it_with_its_own_error(instruments
     assert any("thermometer on port" in text for text in shown)
 
 
-def test_patience_ends(instruments) -> None:
+def test_patience_ends(instruments):
     read = instruments.multiplexer.read
     instruments.multiplexer.read = lambda: read()._replace(values={})
     with pytest.raises(Refused) as caught:
@@ -52,7 +52,7 @@ def test_patience_ends(instruments) -> None:
 
 
 @pytest.fixture
-def trace(tmp_path) -> str:
+def trace(tmp_path):
     """A recorded bath at two temperatures."""
     levels = np.concatenate([np.full(200, 0.0), np.linspace(0.0, 30.0, 100), np.full(200, 30.0)])
     noise_K = 0.02 * np.random.default_rng(0).standard_normal((2, 500))
@@ -62,7 +62,7 @@ def trace(tmp_path) -> str:
     return path
 
 
-def test_the_command_makes_offsets_of_a_recorded_bath(trace, tmp_path) -> None:
+def test_the_command_makes_offsets_of_a_recorded_bath(trace, tmp_path):
     output = str(tmp_path / "offsets.yaml")
     ran = CliRunner().invoke(command, [trace, "-o", output])
     assert ran.exit_code == 0, ran.output
@@ -72,7 +72,7 @@ def test_the_command_makes_offsets_of_a_recorded_bath(trace, tmp_path) -> None:
     assert offsets["air2"].at(15.0) == pytest.approx(-0.1, abs=0.01)
 
 
-def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_path) -> None:
+def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_path):
     output = tmp_path / "offsets.yaml"
     ran = CliRunner().invoke(command, [trace, "-o", str(output), "--window", "900"])
     assert isinstance(ran.exception, Refused)
@@ -95,13 +95,13 @@ def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_pat
         (["bath.csv", "--record", "other.csv"], ["--record"]),
     ],
 )
-def test_a_call_that_is_wrong(arguments, parts, tmp_path) -> None:
+def test_a_call_that_is_wrong(arguments, parts, tmp_path):
     ran = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "offsets.yaml")])
     assert ran.exit_code == 2
     assert all(part in " ".join(ran.output.split()) for part in parts)
 
 
-def test_a_port_that_is_not_there_is_named(tmp_path) -> None:
+def test_a_port_that_is_not_there_is_named(tmp_path):
     ports = ["--thermometer", "/nowhere/a", "--multiplexer", "/nowhere/b", "--probe", "a=101"]
     ran = CliRunner().invoke(command, [*ports, "-o", str(tmp_path / "offsets.yaml")])
     assert ran.exit_code == 1
@@ -109,7 +109,7 @@ def test_a_port_that_is_not_there_is_named(tmp_path) -> None:
     assert "multiplexer on /nowhere/b" in ran.output
 
 
-def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_path) -> None:
+def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_path):
     output, again, record = (str(tmp_path / name) for name in ("offsets.yaml", "again.yaml", "bath.csv"))
     ran = CliRunner().invoke(command, ["--simulate", "--window", "120", "-o", output, "--record", record])
     assert ran.exit_code == 0, ran.output

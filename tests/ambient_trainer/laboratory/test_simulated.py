@@ -32,7 +32,7 @@ def mean(made: ChamberAir, at_s: float) -> float:
     return made._mean_degC
 
 
-def test_its_air_is_that_of_the_simulated_phones_chamber() -> None:
+def test_its_air_is_that_of_the_simulated_phones_chamber():
     wanted = np.concatenate([np.full(60, 20.0), np.full(1200, 35.0), np.full(1800, 5.0), np.full(600, 20.0)])
     made = air()
     found = []
@@ -42,7 +42,7 @@ def test_its_air_is_that_of_the_simulated_phones_chamber() -> None:
     assert np.max(np.abs(np.array(found[:-1]) - ramped(wanted, 1.0, STILL)[:-1])) < 1e-9
 
 
-def test_a_gradient_slows_it_down_and_never_speeds_it_up() -> None:
+def test_a_gradient_slows_it_down_and_never_speeds_it_up():
     slow, fast = air(), air()
     for made, rate_K_min in ((slow, 0.5), (fast, 50.0)):
         made.limit(100.0, rate_K_min, rate_K_min)
@@ -51,7 +51,7 @@ def test_a_gradient_slows_it_down_and_never_speeds_it_up() -> None:
     assert mean(fast, 1300.0) == pytest.approx(20.0 + 2.0 * (20.0 - 1.0), abs=0.05)
 
 
-def test_it_swings_about_the_set_point_only_while_it_works() -> None:
+def test_it_swings_about_the_set_point_only_while_it_works():
     made = ChamberAir(0.0, 20.0, 3, SWINGING)
     stopped = [made.at(float(second)) for second in range(900)]
     made.drive(900.0, 20.0)
@@ -60,7 +60,7 @@ def test_it_swings_about_the_set_point_only_while_it_works() -> None:
     assert np.std(working) == pytest.approx(math.hypot(1.0 / math.sqrt(2.0), 0.08), rel=0.1)
 
 
-def test_a_temperature_that_was_read_once_does_not_change() -> None:
+def test_a_temperature_that_was_read_once_does_not_change():
     made = ChamberAir(0.0, 20.0, 3, SWINGING)
     made.drive(0.0, 40.0)
     times = [second / 3.0 for second in range(600)]
@@ -70,7 +70,7 @@ def test_a_temperature_that_was_read_once_does_not_change() -> None:
     assert [made.at(at_s) for at_s in times] == before
 
 
-def test_bytes_come_one_after_the_other_and_take_their_time() -> None:
+def test_bytes_come_one_after_the_other_and_take_their_time():
     clock = Clock()
     simulated = Simulated(CHAMBER, clock)
     port = os.open(simulated.port, os.O_RDWR | os.O_NOCTTY)
@@ -87,7 +87,7 @@ def test_bytes_come_one_after_the_other_and_take_their_time() -> None:
     simulated.close()
 
 
-def test_a_fast_clock_runs_and_waits_as_fast() -> None:
+def test_a_fast_clock_runs_and_waits_as_fast():
     clock, real = Clock(200.0), Clock()
     began_s, first_s = real.now_s(), clock.now_s()
     clock.sleep(10.0)

@@ -3,7 +3,6 @@
 import html
 import os
 import re
-from pathlib import Path
 
 import pytest
 
@@ -16,7 +15,7 @@ HOSTILE = "<b>x</b> & `<i>` 3 degC usb_degC"
 SAFE = "&lt;b&gt;x&lt;/b&gt; &amp; <code>&lt;i&gt;</code> 3 °C usb_degC"
 
 
-def test_the_page_and_its_script_replace_the_old(tmp_path: Path) -> None:
+def test_the_page_and_its_script_replace_the_old(tmp_path):
     folder = tmp_path / "a" / "b"
     write_report(str(folder), Report("old", [], [], {}))
     assert write_report(str(folder), Report("new", [], [], {})) == str(folder / "index.html")
@@ -25,14 +24,14 @@ def test_the_page_and_its_script_replace_the_old(tmp_path: Path) -> None:
     assert len(os.listdir(folder)) == 2
 
 
-def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+def test_a_file_in_the_way_is_named(tmp_path):
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(Refused, match="taken/report"):
         write_report(str(tmp_path / "taken" / "report"), Report("page", [], [], {}))
     assert (tmp_path / "taken").read_text() == "mine"
 
 
-def test_text_is_text_wherever_it_stands() -> None:
+def test_text_is_text_wherever_it_stands():
     findings = [Finding(HOSTILE, label=HOSTILE), Finding(HOSTILE), Finding(HOSTILE, value=HOSTILE)]
     blocks = [HOSTILE, *findings, Facts([(HOSTILE, [HOSTILE, HOSTILE])]), Table(HOSTILE, [HOSTILE], [[HOSTILE]])]
     page = page_of(Report(HOSTILE, blocks, [Section(HOSTILE, [*blocks, Section(HOSTILE, blocks)])], {}, "", [HOSTILE]))
@@ -41,14 +40,14 @@ def test_text_is_text_wherever_it_stands() -> None:
     assert "<i>" not in page
 
 
-def test_what_has_no_content_is_left_out_and_a_page_without_plots_loads_no_script() -> None:
+def test_what_has_no_content_is_left_out_and_a_page_without_plots_loads_no_script():
     page = page_of(Report("title", [None, ""], [Section("empty", [None]), Section("full", [Finding("this")])], {}))
     assert "empty" not in page
     assert "<h2>full</h2>" in page
     assert "<script" not in page
 
 
-def test_plots_are_numbered_and_sections_listed(tmp_path: Path) -> None:
+def test_plots_are_numbered_and_sections_listed(tmp_path):
     from ambient_trainer.report.plots import panel_figure
 
     figure = Figure(lambda: panel_figure("a", "b", 200), "caption")
@@ -58,7 +57,7 @@ def test_plots_are_numbered_and_sections_listed(tmp_path: Path) -> None:
         assert f'id="{target}"' in page
 
 
-def test_a_sensor_has_one_colour_wherever_it_is_drawn() -> None:
+def test_a_sensor_has_one_colour_wherever_it_is_drawn():
     phone = sensor_colours(["usb", "flash", "battery", "soc", "display"])
     assert sensor_colours(["display", "soc", "battery", "flash", "usb"]) == phone
     assert len(set(phone.values())) == 5

@@ -81,7 +81,7 @@ def samples(place: str) -> dict[str, Report]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", SCHEMES)
-def test_every_page_is_whole_readable_and_asks_nobody(scheme: str, tmp_path: Path) -> None:
+def test_every_page_is_whole_readable_and_asks_nobody(scheme, tmp_path):
     if shutil.which("chromium") is None:
         pytest.skip("no chromium to open the pages with")
     reports = {f"{place}/{key}": report for place in PLACES for key, report in samples(place).items()}
@@ -119,7 +119,7 @@ def _measure(frame: Path, scheme: str, profile: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_a_page_has_its_title_one_colour_for_dark_each_and_links_to_nothing(place: str) -> None:
+def test_a_page_has_its_title_one_colour_for_dark_each_and_links_to_nothing(place):
     known = {colour for colour, _ in on_dark()} | {"rgb(255, 255, 255)"}
     for report in samples(place).values():
         json.dumps(dict(report.data), allow_nan=False)
@@ -139,6 +139,6 @@ def figures(block: Any) -> list[Figure]:
     return [each for inner in blocks for each in figures(inner)]
 
 
-def test_the_samples_are_found() -> None:
+def test_the_samples_are_found():
     assert "ambient_trainer/selection" in PLACES
     assert any(isinstance(each, Section) for each in samples("ambient_trainer/selection")["search"].sections)

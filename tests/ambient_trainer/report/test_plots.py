@@ -18,11 +18,11 @@ from ambient_trainer.report.plots import (
 
 
 @pytest.mark.parametrize(("last_s", "unit"), [(600.0, "min"), (3 * 3600.0, "min"), (3 * 3600.0 + 1, "h")])
-def test_the_time_axis_has_the_unit_that_fits(last_s: float, unit: str) -> None:
+def test_the_time_axis_has_the_unit_that_fits(last_s, unit):
     assert time_axis(np.array([0.0, last_s]))[1] == unit
 
 
-def test_the_panels_share_one_time_axis_and_one_legend_of_names_as_they_stand() -> None:
+def test_the_panels_share_one_time_axis_and_one_legend_of_names_as_they_stand():
     time_s = np.arange(0.0, 601.0, 60.0)
     panels = [
         Panel("a [°C]", [Line("<i>", time_s, "#000")]),
@@ -38,7 +38,7 @@ def test_the_panels_share_one_time_axis_and_one_legend_of_names_as_they_stand() 
     assert (figure.layout.legend.orientation, figure.layout.legend.yanchor) == ("h", "bottom")
 
 
-def test_a_band_is_an_outline_for_each_stretch_that_has_it() -> None:
+def test_a_band_is_an_outline_for_each_stretch_that_has_it():
     time_s = np.arange(0.0, 300.0, 60.0)
     low = np.array([1.0, 2.0, np.nan, 3.0, 4.0])
     outline = stacked_figure(time_s, [Panel("a", [], [Band("b", low, low + 10, "#000")])]).data[0]
@@ -47,7 +47,7 @@ def test_a_band_is_an_outline_for_each_stretch_that_has_it() -> None:
     assert outline.y == pytest.approx([1, 2, 12, 11, np.nan, 3, 4, 14, 13, np.nan], nan_ok=True)
 
 
-def test_long_lines_are_thinned_and_keep_their_peak() -> None:
+def test_long_lines_are_thinned_and_keep_their_peak():
     values = np.zeros(100_000)
     values[77_777] = 5.0
     figure = stacked_figure(np.arange(100_000.0), [Panel("a", [Line("one", values, "#000")])])
@@ -55,7 +55,7 @@ def test_long_lines_are_thinned_and_keep_their_peak() -> None:
     assert figure.data[0].y.max() == 5.0
 
 
-def test_a_shade_spans_to_the_next_sample_in_the_units_of_the_axis() -> None:
+def test_a_shade_spans_to_the_next_sample_in_the_units_of_the_axis():
     time_s = np.arange(0.0, 6000.0, 60.0)
     flags = np.zeros(100, dtype=bool)
     flags[[10, 11, 12, 50, 99]] = True
@@ -66,20 +66,20 @@ def test_a_shade_spans_to_the_next_sample_in_the_units_of_the_axis() -> None:
     assert figure.data[-1].name == "away"
 
 
-def test_flickering_is_shaded_as_one_stretch() -> None:
+def test_flickering_is_shaded_as_one_stretch():
     time_s = np.arange(10_000.0)
     assert spans_where(time_s, np.arange(10_000) % 2 == 0) == [(0.0, 9999.0)]
     assert spans_where(time_s, np.zeros(10_000, dtype=bool)) == []
 
 
-def test_the_ends_of_a_curve_are_its_intervals() -> None:
+def test_the_ends_of_a_curve_are_its_intervals():
     figure = panel_figure("x", "y", 200)
     add_curve(figure, [1, 2], [3.0, 5.0], "one", "#000", ends=[(2.0, 3.5), (5.0, 9.0)])
     assert figure.data[0].error_y.array == pytest.approx([0.5, 4.0])
     assert figure.data[0].error_y.arrayminus == pytest.approx([1.0, 0.0])
 
 
-def test_the_colours_of_a_matrix_are_centred_on_nothing() -> None:
+def test_the_colours_of_a_matrix_are_centred_on_nothing():
     cells = matrix_figure(["a", "b"], ["c"], [[-1.0, None]], [["-1", ""]]).data[0]
     assert (cells.zmin, cells.zmax) == (-1.0, 1.0)
     assert matrix_figure(["a"], ["c"], [[0.0]], [["0"]]).data[0].zmax == 1.0

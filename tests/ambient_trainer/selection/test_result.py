@@ -1,10 +1,13 @@
-"""Held-out error, one-standard-error rule, front and flatness, worked by hand."""
+"""Held-out error, one-standard-error rule, front and flatness, worked by hand; what the report has of them."""
 
 from dataclasses import replace
 
 import pytest
 
+from ambient_trainer.report import Finding, Table
+from ambient_trainer.selection.report import report_of
 from ambient_trainer.selection.result import ScoredSystem, fewest_within_one_error, flat_from, pareto_front
+from ambient_trainer.selection.screen import LeftOut
 
 
 def held_out(*mean_squares):
@@ -31,3 +34,27 @@ def test_the_front_and_where_it_is_flat():
     assert pareto_front([3.0, 2.0, 2.0, 2.5, 1.0]) == [0, 1, 4]
     assert flat_from([3.0, 1.0, 0.99, 0.985], 0.02) == 1
     assert flat_from([3.0, 1.0, 0.99, 0.975], 0.02) == 2
+
+
+def blocks(report):
+    return [block for section in report.sections for block in section.blocks]
+
+
+def test_it_has_a_row_a_size_and_the_named_set_on_every_trace(found):
+    tables = [each for each in blocks(report_of(found)) if isinstance(each, Table)]
+    assert [[row[0] for row in each.rows] for each in tables] == [["1", "2 *", "given"]] * 2
+    assert tables[0].rows[1][1] == "left, right"
+    assert f"{found.sizes[1].rmse_degC:.2f}" in report_of(found).title
+
+
+def test_a_zone_left_out_is_named_with_its_reason(found):
+    report = report_of(replace(found, left_out=(LeftOut("skin_degC", "constant: 25.5 degC all the time"),)))
+    texts = [each.text for each in blocks(report) if isinstance(each, Finding)]
+    assert [text for text in texts if "skin" in text and "25.5 degC" in text]
+    assert report.data["left_out"] == [{"column": "skin_degC", "why": "constant: 25.5 degC all the time"}]
+
+
+def test_a_search_for_sensors_only_has_no_circuits(found):
+    report = report_of(replace(found, circuits={}, checks=(), against=None))
+    assert not [each for each in report.sections if "circuit" in each.title and each.blocks]
+    assert [each["circuit"] for each in report.data["sizes"]] == [None, None]

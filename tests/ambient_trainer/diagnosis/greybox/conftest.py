@@ -4,33 +4,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.record import records
 
-CIRCUIT = """
-format: ambient-circuit
-version: 1
-name: board
-about: A board that is joined to the air.
-form: temperature
-nodes:
-  board: {capacitance: C_board, sensor: board}
-  ambient: {sensor: ambient}
-edges:
-  - {between: [board, ambient], resistance: R_board}
-outputs: sensors
-parameters:
-  C_board: {unit: J/K, initial: 50}
-  R_board: {unit: K/W, initial: 5}
-"""
+from ...conftest import one_node
+
 PERIOD_S, SAMPLES = 30.0, 1200
 
 
 @pytest.fixture(scope="session")
 def circuit():
-    return forward(parse_circuit(CIRCUIT, "board"))
+    return forward(one_node("board", 50, 5))
 
 
 def drives(seed: int) -> dict[str, np.ndarray]:

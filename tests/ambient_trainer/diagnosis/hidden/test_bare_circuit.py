@@ -1,8 +1,12 @@
-"""Without known-good runs, what a circuit lacks of a box is named; its parameters are fitted along with it."""
+"""What a circuit lacks of a box is named, without known-good runs and beside them."""
 
+import numpy as np
 import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.regression import Prior, fit
+from ambient_trainer.diagnosis.record import records_of
 from ambient_trainer.diagnosis.result import NONE, Cause
 
 LACKING = {
@@ -30,3 +34,22 @@ def test_what_the_circuit_lacks_is_named(box, boxed, lacks, seed, period_s):
         assert found.verdict.gain.ci95_degC[0] > 0
     if lacks == "current_squared":
         assert found.verdict.magnitude.unit == "W/A^2"
+
+
+def test_a_prior_from_records_is_their_least_squares(box, boxed):
+    """A fit to one record under the prior of another, where both leave the same, is that to both together."""
+    one, other = (records_of(box, boxed("none", seed), COARSE_S) for seed in (1, 2))
+    model = GreyBox.of(box)
+    first = fit(model, one, tolerance=1e-9)
+    together = fit(model, [*one, *other], tolerance=1e-9)
+    after = fit(first.model, other, prior=Prior.trained(first), tolerance=1e-9)
+    scatter = np.sqrt(np.diag(together.covariance))
+    assert (np.abs(after.model.z() - together.model.z()) < 2 * scatter + 0.01).all()
+
+
+def test_what_changed_is_not_taken_up_by_what_is_known(box, boxed):
+    """The lid is closed: beside a known-good run the loss has changed, and nothing else."""
+    found = diagnose(box, [boxed("ambient_coupling", 1)], [boxed("none", 101)], period_s=COARSE_S)
+    assert (found.verdict_cause.name, found.verdict_cause.location) == ("ambient_coupling", "shell")
+    assert found.verdict.magnitude.value == pytest.approx(0.25 / 0.15 - 1, rel=0.1)
+    assert found.verdict.magnitude.ci95[0] > 0

@@ -3,29 +3,14 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
+
+from ...conftest import one_node
 
 pytestmark = pytest.mark.slow
 
 SAMPLES, AIR_DEGC, DRAWS = 1400, 22.0, 4
-CIRCUIT = """\
-format: ambient-circuit
-version: 1
-name: heater
-about: a block in air
-form: temperature
-nodes:
-  block: {capacitance: C, sensor: block}
-  ambient: {sensor: ambient}
-edges:
-  - {between: [block, ambient], resistance: R}
-outputs: sensors
-parameters:
-  C: {unit: J/K, initial: 20.0}
-  R: {unit: K/W, initial: 5.0}
-"""
 
 
 def heated(random: np.random.Generator) -> tuple[Trace, float, float]:
@@ -52,10 +37,8 @@ def heated(random: np.random.Generator) -> tuple[Trace, float, float]:
     return Trace("heater.csv", time_s, columns), on_s, 1 / factor - 1
 
 
-def test_it_is_named_once_and_nothing_else_is_sure(tmp_path):
-    path = tmp_path / "heater.yaml"
-    path.write_text(CIRCUIT)
-    circuit, named = load_circuit(str(path)), 0
+def test_it_is_named_once_and_nothing_else_is_sure():
+    circuit, named = one_node("block", 20, 5), 0
     for draw in range(DRAWS):
         trace, on_s, less = heated(np.random.default_rng([8, draw]))
         steps = diagnose(circuit, [trace]).steps

@@ -1,10 +1,7 @@
 """``ambient-trainer diagnose`` as a process: what it prints and writes, the use of that, and its refusals."""
 
 import json
-import os
-import pty
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -131,35 +128,11 @@ def test_a_wrong_call_names_what_is_wrong(trainer, monkeypatch, folder, argument
     assert before == {each.name: each.read_bytes() for each in folder.glob("*.*") if each.is_file()}
 
 
-def test_ctrl_c_stops_it_and_writes_nothing(tmp_path):
-    trace, out = tmp_path / "phone.csv", tmp_path / "out.json"
-    save_trace(str(trace), simulate("3", seed=1, period_s=5.0).trace)
-    terminal, end = pty.openpty()  # the bar shows on a terminal only, and says what is under way
-    arguments = ["diagnose", str(trace), "--circuit", "phone", "--json", str(out)]
-    running = subprocess.Popen(
-        [sys.executable, "-m", "ambient_trainer", *arguments], stdout=subprocess.PIPE, stderr=end, text=True
-    )
-    os.close(end)
-    seen = b""
-    while b"fit" not in seen:
-        seen += os.read(terminal, 1024)
-    running.send_signal(signal.SIGINT)
-    errors = seen + everything(terminal)
-    printed, _ = running.communicate(timeout=60)
-    assert running.returncode == 1
-    assert b"ambient-trainer: stopped" in errors
-    assert b"Traceback" not in errors
-    assert printed == ""
-    assert list(tmp_path.iterdir()) == [trace]
-
-
-def everything(terminal):
-    """What a process writes until it ends, and with it its terminal."""
-    found = b""
-    try:
-        while part := os.read(terminal, 1024):
-            found += part
-    except OSError:
-        pass
-    os.close(terminal)
-    return found
+def test_ctrl_c_stops_it_and_writes_nothing(interrupted, tmp_path):
+    save_trace(str(tmp_path / "phone.csv"), simulate("3", seed=1, period_s=5.0).trace)
+    out = ("--json", tmp_path / "out.json")
+    status, printed, shown = interrupted("fit", "diagnose", tmp_path / "phone.csv", "--circuit", "phone", *out)
+    assert (status, printed) == (1, "")
+    assert "ambient-trainer: stopped" in shown
+    assert "Traceback" not in shown
+    assert {each.name for each in tmp_path.iterdir()} == {"phone.csv", "printed"}

@@ -1,9 +1,11 @@
 """The measured sets as traces: imported once a session by the command, from where they lie beside the repository."""
 
+import json
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -78,6 +80,22 @@ def measured(measured_folder, tmp_path_factory) -> Callable[[str], str]:
 def circuit() -> Callable[[str], str]:
     """The path of the circuit of a measured set, such as ``twinhouse``."""
     return lambda name: str(_DESCRIBED / f"{name}.circuit.yaml")
+
+
+@pytest.fixture(scope="session")
+def diagnose(measured, circuit, tmp_path_factory) -> Callable[..., dict[str, Any]]:
+    """The JSON of ``ambient-trainer diagnose``, once a session: a circuit, traces, known-good traces, other options."""
+    folder = tmp_path_factory.mktemp("diagnosed")
+
+    @cache
+    def of(name: str, traces: tuple[str, ...], known_good: tuple[str, ...] = (), *options: str) -> dict[str, Any]:
+        path = folder / f"{'-'.join(traces)}.json"
+        beside = [word for each in known_good for word in ("--baseline", measured(each))]
+        _run("diagnose", *map(measured, traces), "--circuit", circuit(name), *beside, *options, "--json", path)
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return found
+
+    return of
 
 
 def _run(*arguments: object) -> None:

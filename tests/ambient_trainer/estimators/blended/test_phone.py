@@ -29,7 +29,7 @@ SENSORS = ("soc", "flash", "battery", "usb", "display")
 
 
 @pytest.fixture(scope="module")
-def model_file(tmp_path_factory) -> str:
+def model_file(tmp_path_factory):
     path = str(tmp_path_factory.mktemp("phone") / "model.json")
     save_model(path, model_of(estimator("phone_observer").fit([simulate("5", seed=TRAINING).trace], Effort()), [], {}))
     return path
@@ -41,13 +41,13 @@ def model(model_file):
 
 
 @pytest.fixture(scope="module")
-def traces() -> dict[tuple[str, int], Trace]:
+def traces():
     runs = [(scenario, seed) for seed in UNSEEN for scenario in SCENARIOS]
     return dict(zip(runs, (each.trace for each in simulate_many(runs))))
 
 
 @pytest.fixture(scope="module")
-def scored(model, traces) -> dict[tuple[str, int], Evaluation]:
+def scored(model, traces):
     found = {run: evaluate_trace(model, trace) for run, trace in traces.items()}
     for name in SCENARIOS:
         several = [found[name, seed] for seed in UNSEEN]
@@ -72,7 +72,7 @@ def lagged(trace: Trace) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def limit(traces) -> float:
+def limit(traces):
     """What is left on scenario 4 by the best linear filter fitted to other seeds of scenario 4 itself.
 
     The better one of two: the free filter of as many states, and sensors behind so many lags that poles do not matter.

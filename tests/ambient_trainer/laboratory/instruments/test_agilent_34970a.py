@@ -1,7 +1,7 @@
 import pytest
 
 from ambient_trainer.data.probe_offsets import ProbeOffset
-from ambient_trainer.laboratory.instruments import probe_column, settings
+from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.agilent_34970a import Driver, Simulated
 from ambient_trainer.laboratory.messages import InstrumentError
 
@@ -44,15 +44,7 @@ def temps(multiplexer):
     return [value if value is None else round(value, 1) for value in multiplexer.read().values.values()]
 
 
-def test_every_probe_gets_its_own_channel_in_whatever_order_they_are_named(driver) -> None:
-    probes = {"shelf": 203, "air3": 103, "air1": 101, "wall": 105}
-    multiplexer = driver(probes)
-    assert multiplexer.identify() == "HEWLETT-PACKARD 34970A, firmware 13-2-2"
-    expected = {probe_column(name): pytest.approx(channel / 10.0, abs=0.1) for name, channel in probes.items()}
-    assert dict(multiplexer.read().values) == expected
-
-
-def test_the_documented_commands_set_it_up(driver, simulated) -> None:
+def test_the_documented_commands_set_it_up(driver, simulated):
     received: list[bytes] = []
     respond = simulated._respond
     simulated._respond = lambda data: (received.append(data), respond(data))[1]
@@ -63,15 +55,7 @@ def test_the_documented_commands_set_it_up(driver, simulated) -> None:
     )
 
 
-def test_an_open_thermocouple_is_missing_and_comes_back(driver, simulated) -> None:
-    multiplexer = driver({"a": 101, "b": 102})
-    simulated.probes[102].open = True
-    assert temps(multiplexer) == [10.1, None]
-    simulated.probes[102].open = False
-    assert temps(multiplexer) == [10.1, 10.2]
-
-
-def test_each_probes_offset_is_added(driver, simulated) -> None:
+def test_each_probes_offset_is_added(driver, simulated):
     simulated.probes[103].open = True
     offsets = {"a": offset((0.0, 5.0)), "b": offset((0.0, 0.0), (20.4, 20.0)), "c": offset((0.0, 1.0))}
     found = driver({"a": 101, "b": 102, "c": 103, "d": 105}, offsets).read().values
@@ -83,33 +67,37 @@ def test_each_probes_offset_is_added(driver, simulated) -> None:
     ]
 
 
-def test_switched_off_and_on_it_has_forgotten_its_scan_and_gets_it_again(driver, simulated) -> None:
-    multiplexer = driver({"a": 101})
+def other_channel(reply):
+    return [(0.0, reply.replace(b",101,", b",103,"))]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "probes", "expected", "got"),
+    [
+        (lambda simulated: list(simulated._execute("*RST")), {"a": 101}, "(@101)", '-221,"Settings conflict"'),
+        (lambda simulated: simulated.distort(other_channel), {"a": 101, "b": 102}, "(@101,102)", "103"),
+    ],
+    ids=["its scan was forgotten", "of other channels"],
+)
+def test_readings_that_are_none_of_its_channels_are_refused_and_asked_for_anew(
+    driver, simulated, spoil, probes, expected, got
+):
+    multiplexer = driver(probes)
     multiplexer.read()
-    list(simulated._execute("*RST"))
+    spoil(simulated)
     with pytest.raises(InstrumentError) as caught:
         multiplexer.read()
-    assert "(@101)" in caught.value.expected
-    assert '-221,"Settings conflict"' in caught.value.got
-    assert temps(multiplexer) == [10.1]
+    assert (expected in caught.value.expected, got in caught.value.got) == (True, True)
+    assert temps(multiplexer) == [10.1, 10.2][: len(probes)]
 
 
-def test_a_channel_that_is_not_there_is_the_instruments_own_complaint(driver) -> None:
+def test_a_channel_that_is_not_there_is_the_instruments_own_complaint(driver):
     with pytest.raises(InstrumentError) as caught:
         driver({"a": 301}).configure()
     assert '-224,"Illegal parameter value"' in caught.value.got
 
 
-def test_readings_of_other_channels_are_refused(driver, simulated) -> None:
-    multiplexer = driver({"a": 101, "b": 102})
-    multiplexer.read()
-    simulated.distort(lambda reply: [(0.0, reply.replace(b",101,", b",103,"))])
-    with pytest.raises(InstrumentError) as caught:
-        multiplexer.read()
-    assert "(@101,102)" in caught.value.expected
-
-
-def test_a_probe_follows_the_air_with_its_lag(clock) -> None:
+def test_a_probe_follows_the_air_with_its_lag(clock):
     air = lambda at_s: 0.0 if at_s < 1000.0 else 10.0  # noqa: E731
     simulated = Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0})
     felt = [simulated.probes[101].felt(at_s) for at_s in (990.0, 1000.0, 1004.5, 1008.5, 1060.0)]

@@ -25,7 +25,7 @@ def recovered(bench) -> None:
 
 
 @each_role
-def test_an_answer_is_a_reading_between_question_and_answer(bench, role) -> None:
+def test_an_answer_is_a_reading_between_question_and_answer(bench, role):
     bench = bench(role)
     began_s = bench.clock.now_s()
     reading = bench.driver.read()
@@ -33,20 +33,41 @@ def test_an_answer_is_a_reading_between_question_and_answer(bench, role) -> None
     recovered(bench)
 
 
-@each_role
-@pytest.mark.parametrize("part", [slice(7), slice(4, None)])
-def test_an_answer_that_is_cut(bench, role, part) -> None:
+def sends(made):
+    """The next answer is what is made of it."""
+    return lambda bench: bench.simulated.distort(lambda reply: [(0.0, made(reply))])
+
+
+def noise(data):
+    return lambda bench: (bench.simulated.send(data), bench.clock.sleep(2.0))
+
+
+OTHERS = (STATE, b"0\r", SCAN, b'+0,"No error"\r\n', VALUE)
+INSTEAD = {
+    **{repr(other): sends(lambda reply, other=other: other) for other in OTHERS},
+    "cut short": sends(lambda reply: reply[:7]),
+    "without its start": sends(lambda reply: reply[4:]),
+    "noise before it": noise(b"\x80"),
+    "text before it": noise(b"hello\r\n"),
+}
+
+
+@pytest.mark.parametrize(
+    ("role", "what"), [(role, what) for role in OWN for what in INSTEAD if what != repr(OWN[role])]
+)
+def test_what_is_no_answer_or_that_to_another_question(bench, role, what):
     bench = bench(role)
     bench.driver.read()
-    bench.simulated.distort(lambda reply: [(0.0, reply[part])])
+    INSTEAD[what](bench)
     error = bench.failure()
-    assert error.expected.startswith(EXPECTED[role])
+    before = "nothing before it was asked for " if what.endswith("before it") else ""
+    assert error.expected.startswith(before + EXPECTED[role])
     assert not isinstance(error, NoResponse)
     recovered(bench)
 
 
 @each_role
-def test_an_instrument_that_falls_one_answer_behind_gives_no_reading(bench, role) -> None:
+def test_an_instrument_that_falls_one_answer_behind_gives_no_reading(bench, role):
     bench = bench(role)
     bench.driver.read()
     held: list[bytes] = [OWN[role]]
@@ -59,38 +80,8 @@ def test_an_instrument_that_falls_one_answer_behind_gives_no_reading(bench, role
             bench.driver.read()
 
 
-@pytest.mark.parametrize(
-    ("role", "other"),
-    [
-        (role, other)
-        for role, own in OWN.items()
-        for other in (STATE, b"0\r", SCAN, b'+0,"No error"\r\n', VALUE)
-        if other != own
-    ],
-)
-def test_an_answer_of_another_instrument_or_to_another_question(bench, role, other) -> None:
-    bench = bench(role)
-    bench.driver.read()
-    bench.simulated.distort(lambda reply: [(0.0, other)])
-    error = bench.failure()
-    assert error.expected.startswith(EXPECTED[role])
-    assert not isinstance(error, NoResponse)
-    recovered(bench)
-
-
 @each_role
-@pytest.mark.parametrize("noise", [b"\x80", b"hello\r\n"], ids=repr)
-def test_noise_before_a_question(bench, role, noise) -> None:
-    bench = bench(role)
-    bench.driver.read()
-    bench.simulated.send(noise)
-    bench.clock.sleep(2.0)
-    assert bench.failure().expected.startswith(f"nothing before it was asked for {EXPECTED[role]}")
-    recovered(bench)
-
-
-@each_role
-def test_silence(bench, role) -> None:
+def test_silence(bench, role):
     bench = bench(role)
     bench.driver.read()
     bench.simulated.muted = True
@@ -101,7 +92,7 @@ def test_silence(bench, role) -> None:
     recovered(bench)
 
 
-def test_an_instrument_that_sends_all_the_time_does_not_hold_up_for_ever(bench) -> None:
+def test_an_instrument_that_sends_all_the_time_does_not_hold_up_for_ever(bench):
     bench = bench("thermometer")
     ended = threading.Event()
 
@@ -121,7 +112,7 @@ def test_an_instrument_that_sends_all_the_time_does_not_hold_up_for_ever(bench) 
     recovered(bench)
 
 
-def test_several_threads_may_ask(bench) -> None:
+def test_several_threads_may_ask(bench):
     bench = bench("chamber")
     errors: list[InstrumentError] = []
 
@@ -142,7 +133,7 @@ def test_several_threads_may_ask(bench) -> None:
 
 
 @each_role
-def test_a_cable_that_is_pulled_and_put_in_again(bench, role) -> None:
+def test_a_cable_that_is_pulled_and_put_in_again(bench, role):
     bench = bench(role)
     bench.driver.read()
     bench.simulated.unplug()
@@ -152,7 +143,7 @@ def test_a_cable_that_is_pulled_and_put_in_again(bench, role) -> None:
     recovered(bench)
 
 
-def test_a_port_that_went_is_let_go(bench) -> None:
+def test_a_port_that_went_is_let_go(bench):
     bench = bench("thermometer")
     held, errors = [], []
     for _ in range(5):
@@ -165,7 +156,7 @@ def test_a_port_that_went_is_let_go(bench) -> None:
 
 
 @each_role
-def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(bench, role) -> None:
+def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(bench, role):
     bench = bench(role)
     bench.driver.read()
     bench.simulated.distort(lambda reply: [(0.0, reply[:3]), (1000.0, reply[3:])])
@@ -178,7 +169,7 @@ def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(bench, role) -> None:
 
 
 @each_role
-def test_a_port_that_is_in_use(bench, driver_at, role) -> None:
+def test_a_port_that_is_in_use(bench, driver_at, role):
     bench = bench(role)
     bench.driver.read()
     second = driver_at(role, bench.simulated.port, bench.clock)
@@ -191,14 +182,14 @@ def test_a_port_that_is_in_use(bench, driver_at, role) -> None:
 
 
 @each_role
-def test_a_port_that_is_no_port(driver_at, role, tmp_path) -> None:
+def test_a_port_that_is_no_port(driver_at, role, tmp_path):
     (tmp_path / "a file").write_text("")
     with pytest.raises(Disconnected) as caught:
         driver_at(role, str(tmp_path / "a file")).read()
     assert caught.value.port == str(tmp_path / "a file")
 
 
-def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench) -> None:
+def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench):
     bench = bench("multiplexer")
     bench.driver.read()
     bench.simulated.send(XOFF)
@@ -208,7 +199,7 @@ def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench) ->
 
 
 @each_role
-def test_whatever_happens_a_reading_is_of_the_time_between_question_and_answer(bench, role) -> None:
+def test_whatever_happens_a_reading_is_of_the_time_between_question_and_answer(bench, role):
     bench = bench(role)
     random = np.random.default_rng(0)
     simulated, per_s = bench.simulated, 0.2  # the air is the time

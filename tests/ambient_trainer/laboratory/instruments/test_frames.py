@@ -71,18 +71,6 @@ TABLE: dict[str, tuple[Any, bytes, Any]] = {
         Frame(1, easybus.IDENTITY, easybus.body_of_number(0x32407008)),
     ),
 }
-COMMANDS = {
-    voetsch.set_values((10.0, 0, 0, 0, 0), bits("0101010100000100")): (
-        b"E 0010.0 0000.0 0000.0 0000.0 0000.0 0101010100000100"
-    ),
-    voetsch.set_values((-7.5, 0, 0, 0, 0), OUTPUTS)[:9]: b"E -007.5 ",
-    voetsch.set_gradients(2.0, 1.5): b"U 0002.0 0001.5 0000.0 0000.0",
-    agilent.READ_IDENTITY.request: b"*IDN?\n",
-    agilent.RESET: b"*RST\n*CLS\n",
-    agilent.read_scan((101,)).request: b"READ?\n",
-    agilent.configure({103: "K", 101: "K", 102: "K"}): b"CONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\n",
-    easybus.request(1, easybus.VALUE): bytes.fromhex("FE 00 3D"),
-}
 VALUES = {
     bytes.fromhex("71 00 F7 80"): Value(21.76, None),
     bytes.fromhex("72 FF 00 FC"): Value(-0.04, None),
@@ -122,14 +110,14 @@ NOISE[agilent] = NOISE[voetsch]
 
 
 @each_frame
-def test_whole_and_byte_by_byte(protocol, data, reply) -> None:
+def test_whole_and_byte_by_byte(protocol, data, reply):
     assert protocol.decode(data) == ([reply], b"")
     assert fed(protocol, [data[at : at + 1] for at in range(len(data))]) == ([[]] * (len(data) - 1) + [[reply]], b"")
 
 
 @each_frame
 @given(draw=st.data())
-def test_noise_in_between_is_malformed_and_changes_nothing(protocol, data, reply, draw) -> None:
+def test_noise_in_between_is_malformed_and_changes_nothing(protocol, data, reply, draw):
     first, second = draw.draw(NOISE[protocol]), draw.draw(NOISE[protocol])
     sent = data + first + data + second + data
     edges = [0, *sorted(draw.draw(st.lists(st.integers(0, len(sent)), max_size=8))), len(sent)]
@@ -141,7 +129,7 @@ def test_noise_in_between_is_malformed_and_changes_nothing(protocol, data, reply
 
 
 @each_frame
-def test_the_simulated_instruments_send_the_documented_bytes(protocol, data, reply) -> None:
+def test_the_simulated_instruments_send_the_documented_bytes(protocol, data, reply):
     if protocol is easybus:
         faulty = reply.code == easybus.VALUE and easybus.value_of(reply.body).value is None
         assert easybus.reply(1, reply.code, reply.body, faulty) == data
@@ -149,17 +137,19 @@ def test_the_simulated_instruments_send_the_documented_bytes(protocol, data, rep
         assert protocol.encode(reply) == data.replace(b"-9.90000000E+37", b"+9.90000000E+37")
 
 
-def test_the_documented_commands() -> None:
-    assert list(COMMANDS) == list(COMMANDS.values())
+def test_the_documented_commands():
+    """Those that no driver's test has seen."""
+    assert voetsch.set_gradients(2.0, 1.5) == b"U 0002.0 0001.5 0000.0 0000.0"
+    assert easybus.request(1, easybus.VALUE) == bytes.fromhex("FE 00 3D")
 
 
 @pytest.mark.parametrize(("body", "value"), VALUES.items())
-def test_the_value_in_a_body(body, value) -> None:
+def test_the_value_in_a_body(body, value):
     assert easybus.value_of(body) == value
 
 
 @given(hundredths=st.integers(-20000, 99999))
-def test_a_simulated_value_is_read_back(hundredths) -> None:
+def test_a_simulated_value_is_read_back(hundredths):
     (reply,), _ = easybus.decode(easybus.reply(7, 0, easybus.body_of_value(hundredths / 100, 2)))
     assert reply.address == 7
     assert easybus.value_of(reply.body).value == hundredths / 100
@@ -169,7 +159,7 @@ def test_a_simulated_value_is_read_back(hundredths) -> None:
     ("protocol", "ending", "longest"), [(voetsch, b"\r", 400), (agilent, b"\n", 8192), (easybus, None, 12)]
 )
 @given(noise=st.binary(max_size=1000))
-def test_after_any_bytes_the_next_line_is_read_and_little_is_kept(protocol, ending, longest, noise) -> None:
+def test_after_any_bytes_the_next_line_is_read_and_little_is_kept(protocol, ending, longest, noise):
     _, rest = protocol.decode(noise)
     assert len(rest) <= longest
     if ending:
@@ -178,7 +168,7 @@ def test_after_any_bytes_the_next_line_is_read_and_little_is_kept(protocol, endi
 
 
 @each_frame
-def test_a_part_of_a_frame_is_never_that_frame(protocol, data, reply) -> None:
+def test_a_part_of_a_frame_is_never_that_frame(protocol, data, reply):
     for cut in range(1, len(data)):
         assert protocol.decode(data[:cut]) == ([], data[:cut]) or data[cut:] in (b"\n",)
         assert reply not in protocol.decode(data[cut:])[0]
@@ -186,7 +176,7 @@ def test_a_part_of_a_frame_is_never_that_frame(protocol, data, reply) -> None:
 
 @pytest.mark.parametrize("data", [data for protocol, data, _ in TABLE.values() if protocol is easybus])
 @given(at=st.integers(0, 8), flip=st.integers(1, 255))
-def test_one_wrong_byte_leaves_no_reply_of_this_thermometer(data, at, flip) -> None:
+def test_one_wrong_byte_leaves_no_reply_of_this_thermometer(data, at, flip):
     broken = bytearray(data)
     broken[at] ^= flip
     replies = [each for each in easybus.decode(bytes(broken))[0] if isinstance(each, Frame)]
@@ -194,7 +184,7 @@ def test_one_wrong_byte_leaves_no_reply_of_this_thermometer(data, at, flip) -> N
 
 
 @pytest.mark.parametrize("cut", range(1, 9))
-def test_a_frame_after_a_part_of_one(cut) -> None:
+def test_a_frame_after_a_part_of_one(cut):
     found, _ = easybus.decode(WARM[:cut] + WARM)
     values = [easybus.value_of(each.body) for each in found if isinstance(each, Frame)]
     assert values == [Value(21.76, None)] or cut % 3 == 0  # there the frame's head may be a value's groups

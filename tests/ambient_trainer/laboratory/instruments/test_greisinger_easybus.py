@@ -5,15 +5,7 @@ from ambient_trainer.laboratory.instruments.greisinger_easybus import Simulated
 from ambient_trainer.laboratory.messages import Clock, InstrumentError, NoResponse
 
 
-def test_it_reads_and_reports_its_number(bench) -> None:
-    bench = bench("thermometer")
-    assert bench.driver.identify() == "GMH thermometer, number 32407008"
-    bench.air_degC[0] = -0.04
-    reading = bench.driver.read()
-    assert (bench.reading(), reading.note) == (-0.04, None)
-
-
-def test_without_a_sensor_it_reports_that_instead_of_a_number(bench) -> None:
+def test_without_a_sensor_it_reports_that_instead_of_a_number(bench):
     bench = bench("thermometer")
     bench.simulated.sensor_plugged = False
     reading = bench.driver.read()
@@ -22,7 +14,7 @@ def test_without_a_sensor_it_reports_that_instead_of_a_number(bench) -> None:
     assert bench.reading() == 21.5
 
 
-def test_one_of_another_address_is_not_taken_for_it(driver_at) -> None:
+def test_one_of_another_address_is_not_taken_for_it(driver_at):
     clock = Clock(20.0)
     simulated = Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0)
     first, second = (driver_at("thermometer", simulated.port, clock, address=address) for address in (1, 2))
@@ -38,7 +30,7 @@ def test_one_of_another_address_is_not_taken_for_it(driver_at) -> None:
     simulated.close()
 
 
-def test_an_impossible_value_is_an_error(bench) -> None:
+def test_an_impossible_value_is_an_error(bench):
     bench = bench("thermometer")
     bench.driver.read()
     bench.simulated.distort(lambda reply: [(0.0, bytes.fromhex("FE 05 26 FE 05 26 71 00 48"))])

@@ -28,7 +28,7 @@ def recorded(bench):
     return made, received
 
 
-def test_it_starts_goes_to_its_set_point_and_stops(recorded) -> None:
+def test_it_starts_goes_to_its_set_point_and_stops(recorded):
     bench, received = recorded
     chamber = bench.driver
     assert chamber.identify() == "ASCII-2 chamber, stopped, at 21.5 degC"
@@ -52,7 +52,7 @@ def test_it_starts_goes_to_its_set_point_and_stops(recorded) -> None:
     ]  # fmt: skip
 
 
-def test_other_values_and_outputs_stay_as_they_are(recorded) -> None:
+def test_other_values_and_outputs_stay_as_they_are(recorded):
     bench, received = recorded
     bench.simulated.put((10.0, 0.0, 3.5, 0.0, 0.0), tuple(bit == "1" for bit in "0000010100000100"))
     bench.driver.read()
@@ -66,7 +66,7 @@ def chamber(low_degC: float = -20.0, high_degC: float = 60.0) -> Driver:
 
 
 @given(temp_degC=st.floats() | st.floats(-60.0, 200.0))
-def test_nothing_outside_the_limits_is_sent(temp_degC) -> None:
+def test_nothing_outside_the_limits_is_sent(temp_degC):
     inside = -20.0 <= temp_degC <= 60.0
     with pytest.raises(Disconnected if inside else Refused) as caught:
         chamber().set_point(temp_degC)
@@ -75,18 +75,18 @@ def test_nothing_outside_the_limits_is_sent(temp_degC) -> None:
             assert part in str(caught.value)
 
 
-def test_a_set_point_that_would_round_to_outside_the_limits_is_refused() -> None:
+def test_a_set_point_that_would_round_to_outside_the_limits_is_refused():
     with pytest.raises(Refused):
         chamber(high_degC=59.97).set_point(59.96)
 
 
 @pytest.mark.parametrize("rate_K_min", [-0.1, 100.0, 0.04, math.nan, math.inf])
-def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min) -> None:
+def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min):
     with pytest.raises(Refused, match=r"gradient.*0\.1 to 99\.9"):
         chamber().gradient(rate_K_min)
 
 
-def test_an_alarm_stops_it_until_it_is_repaired_and_acknowledged(bench) -> None:
+def test_an_alarm_stops_it_until_it_is_repaired_and_acknowledged(bench):
     bench = bench("chamber")
     bench.driver.set_point(30.0)
     bench.simulated.raise_alarm(7, "overtemperature")
@@ -103,7 +103,7 @@ def test_an_alarm_stops_it_until_it_is_repaired_and_acknowledged(bench) -> None:
     assert (reading.values[RUNNING], reading.note) == (1.0, None)
 
 
-def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench) -> None:
+def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench):
     bench = bench("chamber")
     bench.driver.set_point(50.0)
     bench.simulated.muted = True
@@ -117,7 +117,7 @@ def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench) -> None:
     became(lambda: bench.simulated.held_degC is None)
 
 
-def test_noise_does_not_keep_a_set_point_from_being_sent(bench) -> None:
+def test_noise_does_not_keep_a_set_point_from_being_sent(bench):
     bench = bench("chamber")
     bench.driver.set_point(50.0)
     bench.simulated.send(b"\xff\x00")
@@ -126,7 +126,7 @@ def test_noise_does_not_keep_a_set_point_from_being_sent(bench) -> None:
     assert bench.simulated.held_degC == 20.0
 
 
-def test_a_later_controller_is_asked_once_in_five_seconds(driver_at) -> None:
+def test_a_later_controller_is_asked_once_in_five_seconds(driver_at):
     clock = Clock(100.0)
     simulated = Simulated(settings("voetsch-vt4004", port="", pause_s=5.0), clock)
     patient = driver_at("chamber", simulated.port, clock, pause_s=8.0)
