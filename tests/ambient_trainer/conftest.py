@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_limits
 
+from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit, parse_circuit
+from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import StateSpace
 
-CIRCUITS = Path(__file__).parents[1] / "data" / "circuits"
+REPOSITORY = Path(__file__).parents[2]
+CIRCUITS = REPOSITORY / "tests" / "data" / "circuits"
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -19,6 +22,21 @@ def _one_thread():
     """Four BLAS threads make the algebra of 5 x 5 matrices many times slower."""
     with threadpool_limits(1):
         yield
+
+
+@pytest.fixture(scope="session")
+def measured_folder() -> Path:
+    """The measured files as others logged them."""
+    folder = REPOSITORY.parent / "shared" / "measured"
+    if not folder.is_dir():
+        pytest.skip(f"the measured files are not at {folder}")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def described() -> Path:
+    """Maps and circuits of the measured files; the data themselves are never copied."""
+    return REPOSITORY / "tests" / "data" / "measured"
 
 
 @pytest.fixture
@@ -61,6 +79,22 @@ def run_loop(discrete: StateSpace, inputs: np.ndarray, x: np.ndarray) -> np.ndar
     return np.array(outputs).T
 
 
+def truth_of(circuit: Circuit) -> dict[str, float]:
+    """The initial values of a circuit's parameters."""
+    return {each.name: each.initial for each in circuit.parameters}
+
+
+def response_of(circuit: Circuit, u: np.ndarray, start=None, values: dict[str, float] | None = None) -> np.ndarray:
+    """What a circuit makes of inputs, one a second, by the plain recursion: from rest, at its initial values."""
+    discrete = discretised(assemble(circuit, values or truth_of(circuit)).value, 1.0, circuit.hold)
+    return run_loop(discrete, u, rest(discrete, u[:, 0]) if start is None else np.array(start))
+
+
+def rest(discrete: StateSpace, u: np.ndarray) -> np.ndarray:
+    """The state of a discrete system that has seen ``u`` for ever."""
+    return np.linalg.solve(np.eye(len(discrete.A)) - discrete.A, discrete.B @ u)
+
+
 @pytest.fixture
 def simulated() -> Callable[..., np.ndarray]:
     return run_loop
@@ -68,5 +102,4 @@ def simulated() -> Callable[..., np.ndarray]:
 
 @pytest.fixture
 def at_rest() -> Callable[[StateSpace, np.ndarray], np.ndarray]:
-    """The state of a discrete system that has seen ``u`` for ever."""
-    return lambda discrete, u: np.linalg.solve(np.eye(len(discrete.A)) - discrete.A, discrete.B @ u)
+    return rest

@@ -32,15 +32,12 @@ def fitted(log):
     return at.fit(log, "free-1", sensors=["usb", "battery_degC"], to_s=3_000, effort=ONE)
 
 
-def test_the_import_is_cheap():
+def test_the_import_is_cheap_and_every_name_is_there_and_typed():
     heavy = ("numpy", "scipy", "pandas", "plotly", "sklearn", "click")
     code = f"import sys, ambient_trainer as at; print([m for m in {heavy!r} if m in sys.modules], dir(at))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("[] ")
     assert all(repr(name) in done.stdout for name in at.__all__)
-
-
-def test_every_name_is_there_and_typed():
     for name in at.__all__:
         assert getattr(at, name) is not None
     with pytest.raises(AttributeError, match="nosuch"):

@@ -35,9 +35,11 @@ def test_the_example_of_the_documentation_loads():
     )
 
 
-def test_the_shipped_circuits_load_and_hold_the_thesis():
+def test_the_shipped_circuits_load_and_an_unknown_name_is_answered_with_theirs():
     assert [load_circuit(name).name for name in circuit_names()] == list(circuit_names())
     assert set(circuit_names()) >= set(THESIS)
+    with pytest.raises(Refused, match=re.escape(", ".join(circuit_names()))):
+        load_circuit("model3")
 
 
 def test_a_number_is_a_parameter_that_is_not_searched():
@@ -159,16 +161,13 @@ outputs: sensors
     parse_circuit(text.replace("[c, chip]", "[c, b]").replace("[a, ambient]", "[a, chip]"), "chain.yaml")
 
 
-def test_inputs_in_parallel_balance_a_heat_that_may_be_none():
+def test_inputs_in_parallel_balance_a_heat_and_need_a_measured_node():
     kirchhoff = load_circuit("model1_kirchhoff")
     assert kirchhoff.outputs == (Output("ambient", {}, {}, None, "q_e"),)
     balanced = EXAMPLE.replace("{board_degC: w}", "parallel").replace('  w: {unit: "1", initial: 1, free: false}\n', "")
     circuit = parse_circuit(balanced, "two.yaml")
     assert circuit.outputs == (Output("ambient", None, {}, None, "outputs.ambient.heat"),)
     assert circuit.parameters[-1] == Parameter("outputs.ambient.heat", "W", 0.0, 0.0, 0.0, False)
-
-
-def test_inputs_in_parallel_need_a_measured_node_beside_the_ambient():
     text = EXAMPLE.replace("form: rise", "form: temperature").replace("{board_degC: w}", "parallel")
     assert [each.place for each in _faults(text)] == ["outputs.ambient.inputs", "parameters.w"]
 
@@ -176,11 +175,6 @@ def test_inputs_in_parallel_need_a_measured_node_beside_the_ambient():
 def test_a_signal_and_a_sensor_of_one_column_are_one_input():
     text = EXAMPLE.replace("outputs:\n", "sources: [{into: board, signal: chip_degC, share: 2}]\noutputs:\n")
     assert parse_circuit(text, "x").inputs == ("board_degC", "chip_degC")
-
-
-def test_an_unknown_name_is_answered_with_the_known_ones():
-    with pytest.raises(Refused, match=re.escape(", ".join(circuit_names()))):
-        load_circuit("model3")
 
 
 def test_a_file_gives_the_circuit_that_its_text_does_or_is_refused(tmp_path):

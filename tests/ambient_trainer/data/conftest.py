@@ -2,24 +2,8 @@
 
 import functools
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
-
-_REPOSITORY = Path(__file__).parents[3]
-
-
-@pytest.fixture(scope="session")
-def measured() -> Path:
-    folder = _REPOSITORY.parent / "shared" / "measured"
-    if not folder.is_dir():
-        pytest.skip(f"the measured files are not at {folder}")
-    return folder
-
-
-@pytest.fixture(scope="session")
-def maps() -> Path:
-    return _REPOSITORY / "tests" / "data" / "measured"
 
 
 @pytest.fixture

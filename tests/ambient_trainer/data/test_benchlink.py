@@ -61,9 +61,11 @@ def test_an_open_thermocouple_is_missing(write):
     assert columns["ch102_degC"].tolist() == pytest.approx([np.nan, 10.0], nan_ok=True)
 
 
-def test_lines_above_the_header_are_skipped_and_counted(write):
+def test_lines_above_the_header_are_skipped_and_counted_and_without_one_it_is_another_file(write):
     path = write("a.csv", "Acquisition 7\r\n\r\n" + _export("Chan 101 (C)", rows=(("1",), ("x",))))
     assert f"{path}: line 5, column Chan 101 (C): 'x'" in _message(path)
+    path = write("a.csv", "t,a\n0,1\n")
+    assert f"{path}: no line starts with 'Sweep #,'" in _message(path)
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t"])
@@ -96,14 +98,9 @@ def test_a_map_that_does_not_fit_is_refused(write, columns, fact):
     assert f"{mapped}: {fact}" in _message(path, mapped)
 
 
-def test_another_file_is_refused(write):
-    path = write("a.csv", "t,a\n0,1\n")
-    assert f"{path}: no line starts with 'Sweep #,'" in _message(path)
-
-
-def test_a_measured_export_comes_in(measured, maps):
-    path = measured / "thermal-shock-chamber" / "dat00002.csv"
-    trace = import_file(str(path), str(maps / "thermal-shock-chamber-thesis-names.map.yaml")).trace
+def test_a_measured_export_comes_in(measured_folder, described):
+    path = measured_folder / "thermal-shock-chamber" / "dat00002.csv"
+    trace = import_file(str(path), str(described / "thermal-shock-chamber-thesis-names.map.yaml")).trace
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)[:, 2:]
     raw[np.abs(raw) > 1e37] = np.nan
     channels = {"flash": 102, "battery": 112, "usb": 105, "display": 110, "soc": 108, "ambient": 101}

@@ -21,11 +21,8 @@ def _message(text):
     return str(refused.value)
 
 
-def test_shorthand_is_the_long_form():
+def test_shorthand_and_numbers_are_names():
     assert _parsed(_GOOD) == _parsed(_GOOD.replace("T_usb", "{from: [T_usb]}"))
-
-
-def test_numbers_name_columns_and_missing_values():
     source = _parsed(_GOOD.replace("T_usb", "{from: 101, missing: [-32768, NaN, 9.9E+37]}")).columns["usb_degC"]
     assert source.sources == ("101",)
     assert [str(float(each)) for each in source.missing] == ["-32768.0", "nan", "9.9e+37"]

@@ -208,13 +208,10 @@ def test_a_wrong_file_is_refused_by_line_and_column(write, text, layout, place, 
     assert word in str(fault)
 
 
-def test_each_column_tells_its_first_fault(write):
+def test_each_column_tells_its_first_fault_and_another_encoding_its_line(write, tmp_path):
     path = write("a.csv", "t,a,b\n0,1,x\n1,y,2\n2,z,3\n")
     faults = _faults(path, {"a_degC": "a", "b_degC": "b"})
     assert [each.place for each in faults] == ["line 3, column a", "line 2, column b"]
-
-
-def test_bytes_in_another_encoding_are_refused_by_line(tmp_path):
     path = tmp_path / "a.csv"
     path.write_bytes(b"t,a\n0,1\n1,\xb0\n")
     [fault] = _faults(str(path))
@@ -222,9 +219,9 @@ def test_bytes_in_another_encoding_are_refused_by_line(tmp_path):
     assert "utf-8-sig" in fault.problem
 
 
-def test_a_phones_zones_come_in(measured, maps, tmp_path):
-    path = measured / "s25plus-zones" / "s25_zones_tidy.csv"
-    imported = import_file(str(path), str(maps / "s25plus-zones.map.yaml"))
+def test_a_phones_zones_come_in(measured_folder, described, tmp_path):
+    path = measured_folder / "s25plus-zones" / "s25_zones_tidy.csv"
+    imported = import_file(str(path), str(described / "s25plus-zones.map.yaml"))
     raw = np.genfromtxt(path, delimiter=",", skip_header=1)
     clock = raw[:, 0]
     kept = np.array([k == 0 or clock[k] > clock[:k].max() for k in range(len(clock)) if k < 3000])

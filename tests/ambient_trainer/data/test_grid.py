@@ -20,17 +20,36 @@ def _trace(time_s, **columns):
 NAN = float("nan")
 
 
-def test_a_regular_trace_is_one_segment_as_it_stands():
-    [found] = segments(_trace(range(5), a=[1, 2, 3, 4, 5], ambient=[9, 8, NAN, 6, 5]), ["a_degC"], ["ambient_degC"])
+# seconds, an input, a reference; the input and the reference on a grid of a second
+ON_THE_GRID = {
+    "as it stands": (range(5), [1, 2, 3, 4, 5], [9, 8, NAN, 6, 5], [1, 2, 3, 4, 5], [9, 8, NAN, 6, 5]),
+    "a short gap is a straight line": ([0, 1, 4, 5], [1, 2, 8, 9], [1] * 4, [1, 2, 4, 6, 8, 9], [1, 1, NAN, NAN, 1, 1]),
+    "the last on a grid point counts": (
+        [0, 1, 1.2, 2, 3],
+        [0, 1, 5, 2, 3],
+        [0, 1, 5, NAN, 3],
+        [0, 5, 2, 3],
+        [0, 5, NAN, 3],
+    ),
+    "none before every input is there": (range(5), [NAN, NAN, 2, 3, 4], range(5), [2, 3, 4], [2, 3, 4]),
+    "half a period rounds up": (np.arange(7) / 2, range(7), range(7), [0, 2, 4, 6], [0, 2, 4, 6]),
+}
+
+
+@pytest.mark.parametrize("what", ON_THE_GRID)
+def test_a_trace_lies_on_the_grid(what):
+    time_s, a, ambient, inputs, outputs = ON_THE_GRID[what]
+    [found] = segments(_trace(time_s, a=a, ambient=ambient), ["a_degC"], ["ambient_degC"], 1.0)
+    np.testing.assert_array_equal(found.inputs, [inputs])
+    np.testing.assert_array_equal(found.outputs, [outputs])
+
+
+def test_samples_before_every_input_is_there_are_left_out():
+    trace = _trace(range(6), a=[NAN, 1, 2, 3, 4, 5], b=[0, 1, NAN, 3, 4, NAN], ambient=range(6))
+    [found] = segments(trace, ["a_degC", "b_degC"], ["ambient_degC"])
     assert found.period_s == 1.0
-    np.testing.assert_array_equal(found.inputs, [[1, 2, 3, 4, 5]])
-    np.testing.assert_array_equal(found.outputs, [[9, 8, NAN, 6, 5]])
-
-
-def test_a_short_gap_is_a_straight_line_without_outputs():
-    [found] = segments(_trace([0, 1, 4, 5], a=[1, 2, 8, 9], ambient=[1, 1, 1, 1]), ["a_degC"], ["ambient_degC"], 1.0)
-    np.testing.assert_array_equal(found.inputs, [[1, 2, 4, 6, 8, 9]])
-    np.testing.assert_array_equal(found.outputs, [[1, 1, NAN, NAN, 1, 1]])
+    np.testing.assert_array_equal(found.inputs, [[1, 2, 3, 4], [1, 2, 3, 4]])
+    np.testing.assert_array_equal(found.outputs, [[1, 2, 3, 4]])
 
 
 def test_a_gap_beyond_the_bridge_begins_anew_on_a_grid_of_its_own():
@@ -55,20 +74,6 @@ def test_ten_long_periods_are_bridged():
     assert [each.inputs.shape for each in segments(trace, ["a_degC"], ["ambient_degC"], 10.0)] == [(1, 15)]
     trace = _trace([0, 10, 20, 130, 140, 150], a=range(6), ambient=range(6))
     assert [each.inputs.shape for each in segments(trace, ["a_degC"], ["ambient_degC"], 10.0)] == [(1, 3), (1, 3)]
-
-
-def test_of_two_samples_on_one_grid_point_the_last_counts():
-    trace = _trace([0, 1, 1.2, 2, 3], a=[0, 1, 5, 2, 3], ambient=[0, 1, 5, NAN, 3])
-    [found] = segments(trace, ["a_degC"], ["ambient_degC"], 1.0)
-    np.testing.assert_array_equal(found.inputs, [[0, 5, 2, 3]])
-    np.testing.assert_array_equal(found.outputs, [[0, 5, NAN, 3]])
-
-
-def test_samples_before_every_input_is_there_are_left_out():
-    trace = _trace(range(6), a=[NAN, 1, 2, 3, 4, 5], b=[0, 1, NAN, 3, 4, NAN], ambient=range(6))
-    [found] = segments(trace, ["a_degC", "b_degC"], ["ambient_degC"])
-    np.testing.assert_array_equal(found.inputs, [[1, 2, 3, 4], [1, 2, 3, 4]])
-    np.testing.assert_array_equal(found.outputs, [[1, 2, 3, 4]])
 
 
 def test_what_is_too_short_is_refused():
@@ -123,13 +128,6 @@ def irregular_traces(draw):
     values = random.uniform(10, 40, size=(2, len(time_s)))
     values[random.uniform(size=values.shape) < draw(st.sampled_from([0, 0.1, 0.4]))] = np.nan
     return time_s, values
-
-
-def test_half_a_period_rounds_up_on_every_grid_point():
-    """A logger at twice the rate: 0.5, 1.5 and 2.5 s are the first of two samples on 1, 2 and 3 s."""
-    trace = _trace(np.arange(7) / 2, a=range(7), ambient=range(7))
-    [found] = segments(trace, ["a_degC"], ["ambient_degC"], 1.0)
-    np.testing.assert_array_equal(found.inputs, [[0, 2, 4, 6]])
 
 
 @given(irregular_traces())

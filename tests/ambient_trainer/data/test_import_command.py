@@ -12,7 +12,7 @@ _MAP = "time: {column: t, unit: s, not_increasing: drop}\ncolumns: {usb_degC: {f
 _TABLE = "t,a,b\n0,20000,\n1,21000,\n1,9,\n3,25000,\n"
 
 
-def test_what_came_in_is_shown(run, write, tmp_path):
+def test_what_came_in_was_left_out_and_is_assumed_is_shown(run, write, tmp_path):
     out = str(tmp_path / "o.csv")
     status, shown, error = run(write("a.csv", _TABLE), "--format", "csv", "--map", write("m.yaml", _MAP), "-o", out)
     assert (status, error) == (0, "")
@@ -22,10 +22,6 @@ def test_what_came_in_is_shown(run, write, tmp_path):
     assert cells == [["usb_degC", "20", "22", "25", "0"], ["b_degC", "-", "-", "-", "3"]]
     assert lines[-2:] == ["dropped 1 of 4 rows: their time did not increase", f"wrote {out}"]
     assert load_trace(out).columns["usb_degC"].tolist() == [20.0, 21.0, 25.0]
-
-
-def test_what_was_left_out_and_what_is_assumed_is_said(run, write, tmp_path):
-    out = str(tmp_path / "o.csv")
     mapped = write("m.yaml", _MAP + "bad_rows: drop\ndrop_rows: {b: out}\nconstants: {ambient_degC: 22}\n")
     path = write("a.csv", _TABLE + "4,warm,\n5,1,out\n6,1,out\n")
     status, shown, error = run(path, "--format", "csv", "--map", mapped, "-o", out)

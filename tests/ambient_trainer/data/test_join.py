@@ -17,22 +17,16 @@ def trace(name, time_s, columns, **notes):
     return Trace(name, time_s, values, notes)
 
 
-def test_a_slower_column_is_drawn_and_a_faster_one_averaged():
+def test_a_column_is_drawn_averaged_or_held_and_absent_in_a_gap():
     first = trace("a", np.arange(0, 100, 10), {"a_degC": 1.0})
     slow = trace("b", np.arange(0, 101, 20), {"b_degC": np.arange(0, 101, 20) / 10})
     fast = trace("c", np.arange(-5, 105, 1), {"c_degC": np.arange(110) % 2})
     result = joined([first, slow, fast])
     np.testing.assert_allclose(result.columns["b_degC"], first.time_s / 10)
     np.testing.assert_allclose(result.columns["c_degC"], 0.5)
-
-
-def test_a_switch_keeps_its_value():
     first = trace("a", np.arange(0, 60, 10), {"a_degC": 1.0})
     result = joined([first, trace("b", [0, 20, 45], {"heater_on": [0, 1, 0]})])
     np.testing.assert_array_equal(result.columns["heater_on"], [0, 0, 1, 1, 1, 0])
-
-
-def test_in_a_gap_and_outside_there_is_nothing():
     first = trace("a", np.arange(0, 200, 10), {"a_degC": 1.0})
     time_s = np.r_[20:60:10, 120:160:10]
     there = ~np.isnan(joined([first, trace("b", time_s, {"b_degC": 5.0})]).columns["b_degC"])

@@ -38,13 +38,9 @@ def test_rise_circuit_turned_round():
     assert not value.offset.any()
 
 
-def test_forward_circuit_stays_as_it_is():
+def test_forward_circuit_stays_and_an_ambient_with_a_capacitance_is_prescribed():
     once = forward(load_circuit(str(RISE)))
     assert forward(once) == once
-
-
-def test_ambient_with_a_capacitance_is_prescribed():
-    once = forward(load_circuit(str(RISE)))
     heavy = tuple(replace(node, capacitance="C_shell") if node.name == "ambient" else node for node in once.nodes)
     assert forward(replace(once, nodes=heavy)) == once
 

@@ -86,24 +86,17 @@ def test_gaps_make_records_and_missing_readings_stay_missing():
     assert set(one.signals) == {"ambient_degC", "camera_on"}
 
 
-def test_a_missing_input_of_a_few_samples_is_bridged_straight():
+def test_a_missing_input_is_bridged_a_missing_signal_was_off_and_an_empty_input_is_refused():
     time_s = 10.0 * np.arange(100)
     air = 20 + 0.1 * np.arange(100)
     holed = air.copy()
     holed[40] = np.nan
     (record,) = records(_trace(time_s, ambient_degC=holed, chip_degC=air), ["ambient_degC"], ["chip_degC"], 10.0)
     np.testing.assert_allclose(record.inputs[0], air)
-
-
-def test_a_signal_that_is_never_there_was_off():
-    time_s = 10.0 * np.arange(100)
     empty = np.full(100, np.nan)
     trace = _trace(time_s, ambient_degC=time_s, chip_degC=time_s, camera_on=empty)
     (record,) = records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
     np.testing.assert_array_equal(record.signals["camera_on"], np.zeros(100))
-
-
-def test_an_empty_input_is_refused():
     trace = _trace(10.0 * np.arange(100), ambient_degC=np.full(100, np.nan), chip_degC=np.zeros(100))
     with pytest.raises(Refused, match="no 3 samples in a row, one every 10 s, hold them all"):
         records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
@@ -116,12 +109,9 @@ def test_the_finest_nice_period(samples, wanted):
     assert samples / wanted <= MOST_SAMPLES
 
 
-def test_a_gap_of_a_day_costs_nothing():
+def test_a_gap_of_a_day_costs_nothing_and_the_slowest_trace_sets_the_period():
     time_s = np.concatenate([np.arange(900.0), 86400 + np.arange(900.0)])
     assert diagnosis_period_s([_trace(time_s, a_degC=time_s)]) == 1.0
-
-
-def test_the_slowest_trace_sets_the_period():
     fast, slow = np.arange(500.0), 10 * np.arange(500.0)
     assert diagnosis_period_s([_trace(fast, a_degC=fast), _trace(slow, a_degC=slow)]) == 10.0
 

@@ -30,7 +30,7 @@ def data_of(diagnosis):
     return json.loads(json.dumps(report_of(diagnosis).data, allow_nan=False))
 
 
-def test_the_contract_is_met(made):
+def test_the_contract_is_met_also_where_nothing_is_missing(made):
     data = data_of(made())
     assert {"steps", "verdict", "ranking", "residuals", "next_experiment"} <= set(data)
     first, second = data["steps"]
@@ -45,9 +45,6 @@ def test_the_contract_is_met(made):
     assert first["indistinguishable_from"] == [{"cause": "contact", "location": "flash", "signal": None}]
     assert data["ranking"][0]["remark"] == "taken"
     assert data["ranking"][2]["magnitude"] is None
-
-
-def test_nothing_missing_has_the_same_keys(made):
     data = data_of(made(steps=(), verdict=None))
     assert data["steps"] == []
     assert data["verdict"]["cause"] == "none"
@@ -62,7 +59,7 @@ def test_a_note_follows_the_headline_whatever_was_found(made):
         assert "What would show more" not in text
 
 
-def test_the_residuals_are_every_sensors(made):
+def test_the_residuals_are_every_sensors_and_what_is_no_number_is_null(made):
     diagnosis = made()
     data = data_of(diagnosis)["residuals"]
     assert list(data["sensors"]) == ["flash", "battery"]
@@ -73,10 +70,6 @@ def test_the_residuals_are_every_sensors(made):
     assert data["sensors"]["flash"]["memory_s"] > 100
     assert len(data["tests"]) == len(diagnosis.misfit.tests) > 10
     assert data["heat_unit"] == "K/s"
-
-
-def test_what_is_no_number_is_null(made):
-    diagnosis = made()
     misfit = replace(diagnosis.misfit, measured_degC=np.full_like(diagnosis.misfit.measured_degC, np.nan))
     step = replace(diagnosis.steps[0], gain=Gain(1.0, 0.5, (math.nan, math.inf), math.nan), confidence=math.nan)
     empty = made(misfit=misfit, steps=(step,), verdict=step)
@@ -102,7 +95,7 @@ def test_the_headline_holds_cause_window_size_and_gain(made):
     assert "0.91 degC off" in headline(made(steps=(unknown,), verdict=unknown))
 
 
-def test_the_terminal_shows_steps_remarks_and_what_the_residual_follows(made):
+def test_the_terminal_shows_steps_remarks_and_significant_tests_first(made):
     text = shown(made())
     words = " ".join(text.split())
     for fact in ("0:33:20", "-0.310 (-0.360 to -0.270)", "0.910 → 0.430", "explains the same with more",
@@ -115,15 +108,12 @@ def test_the_terminal_shows_steps_remarks_and_what_the_residual_follows(made):
     assert white == sorted(white)
     assert not white[0]
     assert str(int(lines[first].split()[0]) - 8) in lines[first + 9]
-
-
-def test_significant_tests_come_first(made):
     verdicts = [row[-1] for row in residual_tests_table(made().misfit.tests).rows]
     assert verdicts == sorted(verdicts, reverse=True)
     assert set(verdicts) == {"yes", "no"}
 
 
-def test_beneath_the_heat_is_what_drives_the_causes_or_all_that_varies(made):
+def test_beneath_the_heat_is_what_drives_the_causes_and_a_window_is_shaded_in_every_plot(made):
     def panels(diagnosis):
         return {each.name for each in figures.heat(diagnosis).data}
 
@@ -135,6 +125,8 @@ def test_beneath_the_heat_is_what_drives_the_causes_or_all_that_varies(made):
     free = panels(made(steps=(step, second), verdict=step, signals=idle))
     assert "cpu_load_frac" in free
     assert "charging_on" not in free
+    for draw in (figures.simulated, figures.heat, figures.residuals, figures.ambient):
+        assert any((each.x0, each.x1) == (60.0, 90.0) for each in draw(made()).layout.shapes)  # in minutes
 
 
 def test_heat_in_proportion_to_its_driver_is_a_straight_line(made):
@@ -156,11 +148,6 @@ def test_heat_in_proportion_to_its_driver_is_a_straight_line(made):
     assert points.y == pytest.approx(0.5 * points.x - 0.2)
     assert line.y == pytest.approx(0.5 * line.x - 0.2)
     assert figures.heat_by_driver(with_heat(np.nan)) is None
-
-
-def test_a_window_is_shaded_in_every_plot_over_time(made):
-    for draw in (figures.simulated, figures.heat, figures.residuals, figures.ambient):
-        assert any((each.x0, each.x1) == (60.0, 90.0) for each in draw(made()).layout.shapes)  # in minutes
 
 
 @pytest.mark.parametrize(

@@ -147,7 +147,7 @@ def test_missing_values_cost_nothing_but_themselves():
     assert all(np.isfinite([each.statistic, each.threshold]).all() for each in tests)
 
 
-def test_what_cannot_be_tested_is_left_out():
+def test_what_cannot_be_tested_is_left_out_and_the_same_residual_has_the_same_tests():
     world = World(2)
     world.residual[0] = np.nan
     world.ambient[:] = 21.0
@@ -159,9 +159,6 @@ def test_what_cannot_be_tested_is_left_out():
     assert short.tests() == ()
     world.residual[:] = 0.0
     assert world.tests() == ()
-
-
-def test_the_same_residual_has_the_same_tests():
     assert World(4).tests() == World(4).tests()
 
 

@@ -26,12 +26,15 @@ def run(seed, samples=30_000, constant=0.04, weight=0.5, lag_s=10.0):
     return Moment(estimate, estimate + random.standard_normal(samples) * np.sqrt(variance)), variance
 
 
-def test_a_known_variance_is_found():
+def test_a_known_variance_is_found_and_wide_where_the_estimate_moves():
     moment, variance = run(1)
     model = fit_error_variance([moment], PERIOD_S)
     # levels are of the errors: 90 % of normal ones lie within 1.645
     sigma = sigma_degC(model, moment.estimate_degC, 0 * variance, PERIOD_S) * model.quantiles[90][1] / 1.645
     assert np.median(np.abs(np.log(sigma / np.sqrt(variance)))) < 0.05
+    half = half_widths(fit_error_variance([moment], PERIOD_S), [(moment.estimate_degC, 0 * variance)], PERIOD_S)
+    assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
+    assert half["90"] > 2 * half["10"]
 
 
 def test_the_levels_cover_another_run():
@@ -44,13 +47,6 @@ def test_the_levels_cover_another_run():
         assert low == -high
         for part in (quiet, ~quiet):
             assert np.mean(off[part] <= high * sigma[part]) == pytest.approx(level / 100, abs=0.02)
-
-
-def test_it_is_wide_where_the_estimate_moves():
-    moment, variance = run(1)
-    half = half_widths(fit_error_variance([moment], PERIOD_S), [(moment.estimate_degC, 0 * variance)], PERIOD_S)
-    assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
-    assert half["90"] > 2 * half["10"]
 
 
 def test_errors_of_constant_variance_have_a_constant_width():
@@ -78,16 +74,13 @@ def test_a_known_variance_comes_back_and_nothing_turns_negative():
     assert (found >= 0).all()
 
 
-def test_what_counts_twice_is_like_having_it_twice():
+def test_what_counts_twice_is_like_having_it_twice_in_least_squares_and_quantiles():
     random = np.random.default_rng(4)
     terms = np.vstack([np.ones(500), random.exponential(1.0, 500)])
     error = random.standard_normal(500) * np.sqrt(terms.sum(axis=0))
     twice = least_squares_weights(np.r_[error, error[:100]], np.c_[terms, terms[:, :100]], np.ones(600))
     weighted = least_squares_weights(error, terms, np.r_[np.full(100, 2.0), np.ones(400)])
     assert weighted == pytest.approx(twice, rel=1e-6)
-
-
-def test_a_weighted_quantile_leaves_that_share_of_the_weight_below():
     random = np.random.default_rng(5)
     values, weight = random.standard_normal(20_000), random.uniform(0, 1, 20_000)
     for share in (0.5, 0.9, 0.98):

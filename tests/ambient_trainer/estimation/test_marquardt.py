@@ -133,13 +133,10 @@ def test_a_column_of_rounding_does_not_throw_its_unknown_across_the_box():
     assert abs(end.point[2] - 0.5) < 0.5
 
 
-def test_too_few_evaluations_are_said():
+def test_too_few_evaluations_are_said_and_a_start_outside_is_moved_to_the_box():
     end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [-1.2, 1.0], most=4)
     assert not end.settled
     assert len(asked) == 4
-
-
-def test_a_start_outside_is_moved_to_the_box():
     end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [-9.0, 40.0], [-2, -2], [2, 2])
     np.testing.assert_array_equal(asked[0], [-2, 2])
     np.testing.assert_allclose(end.point, [1, 1], atol=1e-5)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
@@ -14,33 +13,31 @@ from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import uncertainty
 from ambient_trainer.lti.discretise import discretised
 
+from ..conftest import response_of, truth_of
+
 
 def _steps(random, levels, length, hold):
     return np.repeat(random.choice(levels, length // hold + 1), hold)[:length]
 
 
 @pytest.fixture
-def forward_data(forward, simulated):
+def forward_data(forward):
     """4000 s of three nodes that start away from equilibrium, seen with 0.05 degC of white noise."""
     random = np.random.default_rng(1)
-    truth = {each.name: each.initial for each in forward.parameters}
     ambient = 20 + np.cumsum(random.normal(size=4000)) * 0.05
     u = np.vstack([ambient, _steps(random, [0.0, 1.0, 2.0, 5.0], 4000, 200)])
-    discrete = discretised(assemble(forward, truth).value, 1.0, "zero-order")
-    y = simulated(discrete, u, np.array([30.0, 25.0, 22.0]))
-    return truth, Segment(1.0, u, y + random.normal(size=y.shape) * 0.05)
+    y = response_of(forward, u, [30.0, 25.0, 22.0])
+    return truth_of(forward), Segment(1.0, u, y + random.normal(size=y.shape) * 0.05)
 
 
 @pytest.fixture
-def rise_data(rise, simulated, at_rest):
+def rise_data(rise):
     """5000 s of the ambient that a rise circuit makes of wandering sensors, seen with 0.1 degC of white noise."""
     random = np.random.default_rng(4)
-    truth = {each.name: each.initial for each in rise.parameters}
     wander = [np.cumsum(random.normal(size=5000)) * scale for scale in (0.2, 0.1)]
     u = np.vstack([25 + wander[0], 24 + wander[1], 30 + _steps(random, [0.0, 10.0, 25.0], 5000, 150)])
-    discrete = discretised(assemble(rise, truth).value, 1.0, "first-order")
-    y = simulated(discrete, u, at_rest(discrete, u[:, 0]))
-    return truth, Segment(1.0, u, y + random.normal(size=y.shape) * 0.1)
+    y = response_of(rise, u)
+    return truth_of(rise), Segment(1.0, u, y + random.normal(size=y.shape) * 0.1)
 
 
 def _off(circuit, random, factor=3.0):

@@ -86,19 +86,13 @@ def test_within_bounds_it_is_that_of_scipy(seed):
         _assert_gradient(structure, 1e-6)
 
 
-def test_a_regressor_that_says_nothing_is_left_alone():
+def test_regressors_that_say_nothing_the_same_or_on_other_scales():
     found, fewer = (project(each, THETA) for each in (_structure(1, scale=[1, 1, 0]), _structure(1, used=[0, 1])))
     np.testing.assert_allclose(found.beta, [*fewer.beta, 0.0], atol=1e-12)
     np.testing.assert_allclose(np.abs(found.jacobian.T @ found.residual), np.abs(fewer.jacobian.T @ fewer.residual))
-
-
-def test_two_equal_regressors_share_the_weight():
     found, one = (project(_structure(2, used=used), THETA) for used in ([0, 0], [0]))
     np.testing.assert_allclose(found.beta, np.repeat(one.beta / 2, 2))
     assert found.residual @ found.residual == pytest.approx(one.residual @ one.residual)
-
-
-def test_large_and_small_regressors_count_alike():
     scale = np.array([1e-9, 1.0, 1e9])
     scaled, plain = (project(_structure(3, scale=each), THETA) for each in (scale, 1.0))
     np.testing.assert_allclose(scaled.beta * scale, plain.beta, rtol=1e-9)

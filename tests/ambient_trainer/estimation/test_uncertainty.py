@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
 from ambient_trainer.lti.discretise import discretised
+
+from ..conftest import response_of, truth_of
 
 FITS = 200
 SAMPLES = 2000
@@ -24,17 +25,15 @@ def _noise(random, shape, phi):
     return lfilter([1.0], [1.0, -phi], white, axis=1)[:, 200:]
 
 
-def _rise_outputs(circuit, simulated, at_rest):
+def _rise_outputs(circuit):
     random = np.random.default_rng(2)
     wander = [np.cumsum(random.normal(size=SAMPLES)) * scale for scale in (0.2, 0.1)]
     hot = 30 + np.repeat(random.choice([0.0, 10.0, 25.0], SAMPLES // 100), 100)
     u = np.vstack([25 + wander[0], 24 + wander[1], hot])
-    truth = {each.name: each.initial for each in circuit.parameters}
-    discrete = discretised(assemble(circuit, truth).value, 1.0, "first-order")
-    return truth, u, simulated(discrete, u, at_rest(discrete, u[:, 0]))
+    return truth_of(circuit), u, response_of(circuit, u)
 
 
-def _forward_outputs(circuit, simulated):
+def _forward_outputs(circuit):
     random = np.random.default_rng(2)
     u = np.vstack(
         [
@@ -42,9 +41,7 @@ def _forward_outputs(circuit, simulated):
             np.repeat(random.choice([0.0, 1.0, 5.0], SAMPLES // 100), 100),
         ]
     )
-    truth = {each.name: each.initial for each in circuit.parameters}
-    discrete = discretised(assemble(circuit, truth).value, 1.0, "zero-order")
-    return truth, u, simulated(discrete, u, np.array([30.0, 25.0, 22.0]))
+    return truth_of(circuit), u, response_of(circuit, u, [30.0, 25.0, 22.0])
 
 
 def _covered(structure_of, truth, u, y, phi):
@@ -74,19 +71,17 @@ SLOW = [pytest.param(0.0, id="white", marks=pytest.mark.slow), pytest.param(0.9,
 
 
 @pytest.mark.parametrize("phi", SLOW)
-def test_intervals_of_a_rise_circuit_cover_the_truth(rise, phi, simulated, at_rest):
-    covered, bias = _covered(
-        lambda segments: CircuitStructure(rise, segments), *_rise_outputs(rise, simulated, at_rest), phi
-    )
+def test_intervals_of_a_rise_circuit_cover_the_truth(rise, phi):
+    covered, bias = _covered(lambda segments: CircuitStructure(rise, segments), *_rise_outputs(rise), phi)
     assert ((covered >= 0.90) & (covered <= 0.99)).all(), covered
     assert (np.abs(bias) < 0.5).all()
 
 
 @pytest.mark.parametrize("phi", SLOW)
-def test_intervals_of_a_forward_circuit_cover_the_truth(forward, phi, simulated):
+def test_intervals_of_a_forward_circuit_cover_the_truth(forward, phi):
     """Mean over the unknowns: a single one of 200 fits strays by 2 %."""
     covered, bias = _covered(
-        lambda segments: CircuitStructure(forward, segments, True), *_forward_outputs(forward, simulated), phi
+        lambda segments: CircuitStructure(forward, segments, True), *_forward_outputs(forward), phi
     )
     assert 0.90 <= covered.mean() <= 0.99, covered
     assert (covered >= 0.86).all(), covered
@@ -95,7 +90,7 @@ def test_intervals_of_a_forward_circuit_cover_the_truth(forward, phi, simulated)
 
 def test_white_errors_give_the_textbook_covariance(rise, simulated, at_rest):
     """With white residuals the sandwich is sigma^2 (J'J)^-1, J by differences of plain simulations."""
-    _, u, y = _rise_outputs(rise, simulated, at_rest)
+    _, u, y = _rise_outputs(rise)
     noise = _noise(np.random.default_rng(0), y.shape, 0.0)
     structure = CircuitStructure(rise, [Segment(1.0, u, y + noise)])
     best = search(structure, 1, 0).best
@@ -117,8 +112,8 @@ def test_white_errors_give_the_textbook_covariance(rise, simulated, at_rest):
     assert known.quantile == pytest.approx(1.961, abs=0.001)
 
 
-def test_residuals_are_missing_where_the_output_is(rise, simulated, at_rest):
-    _, u, y = _rise_outputs(rise, simulated, at_rest)
+def test_residuals_are_missing_where_the_output_is(rise):
+    _, u, y = _rise_outputs(rise)
     holed = y.copy()
     holed[0, 100:140] = np.nan
     structure = CircuitStructure(rise, [Segment(1.0, u, holed), Segment(1.0, u[:, :50], y[:, :50])])
@@ -141,12 +136,11 @@ def test_the_memory_of_nothing_is_one():
     assert residual_memory(np.array([1.0, -1.0] * 30)) == 1.0
 
 
-def _wandering(circuit, truth, simulated, at_rest, samples=4000):
+def _wandering(circuit, truth, samples=4000):
     """What a circuit of the thesis makes of wandering sensors, without noise."""
     random = np.random.default_rng(5)
     u = 25 + np.cumsum(random.normal(size=(len(circuit.inputs), samples)), axis=1) * 0.3
-    discrete = discretised(assemble(circuit, truth).value, 1.0, circuit.hold)
-    return Segment(1.0, u, simulated(discrete, u, at_rest(discrete, u[:, 0])))
+    return Segment(1.0, u, response_of(circuit, u, values=truth))
 
 
 RESISTANCES = {
@@ -169,10 +163,10 @@ def _with_capacitances_fixed(circuit):
     return replace(circuit, parameters=tuple(held))
 
 
-def _known(circuit, weights, simulated, at_rest):
+def _known(circuit, weights):
     """The uncertainty at the parameters that made the data: identifiability is asked there, not where a search ends."""
     truth = {**RESISTANCES, **CAPACITANCES, **weights}
-    segment, random = _wandering(circuit, truth, simulated, at_rest), np.random.default_rng(6)
+    segment, random = _wandering(circuit, truth), np.random.default_rng(6)
     noisy = replace(segment, outputs=segment.outputs + random.normal(size=segment.outputs.shape) * 0.1)
     structure = CircuitStructure(circuit, [noisy])
     theta = np.array([np.log(truth[name]) for name in structure.search.names])
@@ -180,13 +174,13 @@ def _known(circuit, weights, simulated, at_rest):
     return uncertainty(structure, Solution(theta, beta, 0.0, 0.0, True, 0))
 
 
-def test_model2_ss_with_everything_free_is_not_identifiable(simulated, at_rest):
+def test_model2_ss_with_everything_free_is_not_identifiable():
     """Section 5.5: nine resistances and capacitances, of which the output shows six combinations.
 
     With G the sum of the conductances to the ambient, C_i B_ij = 1/(R_i,ambient G R_ij C_i): the three rates
     1/(R_i,ambient C_i) show, and the three products G R_ij.
     """
-    known = _known(load_circuit("model2_ss"), WEIGHTS, simulated, at_rest)
+    known = _known(load_circuit("model2_ss"), WEIGHTS)
     assert len(known.confounded) == 3
     assert {name for group in known.confounded for name in group} == {*RESISTANCES, *CAPACITANCES}
     told = dict(zip(known.names, known.identifiable))
@@ -197,17 +191,17 @@ def test_model2_ss_with_everything_free_is_not_identifiable(simulated, at_rest):
     assert all(errors[name] < 0.1 for name in WEIGHTS)
 
 
-def test_free_weights_hide_resistances_even_with_fixed_capacitances(simulated, at_rest):
+def test_free_weights_hide_resistances_even_with_fixed_capacitances():
     """What section 5.5 overlooks: in random C & D a weight and the resistances of its node show as products only."""
     circuit = _with_capacitances_fixed(load_circuit("model2_ss_free_cd"))
-    known = _known(circuit, {**WEIGHTS, "w4": 0.1, "w5": 0.2, "w6": 0.1, "w7": 0.3}, simulated, at_rest)
+    known = _known(circuit, {**WEIGHTS, "w4": 0.1, "w5": 0.2, "w6": 0.1, "w7": 0.3})
     hidden = {name for name, told in zip(known.names, known.identifiable) if not told}
     assert hidden == {"R_display_flash", "w1", "R_display_battery", "R_battery_usb", "w2", "w3"}
     assert len(known.confounded) == 2
 
 
-def test_an_unknown_at_its_bound_has_no_interval_and_hides_nothing(simulated, at_rest):
-    known = _known(_with_capacitances_fixed(load_circuit("model2_ss")), {**WEIGHTS, "w2": 0.0}, simulated, at_rest)
+def test_an_unknown_at_its_bound_has_no_interval_and_hides_nothing():
+    known = _known(_with_capacitances_fixed(load_circuit("model2_ss")), {**WEIGHTS, "w2": 0.0})
     index = known.names.index("w2")
     assert known.confounded == ()
     assert known.at_bound.nonzero()[0].tolist() == [index]
@@ -215,8 +209,8 @@ def test_an_unknown_at_its_bound_has_no_interval_and_hides_nothing(simulated, at
     assert np.isfinite(np.delete(known.standard_error, index)).all()
 
 
-def test_too_few_independent_samples_give_no_interval(rise, simulated, at_rest):
-    _, u, y = _rise_outputs(rise, simulated, at_rest)
+def test_too_few_independent_samples_give_no_interval(rise):
+    _, u, y = _rise_outputs(rise)
     noise = _noise(np.random.default_rng(3), y.shape, 0.9)
     structure = CircuitStructure(rise, [Segment(1.0, u[:, :80], (y + noise)[:, :80])])
     known = uncertainty(structure, search(structure, 1, 0).best)

@@ -84,14 +84,11 @@ def test_a_shipped_name_a_file_and_a_free_filter(trace):
     assert estimator("free-2").fit([trace], ONE, inputs=["usb_degC"]).inputs == ("usb_degC",)
 
 
-def test_an_unknown_name_is_refused_before_any_trace_is_read():
+def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused_before_any_trace_is_read():
     with pytest.raises(Refused) as refused:
         estimator("free-9")
     for name in ("phone", "phone_observer", "free-1", "free-4", "circuit_observer"):
         assert f" {name}," in str(refused.value)
-
-
-def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offered():
     assert thermal_circuit("model2_ss").name == "model2_ss"
     with pytest.raises(Refused) as refused:
         thermal_circuit("free-2")
@@ -99,9 +96,6 @@ def test_where_a_thermal_circuit_is_asked_for_a_free_filter_is_none_and_not_offe
     with pytest.raises(Refused) as refused:
         thermal_circuit("free-9")
     assert "free-1" not in str(refused.value)
-
-
-def test_a_circuit_names_its_own_sensors():
     with pytest.raises(Refused) as refused:
         estimator("linear_usb", ["usb_degC"])
     for name in ("--sensors", "linear_usb", "free-1", "circuit_observer", "free_observer"):

@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort, temperature_columns
 from ambient_trainer.estimators.library import free
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import CircuitEstimator
-from ambient_trainer.lti.discretise import discretised
+
+from ..conftest import response_of, truth_of
 
 ONE = Effort(starts=1)
 QUIET = slice(2500, 4600)
 
 
 @pytest.fixture
-def logged(rise, simulated, at_rest):
+def logged(rise):
     """A trace that the rise circuit made, with 0.1 degC of white noise; at rest from 3500 to 4600 s."""
 
     def make(seed=0, samples=7000):
@@ -29,10 +29,7 @@ def logged(rise, simulated, at_rest):
         wander = np.cumsum(random.normal(size=(2, samples)), axis=1) * [[0.2], [0.1]]
         u = np.vstack([25 + wander[0], 24 + wander[1], chip])
         u[:, QUIET] = u[:, [QUIET.start]]
-        discrete = discretised(
-            assemble(rise, {each.name: each.initial for each in rise.parameters}).value, 1.0, "first-order"
-        )
-        y = simulated(discrete, u, at_rest(discrete, u[:, 0]))[0] + random.normal(size=samples) * 0.1
+        y = response_of(rise, u)[0] + random.normal(size=samples) * 0.1
         columns = {"board_degC": u[0], "shell_degC": u[1], "chip_degC": u[2], "ambient_degC": y}
         return Trace(f"log{seed}.csv", np.arange(samples, dtype=float), columns)
 
@@ -41,7 +38,7 @@ def logged(rise, simulated, at_rest):
 
 def _assert_true(fit, rise):
     """Every free parameter within 3.5 standard errors of the truth."""
-    truth = {each.name: each.initial for each in rise.parameters}
+    truth = truth_of(rise)
     for each in fit.parameters:
         if each.free:
             assert abs(each.value - truth[each.name]) < 3.5 * each.standard_error + 1e-6, each.name
@@ -108,17 +105,14 @@ def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
             assert abs(one.value - other.value) < 3 * other.standard_error
 
 
-def test_gaps_in_transients_cost_a_filter_of_the_reference_little(rise, simulated, at_rest):
+def test_gaps_in_transients_cost_a_filter_of_the_reference_little(rise):
     """Every other minute is missing: after a gap a device is anywhere, but not in equilibrium."""
     random, time_s = np.random.default_rng(4), np.arange(9000.0)
-    discrete = discretised(
-        assemble(rise, {each.name: each.initial for each in rise.parameters}).value, 1.0, "first-order"
-    )
 
     def log(phase):
         u = np.array([30.0 + 8.0 * np.sin(time_s / each_s + phase) for each_s in (170.0, 290.0, 410.0)])
         u += 5.0 * np.sin(time_s / 1700.0 + np.arange(3)[:, None] * phase)
-        y = simulated(discrete, u, at_rest(discrete, u[:, 0]))[0] + random.normal(size=len(time_s)) * 0.1
+        y = response_of(rise, u)[0] + random.normal(size=len(time_s)) * 0.1
         return dict(zip(("board_degC", "shell_degC", "chip_degC", "ambient_degC"), [*u, y]))
 
     kept = time_s % 120.0 < 60.0
@@ -128,16 +122,13 @@ def test_gaps_in_transients_cost_a_filter_of_the_reference_little(rise, simulate
     assert np.sqrt(np.mean(error**2)) < 0.7  # 0.44; 2.6 where each stretch starts from equilibrium
 
 
-def test_two_traces_tell_more_than_one(rise, logged):
+def test_two_traces_tell_more_than_one_and_may_differ_in_their_periods(rise, logged):
     one, both = CircuitEstimator(rise).fit([logged(0)], ONE), CircuitEstimator(rise).fit([logged(0), logged(1)], ONE)
     _assert_true(both, rise)
     assert both.samples == 14000
     assert len(both.errors_degC[0]) == 14000
     shrunk = [b.standard_error / a.standard_error for a, b in zip(one.parameters, both.parameters) if a.free]
     assert np.mean(shrunk) == pytest.approx(np.sqrt(0.5), abs=0.15)
-
-
-def test_two_traces_of_different_periods(rise, logged):
     fast = logged(0)
     slow = Trace("slow.csv", fast.time_s[::2], {name: values[::2] for name, values in logged(1).columns.items()})
     fit = CircuitEstimator(rise).fit([fast, slow], ONE)
@@ -148,12 +139,11 @@ def test_two_traces_of_different_periods(rise, logged):
         assert each.value == pytest.approx(truth, rel=0.1)
 
 
-def test_a_circuit_that_predicts_its_sensors(forward, simulated):
+def test_a_circuit_that_predicts_its_sensors(forward):
     random = np.random.default_rng(3)
     u = np.vstack([20 + np.cumsum(random.normal(size=3000)) * 0.05, np.repeat(random.choice([0.0, 3.0, 5.0], 30), 100)])
-    truth = {each.name: each.initial for each in forward.parameters}
-    discrete = discretised(assemble(forward, truth).value, 1.0, "zero-order")
-    y = simulated(discrete, u, np.array([30.0, 25.0, 22.0])) + random.normal(size=(3, 3000)) * 0.05
+    truth = truth_of(forward)
+    y = response_of(forward, u, [30.0, 25.0, 22.0]) + random.normal(size=(3, 3000)) * 0.05
     columns = {"ambient_degC": u[0], "cpu_power_W": u[1], "a_degC": y[0], "b_degC": y[1], "c_degC": y[2]}
     fit = CircuitEstimator(forward).fit([Trace("log.csv", np.arange(3000.0), columns)], ONE)
     assert fit.outputs == ("a", "b", "c")
@@ -166,7 +156,7 @@ def test_a_circuit_that_predicts_its_sensors(forward, simulated):
         assert abs(each.value - truth[name]) < 3.5 * each.standard_error
 
 
-def test_a_free_filter_reads_every_temperature_but_the_reference(logged):
+def test_a_free_filter_reads_every_temperature_but_the_reference_and_has_one_to_four_states(logged):
     trace = logged()
     trace.columns["cpu_load_frac"] = np.linspace(0, 1, 7000)
     fit = FreeFilterEstimator(2).fit([trace], ONE)
@@ -174,6 +164,8 @@ def test_a_free_filter_reads_every_temperature_but_the_reference(logged):
     assert (fit.circuit, fit.hold, fit.states) == ("free-2", "first-order", ("mode1", "mode2"))
     assert fit.rmse_degC == pytest.approx(0.1, rel=0.03)
     assert FreeFilterEstimator(1).fit([trace], ONE, inputs=["chip_degC"]).inputs == ("chip_degC",)
+    assert [free.find(name).order for name in ("free-1", "free-4")] == [1, 4]
+    assert [free.find(name) for name in ("free-0", "free-5", "free-", "free-11", "xfree-1", "free-1\n")] == [None] * 6
 
 
 def test_a_static_line_has_no_state(logged):
@@ -222,16 +214,8 @@ def test_traces_that_determine_nothing_are_refused(rise, logged, change, facts):
         assert fact in str(refused.value)
 
 
-def test_a_constant_reference_in_one_trace_may_change_in_another(rise, logged):
+def test_a_reference_may_be_constant_in_one_of_several_traces_and_a_trace_has_sensors(rise, logged):
     calm = _with(logged(1), ambient=20.0)
     assert CircuitEstimator(rise).fit([logged(), calm], ONE).samples == 2 * len(calm.time_s)
-
-
-def test_a_trace_without_sensors_is_refused():
     with pytest.raises(Refused, match=r"bare\.csv: line 1"):
         temperature_columns([Trace("bare.csv", np.arange(5.0), {"ambient_degC": np.arange(5.0)})])
-
-
-def test_the_names_of_free_filters():
-    assert [free.find(name).order for name in ("free-1", "free-4")] == [1, 4]
-    assert [free.find(name) for name in ("free-0", "free-5", "free-", "free-11", "xfree-1", "free-1\n")] == [None] * 6

@@ -67,7 +67,7 @@ def test_it_passes_its_own_conformance(model):
     assert all(np.ptp(np.array(back.conformance.inputs), axis=0) > 0)
 
 
-def test_inputs_carry_name_unit_zone_and_range(trace, model):
+def test_inputs_carry_name_unit_zone_and_the_range_of_the_training(trace, model, fit):
     board, chip, power = model.main.inputs
     assert [(each.name, each.unit, each.zone) for each in model.main.inputs] == [
         ("board", "degC", "board"),
@@ -79,9 +79,6 @@ def test_inputs_carry_name_unit_zone_and_range(trace, model):
     low, high = trace.columns["cpu_power_W"].min(), trace.columns["cpu_power_W"].max()
     assert power.min == pytest.approx(low - (high - low), abs=1e-3)
     assert power.max == pytest.approx(high + (high - low), abs=1e-3)
-
-
-def test_a_hotter_training_widens_the_range_and_a_unit_of_two_parts_stays_whole(fit):
     sunny = ("board_degC", "chip_degC", "irradiance_W_m2")
     board, _, last = model_of(
         replace(fit, inputs=sunny, input_ranges=((20.0, 115.0), *fit.input_ranges[1:])), [], {}
@@ -90,7 +87,7 @@ def test_a_hotter_training_widens_the_range_and_a_unit_of_two_parts_stays_whole(
     assert (last.name, last.unit, last.column) == ("irradiance", "W_m2", "irradiance_W_m2")
 
 
-def test_the_interval_is_the_quantiles_of_the_training_errors(fit, model):
+def test_it_says_the_quantiles_of_the_training_errors_and_how_and_of_what_it_was_made(fit, model, trace, tmp_path):
     errors = np.sort(fit.errors_degC[0])
     for level, (low, high) in model.main.interval.items():
         assert np.mean((errors >= low) & (errors <= high)) == pytest.approx(level / 100, abs=2 / 900)
@@ -99,9 +96,6 @@ def test_the_interval_is_the_quantiles_of_the_training_errors(fit, model):
         90: pytest.approx((-0.9, 0.9)),
         98: pytest.approx((-0.98, 0.98)),
     }
-
-
-def test_the_provenance_says_how_it_was_made(fit, model):
     found = model.provenance
     assert (found["circuit"], found["periods_s"], found["hold"]) == ("driven", [2.0], "first-order")
     assert found["fit"]["rmse_degC"] == fit.rmse_degC
@@ -109,9 +103,6 @@ def test_the_provenance_says_how_it_was_made(fit, model):
     assert set(found["parameters"]) == {"R_chip_board", "R_board", "bias"}
     assert list(found["baseline"]["gains"]) == ["board", "chip", "cpu_power"]
     assert set(found["versions"]) == {"ambientd", "numpy", "scipy", "python"}
-
-
-def test_the_training_files_are_named_with_their_digest(trace, tmp_path):
     path = tmp_path / "run.csv"
     save_trace(str(path), trace)
     assert training_of(load_trace(str(path)), 10.0, None) == {

@@ -29,12 +29,9 @@ def sensors(inputs: dict[str, np.ndarray], squared: float, hidden: float) -> np.
     return np.array(rows) + rng.normal(0, NOISE_DEGC, (2, SAMPLES))
 
 
-def test_noise_is_left_where_lags_of_the_inputs_explain_all(inputs):
+def test_noise_is_left_where_lags_and_squares_of_the_inputs_explain_all(inputs):
     rmse = black_box_rmse_degC(TIME_S, inputs, sensors(inputs, 0.0, 0.0), BLOCKS)
     assert 0.99 * NOISE_DEGC < rmse < 1.6 * NOISE_DEGC
-
-
-def test_heat_by_the_square_of_an_input_is_explained(inputs):
     outputs = sensors(inputs, 2.0, 0.0)
     heated = np.std(outputs - sensors(inputs, 0.0, 0.0))
     assert black_box_rmse_degC(TIME_S, inputs, outputs, BLOCKS) < 0.15 * heated

@@ -56,7 +56,7 @@ def test_a_column_that_drives_one_of_the_other(driven_first):
     assert shift.lags_s[0] == pytest.approx(lag_s, rel=0.1)
 
 
-def test_a_curve_that_repeats_leaves_it_open():
+def test_a_curve_that_repeats_and_columns_that_share_nothing_leave_it_open():
     def wave(time_s):
         return 20 + 5 * np.sin(2 * np.pi * time_s / 2400.0)
 
@@ -64,8 +64,6 @@ def test_a_curve_that_repeats_leaves_it_open():
     assert clock_shift(one, other).problem is not None
     assert holds(clock_shift(one, other, within_s=1000.0), 50.0, 10.0)
 
-
-def test_columns_that_share_nothing_leave_it_open():
     def walk(seed):
         steps = np.random.default_rng(seed).standard_normal(int(12 * HOUR_S / 10.0) + 1)
         return lambda time_s: 20 + 0.1 * np.interp(time_s, 10.0 * np.arange(len(steps)), np.cumsum(steps))

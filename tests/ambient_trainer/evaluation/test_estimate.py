@@ -42,24 +42,18 @@ def by_tracker(system: StateSpace, trace: Trace, period_s: float) -> Array:
 
 
 @pytest.mark.parametrize("period_s", [0.1, 1.0, 10.0])
-def test_a_whole_trace(trace_of, period_s):
-    trace = trace_of(5000, period_s=period_s)
-    found = estimate_degC(SYSTEM, "first-order", INPUTS, trace)
-    np.testing.assert_allclose(found, by_tracker(SYSTEM, trace, period_s), rtol=0, atol=1e-9)
-
-
-def test_gaps_and_missing_values(trace_of):
-    trace = trace_of(600)
-    usb = trace.columns["usb_degC"].copy()
+def test_whole_with_missing_values_and_with_gaps(trace_of, period_s):
+    whole = trace_of(600, period_s=period_s)
+    usb = whole.columns["usb_degC"].copy()
     usb[[0, 50, 51, 200]] = np.nan
     usb[300:360] = np.nan
-    holes = replace(trace, columns={**trace.columns, "usb_degC": usb})
+    holes = replace(whole, columns={**whole.columns, "usb_degC": usb})
     kept = np.delete(np.arange(600), [100, 101, *range(400, 480)])
     gaps = replace(holes, time_s=holes.time_s[kept], columns={k: v[kept] for k, v in holes.columns.items()})
-    for each in (holes, gaps):
+    for each in (whole, holes, gaps):
         found = estimate_degC(SYSTEM, "first-order", INPUTS, each)
-        np.testing.assert_allclose(found, by_tracker(SYSTEM, each, 1.0), rtol=0, atol=1e-9)
-        assert np.isnan(found[0])
+        np.testing.assert_allclose(found, by_tracker(SYSTEM, each, period_s), rtol=0, atol=1e-9)
+        assert np.isnan(found[0]) == (each is not whole)
         assert np.isfinite(found[50])
 
 

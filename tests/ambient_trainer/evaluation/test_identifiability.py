@@ -178,16 +178,13 @@ def test_a_confounded_parameter_has_a_flat_profile():
     assert got.values[-1] == pytest.approx(400)
 
 
-def test_the_mean_of_noisy_replicates_is_within_two_standard_errors():
+def test_the_mean_of_noisy_replicates_is_within_two_standard_errors_and_what_is_confounded_is_not_said():
     found, known = subject("model2_ss", CAPACITANCES)
     back = recovered(found, known, 40, 5, quiet)
     assert {each.name for each in back} == {each.name for each in found.circuit.parameters if each.free}
     assert max(abs(each.standard_errors_off) for each in back) < 2
     for each in back:
         assert each.mean == pytest.approx(each.truth, rel=0.1)
-
-
-def test_what_is_confounded_is_not_said_to_be_recovered():
     found, known = subject("model2_ss")
     assert {each.name for each in recovered(found, known, 3, 5, quiet)} == {"w1", "w2", "w3"}
 

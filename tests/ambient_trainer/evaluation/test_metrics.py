@@ -53,7 +53,7 @@ def test_the_published_intervals_follow_from_the_published_bias_and_rmse():
             assert high == pytest.approx(row[f"ci{level}_high_degC"], abs=slack), row
 
 
-def test_the_rolling_band_is_of_twenty_samples_around_each():
+def test_the_rolling_band_is_of_twenty_samples_around_each_and_steps_over_what_is_missing():
     error = np.random.default_rng(2).normal(size=70).cumsum()
     low, high = rolling_band(error)
     for k in range(10, 61):
@@ -64,9 +64,6 @@ def test_the_rolling_band_is_of_twenty_samples_around_each():
     assert set(high[:11]) == {high[10]}
     assert set(low[-10:]) == {low[60]}
     assert set(high[-10:]) == {high[60]}
-
-
-def test_the_rolling_band_steps_over_what_is_missing():
     error = np.random.default_rng(3).normal(size=50)
     holed = np.insert(error, [7, 25, 25], np.nan)
     low, high = rolling_band(holed)

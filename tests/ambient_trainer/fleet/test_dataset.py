@@ -68,13 +68,10 @@ def test_row_groups_that_neighbours_share_are_read_for_the_units_that_are_asked(
     assert some == [each.name for each in fleet_units[3:5]]
 
 
-def test_nothing_there_is_refused(tmp_path):
+def test_nothing_there_is_refused_and_a_file_that_is_a_hole_costs_no_memory(tmp_path):
     for place in (tmp_path, tmp_path / "none"):
         with pytest.raises(Refused):
             entries(str(place), SOURCE)
-
-
-def test_a_file_that_is_a_hole_costs_no_memory(tmp_path):
     for name in ("hole.csv", "hole.parquet"):
         with open(tmp_path / name, "wb") as stream:
             stream.truncate(10 * 2**30)

@@ -62,7 +62,7 @@ def trace(tmp_path):
     return path
 
 
-def test_the_command_makes_offsets_of_a_recorded_bath(trace, tmp_path):
+def test_the_command_makes_offsets_of_a_recorded_bath_and_writes_nothing_of_one_that_is_not_settled(trace, tmp_path):
     output = str(tmp_path / "offsets.yaml")
     ran = CliRunner().invoke(command, [trace, "-o", output])
     assert ran.exit_code == 0, ran.output
@@ -70,9 +70,6 @@ def test_the_command_makes_offsets_of_a_recorded_bath(trace, tmp_path):
     assert {name: len(offset.points) for name, offset in offsets.items()} == {"air1": 2, "air2": 2}
     assert offsets["air1"].at(15.0) == pytest.approx(0.3, abs=0.01)
     assert offsets["air2"].at(15.0) == pytest.approx(-0.1, abs=0.01)
-
-
-def test_the_command_writes_nothing_of_a_bath_that_is_not_settled(trace, tmp_path):
     output = tmp_path / "offsets.yaml"
     ran = CliRunner().invoke(command, [trace, "-o", str(output), "--window", "900"])
     assert isinstance(ran.exception, Refused)

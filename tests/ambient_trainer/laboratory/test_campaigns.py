@@ -162,16 +162,13 @@ probes:
 """
 
 
-def test_offsets_come_with_it_and_are_those_of_its_probes(campaign_file, tmp_path):
+def test_offsets_come_with_it_are_those_of_its_probes_or_one_fault_among_the_others(campaign_file, tmp_path):
     path = campaign_file(changes={"ambient.offsets": "offsets.yaml"})
     (tmp_path / "offsets.yaml").write_text(OFFSETS.format(name="air1"))
     assert load_campaign(path, ports=False).offsets["air1"].at(20.0) == -0.12
     (tmp_path / "offsets.yaml").write_text(OFFSETS.format(name="oven"))
     with pytest.raises(Refused, match=r"laboratory\.ambient\.offsets: .*'oven'"):
         load_campaign(path, ports=False)
-
-
-def test_offsets_that_cannot_be_read_are_one_fault_among_the_others(campaign_file):
     path = campaign_file(changes={"ambient.offsets": "nowhere.yaml", "ambient.at_least": 9})
     with pytest.raises(Refused) as refused:
         load_campaign(path, ports=False)

@@ -1,17 +1,20 @@
-"""The chamber over a pseudo-terminal and the load over a real shell are where they are wanted, whatever happens."""
+"""What asks and keeps the instruments: a chamber and a load are where they are wanted, on an absolute schedule."""
 
+import math
 import os
 import queue
 import time
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import Action, load_campaign
 from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
-from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Sample
+from ambient_trainer.laboratory.messages import Clock, Crash, Failure, LoadState, NoResponse, Reading, Sample
 from ambient_trainer.laboratory.shell import connection_to
-from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Target
+from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target
 from ambient_trainer.simulator.scenario import scenario_path
 
 SHIPPED = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
@@ -85,7 +88,7 @@ def test_a_target_is_sent_and_confirmed_by_the_chamber_s_own_word(kept):
     assert set(sample.values) == {"chamber_set_degC", "chamber_degC", "chamber_on"}
 
 
-def test_a_cable_that_was_pulled_meanwhile(kept):
+def test_a_pulled_cable_a_lost_answer_and_somebody_else_leave_the_target_in_force(kept):
     lab = kept().chamber(Target(45.0))
     lab.simulated.unplug()
     lab.control.go_to(Target(20.0, urgent=True))
@@ -95,21 +98,13 @@ def test_a_cable_that_was_pulled_meanwhile(kept):
     lab.simulated.plug()
     lab.until(lambda: lab.control.confirmed)
     assert lab.simulated.held_degC == 20.0
-
-
-def test_an_answer_that_is_lost_is_no_confirmation(kept):
-    lab = kept().chamber(Target(45.0))
     lab.simulated.muted = True
-    lab.control.go_to(Target(20.0))
-    lab.until(lambda: lab.simulated.held_degC == 20.0)  # it receives
+    lab.control.go_to(Target(45.0))
+    lab.until(lambda: lab.simulated.held_degC == 45.0)  # it receives
     lab.next(Failure)
     assert not lab.control.confirmed
     lab.simulated.muted = False
     lab.until(lambda: lab.control.confirmed)
-
-
-def test_a_chamber_that_somebody_else_turned_is_turned_back(kept):
-    lab = kept().chamber(Target(45.0))
     lab.simulated.put((5.0, 0.0, 0.0, 0.0, 0.0), (False,) * 16)  # as after a power cut
     assert lab.simulated.held_degC is None
     lab.until(lambda: lab.simulated.held_degC == 45.0)
@@ -202,3 +197,74 @@ def test_commands_of_the_shipped_laboratory_are_shell(kept, phone):
     texts += [text for action in SHIPPED.actions.values() for text in (action.start, action.stop)]
     running = kept().load(phone, {})
     assert {running.control.shell.run(f"unused() {{\n{text}\n}}").status for text in texts} == {0}
+
+
+class StillClock:
+    """Time that passes by waiting and by asking, and else not at all."""
+
+    def __init__(self, time_s):
+        self.time_s = time_s
+
+    def now_s(self):
+        return self.time_s
+
+    def wait(self, event, duration_s):
+        self.time_s += max(duration_s, 1e-9)  # never nothing, as of a machine
+        return event.is_set()
+
+
+class Slow:
+    """An instrument that takes so long for each of its readings, and then has done its last one."""
+
+    def __init__(self, clock, durations_s, errors):
+        self.clock, self.left, self.errors = clock, list(durations_s), errors
+        self.closed = False
+
+    def read(self):
+        asked_s = self.clock.now_s()
+        self.clock.time_s += self.left.pop(0)
+        if not self.left:
+            self.sampler.finish()
+        if len(self.left) in self.errors:
+            raise self.errors[len(self.left)]
+        return Reading(asked_s, self.clock.now_s(), {})
+
+    def close(self):
+        self.closed = True
+
+
+def sampled(durations_s, period_s, begin_s=0.0, errors=()):
+    """What a sampler of a slow instrument posts."""
+    clock, posted = StillClock(begin_s), []
+    instrument = Slow(clock, durations_s, errors)
+    instrument.sampler = Sampler("x", instrument, period_s, clock, posted.append)
+    instrument.sampler.run()
+    assert instrument.closed
+    return posted
+
+
+def test_each_period_is_asked_for_when_it_begins_and_none_is_caught_up():
+    asked = [sample.asked_s for sample in sampled([0.3, 0.1, 0.9, 0.2], 1.0, begin_s=0.5)]
+    assert asked == [1.0, 2.0, 3.0, 4.0]
+    asked = [sample.asked_s for sample in sampled([0.1, 3.4, 0.1, 0.1], 1.0)]
+    assert asked == [1.0, 2.0, 6.0, 7.0]
+
+
+@given(st.lists(st.floats(0.0, 5.0), min_size=1, max_size=20), st.floats(0.05, 3.0))
+def test_every_sample_is_asked_for_at_a_multiple_of_its_own(durations_s, period_s):
+    asked = [sample.asked_s for sample in sampled(durations_s, period_s)]
+    places = [each / period_s for each in asked]
+    assert all(math.isclose(place, round(place), rel_tol=1e-9, abs_tol=1e-6) for place in places)
+    assert len({round(place) for place in places}) == len(places)
+
+
+def test_trouble_is_told_and_gone_on_from_and_a_mistake_of_the_program_ends_the_thread():
+    error = NoResponse("multiplexer", "/dev/x", "4 readings", "nothing in 5 s")
+    first, trouble, last = sampled([0.1, 0.1, 0.1], 1.0, errors={1: error})
+    assert isinstance(first, Sample)
+    assert trouble._replace(at_s=round(trouble.at_s, 6)) == Failure("x", 2.1, str(error))
+    assert last.asked_s == 3.0
+    error = KeyError("mistake")
+    first, crash = sampled([0.1, 0.1, 0.1], 1.0, errors={1: error})
+    assert isinstance(first, Sample)
+    assert crash == Crash("x", error)

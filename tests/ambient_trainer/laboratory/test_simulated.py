@@ -51,17 +51,13 @@ def test_a_gradient_slows_it_down_and_never_speeds_it_up():
     assert mean(fast, 1300.0) == pytest.approx(20.0 + 2.0 * (20.0 - 1.0), abs=0.05)
 
 
-def test_it_swings_about_the_set_point_only_while_it_works():
+def test_it_swings_only_while_it_works_and_what_was_read_once_does_not_change():
     made = ChamberAir(0.0, 20.0, 3, SWINGING)
     stopped = [made.at(float(second)) for second in range(900)]
     made.drive(900.0, 20.0)
     working = [made.at(float(second)) for second in range(1800, 3600)]
     assert stopped == pytest.approx([20.0] * 900)
     assert np.std(working) == pytest.approx(math.hypot(1.0 / math.sqrt(2.0), 0.08), rel=0.1)
-
-
-def test_a_temperature_that_was_read_once_does_not_change():
-    made = ChamberAir(0.0, 20.0, 3, SWINGING)
     made.drive(0.0, 40.0)
     times = [second / 3.0 for second in range(600)]
     before = [made.at(at_s) for at_s in times]

@@ -56,12 +56,9 @@ def test_each_cell_is_what_was_said_in_its_second():
     assert [row["cpu_load_frac"] for _, row in found] == [None, None, 1.0, 1.0]
 
 
-def test_the_middle_of_asking_and_answering_counts():
+def test_the_middle_of_asking_and_answering_counts_and_where_it_is_not_known_the_laboratory_s_file_has_it():
     found = rows(zones(101.0, 25.0, delay_s=1.9), zones(103.0, 26.0, delay_s=2.1), zones(105.9, 27.0), End(106.5, ""))
     assert [row["soc_degC"] for _, row in found] == [None, 25.0, None, None, None, 27.0, None]
-
-
-def test_an_answer_whose_time_is_not_known_is_not_in_the_trace_but_in_the_laboratory_s_file():
     late = scan(101.0, 20.0, 20.0, delay_s=4.0)
     assert all(row["ambient_degC"] is None for _, row in rows(late, End(106.0, "")))
     record = Record(HEAD, (StepBegan(0.0, 1, 0.0), late))
@@ -85,25 +82,19 @@ def test_a_stop_is_a_gap_in_which_nothing_is_known():
     assert [row["soc_degC"] for _, row in found] == [25.0, None, None, None, None, None, 25.0, None]
 
 
-def test_before_the_recording_there_is_no_trace_but_a_laboratory_s_file():
+def test_the_grid_begins_with_the_recording_and_has_a_row_for_each_period():
     record = Record(HEAD, (StepBegan(0.0, 0, 0.0), scan(3.0, 20.0)))
     assert grid_of(record, CAMPAIGN) is None
     whole = Record(HEAD, (*record.entries, StepBegan(10.0, 1, 0.0)))
     grid = grid_of(whole, CAMPAIGN)
     assert grid is not None
     assert laboratory_rows(whole, CAMPAIGN, grid).reset_index().to_numpy().tolist() == [[-7.0, 0.2, 20.0]]
-
-
-def test_a_finished_program_has_a_row_for_each_of_its_periods():
     record = Record(
         HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(900.4, 1, 0.0), StepBegan(2700.4, 2, 0.0), End(2712.0, "finished"))
     )
     grid = grid_of(record, CAMPAIGN)
     assert grid is not None
     assert len(trace_rows(record, CAMPAIGN, grid)) == 1800
-
-
-def test_a_resumed_recording_begins_where_it_first_did():
     record = Record(
         HEAD, (StepBegan(0.0, 0, 0.0), StepBegan(900.0, 1, 0.0), StepBegan(5000.0, 1, 300.0), End(5100.0, ""))
     )

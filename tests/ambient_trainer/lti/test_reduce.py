@@ -17,12 +17,9 @@ def response(found, frequency):
     return found.D + found.C @ np.linalg.solve(1j * frequency * np.eye(len(found.A)) - found.A, found.B)
 
 
-def test_few_enough_states_stay_as_they_are():
+def test_few_enough_states_stay_and_those_that_say_the_same_twice_go_without_a_trace():
     small = system(-np.eye(3), np.ones((3, 2)), np.ones((1, 3)))
     assert reduced(small, 4) is small
-
-
-def test_states_that_say_the_same_twice_are_left_out_without_a_trace():
     A = np.array([[-1.0, 0.3], [0.0, -0.2]])
     B, C = np.array([[1.0, 0.5], [0.2, -1.0]]), np.array([[1.0, 2.0]])
     once = system(A, B, C)

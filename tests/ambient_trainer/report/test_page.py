@@ -15,16 +15,13 @@ HOSTILE = "<b>x</b> & `<i>` 3 degC usb_degC"
 SAFE = "&lt;b&gt;x&lt;/b&gt; &amp; <code>&lt;i&gt;</code> 3 °C usb_degC"
 
 
-def test_the_page_and_its_script_replace_the_old(tmp_path):
+def test_the_page_and_its_script_replace_the_old_and_a_file_in_the_way_is_named(tmp_path):
     folder = tmp_path / "a" / "b"
     write_report(str(folder), Report("old", [], [], {}))
     assert write_report(str(folder), Report("new", [], [], {})) == str(folder / "index.html")
     assert "<h1>new</h1>" in (folder / "index.html").read_text()
     assert (folder / "plotly.min.js").stat().st_size > 1_000_000
     assert len(os.listdir(folder)) == 2
-
-
-def test_a_file_in_the_way_is_named(tmp_path):
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(Refused, match="taken/report"):
         write_report(str(tmp_path / "taken" / "report"), Report("page", [], [], {}))

@@ -1,7 +1,9 @@
-"""A stack of panels: its axes, its units, its shades; curves and matrices."""
+"""A stack of panels: its axes, its units, its shades, curves and matrices; no line loses a peak or a gap."""
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from ambient_trainer.report.plots import (
     Band,
@@ -9,6 +11,9 @@ from ambient_trainer.report.plots import (
     Panel,
     Shade,
     add_curve,
+    broken_at_gaps,
+    envelope,
+    extremes,
     matrix_figure,
     panel_figure,
     spans_where,
@@ -55,7 +60,7 @@ def test_long_lines_are_thinned_and_keep_their_peak():
     assert figure.data[0].y.max() == 5.0
 
 
-def test_a_shade_spans_to_the_next_sample_in_the_units_of_the_axis():
+def test_a_shade_spans_to_the_next_sample_and_flickering_is_one_stretch():
     time_s = np.arange(0.0, 6000.0, 60.0)
     flags = np.zeros(100, dtype=bool)
     flags[[10, 11, 12, 50, 99]] = True
@@ -64,9 +69,6 @@ def test_a_shade_spans_to_the_next_sample_in_the_units_of_the_axis():
     assert spans == [(600.0, 780.0), (3000.0, 3060.0), (5940.0, 5940.0)]
     assert [(each.x0, each.x1) for each in figure.layout.shapes] == [(10, 13), (50, 51), (99, 99)]
     assert figure.data[-1].name == "away"
-
-
-def test_flickering_is_shaded_as_one_stretch():
     time_s = np.arange(10_000.0)
     assert spans_where(time_s, np.arange(10_000) % 2 == 0) == [(0.0, 9999.0)]
     assert spans_where(time_s, np.zeros(10_000, dtype=bool)) == []
@@ -83,3 +85,43 @@ def test_the_colours_of_a_matrix_are_centred_on_nothing():
     cells = matrix_figure(["a", "b"], ["c"], [[-1.0, None]], [["-1", ""]]).data[0]
     assert (cells.zmin, cells.zmax) == (-1.0, 1.0)
     assert matrix_figure(["a"], ["c"], [[0.0]], [["0"]]).data[0].zmax == 1.0
+
+
+NAN = float("nan")
+VALUES = st.lists(st.one_of(st.floats(-1e6, 1e6), st.just(NAN)), min_size=1, max_size=300)
+
+
+@given(VALUES, st.integers(6, 60))
+def test_the_extremes_stay_and_the_count_is_bounded(values, limit):
+    y = np.array(values)
+    kept = extremes(y, limit)
+    assert np.all(np.diff(kept) > 0)
+    assert len(kept) <= limit + 2
+    assert kept[0] == 0
+    assert kept[-1] == len(y) - 1
+    if np.isfinite(y).any():
+        assert np.nanmin(y[kept]) == np.nanmin(y)
+        assert np.nanmax(y[kept]) == np.nanmax(y)
+    assert np.isnan(y[kept]).any() == np.isnan(y).any()
+
+
+@given(VALUES, st.integers(1, 50))
+def test_an_envelope_holds_the_whole_band(values, limit):
+    low = np.array(values)
+    high = low + 1.0
+    at, lowest, highest = envelope(low, high, limit)
+    assert len(at) <= limit
+    for start, stop, a, b in zip(at, [*at[1:], len(low)], lowest, highest):
+        stretch = low[start:stop][np.isfinite(low[start:stop])]
+        assert (np.isnan(a) and np.isnan(b)) if not len(stretch) else (a, b) == (stretch.min(), stretch.max() + 1.0)
+
+
+def test_a_column_logged_now_and_then_is_one_line_an_absence_a_hole_and_nothing_known_nothing():
+    x = np.arange(100.0)
+    y = np.where(x % 10 == 0, x, NAN)
+    y[[40, 50, 60]] = NAN
+    line_x, line_y = broken_at_gaps(x, y)
+    assert line_x.tolist() == [0, 10, 20, 30, 30, 70, 80, 90]
+    assert line_y == pytest.approx([0, 10, 20, 30, NAN, 70, 80, 90], nan_ok=True)
+    line_x, line_y = broken_at_gaps(np.arange(3.0), np.full(3, NAN))
+    assert len(line_x) == len(line_y) == 0

@@ -88,12 +88,9 @@ def test_the_search_finds_the_best_of_all_subsets(small, grams):
         assert members == every[int(np.argmin(score(every)))]
 
 
-def test_dc_gains_sum_to_one(small, grams):
+def test_the_filter_is_that_of_the_direct_fit_and_its_gains_sum_to_one(small, grams):
     for members in [(0,), (1, 4), (0, 1, 2, 3, 4)]:
         assert dc_gain(grams.fitted(members)).sum() == pytest.approx(1.0, abs=1e-9)
-
-
-def test_the_filter_is_that_of_the_direct_fit(small, grams):
     members = small.places("left", "right")
     columns = [small.sensors[each].column for each in members]
     estimate = estimate_degC(grams.fitted(members), "first-order", columns, small.trace)

@@ -24,13 +24,10 @@ def test_mean_square_and_its_standard_error():
     assert replace(held_out(1, 9), samples=(10.0, 30.0)).mean_square == 2.5  # long blocks count more
 
 
-def test_the_fewest_within_one_standard_error_of_the_least():
+def test_the_fewest_within_one_standard_error_the_front_and_where_it_is_flat():
     least = held_out(3.0, 4.0, 5.0)  # 4 and 0.577
     assert fewest_within_one_error([held_out(9.0, 9.0, 9.0), held_out(4.5, 4.5, 4.5), least]) == 1
     assert fewest_within_one_error([held_out(9.0, 9.0, 9.0), held_out(4.6, 4.6, 4.6), least]) == 2
-
-
-def test_the_front_and_where_it_is_flat():
     assert pareto_front([3.0, 2.0, 2.0, 2.5, 1.0]) == [0, 1, 4]
     assert flat_from([3.0, 1.0, 0.99, 0.985], 0.02) == 1
     assert flat_from([3.0, 1.0, 0.99, 0.975], 0.02) == 2
@@ -40,21 +37,15 @@ def blocks(report):
     return [block for section in report.sections for block in section.blocks]
 
 
-def test_it_has_a_row_a_size_and_the_named_set_on_every_trace(found):
+def test_the_report_has_a_row_a_size_what_is_left_out_and_circuits_only_where_they_were_searched(found):
     tables = [each for each in blocks(report_of(found)) if isinstance(each, Table)]
     assert [[row[0] for row in each.rows] for each in tables] == [["1", "2 *", "given"]] * 2
     assert tables[0].rows[1][1] == "left, right"
     assert f"{found.sizes[1].rmse_degC:.2f}" in report_of(found).title
-
-
-def test_a_zone_left_out_is_named_with_its_reason(found):
     report = report_of(replace(found, left_out=(LeftOut("skin_degC", "constant: 25.5 degC all the time"),)))
     texts = [each.text for each in blocks(report) if isinstance(each, Finding)]
     assert [text for text in texts if "skin" in text and "25.5 degC" in text]
     assert report.data["left_out"] == [{"column": "skin_degC", "why": "constant: 25.5 degC all the time"}]
-
-
-def test_a_search_for_sensors_only_has_no_circuits(found):
     report = report_of(replace(found, circuits={}, checks=(), against=None))
     assert not [each for each in report.sections if "circuit" in each.title and each.blocks]
     assert [each["circuit"] for each in report.data["sizes"]] == [None, None]

@@ -28,17 +28,14 @@ def computed(path, keys, identity=IDENTITY, at_once=1):
         return pool.results("thirds", thirds, keys, at_once), pool.computed
 
 
-def test_what_was_computed_is_known_again_to_the_last_digit(path):
+def test_without_a_path_nothing_is_written_and_with_one_all_is_known_again(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert computed(None, [(1,)])[1] == 1
+    assert list(tmp_path.iterdir()) == []
     first, count = computed(path, [(1,), (2,), (1,)], at_once=2)
     again, more = computed(path, [(1,), (2,), (5,)])
     assert (count, more) == (2, 1)
     assert again == {**first, (5,): {"value": 5 / 3, "tiny": 1e-300}}
-
-
-def test_without_a_path_nothing_is_written(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert computed(None, [(1,)])[1] == 1
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(("name", "value"), [("most", 5), ("traces", ["cd34"]), ("version", 9)])

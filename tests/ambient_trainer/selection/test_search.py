@@ -6,17 +6,23 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
+from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation.free_filter import FreeFilter
+from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation.uncertainty import residuals
+from ambient_trainer.estimation.validation import Spending, refitted
 from ambient_trainer.selection.floating import best_sets, swaps, thinned
 from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import prepared, searched
+from ambient_trainer.selection.search import circuit_structure, prepared, searched
+from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up
 
 
-def test_the_right_pair_is_recommended(found):
+def test_the_right_pair_is_recommended_and_holds_on_another_run(found):
     assert found.sizes[0].sensors == (LONER,)
     assert found.sizes[1].sensors == PAIR
     assert found.recommended is found.sizes[1]
@@ -26,9 +32,6 @@ def test_the_right_pair_is_recommended(found):
     assert found.circuits[2].topology.sensors == PAIR
     assert found.circuits[2].rmse_degC < 0.5 * found.circuits[1].rmse_degC
     assert found.circuits[2].tried > 10
-
-
-def test_it_holds_on_another_run(found):
     check = found.checks[0]
     assert check.path == AGAIN.path
     assert check.fixed[1] < 2 * found.sizes[1].rmse_degC
@@ -78,10 +81,16 @@ def test_a_trace_without_a_reference_to_learn_from_is_refused(change, place):
         prepared([trace], screened([trace]), Options())
 
 
-def test_a_trace_without_any_usable_zone_is_refused():
+def test_no_usable_zone_and_a_set_to_compare_with_that_is_not_there_are_refused():
     trace = replace(made_up(), columns={"flat_degC": np.full(1500, 3.0), "ambient_degC": made_up().reference})
     with pytest.raises(Refused, match=r"flat_degC: constant: 3 degC"):
         prepared([trace], screened([trace]), Options())
+    trace = made_up()
+    trace.columns["flat_degC"] = np.full(1500, 3.0)
+    data = prepared([trace], screened([trace]), Options())
+    for name, reason in (("skin", "no such sensor"), ("flat", "constant")):
+        with pytest.raises(Refused, match=f"{name}: .*{reason}"):
+            data.numbers([name])
 
 
 def test_a_trace_to_check_on_is_looked_at_before_the_work():
@@ -95,15 +104,6 @@ def test_a_trace_to_check_on_is_looked_at_before_the_work():
             with pytest.raises(Refused, match=place):
                 searched(data, pool, checks=[check])
         assert pool.computed == 0
-
-
-def test_a_set_to_compare_with_has_to_be_there():
-    trace = made_up()
-    trace.columns["flat_degC"] = np.full(1500, 3.0)
-    data = prepared([trace], screened([trace]), Options())
-    for name, reason in (("skin", "no such sensor"), ("flat", "constant")):
-        with pytest.raises(Refused, match=f"{name}: .*{reason}"):
-            data.numbers([name])
 
 
 def test_a_swap_reaches_what_no_growth_of_a_beam_does():
@@ -131,10 +131,44 @@ def test_the_search_goes_back_to_a_smaller_set():
     assert best_sets(range(8), 3, score) == [(1,), (2, 3), (1, 2, 3)]
 
 
-def test_more_is_not_asked_for_than_there_is():
+def test_swaps_and_thinning_by_hand_and_no_more_than_there_is():
     assert best_sets([4, 7], 6, lambda sets: [float(len(each)) for each in sets]) == [(4,), (4, 7)]
-
-
-def test_swaps_and_thinning_by_hand():
     assert swaps((1, 3), [1, 2, 3]) == [(1, 2, (2, 3)), (3, 2, (1, 2))]
     assert thinned([(1, 2, 3)]) == {(1, 2), (1, 3), (2, 3)}
+
+
+def masked(segments, block):
+    """The segments with the reference missing where the block forbids it."""
+    outputs = segments[block.segment].outputs.copy()
+    outputs[:, block.first : block.last] = np.nan
+    return [Segment(each.period_s, each.inputs, outputs) for each in segments]
+
+
+@pytest.fixture(scope="module")
+def pair(small):
+    rows = list(small.places("left", "right"))
+    return [Segment(each.period_s, each.inputs[rows], each.outputs) for each in small.segments]
+
+
+def test_squares_are_those_of_independent_fits(small, pair):
+    found = refitted(FreeFilter(1, pair), small.blocks, Spending(4, 400, 60))
+    assert found.solution.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
+    for block, square in zip(small.blocks, found.squares):
+        alone = search(FreeFilter(1, masked(pair, block)), 4, 1).best
+        errors = residuals(FreeFilter(1, pair), alone)[0][0, block.start : block.stop]
+        assert square == pytest.approx(np.sum(errors**2), rel=1e-4)
+
+
+def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
+    few = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 5, 2))
+    many = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 100, 20))
+    assert few.solution.evaluations <= 5
+    assert many.solution.sum_of_squares <= few.solution.sum_of_squares
+
+
+def test_a_circuit_reads_the_sensors_that_it_names(small):
+    """A circuit orders its inputs by its nodes, a trace as it was logged."""
+    for topology in initial_topologies(("right", "left"), 2):
+        structure = circuit_structure(small.segments, small.names, (90.0, 20.0), topology)
+        for row, column in enumerate(structure.circuit.inputs):
+            np.testing.assert_array_equal(structure.segments[0].inputs[row], small.trace.columns[column])

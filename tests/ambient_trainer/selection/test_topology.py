@@ -98,7 +98,7 @@ def test_what_a_circuit_file_can_name(sensor, can):
     assert can_be_named(sensor) == can
 
 
-def test_the_steps_find_the_topology_that_was_hidden():
+def test_the_steps_find_the_topology_that_was_hidden_and_leave_out_an_edge_that_gains_nothing():
     """The error is the number of edges that differ from a topology's: every step towards it gains."""
     hidden = Topology("rise", SENSORS, ("left", "right"), (("left", "mixed"), ("left", "right")))
 
@@ -112,8 +112,6 @@ def test_the_steps_find_the_topology_that_was_hidden():
 
     assert best_topology(SENSORS, 3, score) == hidden
 
-
-def test_an_edge_that_gains_nothing_is_left_out():
     def score(topologies):
         return [1.0 - 0.0001 * len(each.edges) + (each.form == "rise") for each in topologies]
 

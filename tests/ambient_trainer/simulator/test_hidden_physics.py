@@ -151,13 +151,17 @@ def test_a_fan_doubles_the_convection_at_ten_kelvin_and_only_that():
     assert part.terms[0].course.mean() == pytest.approx(1.0, abs=0.05)  # turbulence
 
 
-def test_a_case_takes_from_convection_and_from_radiation():
+def test_a_case_takes_from_convection_and_radiation_and_never_all_of_it():
     case = Hidden("ambient_coupling", "display", None, 0.0, None, 1.0)
     terms = {term.kind: term for term in _added(case, _setting(case)).terms}
     assert {kind: term.pattern[NODES.index("display")] for kind, term in terms.items()} == pytest.approx(
         {"convected": -0.5, "radiated": -0.25}
     )
     assert all(np.count_nonzero(term.pattern) == 1 for term in terms.values())
+    cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
+    part = together([_added(case, _setting(case)) for case in cases])
+    coefficients = Additions(HeatBalance([_PHONE]), [part]).coefficients(0)
+    assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
 
 
 def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and_limited_above():
@@ -167,13 +171,6 @@ def test_a_draught_is_like_convection_at_fifteen_kelvin_nearly_nothing_below_and
     drawn_W, own_W = TERMS["draught"](nodes, air, balance), -balance.convected(nodes, air)
     display = NODES.index("display")
     assert drawn_W[:, display] / own_W[:, display] == pytest.approx([1.0, 0.0769, 1.0, 1.9888], abs=1e-3)
-
-
-def test_whatever_covers_a_surface_it_still_loses_heat():
-    cases = [Hidden("ambient_coupling", None, None, 0.0, None, 9.0)] * 3
-    part = together([_added(case, _setting(case)) for case in cases])
-    coefficients = Additions(HeatBalance([_PHONE]), [part]).coefficients(0)
-    assert min(coefficient.min() for coefficient in coefficients.values()) > -1.0
 
 
 def test_a_contact_is_shared_by_area():

@@ -58,20 +58,14 @@ def _same(one, other):
     return all(np.array_equal(one.columns[name], other.columns[name]) for name in other.columns)
 
 
-def test_the_trace_does_not_tell(simulated, plain):
+def test_only_readings_after_its_onset_tell_and_the_twin_is_the_plain_run(simulated, plain):
     for effect, run in simulated.items():
         assert (run.trace.notes, run.trace.path) == (plain.notes, plain.path)
         assert list(run.trace.columns) == [*plain.columns, *([effect.signal] if effect.signal else [])]
         assert np.array_equal(run.trace.time_s, plain.time_s)
-
-
-def test_the_twin_is_the_plain_run_with_the_same_noise_and_the_signals(simulated, plain):
     for run in simulated.values():
         assert _same(run.clean, plain)
         assert list(run.clean.columns) == list(run.trace.columns)
-
-
-def test_before_its_onset_and_beside_its_sensor_nothing_differs(simulated, plain):
     for effect, run in simulated.items():
         before = plain.time_s < effect.onset_s
         for name in plain.columns:
@@ -120,14 +114,11 @@ def test_the_truth_names_it_and_its_magnitude(simulated, effect):
     assert json.loads(json.dumps(told.as_data(), allow_nan=False))["cause"] == effect.cause
 
 
-def test_sensors_have_the_thesiss_names_for_nodes(simulated):
+def test_the_truth_has_the_thesiss_names_and_the_size_at_the_worst_sensor(simulated):
     named = {effect.location: run.truths[0].sensor_location for effect, run in simulated.items()}
     assert named["board2"] == "battery"
     assert named["flash-usb"] == "flash-usb"
     assert named["back"] is None
-
-
-def test_the_size_is_that_of_the_worst_sensor_while_the_effect_is_there(simulated):
     (told,) = simulated[_ONE_OF_EACH[11]].truths
     assert told.worst == "usb_degC"
     assert told.size_degC == pytest.approx(2.0, abs=0.05)
@@ -150,14 +141,11 @@ def _ran(hidden, loss, pattern):
     return Ran(hidden, setting, lambda: np.random.default_rng(0), driven, part, part, trace)
 
 
-def test_a_changed_resistance_is_exact_where_the_loss_scales():
+def test_where_the_loss_scales_the_resistance_is_exact_and_the_exponent_the_same():
     hidden = Hidden("ambient_coupling", None, None, 0.0, None, 1.0)
     told = truth(_ran(hidden, "convected", np.full(len(NODES), -0.6)))
     assert told.magnitude == pytest.approx(1 / 0.4 - 1)
     assert told.others["conductance_change"][0] == pytest.approx(-0.6)
-
-
-def test_a_loss_that_scales_has_no_other_exponent():
     hidden = Hidden("convection_law", None, None, 0.0, None, 1.0)
     assert truth(_ran(hidden, "convected", np.full(len(NODES), 0.7))).magnitude == pytest.approx(0.0, abs=1e-9)
     # a part that is linear makes the whole less bent than its 1.25
@@ -206,7 +194,7 @@ def test_decoys_change_nothing_and_stand_among_the_signals(simulated):
     assert not np.array_equal(other.trace.columns["radio_on"], run.trace.columns["radio_on"][:90])
 
 
-def test_what_cannot_be_is_refused_with_every_fault():
+def test_what_cannot_be_is_refused_with_every_fault_and_what_is_outside_the_run():
     phone = load_device()
     with pytest.raises(Refused) as refused:
         checked(Hidden("heat_source", "moon", "fan_on", -1.0, -2.0, 99.0, "hand"), phone)
@@ -220,9 +208,6 @@ def test_what_cannot_be_is_refused_with_every_fault():
     for size in (float("nan"), float("inf")):
         with pytest.raises(Refused, match="0 to 2000 J/K"):
             checked(Hidden("thermal_mass", "display", size=size), phone)
-
-
-def test_times_outside_the_run_and_unlike_windows_of_a_signal_are_refused():
     late = Hidden("sensor_bias", "usb", None, 1e5, None, 1.0)
     long = Hidden("heat_source", "soc", "radio_on", 0.0, 1e6, 1.0)
     with pytest.raises(Refused) as refused:

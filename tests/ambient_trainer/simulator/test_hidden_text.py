@@ -75,7 +75,7 @@ def test_any_text_is_an_effect_or_refused(text):
     assert all(fault.place and fault.problem and fault.hint for fault in refused.faults)
 
 
-def test_what_is_left_out_is_drawn_from_the_seed():
+def test_what_is_left_out_is_drawn_from_the_seed_and_for_each_effect_apart():
     assert _read("random", 1) == _read("random", 1)
     causes = {_read("random", seed).cause for seed in range(200)}
     assert causes == set(_CAUSES)
@@ -83,26 +83,20 @@ def test_what_is_left_out_is_drawn_from_the_seed():
     assert {each.location for each in drawn} == {"display"}
     assert {each.signal for each in drawn} == {None, "fan_on", "wind_m_s"}
     assert len({each.size for each in drawn}) > 30
-
-
-def test_a_second_effect_is_drawn_apart_from_the_first():
     first, second = parse_hidden(["random", "random"], 5, _LASTS_S)
     assert first == _read("random", 5)
     assert second != first
 
 
-def test_a_size_or_times_without_a_signal_mean_none():
+def test_a_size_or_times_without_a_signal_mean_none_and_a_scale_multiplies_what_is_drawn():
     for text in ("heat_source:usb:0.3W", "heat_source:usb:from=1h", "heat_source:usb:to=2h"):
         assert {_read(text, seed).signal for seed in range(20)} == {None}
     assert len({_read("heat_source:usb", seed).signal for seed in range(20)}) > 1
-
-
-def test_a_scale_multiplies_what_is_drawn():
     one, two = _read("thermal_mass:display", 3), _read("thermal_mass:display:scale=2", 3)
     assert two.amount == pytest.approx(2 * one.amount, rel=0.01)
 
 
-def test_every_fault_of_every_effect_is_told():
+def test_every_fault_of_every_effect_is_told_and_times_in_the_wrong_order():
     texts = ["warmth:usb", "heat_source:moon:9kW:from=9h:sig=1", "sensor_bias:usb:2K:3K", "random:usb"]
     with pytest.raises(Refused) as refused:
         parse_hidden(texts, 0, _LASTS_S)
@@ -110,8 +104,5 @@ def test_every_fault_of_every_effect_is_told():
         *("cause", "size", "sig=1", "from", "location", "3K", "location")
     ]
     assert [text for text in texts if not any(repr(text) in fault.place for fault in refused.value.faults)] == []
-
-
-def test_times_in_the_wrong_order_are_refused():
     with pytest.raises(Refused, match="3600 s does not come after 7200 s"):
         _read("sensor_bias:usb:1K:from=2h:to=1h")

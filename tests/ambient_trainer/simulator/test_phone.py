@@ -39,12 +39,9 @@ _STATED_MIN = {  # section 3.2, added up
 }
 
 
-def test_the_scenarios_are_the_thesiss_and_last_as_long():
+def test_the_scenarios_are_the_thesiss_last_as_long_and_go_through_the_stated_ambients_and_loads():
     assert scenario_names() == tuple(_STATED_MIN)
     assert {name: load_scenario(name).duration_s / 60 for name in scenario_names()} == _STATED_MIN
-
-
-def test_scenario_5_goes_through_the_stated_ambients_and_loads():
     steps = load_scenario("5").steps
     assert list(dict.fromkeys(step.chamber_degC for step in steps)) == [-10, 10, 30, 50, 20]
     loads = ["".join(step.load) or "idle" for step in steps]
@@ -52,12 +49,9 @@ def test_scenario_5_goes_through_the_stated_ambients_and_loads():
     assert minutes == {"idle": 285, "cpu_100": 40, "cpu_50": 20, "camera_1080p": 20, "camera_4k": 20}
 
 
-def test_an_unknown_scenario_is_refused_with_the_names():
+def test_an_unknown_scenario_is_refused_with_the_names_and_a_faulty_one_whole(tmp_path):
     with pytest.raises(Refused, match=r"none is called '6'; take one of 1, 2\.1, .*, 4, 5, "):
         simulate("6")
-
-
-def test_a_faulty_scenario_is_refused_whole(tmp_path):
     path = tmp_path / "mine.yaml"
     settle = "settle: {within_K: 1, for_min: 5}"
     path.write_text(
@@ -88,14 +82,11 @@ def test_the_trace_keeps_to_the_contract(tmp_path):
         assert tenths == pytest.approx(np.round(tenths), abs=1e-9)
 
 
-def test_a_period_that_divides_nothing_covers_the_scenario():
+def test_any_period_covers_the_scenario_and_a_step_takes_effect_at_its_first_sample():
     trace = simulate("2.5", period_s=7.0).trace
     assert len(trace.time_s) == 129  # 900 s / 7 s, rounded up
     assert trace.time_s[-1] == 896.0
     assert np.unique(np.diff(trace.time_s)).tolist() == [7.0]
-
-
-def test_a_step_takes_effect_at_its_first_sample():
     _, _, activity = schedule(load_scenario("2.5"), np.arange(900.0), _PHONE)
     assert [list(_PHONE.activities)[index] for index in activity] == ["idle"] * 300 + ["cpu_100"] * 600
 
@@ -124,7 +115,7 @@ def test_the_recording_begins_where_what_came_before_ended():
     assert trace.column("usb_degC")[-1] == pytest.approx(trace.column("usb_degC")[0], abs=2.5)
 
 
-def test_the_zones_are_about_fifty_most_of_them_near_the_soc():
+def test_about_fifty_zones_come_on_request_and_change_nothing_else():
     zones = _PHONE.zones
     assert 48 <= len(zones) <= 55
     assert len({zone.name for zone in zones}) == len(zones)
@@ -132,9 +123,6 @@ def test_the_zones_are_about_fifty_most_of_them_near_the_soc():
     assert len(near) > len(zones) / 2
     for zone in zones:
         assert felt_weights(zone, _PHONE).sum() == pytest.approx(1.0)
-
-
-def test_all_zones_come_on_request_and_change_nothing_else():
     few, many = (simulate("2.5", seed=1, period_s=10.0, all_zones=every).trace for every in (False, True))
     assert len(many.columns) == len(few.columns) + len(_PHONE.zones) - len(_PHONE.sensors)
     assert all(np.array_equal(few.columns[name], many.columns[name]) for name in few.columns)

@@ -15,12 +15,9 @@ def many():
     return [drawn(number, 1, ZONES) for number in range(1, MANY + 1)]
 
 
-def test_the_nominal_one_is_the_calibrated_phone():
+def test_the_nominal_unit_is_the_calibrated_phone_and_another_is_itself_whoever_else_is_drawn(many):
     unit = nominal(ZONES)
     assert (unit.number, unit.phone, unit.zones, unit.gains) == (0, load_device(), ZONES, {})
-
-
-def test_a_unit_is_itself_whoever_else_is_drawn(many):
     assert drawn(7, 1, ZONES) == many[6]
     assert drawn(7, 2, ZONES) != many[6]
     some = drawn(7, 1, ZONES[3:])
@@ -72,13 +69,10 @@ def test_thermistors_keep_within_their_grade_and_silicon_scatters(many):
     assert np.std(soc) == pytest.approx(1.0, rel=0.1)
 
 
-def test_nothing_is_beyond_what_can_be(many):
+def test_nothing_is_beyond_what_can_be_and_a_case_is_that_of_its_layers(many):
+    """Conduction through 1 to 2 mm of 0.2 W/(m K) and 0.2 to 0.5 mm of air against 20 W/(m2 K)."""
     assert all(0 <= zone.share < 1 for unit in many for zone in unit.zones)
     assert all(0.8 < unit.phone.nodes["back"].emissivity <= 1.0 for unit in many)
-
-
-def test_a_case_is_that_of_its_layers(many):
-    """Conduction through 1 to 2 mm of 0.2 W/(m K) and 0.2 to 0.5 mm of air against 20 W/(m2 K)."""
     shares = [unit.case[0].size for unit in many]
     assert min(shares) >= 20 * (0.001 / 0.2 + 0.0002 / 0.026)
     assert max(shares) <= 20 * (0.002 / 0.2 + 0.0005 / 0.026)

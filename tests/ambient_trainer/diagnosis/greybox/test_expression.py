@@ -32,11 +32,8 @@ def test_expressions_are_what_they_say(text, value):
     assert Expression(text).value(SAMPLES) == pytest.approx(value, abs=1e-9)
 
 
-def test_columns_are_those_that_are_read():
+def test_columns_are_those_that_are_read_and_a_level_or_a_delay_is_a_number_of_its_own():
     assert Expression("d(current_A^2)/dt * sqrt(charge_As)").columns == ("current_A", "charge_As")
-
-
-def test_a_level_and_a_delay_are_numbers_of_their_own():
     late = ((f"{each}(charge_As, 25)", f"{each}(charge_As, 30)") for each in LATE)
     for text, moved in (*late, ("current_A > -0.5", "current_A > 30")):
         expression = Expression(text)

@@ -4,16 +4,11 @@ import json
 import sys
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
 from ambient_trainer.cli.main import main
-
-_REPOSITORY = Path(__file__).parents[4]
-_DESCRIBED = _REPOSITORY / "tests" / "data" / "measured"
-"""Maps and circuits; the data themselves are never copied."""
 
 
 class _Source(NamedTuple):
@@ -50,16 +45,7 @@ SOURCES = {
 
 
 @pytest.fixture(scope="session")
-def measured_folder() -> Path:
-    """The measured files as others logged them."""
-    folder = _REPOSITORY.parent / "shared" / "measured"
-    if not folder.is_dir():
-        pytest.skip(f"the measured files are not at {folder}")
-    return folder
-
-
-@pytest.fixture(scope="session")
-def measured(measured_folder, tmp_path_factory) -> Callable[[str], str]:
+def measured(measured_folder, described, tmp_path_factory) -> Callable[[str], str]:
     """The path of the trace of a measured set; ``SOURCES`` has the names."""
     folder = tmp_path_factory.mktemp("measured")
 
@@ -69,17 +55,25 @@ def measured(measured_folder, tmp_path_factory) -> Callable[[str], str]:
             return str(measured_folder / source.file)
         trace = folder / f"{name}.csv"
         if not trace.exists():
-            described = _DESCRIBED / f"{source.map}.map.yaml"
-            _run("import", measured_folder / source.file, "--format", source.format, "--map", described, "-o", trace)
+            _run(
+                "import",
+                measured_folder / source.file,
+                "--format",
+                source.format,
+                "--map",
+                described / f"{source.map}.map.yaml",
+                "-o",
+                trace,
+            )
         return str(trace)
 
     return imported
 
 
 @pytest.fixture(scope="session")
-def circuit() -> Callable[[str], str]:
+def circuit(described) -> Callable[[str], str]:
     """The path of the circuit of a measured set, such as ``twinhouse``."""
-    return lambda name: str(_DESCRIBED / f"{name}.circuit.yaml")
+    return lambda name: str(described / f"{name}.circuit.yaml")
 
 
 @pytest.fixture(scope="session")

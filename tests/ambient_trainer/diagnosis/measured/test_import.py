@@ -73,13 +73,6 @@ def test_a_cell_beside_a_thermocouple_in_the_air(measured):
     assert trace.columns["current_A"].min() == pytest.approx(-10, abs=0.01)
 
 
-def test_a_zone_that_is_stuck_is_a_sensor(measured):
-    trace = load_trace(measured("s25"))
-    assert "ambient_degC" not in trace.columns
-    assert np.nanstd(trace.columns["skin_degC"]) < 0.02
-    assert np.nanmin(trace.columns["battery_degC"]) < 2 < 39 < np.nanmax(trace.columns["battery_degC"])
-
-
 @pytest.mark.parametrize(("name", "later_s", "by_hand_degC"), [("30q", 29_527, 0.18), ("li18650", 518_400, 0.24)])
 def test_a_black_box_explains_what_a_circuit_does(measured, name, later_s, by_hand_degC):
     """``by_hand_degC`` is what the best circuit leaves of the first 60 %, which it was fitted to."""

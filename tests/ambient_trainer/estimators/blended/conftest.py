@@ -1,7 +1,6 @@
 """A small device with known constants, its log made by integration, and an observer file for it that fits fast."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,77 +8,10 @@ from scipy.integrate import solve_ivp
 
 from ambient_trainer.data.trace import Trace
 
+from ...conftest import CIRCUITS
+
 PERIOD_S = 5.0
 
-CIRCUIT = """
-format: ambient-circuit
-version: 1
-name: brick
-about: A chip on a board in a shell
-form: temperature
-nodes:
-  chip: {capacitance: C_chip, sensor: chip}
-  board: {capacitance: C_board, sensor: board}
-  shell: {capacitance: C_shell, sensor: shell}
-  ambient: {sensor: ambient}
-edges:
-  - {between: [chip, board], resistance: R_chip_board}
-  - {between: [board, shell], resistance: R_board_shell}
-  - {between: [shell, ambient], resistance: R_shell_ambient}
-outputs: sensors
-parameters:
-  C_chip: {unit: J/K, initial: 3}
-  C_board: {unit: J/K, initial: 15}
-  C_shell: {unit: J/K, initial: 40}
-  R_chip_board: {unit: K/W, initial: 10}
-  R_board_shell: {unit: K/W, initial: 5}
-  R_shell_ambient: {unit: K/W, initial: 4}
-"""
-
-OBSERVER = """
-format: ambient-observer
-version: 1
-name: brick_observer
-about: The ambient of a brick
-circuit: brick.yaml
-sensors:
-  chip: {lag_s: 4, trust_degC: 0.1}
-  board: {lag_s: 6, trust_degC: 0.1}
-  shell: {lag_s: 12, trust_degC: 0.1}
-heat:
-  measured: {into: chip, watts: {chip_power_W: 1.0}}
-  shared: {watts: {battery_current_A: -4.0, chip_power_W: -1.0}, among: {board: 0.5}}
-loss: {rho: 0.5, exponent: 0.25, at_rise_K: 5, at_degC: 20}
-prior: {capacitance: 3, resistance: 3, lag: 3, share: 3, rho: 3, samples: 1000}
-work: {signal: cpu_load_frac, busy_above: 0.1}
-made_up:
-  ambient_degC: [0, 40]
-  stay_min: [10, 40]
-  settling_s: 60
-  episode_min: [5, 15]
-  busy: 0.1
-  idle: {runs: 2, hours: 3}
-unlogged:
-  runs: 2
-  hours: 2
-  episode_min: [2, 10]
-  pause_min: [5, 15]
-  log_deviation: 0.3
-  patterns:
-    charge: {alone: true, watts: [{board: 1.0}, {board: 0.7, shell: 0.3}]}
-    screen: {watts: [{shell: 0.3}]}
-weights:
-  main: {logged: 1, idle: 0.5, residual: 1, screen: 0.02}
-  secondary: {logged: 1, idle: 0.5, residual: 0.5, charge: 0.2}
-  interval: {logged: 1, idle: 1, charge: 0.05, screen: 0.05}
-filter:
-  noise: 0.002
-  one_degree: 100
-  slow: {time_constants_s: [300, 150], slowest_s: 1500, least_ratio: 1.5}
-  fast: {time_s: 30, damping: 0.8, least_damping: 0.7}
-threshold: {percent: 99.9, times: 1.5}
-error_variance: {movement_lag_s: 300, secondary_lag_s: 60}
-"""
 
 TRUTH = {
     "C_chip": 2.4,
@@ -166,17 +98,9 @@ def brick_logged() -> Callable[..., Trace]:
 
 
 @pytest.fixture(scope="session")
-def brick_texts() -> dict[str, str]:
-    """The files of the brick's observer."""
-    return {"brick.yaml": CIRCUIT, "observer.yaml": OBSERVER}
-
-
-@pytest.fixture
-def observer_file(tmp_path: Path, brick_texts: dict[str, str]) -> str:
+def observer_file() -> str:
     """The observer of the brick, beside its circuit."""
-    for name, text in brick_texts.items():
-        (tmp_path / name).write_text(text)
-    return str(tmp_path / "observer.yaml")
+    return str(CIRCUITS / "brick_observer.yaml")
 
 
 @pytest.fixture(scope="session")

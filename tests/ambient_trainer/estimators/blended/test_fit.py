@@ -23,24 +23,16 @@ EFFORT = Effort(seed=0)
 
 
 @pytest.fixture(scope="session")
-def fitted(brick_log, brick_files):
+def fitted(brick_log, observer_file):
     """The brick's observer, and the calls of its progress."""
     calls = []
-    fit = estimator(brick_files).fit([brick_log], EFFORT, lambda *call: calls.append(call))
+    fit = estimator(observer_file).fit([brick_log], EFFORT, lambda *call: calls.append(call))
     return fit, calls
 
 
 @pytest.fixture(scope="session")
 def model(fitted):
     return model_of(fitted[0], [], {})
-
-
-@pytest.fixture(scope="session")
-def brick_files(tmp_path_factory, brick_texts):
-    folder = tmp_path_factory.mktemp("brick")
-    for name, text in brick_texts.items():
-        (folder / name).write_text(text)
-    return str(folder / "observer.yaml")
 
 
 def test_the_file_holds_all_that_a_device_needs(fitted, model):
@@ -116,9 +108,9 @@ def test_heat_that_nobody_logs_is_seen_by_the_guard(model, free, brick_logged):
         (lambda log: replace(log, columns={**log.columns, "cpu_load_frac": 0 * log.time_s}), "column cpu_load_frac"),
     ],
 )
-def test_a_log_that_lacks_something_is_refused_before_anything_is_searched(change, place, brick_files, brick_log):
+def test_a_log_that_lacks_something_is_refused_before_anything_is_searched(change, place, observer_file, brick_log):
     with pytest.raises(Refused) as refused:
-        estimator(brick_files).fit([change(brick_log)], *cancelled(0))
+        estimator(observer_file).fit([change(brick_log)], *cancelled(0))
     assert place in str(refused.value)
 
 
@@ -126,12 +118,12 @@ def without(log: Trace, name: str) -> Trace:
     return replace(log, columns={key: values for key, values in log.columns.items() if key != name})
 
 
-def test_the_observer_is_not_fitted_to_gaps(brick_files, brick_log, fitted):
+def test_the_observer_is_not_fitted_to_gaps(observer_file, brick_log, fitted):
     """A minute without a reference and ten without a sensor move the fit a little, and break nothing."""
     columns = {name: values.copy() for name, values in brick_log.columns.items()}
     columns["ambient_degC"][1000:1006] = np.nan
     columns["board_degC"][2500:2620] = np.nan
-    fit = estimator(brick_files).fit([Trace("gaps", brick_log.time_s, columns)], EFFORT)
+    fit = estimator(observer_file).fit([Trace("gaps", brick_log.time_s, columns)], EFFORT)
     assert fit.samples == fitted[0].samples - 120
     assert fit.rmse_degC == pytest.approx(fitted[0].rmse_degC, rel=0.2)
 
@@ -146,8 +138,8 @@ def cancelled(stage: int) -> tuple[Effort, Progress]:
     return effort, told
 
 
-def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, brick_log, fitted):
-    fit = estimator(brick_files).fit([brick_log], *cancelled(4))
+def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(observer_file, brick_log, fitted):
+    fit = estimator(observer_file).fit([brick_log], *cancelled(4))
     assert fit.stopped
     assert not fit.converged
     assert list(fit.fallbacks) == ["chip"]
@@ -157,6 +149,6 @@ def test_ctrl_c_leaves_out_the_fallbacks_that_are_not_found_yet(brick_files, bri
 
 
 @pytest.mark.parametrize("stage", [0, 1])
-def test_before_main_and_guard_are_found_there_is_nothing_to_keep(stage, brick_files, brick_log):
+def test_before_main_and_guard_are_found_there_is_nothing_to_keep(stage, observer_file, brick_log):
     with pytest.raises(Cancelled):
-        estimator(brick_files).fit([brick_log], *cancelled(stage))
+        estimator(observer_file).fit([brick_log], *cancelled(stage))

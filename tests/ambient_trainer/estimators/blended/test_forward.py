@@ -34,15 +34,12 @@ def truly(forward, truth):
     return np.array([*positive, truth["share_board"], np.log(truth["rho"] / (1 - truth["rho"]))])
 
 
-def test_with_the_true_constants_only_the_sensors_noise_is_left(forward, record, brick_truth):
+def test_with_the_true_constants_only_noise_is_left_and_few_passes_are_near(forward, record, brick_truth):
     x = truly(forward, brick_truth)
     assert forward.values(x) == pytest.approx(brick_truth)
     [misfit] = forward.plant(x).misfits([record], 5.0)
     # between samples 5 s apart the nodes bend a little
     assert (np.sqrt(np.mean(misfit**2, axis=1)) < 0.025).all()
-
-
-def test_the_iteration_converges_and_few_passes_are_near(forward, record, brick_truth):
     plant = forward.plant(truly(forward, brick_truth))
     heat = plant.heat_W(record.measured_W, record.shared_W)
     four, ten, twenty = (plant.readings_degC(record.ambient_degC, heat, 5.0, passes) for passes in (4, 10, 20))

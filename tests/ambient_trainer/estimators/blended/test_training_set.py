@@ -124,16 +124,12 @@ def test_the_training_set_is_that_of_the_recipe(design):
         assert set(np.unique(each.sensors_degC[1] % 0.5)) == {0.0}, "the log's resolution"
 
 
-def test_the_same_seed_makes_up_the_same(design):
+def test_the_same_seed_makes_up_the_same_with_samples_in_between_for_a_finer_filter(design):
     made, log = design
     first, again = made.runs(log), made.runs(log)
     other = TrainingSetDesign(**{**vars(made), "seed": 1}).runs(log)
     assert np.array_equal(first["charge"][0].sensors_degC, again["charge"][0].sensors_degC)
     assert not np.array_equal(first["charge"][0].sensors_degC, other["charge"][0].sensors_degC)
-
-
-def test_a_finer_filter_gets_the_same_runs_with_samples_in_between(design):
-    made, log = design
     fine = [Record(*(np.repeat(each, 5, axis=-1) for each in log[0]))]
     finer = TrainingSetDesign(**{**vars(made), "finer": 5}).runs(fine)
     for name, several in made.runs(log).items():

@@ -42,7 +42,7 @@ def test_a_lone_sensor_gives_its_time_constant_and_noise_back(simulated):
     assert found.converged
 
 
-def test_it_errs_like_the_filter_that_knows_the_truth(fit, simulated):
+def test_on_other_runs_it_errs_like_the_filter_that_knows_the_truth_and_its_interval_covers(fit, simulated, model):
     """The true circuit's filter is the best there is; what was fitted leaves hardly more on a run that it never saw."""
     circuit = RandomWalkAmbient(fit.inputs, 0.3)
     density = 0.05 * np.sqrt(10.0)
@@ -53,15 +53,12 @@ def test_it_errs_like_the_filter_that_knows_the_truth(fit, simulated):
     scored = evaluate_trace(model_of(fit, [], {}), held_out)
     assert scored.metrics.rmse_degC < 1.05 * best
     assert scored.baseline.metrics.rmse_degC > 1.3 * best
-
-
-def test_the_interval_covers_runs_that_the_fit_never_saw(model, simulated):
     covered = [evaluate_trace(model, simulated(seed)).coverage for seed in (2, 3)]
     assert 0.87 <= np.mean([each[90] for each in covered]) <= 0.93
     assert 0.45 <= np.mean([each[50] for each in covered]) <= 0.55
 
 
-def test_a_fallback_an_input(fit, model, simulated):
+def test_it_has_a_fallback_an_input_and_figures_in_plain_json(fit, model, simulated):
     assert list(model.fallbacks) == ["a", "b", "c"]
     for name, fallback in model.fallbacks.items():
         assert [each.name for each in fallback.inputs] == [each for each in "abc" if each != name]
@@ -69,9 +66,6 @@ def test_a_fallback_an_input(fit, model, simulated):
         smaller = fit.fallbacks[name]
         assert dc_gain(smaller.system).sum() == pytest.approx(1.0, abs=1e-9)
         assert fit.rmse_degC < smaller.rmse_degC < 2 * fit.rmse_degC
-
-
-def test_its_figures_are_plain_json(fit):
     data = json.loads(json.dumps(report_of(fit).data, allow_nan=False))
     half = data["half_width_90_degC"]
     assert 0 < half["10"] < half["50"] < half["90"] < half["99"]

@@ -24,17 +24,24 @@ def fit(simulated):
     return FreeObserver().fit([simulated(1, samples=1000)], ONE)
 
 
-def test_its_gains_at_rest_add_up_to_one(fit):
+def test_gains_at_rest_add_up_to_one_in_its_fallbacks_too(fit):
     assert sum(fit.dc_gains) == pytest.approx(1.0, abs=1e-12)
     for fallback in fit.fallbacks.values():
         assert sum(fallback.dc_gains) == pytest.approx(1.0, abs=1e-12)
+    assert list(fit.fallbacks) == ["a", "b", "c"]
+    assert f"order {len(fit.states)}" in fit.notes[0]
+    assert fit.details["choice"]["order"] == len(fit.states)
+    assert {each["order"] for each in fit.details["tried"]} == {1, 2, 3, 4}
 
 
-def test_it_does_as_well_as_one_without_demands(fit, simulated):
+def test_on_runs_that_it_never_saw_it_does_as_well_as_one_without_demands_and_its_interval_holds(fit, simulated):
     held_out = simulated(2)
     unconstrained = FreeFilterEstimator(len(fit.states)).fit([simulated(1, samples=1000)], ONE)
     ours, theirs = (evaluate_trace(model_of(each, [], {}), held_out).metrics.rmse_degC for each in (fit, unconstrained))
     assert ours < 1.02 * theirs
+    model = model_of(fit, [], {})
+    covered = [evaluate_trace(model, simulated(seed)).coverage[90] for seed in (2, 3)]
+    assert 0.87 <= np.mean(covered) <= 0.93
 
 
 def test_the_more_noise_is_presumed_the_less_goes_through(simulated):
@@ -73,25 +80,12 @@ def test_few_levels_do_not_make_large_gains():
     assert gains[1] < 0.8 < gains[0]
 
 
-def test_the_interval_covers_runs_that_the_fit_never_saw(fit, simulated):
-    model = model_of(fit, [], {})
-    covered = [evaluate_trace(model, simulated(seed)).coverage[90] for seed in (2, 3)]
-    assert 0.87 <= np.mean(covered) <= 0.93
-
-
 def test_where_the_sensors_offsets_are_open_the_interval_is_no_narrower_than_they_make_it(simulated):
     """A log of two levels: whatever the offsets are, the blocks are predicted as well."""
     trace = simulated(1, samples=400)
     fit = FreeObserver().fit([trace], ONE)
     offset_degC = fit.details["choice"]["offset_degC"]
     assert fit.error_variance.constant_degC2 >= offset_degC**2 * np.square(fit.dc_gains).sum()
-
-
-def test_fallbacks_and_remarks(fit):
-    assert list(fit.fallbacks) == ["a", "b", "c"]
-    assert f"order {len(fit.states)}" in fit.notes[0]
-    assert fit.details["choice"]["order"] == len(fit.states)
-    assert {each["order"] for each in fit.details["tried"]} == {1, 2, 3, 4}
 
 
 @pytest.mark.parametrize("evaluation", [3, 150])

@@ -26,13 +26,10 @@ def segment_of(trace):
     return Segment(10.0, np.vstack([trace.columns[name] for name in SENSORS]), trace.reference[None])
 
 
-def test_unknowns_are_named_with_units(circuit):
+def test_unknowns_have_units_and_a_degree_more_everywhere_is_a_degree_more(circuit, theta):
     assert circuit.names[:5] == ("tau_a", "tau_b", "tau_c", "C_b", "C_c")
     assert circuit.names[5:8] == ("g_a_b", "g_a_c", "g_b_c")
     assert circuit.units["q_b"] == "K/sqrt(s)"
-
-
-def test_a_degree_more_everywhere_is_a_degree_more(circuit, theta):
     found = circuit.filter(theta)
     assert dc_gain(found)[0].sum() == pytest.approx(1.0, abs=1e-12)
     assert np.linalg.eigvals(found.A).real.max() < 0
@@ -61,16 +58,13 @@ def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta, simulated)
     assert np.abs(found - segment.inputs.mean(axis=0)).max() > 1.0  # it is no mean of its inputs
 
 
-def test_slopes_are_differences(circuit, theta, simulated):
+def test_slopes_are_differences_and_far_off_all_is_finite(circuit, theta, simulated):
     segment = segment_of(simulated(2, samples=200))
     structure = ObserverStructure(circuit, theta, [segment])
     slopes = structure.slopes(theta, np.zeros(1), 0)
     for index, h in enumerate(1e-5 * np.eye(len(theta))):
         across = (structure.regressors(theta + h, 0)[0] - structure.regressors(theta - h, 0)[0]) / 2e-5
         np.testing.assert_allclose(slopes[index], across, atol=1e-6 * max(1.0, np.abs(across).max()))
-
-
-def test_far_off_it_is_finite_and_raises_nothing(circuit, theta, simulated):
     structure = ObserverStructure(circuit, theta, [segment_of(simulated(2, samples=50))])
     with np.errstate(all="ignore"):
         for far in (theta + 300.0, theta + 8.0, theta - 8.0):
