@@ -1,7 +1,5 @@
 """A benchmark of 400 synthetic cases, and of few, as reports."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from ambient_studies.discovery.report import as_json, report_of

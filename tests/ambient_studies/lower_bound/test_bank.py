@@ -1,7 +1,5 @@
 """The bank against filters that are known, run sample by sample, and against noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,10 +1,6 @@
-"""``ambient-trainer limit``: what it prints and writes, and wrong calls."""
-
-from __future__ import annotations
+"""``ambient-trainer limit``: what it prints and writes."""
 
 import json
-
-import pytest
 
 
 def test_it_prints_and_writes(trainer, saved, constant, tmp_path):
@@ -18,19 +14,3 @@ def test_it_prints_and_writes(trainer, saved, constant, tmp_path):
     for each in found["scenarios"]:
         assert f" {each['model_rmse_degC']:.3f} " in out
     assert "simulated" in out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (("--seeds", "3;4"), 2, "--seeds '3;4'"),
-        (("--seeds", ""), 2, "--seeds ''"),
-        (("--fitted", 0), 2, "0 is not in the range"),
-        (("--json", "nowhere/out.json"), 2, "there is no folder "),
-        (("--scenarios", "9"), 1, "'9'"),
-    ],
-)
-def test_a_wrong_call(trainer, saved, constant, arguments, status, message):
-    code, out, err = trainer("limit", saved(constant(20.0)), *arguments)
-    assert (code, out) == (status, "")
-    assert message in err

@@ -1,17 +1,25 @@
 """The limit of models whose place beside it is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
 from ambient_studies.lower_bound.report import report_of
 from ambient_studies.lower_bound.study import Seeds, lower_bounds
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.library.free import FreeFilterEstimator
+from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator import simulate_many
 
 SCENARIO, PERIOD_S = "2.5", 5.0
 SEEDS = Seeds((6, 7, 8), (3, 4))
+
+
+@pytest.fixture(scope="module")
+def model_of_the_scenario():
+    """A free filter of order 2, fitted to the scenario itself: to the runs that the bound is fitted to."""
+    traces = [each.trace for each in simulate_many([(SCENARIO, seed) for seed in SEEDS.fitted], PERIOD_S)]
+    return model_of(FreeFilterEstimator(2).fit(traces, Effort(starts=4)), [], {})
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """A model as the README's demo fits it, a governor known in closed form, and one closed loop for all tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest
@@ -17,7 +15,7 @@ from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.simulator import load_device, simulate
 
-from .sample_report import constant_model, first_order
+from .sample_report import first_order
 
 COLD, HOT, WALK = Room((5.0,)), Room((35.0,)), Room((35.0, 5.0, 35.0))
 
@@ -58,8 +56,3 @@ def records(model: Model, identified: Identified, setting: Setting) -> list[Reco
 @pytest.fixture
 def governor_of() -> Callable[..., Identified]:
     return first_order
-
-
-@pytest.fixture
-def saying() -> Callable[[float], Model]:
-    return constant_model

@@ -1,7 +1,5 @@
 """A comparison of synthetic records, as a report."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 
@@ -35,16 +33,11 @@ def first_order(resistance_K_W: float = 3.0, time_constant_s: float = 300.0, sha
     return Identified("soc", skin, "first-order", 0.1, 0.5, resistance_K_W, time_constant_s)
 
 
-def constant_model(estimate_degC: float) -> Model:
+def constant_model(estimate_degC: float, sensor: str = "usb") -> Model:
     """A model with the same estimate for every reading."""
-    estimator = Estimator(
-        (Input("usb", "degC", "usb-therm", -45.0, 130.0),),
-        (),
-        (Discrete(1.0, (), (), ((),), ((0.0,),)),),
-        estimate_degC,
-        (),
-        {50: (-0.1, 0.1), 90: (-0.2, 0.2), 98: (-0.3, 0.3)},
-    )
+    inputs = (Input(sensor, "degC", f"{sensor}-therm", -45.0, 130.0),)
+    bands = {50: (-0.1, 0.1), 90: (-0.2, 0.2), 98: (-0.3, 0.3)}
+    estimator = Estimator(inputs, (), (Discrete(1.0, (), (), ((),), ((0.0,),)),), estimate_degC, (), bands)
     conformance = conformance_of(estimator, ((20.0,), (30.0,)))
     return Model("constant", "2024-01-01T00:00:00Z", "ambient_degC", estimator, {}, {}, conformance)
 

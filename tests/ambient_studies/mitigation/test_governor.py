@@ -1,7 +1,5 @@
 """The law by hand, and its loop about a phone of first order against the solution of its differential equation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

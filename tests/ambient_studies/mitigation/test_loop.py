@@ -1,7 +1,5 @@
 """The closed loop: the skin's limit, the ambient that each governor uses, outages, and the open-loop simulation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -123,8 +121,8 @@ def test_the_estimate_is_the_devices_recursion_on_the_open_loop_simulation(of, m
     assert record.estimate_degC == pytest.approx(np.array(estimates), abs=1e-6)
 
 
-def test_the_governor_uses_the_estimate_and_not_the_air(saying, identified):
-    records = closed_loop(saying(17.0), identified, BRIEF, [Room((5.0,)), Room((35.0,))], [1])
+def test_the_governor_uses_the_estimate_and_not_the_air(constant, identified):
+    records = closed_loop(constant(17.0), identified, BRIEF, [Room((5.0,)), Room((35.0,))], [1])
     for record in records:
         if record.case.knowledge is Knowledge.ESTIMATE:
             assert record.trusted.all()
@@ -132,9 +130,9 @@ def test_the_governor_uses_the_estimate_and_not_the_air(saying, identified):
 
 
 @pytest.mark.parametrize(("secondary_degC", "used_degC"), [(18.5, 17.0), (20.0, 18.5), (14.0, 15.5), (25.0, 25.0)])
-def test_the_secondary_estimator_is_blended_as_on_a_device(saying, identified, secondary_degC, used_degC):
+def test_the_secondary_estimator_is_blended_as_on_a_device(constant, identified, secondary_degC, used_degC):
     """Up to 2 degC apart the main estimator is used, 3 degC apart half of each, from 4 degC on the secondary one."""
-    model = saying(17.0)._replace(secondary=Secondary(saying(secondary_degC).main, 2.0))
+    model = constant(17.0)._replace(secondary=Secondary(constant(secondary_degC).main, 2.0))
     records = closed_loop(model, identified, replace(BRIEF, work_min=2.0), [Room((20.0,))], [1])
     [mine] = [each for each in records if each.case.knowledge is Knowledge.ESTIMATE]
     assert mine.trusted.all()
@@ -153,10 +151,10 @@ def test_what_still_warms_up_is_not_trusted(model, identified):
     assert np.array_equal(mine.soc_W, cautious.soc_W)
 
 
-def test_a_faulted_estimate_is_the_hottest_room(saying, identified):
+def test_a_faulted_estimate_is_the_hottest_room(constant, identified):
     """30 s after its sensor is lost the estimate of 17 degC is replaced by the hottest room, until it returns."""
     setting = replace(BRIEF, outage=Outage("usb", 5.0, 11.0))
-    records = closed_loop(saying(17.0), identified, setting, [Room((35.0,))], [1])
+    records = closed_loop(constant(17.0), identified, setting, [Room((35.0,))], [1])
     mine, cautious = (
         next(each for each in records if each.case.knowledge is kind)
         for kind in (Knowledge.ESTIMATE, Knowledge.HOTTEST)
@@ -172,9 +170,9 @@ def test_a_faulted_estimate_is_the_hottest_room(saying, identified):
     assert mine.skin_degC[cautious_time].max() < setting.limit_degC
 
 
-def test_a_governor_without_its_own_sensor_leaves_the_floor(saying, identified):
+def test_a_governor_without_its_own_sensor_leaves_the_floor(constant, identified):
     setting = replace(BRIEF, outage=Outage("soc", 2.0, 4.0))
-    for record in closed_loop(saying(17.0), identified, setting, [Room((35.0,))], [1]):
+    for record in closed_loop(constant(17.0), identified, setting, [Room((35.0,))], [1]):
         # a die above 90 degC takes a moment to leave the protection's reach
         out = (record.time_s >= 130) & (record.time_s < 240)
         if record.case.knowledge is Knowledge.NOTHING:
@@ -184,16 +182,16 @@ def test_a_governor_without_its_own_sensor_leaves_the_floor(saying, identified):
             assert record.soc_W[record.time_s == 241] > FLOOR_W + 0.3
 
 
-def test_streaming_comes_in_bursts(saying, identified):
+def test_streaming_comes_in_bursts(constant, identified):
     setting = replace(BRIEF, workload="streaming")
-    record = closed_loop(saying(17.0), identified, setting, [Room((5.0,))], [1])[0]
+    record = closed_loop(constant(17.0), identified, setting, [Room((5.0,))], [1])[0]
     assert working(record, record.soc_W).std() > 0.3
     assert record.soc_W[record.time_s < 0].std() < 0.01
 
 
-def test_without_idle_time_it_starts_in_steady_state(saying, identified):
+def test_without_idle_time_it_starts_in_steady_state(constant, identified):
     """The work begins at 0 s; the phone was off it before."""
-    record = closed_loop(saying(17.0), identified, replace(BRIEF, idle_min=0.0), [Room((20.0,))], [1])[0]
+    record = closed_loop(constant(17.0), identified, replace(BRIEF, idle_min=0.0), [Room((20.0,))], [1])[0]
     assert record.time_s[:2].tolist() == [-1.0, 0.0]
     assert record.soc_W[0] == pytest.approx(0.24, abs=0.01)
     assert record.skin_degC[0] < 21.5

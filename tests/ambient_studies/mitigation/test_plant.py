@@ -1,7 +1,5 @@
 """The stepped phone against the open-loop simulation, and under a cap against an adaptive solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

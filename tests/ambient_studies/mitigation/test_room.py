@@ -1,7 +1,5 @@
 """Rooms as a user writes them, and their air."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Scores of records whose figures are known by hand, and the report of them."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

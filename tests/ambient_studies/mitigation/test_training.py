@@ -1,7 +1,5 @@
 """The identification of a phone of known constants, and the training run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

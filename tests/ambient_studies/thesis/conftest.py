@@ -1,7 +1,5 @@
 """Every method, trained once on a simulated phone; synthetic sensors that move independently; the thesis's text."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A reproduction whose methods have known errors, as a report; figures 4.1 and 4.5 are simulated."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from ambient_studies.thesis.errata import text_errata

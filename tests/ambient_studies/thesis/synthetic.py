@@ -1,7 +1,5 @@
 """A reproduction whose methods have known errors over short runs, and published figures to hold against them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambient_studies.thesis.methods import Method, Variant

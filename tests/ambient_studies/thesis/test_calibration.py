@@ -1,7 +1,5 @@
 """The shipped phone meets the published figures; the search lowers the cost of its guess; the command says how well."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

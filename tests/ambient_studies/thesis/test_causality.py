@@ -1,7 +1,5 @@
 """No method uses the reference of the run under evaluation, nor any later sample; only the non-causal variant may."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The thesis's models: what they compute, that a device computes the same, and that a fit recovers them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

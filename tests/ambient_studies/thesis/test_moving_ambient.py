@@ -1,7 +1,5 @@
 """The explicit system is the implicit balance with -dT_amb/dt, and a fit finds it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

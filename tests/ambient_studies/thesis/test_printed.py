@@ -1,7 +1,5 @@
 """The printed matrices are the text's, errors included; without the errors they are the circuits'."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

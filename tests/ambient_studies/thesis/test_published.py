@@ -1,7 +1,5 @@
 """The published tables are the text's, agree with themselves, and tell of the sensors what the data files hold."""
 
-from __future__ import annotations
-
 import csv
 import re
 from importlib import resources

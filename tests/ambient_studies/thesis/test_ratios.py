@@ -1,7 +1,5 @@
 """Ratios of first-order responses: outputs against the filter itself, derivatives against finite differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

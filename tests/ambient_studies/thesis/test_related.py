@@ -1,7 +1,5 @@
 """The related methods: what all four do with what is missing, and that each recovers data of its own making."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import astuple, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Rows, correlation, verdict, tables and JSON of a reproduction whose methods have known errors."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

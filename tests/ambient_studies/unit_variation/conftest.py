@@ -1,7 +1,5 @@
 """A model of one simulated phone."""
 
-from __future__ import annotations
-
 import pytest
 
 from ambient_model.model import Model

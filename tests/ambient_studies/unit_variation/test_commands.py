@@ -1,6 +1,4 @@
-"""``ambient-trainer units``: what it prints and writes, wrong calls, and Ctrl-C."""
-
-from __future__ import annotations
+"""``ambient-trainer units``: what it prints and writes, and Ctrl-C."""
 
 import json
 
@@ -18,21 +16,6 @@ def test_units_prints_writes_and_draws(trainer, saved, free_model, tmp_path):
         assert f" {group['as it is']['rmse_degC']['median']:.2f} " in out
     assert out.splitlines()[-2:] == [f"Figures: {figures}", f"Report: {report}/index.html"]
     assert "Scenario 1, in its case" in (report / "index.html").read_text()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (("--count", 1), 2, "1 is not in the range"),
-        (("--seed", 0), 2, "0 is not in the range"),
-        (("--json", "nowhere/out.json"), 2, "there is no folder "),
-        (("--scenarios", "9"), 1, "'9'"),
-    ],
-)
-def test_a_wrong_call_of_units(trainer, saved, free_model, arguments, status, message):
-    code, out, err = trainer("units", saved(free_model), *arguments)
-    assert (code, out) == (status, "")
-    assert message in err
 
 
 @pytest.mark.slow

@@ -1,7 +1,5 @@
 """Units' runs: the nominal one is the simulated phone itself, a sensor's error is its own, a case warms and slows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

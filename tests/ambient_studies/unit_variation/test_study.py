@@ -1,7 +1,5 @@
 """The study against its own pieces, put together by hand, and against what must hold whatever is drawn."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np
