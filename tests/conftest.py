@@ -1,7 +1,5 @@
 """Property tests that draw the same examples every time; the command line and model files."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import pty
@@ -92,13 +90,26 @@ def _read(terminal: int, patience_s: float) -> bytes:
     return b""
 
 
+@pytest.fixture(scope="session")
+def until() -> Callable[..., None]:
+    """Waits until a condition holds; the limit only ends a test that has failed."""
+
+    def wait(condition: Callable[[], object], why: str = "waited in vain", seconds: float = 20.0) -> None:
+        end_s = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end_s, why
+            time.sleep(0.01)
+
+    return wait
+
+
 @pytest.fixture
-def saved(tmp_path: Path) -> Callable[[Model], str]:
+def saved(tmp_path: Path) -> "Callable[[Model], str]":
     """Writes a model and returns its path."""
 
     from ambient_model.codec import save_model
 
-    def save(model: Model) -> str:
+    def save(model: "Model") -> str:
         path = str(tmp_path / "model.json")
         save_model(path, model)
         return path

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -26,6 +25,17 @@ def build() -> "Callable[..., subprocess.CompletedProcess[str]]":
         return subprocess.run(call, env={"PYTHONDONTWRITEBYTECODE": "1"}, capture_output=True, text=True, timeout=60)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def program() -> Callable[[str], str]:
+    """The path of a program; where it is not installed, the test skips."""
+    path = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin:/usr/local/sbin"
+
+    def find(name: str) -> str:
+        return shutil.which(name, path=path) or pytest.skip(f"{name} is not installed")
+
+    return find
 
 
 @pytest.fixture(scope="session")
@@ -69,19 +79,6 @@ def spawn() -> "Iterator[Spawn]":
         process.wait()
         if process.stdout:
             process.stdout.close()
-
-
-@pytest.fixture(scope="session")
-def until() -> Callable[..., None]:
-    """Wait until a condition holds; the limit only ends a test that has failed."""
-
-    def wait(condition: Callable[[], object], why: str = "waited in vain", seconds: float = 20.0) -> None:
-        end = time.monotonic() + seconds
-        while not condition():
-            assert time.monotonic() < end, why
-            time.sleep(0.01)
-
-    return wait
 
 
 class Weather:
@@ -194,11 +191,10 @@ class Machine:
 
 
 @pytest.fixture(scope="session")
-def boot(until: Callable[..., None]) -> "Callable[[Path], contextlib.AbstractContextManager[Machine]]":
+def boot(program, until: Callable[..., None]) -> "Callable[[Path], contextlib.AbstractContextManager[Machine]]":
     """Boot a systemd on a folder, whose ``units`` and ``files`` it finds in its own file system."""
-    missing = [program for program in ("unshare", "nsenter", "setpriv", "systemctl") if shutil.which(program) is None]
-    if missing:
-        pytest.skip(f"{missing[0]} is not installed: no systemd can be booted")
+    for name in ("unshare", "nsenter", "setpriv", "systemctl"):
+        program(name)
     if os.geteuid() != 0:
         pytest.skip("only root boots a systemd")
     fit = "import sys; sys.exit(sys.version_info < (3, 10))"

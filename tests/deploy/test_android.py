@@ -49,30 +49,18 @@ sid kernel u:r:init:s0
 
 
 @pytest.fixture
-def compiled(tmp_path):
-    """Compile the daemon's policy with what Android's gives it."""
-    if shutil.which("checkpolicy") is None:
-        pytest.skip("checkpolicy is not installed")
-
-    def run(policy):
-        (tmp_path / "policy.conf").write_text(BEFORE + policy + AFTER)
-        call = ["checkpolicy", "-M", "-E", "-o", str(tmp_path / "policy"), str(tmp_path / "policy.conf")]
-        return subprocess.run(call, capture_output=True, text=True, timeout=60)
-
-    return run
-
-
-def test_the_policy_compiles(compiled):
-    done = compiled((ANDROID / "ambientd.te").read_text())
+def policy(program, tmp_path):
+    """The daemon's policy, compiled with what Android's gives it."""
+    source, compiled = tmp_path / "policy.conf", tmp_path / "policy"
+    source.write_text(BEFORE + (ANDROID / "ambientd.te").read_text() + AFTER)
+    call = [program("checkpolicy"), "-M", "-E", "-o", compiled, source]
+    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr
+    return compiled
 
 
-def test_the_labels_are_types_of_the_policy(compiled, tmp_path):
-    program = shutil.which("sefcontext_compile", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
-    if program is None:
-        pytest.skip("sefcontext_compile is not installed")
-    assert compiled((ANDROID / "ambientd.te").read_text()).returncode == 0
-    call = [program, "-p", str(tmp_path / "policy"), "-o", str(tmp_path / "bin"), str(ANDROID / "file_contexts")]
+def test_the_policy_compiles_and_the_labels_are_types_of_it(policy, program, tmp_path):
+    call = [program("sefcontext_compile"), "-p", policy, "-o", tmp_path / "bin", ANDROID / "file_contexts"]
     done = subprocess.run(call, capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stderr) == (0, "")
 
@@ -132,6 +120,14 @@ def module(build, tmp_path_factory):
     return path
 
 
+@pytest.fixture
+def installed(module, tmp_path):
+    """The module, unpacked."""
+    with zipfile.ZipFile(module) as archive:
+        archive.extractall(tmp_path / "module")
+    return tmp_path / "module"
+
+
 def test_two_modules_are_the_same_bytes_and_hold_the_same_daemon(module, build, zipapp, tmp_path):
     assert build("build_magisk.py", "-o", tmp_path / "again.zip").returncode == 0
     assert (tmp_path / "again.zip").read_bytes() == module.read_bytes()
@@ -160,21 +156,17 @@ def test_its_properties_are_as_magisk_wants_them(module):
 
 @pytest.mark.parametrize("shell", ["sh", "mksh"])
 def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
-    shell, module, model_file, phone, spawn, until, children, tmp_path
+    shell, installed, model_file, phone, program, spawn, until, children, tmp_path
 ):
     """Unpacked and started as Magisk does, by Debian's shell and by Android's; the daemon is killed once."""
-    if shutil.which(shell) is None:
-        pytest.skip(f"{shell} is not installed")
-    installed, settings, run = tmp_path / "module", tmp_path / "settings", tmp_path / "run"
-    with zipfile.ZipFile(module) as archive:
-        archive.extractall(installed)
+    settings, run = tmp_path / "settings", tmp_path / "run"
     laid_out(settings / "python", run, installed / "ambientd.pyz", model_file)
     for name in ("model.json", "ambientd.json"):
         (settings / "python" / name).rename(settings / name)
     configuration = json.loads((settings / "ambientd.json").read_text())
     (settings / "ambientd.json").write_text(json.dumps({**configuration, "sysfs_root": str(phone)}))
     moved = {"AMBIENTD_SETTINGS": str(settings), "AMBIENTD_RUN": str(run), "AMBIENTD_PAUSE_S": "0.1"}
-    keeper = spawn([shell, str(installed / "service.sh")], env={"PATH": os.environ["PATH"], **moved})
+    keeper = spawn([program(shell), str(installed / "service.sh")], env={"PATH": os.environ["PATH"], **moved})
     published = run / "ambient_temp"
     until(published.exists)
     assert published.read_text() == "23000\n"
@@ -195,25 +187,21 @@ def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
     assert published.read_text() == "60000\n"
 
 
-def test_the_module_without_a_python_says_so(module, spawn, until, tmp_path):
-    with zipfile.ZipFile(module) as archive:
-        archive.extractall(tmp_path / "module")
+def test_the_module_without_a_python_says_so(installed, spawn, until, tmp_path):
     moved = {"AMBIENTD_SETTINGS": str(tmp_path), "AMBIENTD_RUN": str(tmp_path / "run"), "AMBIENTD_PAUSE_S": "0.1"}
-    keeper = spawn(["sh", str(tmp_path / "module/service.sh")], env={"PATH": os.environ["PATH"], **moved})
+    keeper = spawn(["sh", str(installed / "service.sh")], env={"PATH": os.environ["PATH"], **moved})
     log = tmp_path / "run" / "log"
     until(lambda: log.exists() and log.read_text())
     said = f"no Python in {tmp_path}/python/bin/python3 nor in Termux; looking again in 0.1 s\n"
     until(lambda: log.read_text() == said)
-    (tmp_path / "module" / "remove").touch()
+    (installed / "remove").touch()
     assert keeper.wait(timeout=20) == 0
 
 
-def test_the_installation_keeps_the_settings_that_are_there(module, tmp_path):
+def test_the_installation_keeps_the_settings_that_are_there(installed, tmp_path):
     """customize.sh, sourced as Magisk does, with its folder moved: an update changes nothing that is the user's."""
-    with zipfile.ZipFile(module) as archive:
-        archive.extractall(tmp_path / "new")
-    script = (tmp_path / "new/customize.sh").read_text().replace("/data/adb/ambientd", f"{tmp_path}/settings")
-    call = ["sh", "-euc", f'ui_print() {{ echo "$1"; }}; MODPATH={tmp_path}/new\n{script}']
+    script = (installed / "customize.sh").read_text().replace("/data/adb/ambientd", f"{tmp_path}/settings")
+    call = ["sh", "-euc", f'ui_print() {{ echo "$1"; }}; MODPATH={installed}\n{script}']
     first = subprocess.run(call, capture_output=True, text=True, timeout=20)
     assert (first.returncode, first.stderr) == (0, "")
     assert first.stdout == f"- copy your model to {tmp_path}/settings/model.json, then restart\n"
@@ -225,11 +213,9 @@ def test_the_installation_keeps_the_settings_that_are_there(module, tmp_path):
     assert (second.returncode, second.stdout, kept.read_text()) == (0, "", "mine")
 
 
-def test_shellcheck_has_nothing_to_say():
-    if shutil.which("shellcheck") is None:
-        pytest.skip("shellcheck is not installed")
+def test_shellcheck_has_nothing_to_say(program):
     scripts = [*sorted(DEPLOY.rglob("*.sh")), DEPLOY / "magisk/META-INF/com/google/android/update-binary"]
     scripts += [DEPLOY / "debian" / name for name in ("postinst", "prerm", "postrm")]
     assert {"emul_temp.sh", "service.sh", "customize.sh"} <= {script.name for script in scripts}
-    done = subprocess.run(["shellcheck", *scripts], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([program("shellcheck"), *scripts], capture_output=True, text=True, timeout=60)
     assert (done.returncode, done.stdout) == (0, "")

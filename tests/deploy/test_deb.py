@@ -36,6 +36,13 @@ def deb(build, tmp_path_factory):
     return path
 
 
+@pytest.fixture
+def data(deb):
+    """What the package installs."""
+    with tarfile.open(fileobj=io.BytesIO(members(deb)["data.tar.xz"])) as archive:
+        yield archive
+
+
 def members(path):
     """The files in an ar archive."""
     content = path.read_bytes()
@@ -58,17 +65,15 @@ def test_two_builds_are_the_same_bytes(deb, build, tmp_path):
     assert (tmp_path / "again.deb").read_bytes() == deb.read_bytes()
 
 
-def test_it_holds_what_belongs_where_and_all_of_it_is_roots(deb):
-    parts = members(deb)
-    assert list(parts) == ["debian-binary", "control.tar.xz", "data.tar.xz"]
-    with tarfile.open(fileobj=io.BytesIO(parts["data.tar.xz"])) as archive:
-        files = {entry.name: entry.mode for entry in archive if entry.isfile()}
-        assert {(entry.uid, entry.gid, entry.uname, entry.mtime) for entry in archive} == {(0, 0, "root", FIXED_S)}
-        unit = archive.extractfile("./usr/lib/systemd/system/ambientd.service").read()
-        program = archive.extractfile("./usr/bin/ambientd").read()
-    assert files == INSTALLED
+def test_it_holds_what_belongs_where_and_all_of_it_is_roots(deb, data):
+    assert list(members(deb)) == ["debian-binary", "control.tar.xz", "data.tar.xz"]
+    assert {entry.name: entry.mode for entry in data if entry.isfile()} == INSTALLED
+    assert {(entry.uid, entry.gid, entry.uname, entry.mtime) for entry in data} == {(0, 0, "root", FIXED_S)}
+    unit = data.extractfile("./usr/lib/systemd/system/ambientd.service").read()
     assert unit == (DEPLOY / "ambientd.service").read_bytes()
-    assert program.startswith(b"#!/usr/bin/python3 -I\n"), "isolated, and with Debian's PyYAML"
+    assert data.extractfile("./usr/bin/ambientd").read().startswith(b"#!/usr/bin/python3 -I\n"), (
+        "isolated, and with Debian's PyYAML"
+    )
 
 
 def test_a_maintainer_without_an_address_is_refused(build, tmp_path):
@@ -77,42 +82,32 @@ def test_a_maintainer_without_an_address_is_refused(build, tmp_path):
     assert "argument --maintainer: 'Jane' is not such as 'Jane Doe <jane@example.com>'" in done.stderr
 
 
-@pytest.fixture
-def dpkg_deb(deb):
-    if shutil.which("dpkg-deb") is None:
-        pytest.skip("dpkg-deb is not installed: what it makes of the package is unknown")
-    return lambda *words: subprocess.run(["dpkg-deb", *words], capture_output=True, text=True, timeout=60, check=True)
+def test_dpkg_understands_it(program, deb, data):
+    def dpkg_deb(*words):
+        call = [program("dpkg-deb"), *words]
+        return subprocess.run(call, capture_output=True, text=True, timeout=60, check=True).stdout
 
-
-def test_dpkg_understands_it(dpkg_deb, deb, build):
-    fields = dict(
-        line.split(": ", 1) for line in dpkg_deb("-f", str(deb)).stdout.splitlines() if not line.startswith(" ")
-    )
+    fields = dict(line.split(": ", 1) for line in dpkg_deb("-f", deb).splitlines() if not line.startswith(" "))
     version = re.search(r'__version__ = "(.+)"', (ROOT / "shared/ambient_model/__init__.py").read_text())[1]
     assert (fields["Package"], fields["Version"], fields["Architecture"]) == ("ambientd", version, "all")
     assert fields["Depends"] == "python3 (>= 3.10), python3-yaml, init-system-helpers (>= 1.52)"
     assert fields["Maintainer"] == "Jane Doe <jane@example.com>"
-    with tarfile.open(fileobj=io.BytesIO(members(deb)["data.tar.xz"])) as archive:
-        kib = sum(-(-entry.size // 1024) for entry in archive)
-    assert int(fields["Installed-Size"]) == kib
-    assert "./usr/bin/ambientd" in dpkg_deb("-c", str(deb)).stdout
-    assert dpkg_deb("-I", str(deb), "conffiles").stdout == "/etc/ambientd/ambientd.yaml\n"
+    assert int(fields["Installed-Size"]) == sum(-(-entry.size // 1024) for entry in data)
+    assert "./usr/bin/ambientd" in dpkg_deb("-c", deb)
+    assert dpkg_deb("-I", deb, "conffiles") == "/etc/ambientd/ambientd.yaml\n"
 
 
 @pytest.mark.slow
-def test_lintian_finds_nothing(deb):
-    if shutil.which("lintian") is None:
-        pytest.skip("lintian is not installed")
-    done = subprocess.run(["lintian", "--allow-root", str(deb)], capture_output=True, text=True, timeout=120)
+def test_lintian_finds_nothing(program, deb):
+    done = subprocess.run([program("lintian"), "--allow-root", deb], capture_output=True, text=True, timeout=120)
     mine = "bogus-mail-host"  # example.com
     assert not [line for line in done.stdout.splitlines() if line[:2] in ("E:", "W:") and mine not in line]
 
 
-def test_it_is_installed_started_upgraded_removed_and_purged(boot, at_rest, deb, tmp_path, model_file, until):
-    if shutil.which("dpkg-query") is None:
-        pytest.skip("dpkg is not installed: the package cannot be")
+def test_it_is_installed_started_upgraded_removed_and_purged(boot, program, at_rest, deb, tmp_path, model_file):
     for package in ("python3", "python3-yaml"):
-        asked = subprocess.run(["dpkg-query", "-W", "-f", "${Status}", package], capture_output=True, text=True)
+        call = [program("dpkg-query"), "-W", "-f", "${Status}", package]
+        asked = subprocess.run(call, capture_output=True, text=True)
         if not asked.stdout.startswith("install ok installed"):
             pytest.skip(f"{package}, which the package depends on, is not installed")
     etc = tmp_path / "files/etc/ambientd"

@@ -2,19 +2,12 @@
 
 import contextlib
 import os
-import shutil
 import signal
 from pathlib import Path
 
 import pytest
 
 SCRIPT = Path(__file__).resolve().parents[2] / "deploy" / "qualcomm" / "emul_temp.sh"
-
-
-def found(shell):
-    if shutil.which(shell) is None:
-        pytest.skip(f"{shell} is not installed")
-    return shell
 
 
 class Zone:
@@ -44,9 +37,9 @@ def zone(tmp_path):
 
 
 @pytest.fixture
-def bridge(tmp_path, spawn):
+def bridge(tmp_path, program, spawn):
     return lambda *arguments, shell="sh": spawn(
-        [shell, str(SCRIPT), *map(str, arguments)],
+        [program(shell), str(SCRIPT), *map(str, arguments)],
         env={"PATH": os.environ["PATH"], "SYSFS_ROOT": str(tmp_path / "sys")},
     )
 
@@ -66,7 +59,7 @@ def test_the_zone_says_what_is_published_and_never_0(shell, bridge, zone, until,
     """By Debian's shell, and by Android's."""
     estimate = tmp_path / "ambient_temp"
     put(estimate, "23400\n")
-    process = bridge(estimate, "quiet-therm", 60000, 0.02, shell=found(shell))
+    process = bridge(estimate, "quiet-therm", 60000, 0.02, shell=shell)
     until(lambda: zone.says() == "23400")
     for published, said in [
         ("0\n", "1"),

@@ -1,9 +1,7 @@
 """``ambientd-mqtt`` on a real mosquitto: discovery, the estimate, the last will, and restarts of either side."""
 
-import importlib.util
 import itertools
 import json
-import shutil
 import signal
 import socket
 import subprocess
@@ -17,15 +15,14 @@ CONFIGS = [f"homeassistant/sensor/phone_{name}/config" for name in ("ambient", "
 
 
 @pytest.fixture
-def broker(tmp_path, spawn):
+def broker(tmp_path, program, spawn):
     """Start a mosquitto that forgets everything when it ends, always at the same address."""
-    program = shutil.which("mosquitto", path="/usr/sbin:/usr/bin:/usr/local/sbin:/usr/local/bin")
-    if program is None or importlib.util.find_spec("paho") is None:
-        pytest.skip("mosquitto or paho-mqtt is not installed")
+    pytest.importorskip("paho")
+    mosquitto = program("mosquitto")
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     (tmp_path / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\npersistence false\n")
-    return port, lambda: spawn([program, "-c", str(tmp_path / "mosquitto.conf")], stdout=subprocess.DEVNULL)
+    return port, lambda: spawn([mosquitto, "-c", str(tmp_path / "mosquitto.conf")], stdout=subprocess.DEVNULL)
 
 
 @pytest.fixture

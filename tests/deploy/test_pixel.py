@@ -5,7 +5,6 @@ The sources are others' and not part of this repository: they lie beside it, or 
 
 import json
 import os
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -39,23 +38,21 @@ def test_it_reads_what_android_publishes_and_a_fault_throttles_but_shuts_nothing
 
 
 @pytest.fixture(scope="module")
-def hal(tmp_path_factory):
+def hal(program, tmp_path_factory):
     """The HAL's parser and the beginning of its start, compiled: gives exit status and what it says of the sensors."""
     sources = Path(os.environ.get("AMBIENTD_PIXEL_HAL", DEPLOY.parents[1] / "shared/consumers/pixel-hal"))
     if not (sources / "harness.cpp").is_file():
         pytest.skip("the HAL's sources are not in AMBIENTD_PIXEL_HAL")
-    if shutil.which("g++") is None:
-        pytest.skip("g++ is not installed")
-    program = tmp_path_factory.mktemp("hal") / "harness"
+    harness = tmp_path_factory.mktemp("hal") / "harness"
     folders = [f"-I{sources}", f"-I{sources / 'inc'}", "-I/usr/include/jsoncpp"]
-    call = ["g++", "-std=c++20", "-w", *folders, str(sources / "harness.cpp"), "-ljsoncpp", "-o", str(program)]
+    call = [program("g++"), "-std=c++20", "-w", *folders, str(sources / "harness.cpp"), "-ljsoncpp", "-o", str(harness)]
     built = subprocess.run(call, capture_output=True, text=True, timeout=300)
     if built.returncode != 0:
         errors = [line for line in built.stderr.splitlines() if "error: " in line]
         pytest.skip(f"the HAL does not compile here: {errors[0] if errors else built.stderr[-200:]}")
 
     def run(*zones):
-        done = subprocess.run([program, SNIPPET, *zones], capture_output=True, text=True, timeout=30)
+        done = subprocess.run([harness, SNIPPET, *zones], capture_output=True, text=True, timeout=30)
         return done.returncode, done.stderr
 
     return run

@@ -1,7 +1,6 @@
 """The shipped alerts fire on what the daemon publishes and on its absence, as the real promtool evaluates them."""
 
 import json
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -25,13 +24,12 @@ SERIES["AmbientdGone"][f"ambientd_missed_ticks{ONE}"] = "3x40"
 
 
 @pytest.fixture
-def promtool(tmp_path):
-    program = shutil.which("promtool")
-    if program is None:
-        pytest.skip("promtool is not installed: the package prometheus has it")
+def promtool(program, tmp_path):
 
     def run(*words):
-        done = subprocess.run([program, *map(str, words)], cwd=tmp_path, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            [program("promtool"), *map(str, words)], cwd=tmp_path, capture_output=True, text=True, timeout=60
+        )
         assert done.returncode == 0, done.stdout + done.stderr
 
     return run

@@ -1,7 +1,6 @@
 """The unit: valid, closed as far as systemd can measure, and no tighter than what the daemon does."""
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -13,13 +12,11 @@ MOST_EXPOSURE = 1.5
 
 
 @pytest.fixture
-def analyze():
+def analyze(program):
     """Run systemd-analyze; no running systemd is needed."""
-    if shutil.which("systemd-analyze") is None:
-        pytest.skip("systemd-analyze is not installed: the unit cannot be judged")
 
     def run(*arguments):
-        call = ["systemd-analyze", "--no-pager", *map(str, arguments)]
+        call = [program("systemd-analyze"), "--no-pager", *map(str, arguments)]
         return subprocess.run(call, capture_output=True, text=True, timeout=30)
 
     return run
@@ -81,18 +78,15 @@ def allowed_calls(analyze, filters):
     return calls | expanded("@default") | {"execve"}
 
 
-def test_the_daemon_makes_no_system_call_that_the_unit_forbids(analyze, unit, deployed, tmp_path, model_file):
+def test_the_daemon_makes_no_system_call_that_the_unit_forbids(analyze, program, unit, deployed, tmp_path, model_file):
     """EPERM for a call on a path that is taken once a month would end a daemon that ran well on the bench."""
-    if shutil.which("strace") is None:
-        pytest.skip("strace is not installed: what the daemon calls is unknown")
     trace = tmp_path / "trace.csv"
     trace.write_text("time_s,usb_degC,battery_degC\n0,25,25\n1,,25\n2,25,25\n")
     kinds = ("file", "file-in-place", "status", "prometheus", "socket")
     publish = [part for kind in kinds for part in ("--publish", f"{kind}:{tmp_path}/{kind}")]
     words = deployed("run", "--model", model_file, "--replay", trace, "--rate", "20", *publish)
-    done = subprocess.run(
-        ["strace", "-f", "-o", tmp_path / "calls", *words], env={}, capture_output=True, text=True, timeout=60
-    )
+    call = [program("strace"), "-f", "-o", tmp_path / "calls", *words]
+    done = subprocess.run(call, env={}, capture_output=True, text=True, timeout=60)
     if "ptrace" in done.stderr:
         pytest.skip(f"strace may not trace here: {done.stderr.strip()}")
     assert done.returncode == 0, done.stderr

@@ -6,7 +6,6 @@ It runs in the foreground, on files of the test's own.
 import contextlib
 import json
 import os
-import shutil
 import subprocess
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -39,11 +38,9 @@ def is_running(name):
 
 
 @pytest.fixture
-def thermald(tmp_path, spawn):
+def thermald(tmp_path, program, spawn):
     """Start thermald, looking once a second, on the shipped configuration with ``paths`` in place of those in it."""
-    program = shutil.which("thermald", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin")
-    if program is None:
-        pytest.skip("thermald is not installed")
+    thermald = program("thermald")
     if os.geteuid() != 0:
         pytest.skip("thermald runs as root only")
     if is_running("thermald"):
@@ -57,7 +54,7 @@ def thermald(tmp_path, spawn):
         (tmp_path / "conf.xml").write_text(text)
         options = ["--no-daemon", "--loglevel=debug", "--ignore-cpuid-check", "--poll-interval=1"]
         with (tmp_path / "log").open("w") as log:
-            return spawn([program, *options, "--config-file", str(tmp_path / "conf.xml")], stdout=log)
+            return spawn([thermald, *options, "--config-file", str(tmp_path / "conf.xml")], stdout=log)
 
     return start
 
