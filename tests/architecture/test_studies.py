@@ -1,7 +1,5 @@
 """The product works without the studies and knows nothing of them; the studies use what packages export."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import subprocess

@@ -1,7 +1,5 @@
 """Benchmarks run when asked for, with ``pytest tests/benchmarks --benchmark-only``, and end in a table side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

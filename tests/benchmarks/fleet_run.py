@@ -1,7 +1,5 @@
 """One run over a fleet in a process of its own: DATASET ENGINE WORKERS; what it took, as JSON."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -3,8 +3,6 @@
 The laboratory is simulated, on pseudo-terminals and a real shell; its clock is the machine's.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

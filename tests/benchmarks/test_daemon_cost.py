@@ -5,8 +5,6 @@ after the other. A tick's CPU time is what the process clock has moved by betwee
 simulated phone's do, in tenths of a degree and once a second, as sensors that stand still cost less.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

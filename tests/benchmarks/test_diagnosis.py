@@ -3,8 +3,6 @@
 The aim of a minute on two cores is held against the whole command: misfit, search, next experiment.
 """
 
-from __future__ import annotations
-
 import pytest
 from joblib import parallel_config
 

@@ -1,7 +1,5 @@
 """What a fleet costs on one process and on two workers, and what partial pooling is worth on fresh runs."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """How long the daemon takes for a day at 1 Hz, as a process, start-up and files included."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -13,8 +13,6 @@ states unknown, the start up to 3x off. Each neighbour has the settings with whi
 ``pip install -e '.[trainer,test,benchmark]'`` brings them; what is not installed is skipped.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import math
@@ -47,6 +45,15 @@ OURS = "this project's search"
 ROUNDS = 5
 
 
+class Found(NamedTuple):
+    """What a method ended with."""
+
+    parameters: Sequence[float]
+    start_degC: Sequence[float]
+    rmse_degC: float
+    """By its own simulation."""
+
+
 class Problem(NamedTuple):
     """What every method is given, and the truth."""
 
@@ -72,15 +79,6 @@ class Problem(NamedTuple):
         s = assemble(self.circuit, {**held, **dict(zip(self.names, found.parameters))}).value
         discrete = cont2discrete((s.A, s.B, s.C, s.D), 1.0, "zoh")
         return dlsim(discrete, self.inputs.T, x0=found.start_degC)[1].T
-
-
-class Found(NamedTuple):
-    """What a method ended with."""
-
-    parameters: Sequence[float]
-    start_degC: Sequence[float]
-    rmse_degC: float
-    """By its own simulation."""
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """How long the search over a phone's zones takes, and a candidate by its Gram matrices beside a refit from scratch."""
 
-from __future__ import annotations
-
 import os
 import time
 

@@ -1,7 +1,5 @@
 """README and tutorial are executed: their files written, their commands and Python run, in order, in one folder."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
