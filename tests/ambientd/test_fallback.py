@@ -7,7 +7,6 @@ import pytest
 
 from ambient_model.tracking import Tracker, nearest_discrete
 from ambientd.fallback import FallbackTracker
-from ambientd.state import State, decode, encode
 
 
 @pytest.fixture
@@ -95,16 +94,6 @@ def test_an_input_that_comes_and_goes_leaves_the_voice_where_it_is(tracker):
     feed(tracker, [REST] * 200 + [(None, 25.0)] * 600)
     said = feed(tracker, ([REST] * 100 + [(None, 25.0)] * 40) * 5, start=800)
     assert {(each.status, each.used) for each in said} == {("degraded", (None, 25.0))}
-
-
-def test_a_restart_while_the_main_estimator_is_waited_for_changes_nothing(make_model):
-    rows = [REST] * 200 + [(None, 25.0)] * 300 + [(30 + math.sin(k / 9), 25 + math.cos(k / 7)) for k in range(300)]
-    whole, first, second = (FallbackTracker(make_model(fallbacks=True, guarded=True), 1.0) for _ in range(3))
-    wanted = feed(whole, rows)
-    feed(first, rows[:550])
-    second.restore(decode(encode(State("model", "boot", 99.0, first.snapshot()))).tracker)
-    assert feed(second, rows[550:], start=550) == wanted[550:]
-    assert [each.used[0] is None for each in wanted[500:]] == [True] * SETTLING + [False] * (300 - SETTLING)
 
 
 def test_the_interval_holds_both_ends_of_the_bridge(tracker):

@@ -44,14 +44,17 @@ def guarded(make_model, **more):
     return FallbackTracker(make_model(fallbacks=True, guarded=True, **more), 1.0)
 
 
-@pytest.mark.parametrize("at", [1, 7, 150, 300])
-def test_guard_and_spread_go_on_to_the_bit_where_they_stood(make_model, at):
+@pytest.mark.parametrize("at", [1, 7, 150, 300, 750])
+def test_all_goes_on_to_the_bit_where_it_stood(make_model, at):
+    """Secondary estimator and variance, and at last while the main estimator is waited for."""
     whole, first, second = (guarded(make_model) for _ in range(3))
-    wanted = fed(whole, rows(400))
-    assert len({each.status for each in wanted}) == 3, "the guard has a say at times"
-    fed(first, rows(at))
+    samples = [*rows(400), *((time_s, (None, 25.0)) for time_s, _ in rows(300, 400)), *rows(300, 700)]
+    wanted = fed(whole, samples)
+    assert len({each.status for each in wanted[:400]}) == 3, "the secondary estimator has a say at times"
+    assert [each.used[0] is None for each in wanted[700:]] == [True] * 120 + [False] * 180
+    fed(first, samples[:at])
     second.restore(decode(encode(State("model", "boot", 99.0, first.snapshot()))).tracker)
-    assert fed(second, rows(400 - at, at)) == wanted[at:]
+    assert fed(second, samples[at:]) == wanted[at:]
 
 
 def test_a_background_that_is_not_of_the_main_estimators_moment_is_refused_and_changes_nothing(make_model):
