@@ -1,0 +1,189 @@
+"""Each kind of sensor is found by name, whatever number it has at this boot, and read in degC, A or V."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from ambientd.sources.hwmon import Hwmon, HwmonTemperature, find_hwmon
+from ambientd.sources.iio import Iio, IioTemperature, find_iio
+from ambientd.sources.power_supply import PowerSupply, PowerSupplyProperty
+from ambientd.sources.zone import Zone, ZoneTemperature, find_zones
+
+
+def value_of(source):
+    (path,) = source.find()
+    return source.value(Path(path).read_bytes())
+
+
+def test_zones_are_found_by_type_in_the_order_of_their_numbers(sysfs):
+    for number, kind in ((10, "usb-therm"), (2, "usb-therm"), (1, "battery")):
+        sysfs.zone(number, kind, "1\n")
+    (sysfs.root / "class/thermal/cooling_device0").mkdir()
+    (sysfs.root / "class/thermal/thermal_zone7").mkdir()  # without a type
+    (sysfs.root / "class/thermal/thermal_zone²").mkdir()
+    folder = f"{sysfs.root}/class/thermal"
+    assert find_zones(str(sysfs.root)) == {
+        "battery": [f"{folder}/thermal_zone1"],
+        "usb-therm": [f"{folder}/thermal_zone2", f"{folder}/thermal_zone10"],
+    }
+
+
+def test_no_thermal_class_is_no_zones(tmp_path):
+    assert find_zones(str(tmp_path)) == {}
+
+
+@pytest.fixture
+def by_name(phone, tmp_path):
+    folder = tmp_path / "dev/thermal/tz-by-name"
+    folder.mkdir(parents=True)
+    return folder
+
+
+def found(phone, by_name, kind):
+    return ZoneTemperature(Zone(kind), str(phone.root), str(by_name)).find()
+
+
+def test_a_link_by_name_is_followed(phone, by_name):
+    phone.zone(11, "usb-therm", "31000\n")
+    (by_name / "usb-therm").symlink_to(phone.root / "class/thermal/thermal_zone11")
+    assert found(phone, by_name, "usb-therm") == [f"{phone.root}/class/thermal/thermal_zone11/temp"]
+
+
+def test_a_link_by_name_makes_no_look_through_all_zones(phone, by_name, monkeypatch):
+    (by_name / "battery").symlink_to(phone.root / "class/thermal/thermal_zone3")
+    monkeypatch.setattr("ambientd.sources.zone.find_zones", lambda root: pytest.fail("looked through"))
+    assert found(phone, by_name, "battery") == [f"{phone.root}/class/thermal/thermal_zone3/temp"]
+
+
+@pytest.mark.parametrize("target", ["sys/class/thermal/thermal_zone0", "sys/class/thermal/thermal_zone99", "other"])
+def test_a_link_that_is_old_or_leads_elsewhere_is_not(phone, by_name, tmp_path, target):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/type").write_text("battery\n")
+    (by_name / "battery").symlink_to(tmp_path / target)
+    assert found(phone, by_name, "battery") == [f"{phone.root}/class/thermal/thermal_zone3/temp"]
+
+
+@pytest.mark.parametrize("kind", ["../../sys/class/thermal/thermal_zone3", "a\0b", ".", "ü\udcff"])
+def test_a_type_that_is_no_file_name_is_only_looked_for(phone, by_name, kind):
+    assert found(phone, by_name, kind) == []
+
+
+@pytest.fixture
+def chips(make_hwmon):
+    """Two chips, one of them twice."""
+    make_hwmon(10, "nct6775", (1, "SYSTIN", "41000\n"), (2, "CPUTIN", "52500\n"), (10, "PECI", "60000\n"))
+    make_hwmon(2, "nvme", (1, "Composite", "38850\n"), (3, None, "40850\n"))
+    make_hwmon(3, "nvme", (1, "Composite", "29850\n"))
+    return make_hwmon.root
+
+
+def test_chips_and_labels_are_found_in_the_order_of_their_numbers(chips):
+    folder = f"{chips}/class/hwmon"
+    assert find_hwmon(str(chips)) == {
+        ("nvme", "Composite"): [f"{folder}/hwmon2/temp1_input", f"{folder}/hwmon3/temp1_input"],
+        ("nvme", "temp3"): [f"{folder}/hwmon2/temp3_input"],
+        ("nct6775", "SYSTIN"): [f"{folder}/hwmon10/temp1_input"],
+        ("nct6775", "CPUTIN"): [f"{folder}/hwmon10/temp2_input"],
+        ("nct6775", "PECI"): [f"{folder}/hwmon10/temp10_input"],
+    }
+
+
+def test_what_is_no_temperature_or_has_no_name_is_passed_over(chips):
+    folder = chips / "class/hwmon/hwmon10"
+    for name in ("temp2_max", "fan1_input", "in0_input", "temp_input", "tempX_input"):
+        (folder / name).write_text("1\n")
+    before = find_hwmon(str(chips))
+    (chips / "class/hwmon/hwmon3/name").unlink()
+    del before["nvme", "Composite"][1]
+    assert find_hwmon(str(chips)) == before
+
+
+def test_no_hwmon_class_is_no_temperatures(tmp_path):
+    assert find_hwmon(str(tmp_path)) == {}
+    source = HwmonTemperature(Hwmon("nvme", "Composite"), str(tmp_path))
+    assert source.find() == []
+    assert source.absent == "no hwmon chip 'nvme' with a temperature labelled 'Composite'"
+    assert source.hint() == "temperatures here are none: name one of them under 'sensors'"
+
+
+@pytest.fixture
+def devices(tmp_path):
+    """The sensors of a Sense HAT, a BME280 as on Enviro+, and a light sensor, as their drivers show them."""
+    files_of = {
+        0: {"name": "bme280", "in_temp_input": "22910", "in_pressure_input": "100.1"},
+        10: {"name": "lps25h", "in_temp_raw": "-8350", "in_temp_offset": "20400", "in_temp_scale": "2.083333"},
+        2: {"name": "hts221", "in_temp_raw": "136", "in_temp_offset": "1148.461538", "in_temp_scale": "16.25"},
+        3: {"name": "mlx90614", "in_temp_ambient_raw": "14700", "in_temp_ambient_offset": "-13657.5"}
+        | {"in_temp_ambient_scale": "20", "in_temp_object_input": "21937.500000"},
+        4: {"name": "ltr559", "in_illuminance_input": "81"},
+    }
+    for number, files in files_of.items():
+        folder = tmp_path / "bus/iio/devices" / f"iio:device{number}"
+        folder.mkdir(parents=True)
+        for name, content in files.items():
+            (folder / name).write_text(f"{content}\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("device", "channel", "degC"),
+    [
+        ("bme280", "in_temp", 22.91),
+        ("lps25h", "in_temp", (20400 - 8350) * 2.083333e-3),
+        ("hts221", "in_temp", 20.8725),
+        ("mlx90614", "in_temp_ambient", 20.85),
+        ("mlx90614", "in_temp_object", 21.9375),
+    ],
+)
+def test_each_iio_driver_s_form_is_read_in_degC(devices, device, channel, degC):
+    assert value_of(IioTemperature(Iio(device, channel), str(devices))) == pytest.approx(degC)
+
+
+def test_only_temperatures_of_named_iio_devices_are_found(devices):
+    (devices / "bus/iio/devices/iio:device0/name").unlink()
+    assert [str(each) for each in find_iio(str(devices))] == [
+        "iio hts221 in_temp",
+        "iio mlx90614 in_temp_ambient",
+        "iio mlx90614 in_temp_object",
+        "iio lps25h in_temp",
+    ]
+
+
+@pytest.mark.parametrize(("attribute", "content"), [("scale", "x"), ("offset", "inf"), ("raw", "-"), ("raw", "1e3")])
+def test_what_is_no_number_is_no_iio_value(devices, attribute, content):
+    (devices / "bus/iio/devices/iio:device2" / f"in_temp_{attribute}").write_text(f"{content}\n")
+    assert value_of(IioTemperature(Iio("hts221", "in_temp"), str(devices))) is None
+
+
+def test_no_iio_device_is_here(tmp_path):
+    source = IioTemperature(Iio("hts221", "in_temp"), str(tmp_path))
+    assert source.find() == []
+    assert "none" in source.hint()
+
+
+def test_each_property_of_a_supply_in_its_unit(make_supply):
+    root = make_supply("battery", temp="-53\n", current_now="-1500000\n", voltage_now="3912500\n")
+    expected = {"temp": (-5.3, "degC"), "current_now": (-1.5, "A"), "voltage_now": (3.9125, "V")}
+    for name, (number, unit) in expected.items():
+        source = PowerSupplyProperty(PowerSupply("battery", name), str(root))
+        assert (value_of(source), source.unit) == (number, unit)
+
+
+@pytest.mark.parametrize(("content", "current_A"), [("-1500000\n", 1.5), ("0\n", 0.0)])
+def test_a_vendor_that_counts_the_other_way(make_supply, content, current_A):
+    root = make_supply("battery", current_now=content)
+    found = value_of(PowerSupplyProperty(PowerSupply("battery", "current_now", -1), str(root)))
+    assert (found, math.copysign(1.0, found)) == (current_A, 1.0), "no current is no negative zero"
+
+
+def test_what_supply_is_not_here_is_said_with_what_is(make_supply):
+    make_supply("usb", voltage_now="5000000\n")
+    make_supply("bms", current_now="1\n", voltage_now="1\n")
+    root = make_supply("ac", online="1\n")
+    source = PowerSupplyProperty(PowerSupply("battery", "voltage_now"), str(root))
+    assert source.find() == []
+    assert source.absent == "no property 'voltage_now' of a power supply 'battery'"
+    assert source.hint() == "supplies here with it are bms, usb: name one of them under 'sensors'"
+    bare = PowerSupplyProperty(PowerSupply("battery", "temp"), "/nowhere")
+    assert (bare.find(), bare.hint()) == ([], "supplies here with it are none: name one of them under 'sensors'")
