@@ -45,7 +45,7 @@ def _imports(folder: str) -> list[tuple[Path, str, str]]:
 
 def _run(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", WITHOUT, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+    return subprocess.run(command, capture_output=True, text=True, timeout=220)
 
 
 def test_the_product_works_without_the_studies(tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ from typing import Any
 
 import pytest
 
-from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 
@@ -48,36 +47,23 @@ STATUSES = ("warming_up", "tracking", "degraded", "coasting", "faulted")
 
 def estimator(inputs: tuple[Input, ...], direct: tuple[float, ...], offset: float, width: float) -> Estimator:
     """What the shell reads, less 0.3 of what the soc, the last input, was a while ago."""
-    return Estimator(
-        inputs=inputs,
-        states=("soc_lagged",),
-        discrete=tuple(
-            Discrete(
-                period_s,
-                ((math.exp(-period_s / LAG_S),),),
-                ((0.0,) * (len(inputs) - 1) + (1 - math.exp(-period_s / LAG_S),),),
-                ((-0.3,),),
-                ((*direct, 0.0),),
-            )
-            for period_s in PERIODS_S
-        ),
-        offset=offset,
-        initial=((0.0,) * (len(inputs) - 1) + (1.0,),),
-        interval={50: (-width, width), 90: (-2 * width, 2 * width), 98: (-3 * width, 3 * width)},
-    )
+    others = (0.0,) * len(direct)
+    discrete = [
+        Discrete(period_s, ((kept,),), ((*others, 1 - kept),), ((-0.3,),), ((*direct, 0.0),))
+        for period_s, kept in ((each, math.exp(-each / LAG_S)) for each in PERIODS_S)
+    ]
+    bands = {50: (-width, width), 90: (-2 * width, 2 * width), 98: (-3 * width, 3 * width)}
+    return Estimator(inputs, ("soc_lagged",), tuple(discrete), offset, ((*others, 1.0),), bands)
 
 
 def made_model() -> Model:
     """Rests at v - 2 where all sensors rest at v; with a fallback without usb or battery, and none without soc."""
     usb, battery, soc = INPUTS
     main = estimator(INPUTS, (0.9, 0.4), -2.0, 0.3)
-    others = {
-        "usb": estimator((battery, soc), (1.3,), -2.5, 1.0),
-        "battery": estimator((usb, soc), (1.3,), -1.5, 1.0),
-    }
+    without_usb, without_battery = ((battery, soc), (1.3,), -2.5, 1.0), ((usb, soc), (1.3,), -1.5, 1.0)
+    others = {"usb": estimator(*without_usb), "battery": estimator(*without_battery)}
     steps = tuple((20.0 + k % 5, 21.0, 30.0 - 0.5 * k) for k in range(20))
-    model = Model("campaign", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
-    return decode(encode(model).encode(), "made by hand")
+    return Model("campaign", "2024-05-01", "ambient_degC", main, others, {}, conformance_of(main, steps))
 
 
 def eventually(condition: Callable[[], Any], why: str = "waited in vain", seconds: float = 60.0) -> Any:
@@ -321,10 +307,8 @@ Start = Callable[..., Daemon]
 
 
 @pytest.fixture
-def model_file(tmp_path: Path) -> Path:
-    path = tmp_path / "model.json"
-    path.write_text(encode(made_model()))
-    return path
+def model_file(saved: Callable[[Model], str]) -> str:
+    return saved(made_model())
 
 
 @pytest.fixture
@@ -338,12 +322,12 @@ def clock(tmp_path: Path) -> Clock:
 
 
 @pytest.fixture
-def config(tmp_path: Path, model_file: Path, zones: Zones) -> Callable[..., Path]:
+def config(tmp_path: Path, model_file: str, zones: Zones) -> Callable[..., Path]:
     """A configuration for the device at 1 Hz that publishes to some outputs, with some keys as given."""
 
     def write(outputs: Outputs, **keys: Any) -> Path:
         path = tmp_path / "ambientd.json"
-        data = {"model": str(model_file), "sysfs_root": str(zones.root), "rate_hz": 1, "publish": outputs.publish()}
+        data = {"model": model_file, "sysfs_root": str(zones.root), "rate_hz": 1, "publish": outputs.publish()}
         path.write_text(json.dumps({**data, **keys}))
         return path
 

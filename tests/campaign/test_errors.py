@@ -1,10 +1,11 @@
-"""A sensor that fails with an errno: set aside, told of, taken back; the others never notice."""
+"""A sensor that fails with an errno, or whose zone has another number: set aside, told of, found and taken back."""
 
 import errno
 import os
 
 import pytest
 
+KINDS = ("usb-therm", "battery", "cpu-0-0")
 ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV", "EINVAL")
 
 
@@ -38,12 +39,11 @@ def test_one_that_fails_is_done_without_and_taken_back(tracking, zones, error):
 
 
 def test_when_all_fail_the_state_coasts_and_then_no_value_stays(tracking, zones):
-    kinds = ("usb-therm", "battery", "cpu-0-0")
-    for kind, error in zip(kinds, ERRORS):
+    for kind, error in zip(KINDS, ERRORS):
         zones.fail(kind, error)
     statuses = [each["status"] for each in tracking.steps(50)]
     assert statuses == ["coasting"] * 30 + ["faulted"] * 20
-    for kind in kinds:
+    for kind in KINDS:
         zones.heal(kind)
     statuses = [each["status"] for each in tracking.steps(80)]
     assert [each for each, before in zip(statuses, [None, *statuses]) if each != before] == [
@@ -52,3 +52,23 @@ def test_when_all_fail_the_state_coasts_and_then_no_value_stays(tracking, zones)
         "tracking",
     ]
     assert len(tracking.end()) == 6
+
+
+def test_zones_that_swap_numbers_while_it_runs_are_found_at_once(tracking, zones):
+    """Their drivers start anew: the files that it holds open are dead, and the same numbers lead to other sensors."""
+    for kind, millidegC in zip(KINDS, (31000, 32000, 33000)):  # so that a mix-up would show
+        zones.say(kind, millidegC)
+    expected = [each["ambient_degC"] for each in tracking.steps(3)]
+    descriptors = tracking.descriptors
+    places = {kind: zones.find(kind).name for kind in KINDS}
+    for kind in KINDS:
+        zones.unplug(kind)
+    for kind, place, millidegC in zip(KINDS, (places[KINDS[k]] for k in (1, 2, 0)), (31000, 32000, 33000)):
+        zones.add(int(place.removeprefix("thermal_zone")), kind, millidegC)
+    after = tracking.steps(40)
+    assert {each["status"] for each in after} == {"tracking"}
+    used = [[sensor["used"] for sensor in each["sensors"].values()] for each in after]
+    assert used == [[31.0, 32.0, 33.0]] * 40
+    assert abs(after[0]["ambient_degC"] - expected[-1]) < 0.1
+    assert tracking.descriptors == descriptors
+    assert tracking.end() == []

@@ -7,7 +7,6 @@ import socket
 import subprocess
 import sys
 import tempfile
-import time
 
 import pytest
 
@@ -39,7 +38,7 @@ PERIOD_S = 0.1
 @pytest.mark.slow
 @pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
 @pytest.mark.parametrize("flood", FLOODS)
-def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones):
+def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones, until):
     with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
         os.chmod(folder, 0o755)  # pytest's own are closed to others
 
@@ -58,10 +57,7 @@ def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones)
         run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish")
         for output in (f"socket:{path}", f"status:{status}"):  # the other one nobody floods
             started(sys.executable, "-m", "ambientd", *map(str, run), output)
-        end_s = time.monotonic() + 30
-        while not (os.path.exists(path) and os.path.exists(status)):
-            assert time.monotonic() < end_s
-            time.sleep(0.01)
+        until(lambda: os.path.exists(path) and os.path.exists(status))
         readers = [reader() for _ in range(5)]
         assert started(sys.executable, "-I", "-S", "-c", FLOOD.format(FLOODS[flood]), path).stdout.readline()
         readers += [reader() for _ in range(5)]  # they come during the flood
