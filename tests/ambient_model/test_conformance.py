@@ -29,6 +29,7 @@ def test_a_right_file_differs_by_nothing() -> None:
     right = model({})
     assert right.conformance.outputs == {1.0: (14.0, 16.0, 16.5), 2.0: (14.0, 16.0, 16.75)}
     assert worst_difference_degC(right) == 0.0
+    assert run_recursion(right.main, right.main.discrete[0], ()) == ()
 
 
 @pytest.mark.parametrize("period_s", [1.0, 2.0])
@@ -52,34 +53,17 @@ def test_a_recursion_that_overflows_agrees_with_nothing(C: float) -> None:
     assert worst_difference_degC(right._replace(main=right.main._replace(discrete=discrete))) == math.inf
 
 
-def test_no_rows_no_outputs() -> None:
-    main = model({}).main
-    assert run_recursion(main, main.discrete[0], ()) == ()
-
-
 def lagging(period_s: float, tau_s: float = 40.0) -> Discrete:
     """Two exact lags, the second of twice the time; C and D differ by period, as a first-order hold makes them."""
     a, b = math.exp(-period_s / tau_s), math.exp(-period_s / tau_s / 2)
-    tilt = 0.01 * period_s
-    return Discrete(
-        period_s,
-        ((a, 0.0), (0.0, b)),
-        ((1 - a, 0.0), (0.5 * (1 - b), 0.5 * (1 - b))),
-        ((0.5 - tilt, 0.25),),
-        ((0.25 + tilt, 0.0),),
-    )
+    tilt, B = 0.01 * period_s, ((1 - a, 0.0), (0.5 * (1 - b), 0.5 * (1 - b)))
+    return Discrete(period_s, ((a, 0.0), (0.0, b)), B, ((0.5 - tilt, 0.25),), ((0.25 + tilt, 0.0),))
 
 
 def with_fallback(*discrete: Discrete, initial: tuple = ((1.0, 0.0), (0.5, 0.5))) -> Model:
     inputs = tuple(Input(name, "degC", name, -20.0, 80.0) for name in ("usb", "cpu", "battery"))
-    main = Estimator(
-        inputs,
-        (),
-        tuple(Discrete(each.period_s, (), (), ((),), ((0.5, 0.25, 0.25),)) for each in discrete),
-        0.0,
-        (),
-        BANDS,
-    )
+    stateless = tuple(Discrete(each.period_s, (), (), ((),), ((0.5, 0.25, 0.25),)) for each in discrete)
+    main = Estimator(inputs, (), stateless, 0.0, (), BANDS)
     fallback = Estimator((inputs[2], inputs[0]), ("case", "core"), discrete, -1.0, initial, BANDS)
     rows = ((20.0, 70.0, 25.0), (30.0, -20.0, 24.0), (28.0, 20.0, 40.0))
     return Model("m", "today", "ambient_degC", main, {"cpu": fallback}, {}, conformance_of(main, rows))
@@ -111,18 +95,14 @@ def test_a_perturbed_gain_at_rest_of_one_period_is_seen(name: str) -> None:
     assert worst_contradictions(with_fallback(*FINE[:2], wrong, FINE[3]))["cpu"] > 1e-4
 
 
-def test_a_lag_that_is_another_at_another_period_is_seen() -> None:
-    """Each period is sound by itself: the equilibrium is one, and so is the gain at rest."""
-    assert worst_contradictions(with_fallback(*FINE[:3], lagging(10.0, tau_s=41.0)))["cpu"] > 1e-3
-
-
-def test_a_start_that_is_no_equilibrium_is_seen() -> None:
-    assert worst_contradictions(with_fallback(*FINE, initial=((1.0, 0.0), (0.5, 0.51))))["cpu"] > 1e-4
-
-
-def test_a_fallback_that_overflows_contradicts_itself() -> None:
-    discrete = tuple(each._replace(B=((1e308, 0.0), (0.0, 1e308))) for each in FINE)
-    assert worst_contradictions(with_fallback(*discrete))["cpu"] == math.inf
+def test_a_fallback_that_contradicts_itself_is_seen() -> None:
+    # each period is sound by itself: the equilibrium is one, and so is the gain at rest
+    another_lag = with_fallback(*FINE[:3], lagging(10.0, tau_s=41.0))
+    assert worst_contradictions(another_lag)["cpu"] > 1e-3
+    no_equilibrium = with_fallback(*FINE, initial=((1.0, 0.0), (0.5, 0.51)))
+    assert worst_contradictions(no_equilibrium)["cpu"] > 1e-4
+    overflowing = with_fallback(*(each._replace(B=((1e308, 0.0), (0.0, 1e308))) for each in FINE))
+    assert worst_contradictions(overflowing)["cpu"] == math.inf
 
 
 def test_periods_that_are_no_multiples_are_held_against_their_equilibrium() -> None:

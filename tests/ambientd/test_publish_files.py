@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from ambient_model.model import Input
 from ambient_model.tracking import Estimate
+from ambientd.json_text import json_text
 from ambientd.publish import prometheus, status
 from ambientd.publish.access import Access
 from ambientd.publish.file import Options, RenamedFile
@@ -284,3 +285,14 @@ def test_another_poison_holds_from_the_next_value_on_and_the_file_stays_the_same
     assert path.read_text() == "60000\n"
     assert path.stat().st_ino == inode
     publisher.close()
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
+    lambda inner: st.lists(inner) | st.lists(inner).map(tuple) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(VALUES)
+def test_text_without_json_is_what_json_writes(value):
+    assert json_text(value) == json.dumps(value)

@@ -98,18 +98,19 @@ def test_a_restart_goes_on_and_a_reload_with_a_bad_model_changes_nothing(started
 
 
 @pytest.fixture
-def short_watchdog(machine):
-    """Two seconds, to be waited for in a test."""
-    folder = machine.file("/run/systemd/system/ambientd.service.d")
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "watchdog.conf").write_text("[Service]\nWatchdogSec=2\n")
+def drop_in(request, machine):
+    """One more setting of the unit, for a test."""
+    path = machine.file("/run/systemd/system/ambientd.service.d/test.conf")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"[Service]\n{request.param}\n")
     machine.run("systemctl", "daemon-reload")
     yield
-    (folder / "watchdog.conf").unlink()
+    path.unlink()
     machine.run("systemctl", "daemon-reload")
 
 
-def test_a_daemon_that_hangs_is_killed_and_started_again(short_watchdog, started, until):
+@pytest.mark.parametrize("drop_in", ["WatchdogSec=2"], indirect=True)
+def test_a_daemon_that_hangs_is_killed_and_started_again(drop_in, started, until):
     process = started.show("MainPID")
     started.run("kill", "-STOP", process)
     until(lambda: started.show("MainPID") not in (process, "0") and started.show("ActiveState") == "active")
@@ -117,16 +118,11 @@ def test_a_daemon_that_hangs_is_killed_and_started_again(short_watchdog, started
     assert started.file("/run/ambientd/ambient_temp").read_text() == "23000\n"
 
 
-def test_a_killed_daemon_leaves_nothing_that_could_be_taken_for_a_value(started, machine, until):
+@pytest.mark.parametrize("drop_in", ["Restart=no"], indirect=True)
+def test_a_killed_daemon_leaves_nothing_that_could_be_taken_for_a_value(drop_in, started, until):
     """Not even while it is not started again."""
-    folder = machine.file("/run/systemd/system/ambientd.service.d")
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "no-restart.conf").write_text("[Service]\nRestart=no\n")
-    machine.run("systemctl", "daemon-reload")
-    machine.run("kill", "-KILL", started.show("MainPID"))
+    started.run("kill", "-KILL", started.show("MainPID"))
     until(lambda: started.show("ActiveState") == "failed")
-    (folder / "no-restart.conf").unlink()
-    machine.run("systemctl", "daemon-reload")
     left = started.run("ls", "/run/ambientd").split()
     assert (left, started.file("/run/ambientd/ambient_temp").read_text()) == (["ambient_temp"], "60000\n")
 

@@ -9,6 +9,8 @@ import os
 import numpy as np
 import pytest
 
+from ambient_model.codec import load_model
+
 OLD = "what was there before"
 _RNG = np.random.default_rng(3)
 _ROWS = np.column_stack([np.arange(60.0), 20 + _RNG.normal(size=(60, 2)).cumsum(axis=0)]).round(3).tolist()
@@ -96,3 +98,13 @@ def test_a_link_keeps_leading_where_it_led(call, good, tmp_path):
     assert call("ambient-trainer", "fit", good[0], "--circuit", "free-1", "-o", tmp_path / "link.json")[0] == 0
     assert (tmp_path / "link.json").is_symlink()
     assert json.loads((tmp_path / "real.json").read_text())["name"] == "free-1"
+
+
+def test_ctrl_c_leaves_the_best_model_so_far(call, interrupted, tmp_path):
+    trace, model = tmp_path / "trace.csv", tmp_path / "model.json"
+    assert call("ambient-trainer", "simulate", "2.1", "--period", "5", "-o", trace)[0] == 0
+    status, printed, _ = interrupted("best", "fit", trace, "--circuit", "free-4", "--starts", "1000", "-o", model)
+    assert status == 1
+    assert "Stopped before the search was over" in printed
+    assert load_model(str(model)).provenance["fit"]["stopped"] is True
+    assert json.loads(model.read_text())["name"] == "free-4"

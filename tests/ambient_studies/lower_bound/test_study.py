@@ -1,4 +1,6 @@
-"""The limit of models whose place beside it is known."""
+"""The limit of models whose place beside it is known, and the command ``limit``."""
+
+import json
 
 import numpy as np
 import pytest
@@ -78,3 +80,16 @@ def test_the_report_holds_every_figure(found, model_of_the_scenario):
     behind = [each.name for each in found.filters if each.rmse_degC > found.model_rmse_degC]
     assert [each.status for each in findings[1:]] == ["warning"] * bool(behind)
     assert all(name in findings[1].text for name in behind)
+
+
+def test_the_command_prints_and_writes(trainer, saved, constant, tmp_path):
+    figures = tmp_path / "out.json"
+    options = ("--scenarios", "1,2.5", "--seeds", "3", "--fitted", 2, "--period", 5, "--json", figures)
+    status, out, err = trainer("limit", saved(constant(22.0)), *options)
+    assert (status, err) == (0, "")
+    found = json.loads(figures.read_text())
+    assert [each["scenario"] for each in found["scenarios"]] == ["1", "2.5"]
+    assert found["simulated"] is True
+    for each in found["scenarios"]:
+        assert f" {each['model_rmse_degC']:.3f} " in out
+    assert "simulated" in out
