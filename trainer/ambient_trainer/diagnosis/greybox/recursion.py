@@ -68,83 +68,68 @@ def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
 
 
 @_compiled
-def _heat(degC, lane, index, terms, heat):  # type: ignore[no-untyped-def]
-    """The heat (k,) of one lane at one sample, into ``heat``."""
-    for node in range(len(degC)):
-        heat[node] = terms.known[lane, node, index] - terms.fall[lane, node, index] * degC[node]
-    for term in range(len(terms.pair_nodes)):
-        one, other = terms.pair_nodes[term]
-        flow = terms.pair_G[lane, term, index] * (degC[other] - degC[one])
-        heat[one] += flow
-        heat[other] -= flow
-    for term in range(len(terms.power_node)):
-        node = terms.power_node[term]
-        away = terms.air_degC[term, index] - degC[node]
-        share = terms.power[lane, term] * np.log(max(abs(away) / terms.typical[lane, term], terms.least))
-        heat[node] += terms.power_G[lane, term] * np.expm1(min(max(share, -_STEEPEST), _STEEPEST)) * away
-    for term in range(len(terms.phase_nodes)):
-        node, body = terms.phase_nodes[term]
-        sign = terms.sign[term]
-        below = min(max(sign * (terms.melting[term] - degC[body]), 0.0), terms.fusion[lane, term])
-        heat[node] += sign * terms.phase_G[lane, term] * below
-        heat[body] -= sign * terms.phase_G[lane, term] * below
-
-
-@_compiled
-def _driven(into, lane, heat, drive):  # type: ignore[no-untyped-def]
-    """What ``heat`` (k,) does to each mode of a lane, into ``drive`` (n,)."""
-    for mode in range(len(drive)):
-        drive[mode] = 0.0
-        for node in range(len(heat)):
-            drive[mode] += into[lane, mode, node] * heat[node]
-
-
-@_compiled
-def heat_along(degC, terms):  # type: ignore[no-untyped-def]
-    """The heat (P, k, N) of all lanes along temperatures (k, N)."""
-    lanes, nodes, samples = terms.known.shape
-    result, heat = np.empty((lanes, nodes, samples)), np.empty(nodes)
-    for lane in range(lanes):
-        for index in range(samples):
-            _heat(degC[:, index], lane, index, terms, heat)
-            result[lane, :, index] = heat
-    return result
-
-
-@_compiled
 def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-untyped-def]
     """What the terms add to the modes (P, n, N), beside active nodes at ``along`` (P, k, N) without them.
 
     Exponential Runge-Kutta of order 2: predicted with the heat of the sample before, corrected with what follows.
-    ``into`` (P, n, k) takes heat to modes, ``out`` (P, k, n) modes to nodes.
+    ``into`` (P, n, k) takes heat to modes, ``out`` (P, k, n) modes to nodes. All is one loop: a call that is given the
+    terms costs ten times what it computes.
     """
     lanes, nodes, samples = along.shape
     count = kept.shape[1]
     modes = np.zeros((lanes, count, samples))
     degC, heat = np.empty(nodes), np.empty(nodes)
-    last, trial, predicted = np.empty(count), np.empty(count), np.empty(count)
+    state, drive, last = np.empty(count), np.empty(count), np.empty(count)
+    known, fall, pair_nodes, pair_G, power_node, air_degC, power_G, power, typical, least = terms[:10]
+    phase_nodes, phase_G, fusion, melting, sign = terms[10:]
     for lane in range(lanes):
-        degC[:] = along[lane, :, 0]
-        _heat(degC, lane, 0, terms, heat)
-        _driven(into, lane, heat, last)
-        for index in range(1, samples):
-            for mode in range(count):
-                both = before[lane, mode] + now[lane, mode]
-                trial[mode] = kept[lane, mode] * modes[lane, mode, index - 1] + both * last[mode]
+        state[:] = 0.0
+        # a run begins with the heat of its first sample
+        for step in range(1, 2 * samples):
+            index, corrected = step // 2, step % 2
+            if not corrected:
+                for mode in range(count):
+                    both = before[lane, mode] + now[lane, mode]
+                    state[mode] = kept[lane, mode] * state[mode] + both * last[mode]
             for node in range(nodes):
                 value = along[lane, node, index]
                 for mode in range(count):
-                    value += out[lane, node, mode] * trial[mode]
+                    value += out[lane, node, mode] * state[mode]
                 degC[node] = value
-            _heat(degC, lane, index, terms, heat)
-            _driven(into, lane, heat, predicted)
+                heat[node] = known[lane, node, index] - fall[lane, node, index] * value
+            for term in range(len(pair_nodes)):
+                one, other = pair_nodes[term, 0], pair_nodes[term, 1]
+                flow = pair_G[lane, term, index] * (degC[other] - degC[one])
+                heat[one] += flow
+                heat[other] -= flow
+            for term in range(len(power_node)):
+                node = power_node[term]
+                away = air_degC[term, index] - degC[node]
+                share = power[lane, term] * np.log(max(abs(away) / typical[lane, term], least))
+                heat[node] += power_G[lane, term] * np.expm1(min(max(share, -_STEEPEST), _STEEPEST)) * away
+            for term in range(len(phase_nodes)):
+                node, body = phase_nodes[term, 0], phase_nodes[term, 1]
+                below = min(max(sign[term] * (melting[term] - degC[body]), 0.0), fusion[lane, term])
+                flow = sign[term] * phase_G[lane, term] * below
+                heat[node] += flow
+                heat[body] -= flow
             for mode in range(count):
-                modes[lane, mode, index] = trial[mode] + now[lane, mode] * (predicted[mode] - last[mode])
-            for node in range(nodes):
-                value = along[lane, node, index]
-                for mode in range(count):
-                    value += out[lane, node, mode] * modes[lane, mode, index]
-                degC[node] = value
-            _heat(degC, lane, index, terms, heat)
-            _driven(into, lane, heat, last)
+                drive[mode] = 0.0
+                for node in range(nodes):
+                    drive[mode] += into[lane, mode, node] * heat[node]
+                if corrected:
+                    modes[lane, mode, index] = state[mode]
+                    last[mode] = drive[mode]
+                else:
+                    state[mode] += now[lane, mode] * (drive[mode] - last[mode])
     return modes
+
+
+def heat_along(degC: Array, terms: Terms) -> Array:
+    """The heat (P, k, N) of all lanes along temperatures (k, N): each a mode of its own that answers at once."""
+    lanes, nodes, _ = terms.known.shape
+    along = np.repeat(degC[None], lanes, axis=0)
+    at_once, never, itself = np.ones((lanes, nodes)), np.zeros((lanes, nodes)), np.tile(np.eye(nodes), (lanes, 1, 1))
+    result = answered(along, never, never, at_once, itself, np.zeros_like(itself), terms)
+    result[:, :, 0] = result[:, :, 1]
+    return np.asarray(result)
