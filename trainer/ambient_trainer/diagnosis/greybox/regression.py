@@ -103,9 +103,9 @@ class Fitted:
         result[np.isfinite(record.sensors)] = self.runs[index].residual
         return np.asarray(result / record.weights)
 
-    @cached_property
+    @property
     def slopes(self) -> Array:
-        """Of the simulation in every coordinate, starts re-optimised, (M, p)."""
+        """Of the simulation in every coordinate, starts re-optimised, (M, p); not kept, as trials are many."""
         return np.concatenate([_profiled(run, run.slopes) for run in self.runs])
 
     @cached_property
@@ -129,12 +129,12 @@ class Fitted:
         """In-sample."""
         return float(np.sqrt(np.mean(self.residual**2)))
 
-    @cached_property
+    @property
     def by_fold(self) -> Parts:
         """The readings of each fold."""
         return Parts.of(self.slopes, self.residual, self.fold)
 
-    @cached_property
+    @property
     def by_comb(self) -> Parts:
         """The readings of many short stretches by turns: what acts for a while is seen on both sides of each."""
         return Parts.of(self.slopes, self.residual, np.concatenate([_comb(record) for record in self.records]))

@@ -16,7 +16,7 @@ from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.network import Network
-from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted
+from ambient_trainer.diagnosis.greybox.regression import EACH, LEFT_OUT, Fitted, Parts
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.windows import Columns, best_windows
 from ambient_trainer.diagnosis.record import Record
@@ -79,12 +79,13 @@ def screen(scene: Scene, offered: Offered) -> list[Screened]:
     """Candidates of ``offered`` by what they would leave on held-out blocks, to first order; best first."""
     fitted = scene.fitted
     columns_of = columns_beside(fitted)
+    parts = {True: fitted.by_fold, False: fitted.by_comb}
     result = []
     for each in offered(scene, columns_of):
         columns = columns_of(each)
         if not columns.any():
             continue
-        amounts, squares = _scored(fitted, columns, each.lasts)
+        amounts, squares = _scored(fitted, parts[each.lasts], columns, each.lasts)
         started = each.started([float(amount) for amount in amounts])
         if started is not None and np.isfinite(squares):
             result.append(Screened(started, squares, fitted))
@@ -126,12 +127,12 @@ class _Beside:
         return self._frozen[lanes].copied()
 
 
-def _scored(fitted: Fitted, S: Array, lasts: bool) -> tuple[Array, float]:
+def _scored(fitted: Fitted, parts: Parts, S: Array, lasts: bool) -> tuple[Array, float]:
     """The amounts (k,) of columns S (M, k) beside the model's own slopes, and the held-out sum of squares with them.
 
     What acts for a while is left out in short stretches, and its gain on them is taken for that on folds.
     """
-    parts, left_out = (fitted.by_fold, LEFT_OUT) if lasts else (fitted.by_comb, EACH)
+    left_out = LEFT_OUT if lasts else EACH
     full = parts.beside(S)
     own = full.H.shape[1] - S.shape[1]
     size = np.concatenate([np.ones(own), 1.0 / (np.sqrt((S**2).sum(axis=0)) + 1e-300)])
@@ -164,6 +165,8 @@ def shortlist(screened: Sequence[Screened]) -> list[Screened]:
         kinds: list[tuple[str, object]] = [("cause", (sum(windowed), type(each.mechanism), driver == "", numbers))]
         if any(windowed) and cause == "heat_source":
             kinds.append(("where", each.mechanism.places))
+        if each.mechanism.adds_nodes and not any(windowed):
+            kinds.append(("where", (each.mechanism.places, numbers)))
         shape = (type(each.mechanism), len(each.mechanism.places), len(each.mechanism.numbers))
         if each.mechanism.shaped and started.get(shape, 0) < _STARTS:
             started[shape] = started.get(shape, 0) + 1

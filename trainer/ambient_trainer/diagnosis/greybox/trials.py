@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,8 @@ from ambient_trainer.diagnosis.record import Record
 PENALTY = 0.04
 """Of the held-out error's logarithm, by complexity."""
 _FEW, _MANY, _FINALISTS = 5, 25, 4
+_FINE, _COARSE = 5e-4, 3e-3
+"""Of the cost: what a step of a fit gains, when it ends."""
 _HOPELESS = 0.25
 _LOOPED = 2500
 _SURELY, _WITHIN = 1.96, 100.0
@@ -111,7 +113,8 @@ def compared(before: Fitted, screened: Sequence[Screened], progress: Callable[[i
     known = {each.mechanism.key for each in trials}
     heating = [(each, less) for each in trials if (less := _where_it_heats(each)) and less.key not in known]
     fewer = [(before.model.with_mechanism(less), each.fitted) for each, less in heating]
-    trials += [Trial.of(before, each) for each in _side_by_side(_refit, fewer, _FEW) if each is not None]
+    joined = _together(before, trials)
+    trials += [Trial.of(before, each) for each in _side_by_side(_refit, [*fewer, *joined], _FEW) if each is not None]
     trials.sort(key=_promise)
     worth = [each for each in trials[:_FINALISTS] if _promise(each) < _promise(trials[0]) + _HOPELESS]
     finalists = [(each.fitted.model, each.fitted) for each in worth]
@@ -139,8 +142,8 @@ def _refit(
     linear = not model.network(records[0], model.z()[None]).nonlinear
     with threadpool_limits(1):
         # without a loop over samples steps cost little, and valleys are followed to their ends
-        most, tolerance = (4 * most, 5e-4) if linear else (most, 3e-3)
-        return fit(model, records, starts, most=most, tolerance=tolerance, prior=prior)
+        tolerance = _FINE if linear or most > _FEW else _COARSE
+        return fit(model, records, starts, most=4 * most if linear else most, tolerance=tolerance, prior=prior)
 
 
 def _refit_and_validate(*given: Any) -> Fitted | None:
@@ -186,6 +189,38 @@ def _where_it_heats(trial: Trial) -> Mechanism | None:
     sure = [n.z > n.range_z[0] and abs(n.z) > _SURELY * sd for n, sd in zip(numbers, deviations)]
     kept = [index for index, each in enumerate(sure) if each]
     return mechanism.at_places(kept) if 0 < len(kept) < len(numbers) else None
+
+
+def _together(before: Fitted, trials: Sequence[Trial]) -> list[tuple[GreyBox, Fitted]]:
+    """What acts at several places, each place begun where it is best by itself; all moves from ``before`` are added.
+
+    One start for all places ends in a mixture of their valleys.
+    """
+    alone: dict[tuple[type, int], dict[tuple[str, ...], Trial]] = {}
+    for each in sorted(trials, key=_promise):
+        if each.mechanism.shaped and len(each.mechanism.places) == 1 and each.lasting and not each.mechanism.instrument:
+            kind = type(each.mechanism), len(each.mechanism.numbers)
+            alone.setdefault(kind, {}).setdefault(each.mechanism.places, each)
+    joined = {}
+    for each in trials:
+        kind = type(each.mechanism), len(each.mechanism.numbers) // max(len(each.mechanism.places), 1)
+        parts = [alone.get(kind, {}).get((place,)) for place in each.mechanism.places]
+        if len(parts) > 1 and (known := [part for part in parts if part is not None]) == parts:
+            joined[kind] = _superposed(before, each.mechanism, known)
+    return list(joined.values())
+
+
+def _superposed(before: Fitted, mechanism: Mechanism, parts: Sequence[Trial]) -> tuple[GreyBox, Fitted]:
+    numbers = tuple(number for part in parts for number in part.mechanism.numbers)
+    z = before.model.z()
+    own = z + sum(part.fitted.model.z()[: len(z)] - z for part in parts)
+    runs = []
+    for index, run in enumerate(before.runs):
+        count, starts = len(run.start), [part.fitted.runs[index].start for part in parts]
+        moved = run.start + sum(start[:count] - run.start for start in starts)
+        runs.append(replace(run, start=np.concatenate([moved, *(start[count:] for start in starts)])))
+    model = before.model.at(own).with_mechanism(replace(mechanism, numbers=numbers))
+    return model, replace(before, runs=tuple(runs))
 
 
 def _promise(trial: Trial) -> float:

@@ -102,6 +102,8 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 yield _coupling(Coupling, scene, places, driver)
                 if len(places) > 1:
                     yield _coupling(Coupling, scene, places, driver, shared=True)
+    airy = [each for each in scene.hidden_nodes if scene.loss(each) > 0]
+    for places in [*scene.groups(joined), *(scene.groups(airy) if airy else [])]:
         for driver in scene.ambient_zones:
             yield _coupling(ZoneLoss, scene, places, driver)
 

@@ -100,7 +100,7 @@ class HiddenMass(Mechanism):
     def _slower_than_the_record(self) -> bool:
         # one that is put there for a while has a bound of its own
         lag = self.numbers[1]
-        return self.lasts and lag.value > lag.high / _SLOWEST
+        return self.lasts and bool(lag.value > lag.high / _SLOWEST)
 
     def sentence_tail(self) -> str:
         return "slower than the record: a constant temperature does the same" * self._slower_than_the_record
