@@ -44,6 +44,8 @@ _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
 """Times what known-good records leave: below the one a change is described, beyond the other it is not."""
 _SLOW = 1.0 / 3.0
 """Of the record: a mass that is slower is a boundary of unknown temperature."""
+_NO_ROOM_DEGC = 20.0
+"""No room is so much warmer than its log says."""
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 _PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
@@ -256,7 +258,7 @@ def _halved_by_a_log(steps: Sequence[Step]) -> bool:
 
 def _confounded(selection: Selection) -> bool:
     """Whether the first step is heat that nothing logged drives, or a body slower than the record, beside a reference
-    that never moves: a warmer ambient does the same."""
+    that never moves: a warmer ambient does the same, within reason."""
     given, final = len(selection.bare.model.mechanisms), selection.final
     if any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
         return False
@@ -265,7 +267,17 @@ def _confounded(selection: Selection) -> bool:
     if first is None:
         return False
     slow = first.cause == "thermal_mass" and _settles_in_s(first, final) > _SLOW * longest_s
-    return slow or (first.cause == "heat_source" and first.driver is None)
+    constant = first.cause == "heat_source" and first.driver is None
+    return slow or (constant and _rise_degC(first, final) < _NO_ROOM_DEGC)
+
+
+def _rise_degC(heat: Mechanism, fitted: Fitted) -> float:
+    """By how much constant heat warms a node in a steady state, at most."""
+    network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
+    between, out = network.between[0], network.to_boundary[0].sum(axis=1)
+    into = np.zeros(len(out))
+    into[[network.index(each) for each in heat.places]] = [each.value for each in heat.numbers]
+    return float(np.abs(np.linalg.lstsq(np.diag(between.sum(axis=1) + out) - between, into)[0]).max())
 
 
 def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:

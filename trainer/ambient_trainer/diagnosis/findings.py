@@ -29,7 +29,8 @@ _CENTRE, _SLOPE = 0.05, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error: 57 verdicts of ``discover``."""
 _EITHER = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
-heater, and in a measured box one sensor's drift and heat that creeps read the same."""
+heater, and in a measured box one sensor's drift and heat that creeps read the same; another box, which had come to
+rest at 30 degC, seemed to melt there."""
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
@@ -84,7 +85,8 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
 
 def _is(final: Mechanism, chosen: Mechanism) -> bool:
     """Whether a mechanism is one that was chosen, perhaps without places that were dropped since."""
-    return (final.key[0], final.key[2]) == (chosen.key[0], chosen.key[2]) and set(final.places) <= set(chosen.places)
+    forms = [None if each.driver is None else each.driver.form for each in (final, chosen)]
+    return final.cause == chosen.cause and forms[0] == forms[1] and set(final.places) <= set(chosen.places)
 
 
 def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:
@@ -179,7 +181,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
-    either = chosen.mechanism.sudden or _or_creeping_heat(chosen)
+    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_creeping_heat(chosen)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
 

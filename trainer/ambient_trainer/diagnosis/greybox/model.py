@@ -95,6 +95,11 @@ class Mechanism:
         """Whether its driver has a delay or a level, which is placed on a grid and then refined."""
         return False
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether something quite different reads the same."""
+        return False
+
     assumes = 0.0
     """What it takes for granted besides its numbers."""
     stops = True

@@ -34,6 +34,11 @@ class Latent(Mechanism):
     adds_nodes = True
     shaped = True
 
+    @property
+    def doubtful(self) -> bool:
+        # water is everywhere; whatever else dwells may have come to rest
+        return self.melting_degC != 0.0
+
     def apply(self, network: Network, values: Array, record: Record) -> None:
         node = network.index(self.places[0])
         conductance, lag, fusion = values.T

@@ -20,17 +20,17 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True)
 class _Linear(Mechanism):
-    """One number, which acts in proportion."""
+    """A number, of each place where there are several, which acts in proportion."""
 
     instrument = True
 
     def probes(self) -> Sequence[Sequence[float]]:
-        return [[self.numbers[0].scale]]
+        return [[number.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]
 
     def started(self, amounts: Sequence[float]) -> Mechanism | None:
-        number = self.numbers[0]
-        value = float(np.clip(amounts[0] * number.scale, number.low, number.high))
-        return self.with_values([value]) if value else None
+        given = zip(amounts, self.numbers)
+        values = [float(np.clip(amount * number.scale, number.low, number.high)) for amount, number in given]
+        return self.with_values(values) if any(values) else None
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,14 @@ class _Fault(_Linear):
     """What a sensor reads is off within a window."""
 
     def apply(self, network: Network, values: Array, record: Record) -> None:
-        sensor, weight = network.sensors.index(self.places[0]), window(record, self.onset_s, self.end_s)
+        sensors, weight = (
+            [network.sensors.index(each) for each in self.places],
+            window(record, self.onset_s, self.end_s),
+        )
 
         def reading(read: Array) -> None:
-            read[:, sensor] += weight * self.error(read[:, sensor], values[:, :1], record)
+            for sensor, value in zip(sensors, values.T):
+                read[:, sensor] += weight * self.error(read[:, sensor], value[:, None], record)
 
         network.readings.append(reading)
 
@@ -139,16 +143,16 @@ class Stuck(_Fault):
 
 def alone(scene: Scene) -> Iterator[Mechanism]:
     """Without known-good records: a reading that jumps and jumps back, or is off ever more from some time on."""
-    return (fault for each in scene.sensors for fault in (replace(_bias(each), sudden=True), _drift(scene, each)))
+    return (fault for each in scene.sensors for fault in (replace(_bias((each,)), sudden=True), _drift(scene, each)))
 
 
 def begun(scene: Scene) -> Iterator[Mechanism]:
     """A sensor that had been good is off, has another gain, drifts or lags."""
-    return (each for sensor in scene.sensors for each in (_bias(sensor), *_slow_faults(scene, sensor)))
+    return (each for sensor in scene.sensors for each in (_bias((sensor,)), *_slow_faults(scene, sensor)))
 
 
-def _bias(sensor: str) -> Bias:
-    return Bias((sensor,), (Number(f"bias_{sensor}", "degC", 0.0),))
+def _bias(sensors: tuple[str, ...]) -> Bias:
+    return Bias(sensors, tuple(Number(f"bias_{each}", "degC", 0.0) for each in sensors))
 
 
 def _drift(scene: Scene, sensor: str) -> Mechanism:
@@ -167,14 +171,15 @@ def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
 
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
-    """Each fault at each sensor, and the clock."""
+    """Each fault at each sensor, offsets of all, which constant heat in all their nodes looks like, and the clock."""
     for sensor in scene.sensors:
         still = scene.still(sensor)
         if still is not None:
             value, onset_s, end_s = still
             yield Stuck((sensor,), (Number(f"stuck_{sensor}", "degC", value),), None, onset_s, end_s)
-        yield _bias(sensor)
         yield from _slow_faults(scene, sensor)
+    for sensors in scene.groups(scene.sensors):
+        yield _bias(sensors)
     limit = scene.duration_s / 20
     if scene.ambient_varies:
         yield Clock((), (Number("clock", "s", 0.0, scale=scene.period_s / 2, low=-limit, high=limit),))

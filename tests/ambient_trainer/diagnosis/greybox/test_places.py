@@ -1,0 +1,90 @@
+"""Several places at once: bodies of different speed, offsets of all sensors; and what a constant reference can tell."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.mechanisms import mass
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.screening import screen, shortlist
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.trials import compared
+from ambient_trainer.diagnosis.record import records
+
+PAIR = """
+format: ambient-circuit
+version: 1
+name: pair
+about: Two bodies in the same air that exchange no heat.
+form: temperature
+nodes:
+  fast: {capacitance: 100, sensor: fast}
+  slow: {capacitance: 100, sensor: slow}
+  ambient: {sensor: ambient}
+edges:
+  - {between: [fast, ambient], resistance: R_fast}
+  - {between: [slow, ambient], resistance: R_slow}
+outputs: sensors
+parameters:
+  R_fast: {unit: K/W, initial: 3}
+  R_slow: {unit: K/W, initial: 3}
+"""
+TIME_S = 30.0 * np.arange(1500)
+
+
+@pytest.fixture(scope="module")
+def pair():
+    return forward(parse_circuit(PAIR, "pair"))
+
+
+def air_degC(draw):
+    return 20 + 8 * np.sin(TIME_S / 4000.0) + np.repeat(draw.normal(0, 3, 30), 50)
+
+
+def behind(air, between_W_K, body_J_K):
+    """The temperature of a node of 100 J/K and 0.5 W/K to the air, with a body behind it."""
+    A = np.array([[-(0.5 + between_W_K) / 100, between_W_K / 100], [between_W_K / body_J_K, -between_W_K / body_J_K]])
+    inputs = np.array([[0.005], [0.0]])
+    return lsim((A, inputs, np.array([[1.0, 0.0]]), np.zeros((1, 1))), air, TIME_S, [air[0]] * 2)[1]
+
+
+def test_each_body_of_a_group_begins_where_it_is_best_by_itself(pair):
+    """One of 25 s behind a good conductor and one of three hours: no start for both is near both."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+    draw = np.random.default_rng(seed)
+    air = air_degC(draw)
+    columns = {"fast_degC": behind(air, 6.0, 150.0), "slow_degC": behind(air, 0.3, 3200.0), "ambient_degC": air}
+    held = records(Trace("pair", TIME_S, columns), pair.inputs, ["fast_degC", "slow_degC"], 30.0)
+    bare = bare_fit(GreyBox.of(pair), held)
+    bodies = screen(
+        Scene(bare), lambda scene, columns: (each for each in mass.candidates(scene) if not each.sees_ambient)
+    )
+    both = [each for each in compared(bare, shortlist(bodies), lambda *done: None) if len(each.mechanism.places) == 2]
+    assert min(each.fitted.rmse_degC for each in both) < 0.05, seed
+
+
+def test_offsets_of_all_sensors_are_not_surely_heat(pair):
+    """Two thermometers side by side that are 0.8 and -0.6 degC off."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+    draw = np.random.default_rng(seed)
+    air, noise = air_degC(draw), draw.normal(0, 0.03, (2, len(TIME_S)))
+    follows = lsim(([-1 / 300], [1 / 300], [1], [0]), air, TIME_S, air[0])[1]
+    columns = {"fast_degC": follows + 0.8 + noise[0], "slow_degC": follows - 0.6 + noise[1], "ambient_degC": air}
+    step = diagnose(pair, [Trace("pair", TIME_S, columns)]).steps[0]
+    assert step.cause.name in ("heat_source", "sensor_bias"), seed
+    assert step.confidence < 0.9, seed
+
+
+@pytest.mark.parametrize(("warm_K", "named"), [(40.0, "heat_source"), (8.0, "unknown")])
+def test_no_constant_reference_is_wrong_by_40_degC(circuit, warm_K, named):
+    """A board that warms from the room's temperature; of 8 K the room could be warmer than it was said to be."""
+    time_s = 10.0 * np.arange(400)
+    draw = np.random.default_rng(3)
+    board = 21.0 + warm_K * -np.expm1(-time_s / 600.0) + draw.normal(0, 0.03, 400)
+    trace = Trace("board", time_s, {"board_degC": board, "ambient_degC": np.full(400, 21.0)})
+    assert diagnose(circuit, [trace]).verdict_cause.name == named
