@@ -30,7 +30,7 @@ def report_of(fleet: FleetFit) -> Report:
     errors = {way: good[f"rmse_{way}_degC"].to_numpy() for way in _WAYS}
     median = {way: float(np.median(each)) for way, each in errors.items()}
     broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
-    rows = [(way, *(f"{np.percentile(errors[way], share):.2f}" for share in _SHARES)) for way in _WAYS]
+    rows = [(way, *(f"{value:.2f}" for value in np.percentile(each, _SHARES))) for way, each in errors.items()]
     names = fleet.start.spaces[MAIN].parameters[0]
     return Report(
         subject="A fleet",
@@ -78,7 +78,9 @@ def report_of(fleet: FleetFit) -> Report:
         data={
             "units": len(table),
             "failed": {str(row["unit"]): row["reason"] for _, row in failed.iterrows()},
-            "rmse_degC": {way: dict(zip(map(str, _SHARES), _percentiles(errors[way]))) for way in _WAYS},
+            "rmse_degC": {
+                way: dict(zip(map(str, _SHARES), np.percentile(each, _SHARES).tolist())) for way, each in errors.items()
+            },
             "population": {
                 "learnt_from": population.units,
                 "noise_degC": population.noise_degC,
@@ -88,10 +90,6 @@ def report_of(fleet: FleetFit) -> Report:
             "outliers": [each._asdict() for each in fleet.outliers],
         },
     )
-
-
-def _percentiles(errors: Any) -> list[float]:
-    return [float(np.percentile(errors, share)) for share in _SHARES]
 
 
 def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str, str]]:
@@ -107,7 +105,7 @@ def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str
 
 
 def _parameters(good: pd.DataFrame, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    return [(name, *(f"{np.percentile(good[name], share):.3f}" for share in (5, 50, 95))) for name in names]
+    return [(name, *(f"{value:.3f}" for value in np.percentile(good[name], (5, 50, 95)))) for name in names]
 
 
 def _outliers(fleet: FleetFit) -> Table:
@@ -153,31 +151,11 @@ def _map(fleet: FleetFit, good: pd.DataFrame, names: tuple[str, ...]) -> go.Figu
     values = good[list(names)].to_numpy()
     scale = np.maximum(np.std(values, axis=0), 1e-12)
     U, singular, _ = np.linalg.svd((values - np.median(values, axis=0)) / scale, full_matrices=False)
-    # a sign is arbitrary: the first unit has a positive one
-    at = U[:, :2] * singular[:2]
+    x, y = np.round(U[:, :2] * singular[:2], 3).T
     figure = panel_figure("first principal component", "second", 420)
-    rounded = np.round(at, 3)
-    figure.add_trace(
-        go.Scattergl(
-            x=rounded[:, 0],
-            y=rounded[:, 1],
-            mode="markers",
-            name="units",
-            text=good["unit"],
-            marker={"color": GREY, "size": 4},
-        )
-    )
-    named = {each.unit for each in fleet.outliers if each.improbability > 3}
-    rows = np.flatnonzero(good["unit"].isin(named).to_numpy())
-    figure.add_trace(
-        go.Scatter(
-            x=rounded[rows, 0],
-            y=rounded[rows, 1],
-            mode="markers+text",
-            name="outliers",
-            text=good["unit"].to_numpy()[rows],
-            textposition="top center",
-            marker={"color": LIMIT, "size": 8},
-        )
-    )
+    units, grey = good["unit"].to_numpy(), {"color": GREY, "size": 4}
+    figure.add_trace(go.Scattergl(x=x, y=y, mode="markers", name="units", text=units, marker=grey))
+    odd = good["unit"].isin([each.unit for each in fleet.outliers if each.improbability > 3]).to_numpy()
+    named = {"mode": "markers+text", "textposition": "top center", "marker": {"color": LIMIT, "size": 8}}
+    figure.add_trace(go.Scatter(x=x[odd], y=y[odd], name="outliers", text=units[odd], **named))
     return figure

@@ -83,21 +83,25 @@ class Space:
             rows.append(read.swapaxes(0, 1).reshape(-1, u.shape[1]))
         return np.concatenate(rows)
 
-    def statistics(self, trace: Trace) -> Statistics:
-        """What ``trace`` says of the coordinates; raises :class:`Refused` where it says nothing."""
-        tables = []
+    def samples(self, trace: Trace) -> tuple[Array, Array, Array]:
+        """Regressors (P, N), the reference (N,) and the period in s (N,) of the samples that have a reference."""
+        parts = []
         for segment in grids(trace, self.inputs):
             known = ~np.isnan(segment.outputs[0])
-            raw = self.regressors(segment)[:, known]
-            residual = segment.outputs[0, known] - self.origin @ raw
-            tables.append((segment.period_s, self.weights.T @ raw, residual))
-        Z, r = np.concatenate([each for _, each, _ in tables], axis=1), np.concatenate([each for _, _, each in tables])
-        weight = np.concatenate([np.full(len(each), period) for period, _, each in tables])
+            period_s = np.full(np.count_nonzero(known), segment.period_s)
+            parts.append((self.regressors(segment)[:, known], segment.outputs[0, known], period_s))
+        raw, reference, weight_s = zip(*parts)
+        return np.concatenate(raw, axis=1), np.concatenate(reference), np.concatenate(weight_s)
+
+    def statistics(self, trace: Trace) -> Statistics:
+        """What ``trace`` says of the coordinates; raises :class:`Refused` where it says nothing."""
+        raw, reference, weight_s = self.samples(trace)
+        Z, r = self.weights.T @ raw, reference - self.origin @ raw
         if not np.isfinite(Z).all():
             raise refuse(trace.path, "", "the filter's responses are not finite", "look for error codes in the sensors")
         cut = np.array_split(np.arange(len(r)), BLOCKS)
-        blocks = Normal.stacked(Normal.of_samples(Z[:, index], r[index], weight[index]) for index in cut)
-        return Statistics(blocks, _memory_s(blocks.total(), Z, r, tables[0][0]))
+        blocks = Normal.stacked(Normal.of_samples(Z[:, index], r[index], weight_s[index]) for index in cut)
+        return Statistics(blocks, _memory_s(blocks.total(), Z, r, float(weight_s[0])))
 
     def system(self, c: Array) -> StateSpace:
         """The filter at coordinates c: the transpose of its modes, driven by each input through that one's gains."""
@@ -175,13 +179,8 @@ def space_of(fit: Fit, traces: Sequence[Trace]) -> Space:
     rest = np.abs(np.linalg.solve(-modes, drive)) if n else np.zeros(0)
     size = m + 1 + n * m
     start = Space(fit.inputs, modes, drive, 1 / np.maximum(rest, 1e-9), fit.hold, np.zeros(size), np.eye(size))
-    pieces = [each for trace in traces for each in grids(trace, fit.inputs)]
-    raw, y = [], []
-    for segment in pieces:
-        known = ~np.isnan(segment.outputs[0])
-        raw.append(start.regressors(segment)[:, known])
-        y.append(segment.outputs[0, known])
-    X, target = np.concatenate(raw, axis=1).T, np.concatenate(y)
+    raw, reference, _ = zip(*map(start.samples, traces))
+    X, target = np.concatenate(raw, axis=1).T, np.concatenate(reference)
     lengths = np.maximum(np.sqrt(np.mean(X**2, axis=0)), 1e-12)
     U, singular, Vt = np.linalg.svd(X / lengths / np.sqrt(len(X)), full_matrices=False)
     kept = singular > max(_LEAST_RMS_DEGC / np.linalg.norm(lengths), 1e-10 * singular[0])
