@@ -163,8 +163,9 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
     unity = np.eye(p)
     between, group_between = _START_DEGC2 * unity, _START_DEGC2 * unity * (groups > 1)
     prior = _COUNTS_AS * _LEAST_DEGC2 * unity
-    variance, weight = float(np.median(units.square / units.seconds)), np.ones(u)
-    mean = np.zeros(p)
+    variance = float(np.median(units.square / units.seconds))
+    weight: Array = np.ones(u)
+    mean: Array = np.zeros(p)
     for _ in range(_ROUNDS):
         scale = variance * memory_s
         # in coordinates in which the units of a group are N(centre, I): R is the posterior covariance, I - R is known
@@ -184,7 +185,7 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
         centre = above.mean[group]
         apart = _times(R, f - _times(M, centre))
         second = np.tensordot(weight, R, 1) + (apart * weight[:, None]).T @ apart
-        mean, means = white @ middle, above.mean @ white.T
+        mean, means = np.asarray(white @ middle, dtype=np.float64), above.mean @ white.T
         between = (white @ second @ white.T + prior) / (weight.sum() + _COUNTS_AS)
         if groups > 1:
             off = above.mean - middle
