@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
-from ambient_trainer.estimation.marquardt import Evaluation, descend
+from ambient_trainer.estimation.search import Evaluation, descend
 
 INF = np.inf
 

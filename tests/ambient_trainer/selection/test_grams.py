@@ -11,8 +11,8 @@ from scipy.signal import cont2discrete, dlsim
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.lti import dc_gain
 from ambient_trainer.lti.response import noise_gain
-from ambient_trainer.selection.floating import best_sets
 from ambient_trainer.selection.grams import banks, gathered
+from ambient_trainer.selection.search import best_sets
 
 from .conftest import PERIOD_S, Small, made_up
 

@@ -11,12 +11,11 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
 from ambient_trainer.estimation.validation import Spending, refitted
-from ambient_trainer.selection.floating import best_sets, swaps, thinned
 from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import circuit_structure, prepared, searched
+from ambient_trainer.selection.search import best_sets, circuit_structure, prepared, searched, swaps, thinned
 from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up
@@ -151,19 +150,19 @@ def pair(small):
 
 
 def test_squares_are_those_of_independent_fits(small, pair):
-    found = refitted(FreeFilter(1, pair), small.blocks, Spending(4, 400, 60))
-    assert found.solution.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
-    for block, square in zip(small.blocks, found.squares):
+    whole, squares = refitted(FreeFilter(1, pair), small.blocks, Spending(4, 400, 60))
+    assert whole.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
+    for block, square in zip(small.blocks, squares):
         alone = search(FreeFilter(1, masked(pair, block)), 4, 1).best
         errors = residuals(FreeFilter(1, pair), alone)[0][0, block.start : block.stop]
         assert square == pytest.approx(np.sum(errors**2), rel=1e-4)
 
 
 def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
-    few = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 5, 2))
-    many = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 100, 20))
-    assert few.solution.evaluations <= 5
-    assert many.solution.sum_of_squares <= few.solution.sum_of_squares
+    few, _ = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 5, 2))
+    many, _ = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 100, 20))
+    assert few.evaluations <= 5
+    assert many.sum_of_squares <= few.sum_of_squares
 
 
 def test_a_circuit_reads_the_sensors_that_it_names(small):

@@ -70,8 +70,6 @@ class CircuitStructure(Structure):
     def penalty(self, theta: Array) -> tuple[Array, Array]:
         """Per mode, the logarithm by which its time constant exceeds the longest segment or undercuts a tenth period.
 
-        Data of a day do not distinguish a time constant of a year from none, and a mode without one is an integrator:
-        its start means nothing and its error never ends. One that is gone before the next sample is no state.
         The slope of a rate -lambda_i in a parameter is -(V^-1 dA V)_ii.
         """
         found = self._assembled(theta)
@@ -87,8 +85,7 @@ class CircuitStructure(Structure):
     def random_start(self, random: np.random.Generator) -> Array:
         """The initial values, each up to threefold off, with all heat capacities scaled together.
 
-        The common scale puts the circuit's middle time constant log-uniformly between three periods and a tenth of
-        the longest segment: initial values of 1 J/K and 1 K/W say nothing about where it lies.
+        The middle time constant lies log-uniformly between three periods and a tenth of the longest segment.
         """
         theta = self.search.initial + random.uniform(-1.1, 1.1, len(self.search.initial)) * self._logarithmic
         capacities = {node.capacitance for node in self.circuit.states}

@@ -5,13 +5,9 @@
 over first-order sections p = s + r and second-order ones p = s^2 + 2 zeta omega s + omega^2, which hold two real
 poles (zeta > 1), a double one or a damped pair alike.
 
-It may be fitted to runs that do not all count the same: logged, simulated, or made of what physics demands:
-
-- All sensors one degree up is the estimate one degree up: a run in which every sensor shows one value.
-- White noise of a sensor: an impulse, whose target is zero. What is left is the impulse response, whose square sum is
-  the square of the noise gain.
-- A slow offset of a sensor: runs in which one sensor is off all the time, whose target is zero. What is left is its DC
-  gain. A short log shows few levels, and large opposite gains would fit how far the sensors differ at these.
+It may be fitted to runs that do not all count the same: logged, simulated, or made of what physics demands. All
+sensors one degree up is the estimate one degree up; what is left of an impulse of one sensor is its noise gain; what is
+left of a constant offset of one is its DC gain, which a short log of few levels leaves open.
 """
 
 from __future__ import annotations
@@ -44,8 +40,7 @@ _IMPULSE = 300
 class FreeFilter(Structure):
     """The free linear filter of order N from all inputs to one output, over segments of one period.
 
-    theta is log r for a first-order section, (log omega, log zeta) for a second-order one, in 1/s. ``ones`` is what the
-    offset is multiplied with in each segment.
+    theta is log r or (log omega, log zeta) a section, in 1/s; ``ones`` multiplies the offset in each segment.
     """
 
     slowest: float
@@ -79,10 +74,7 @@ class FreeFilter(Structure):
         return np.array(theta + [math.log(rate) for rate in rates[paired:]])
 
     def penalty(self, theta: Array) -> tuple[Array, Array]:
-        """Per section, the logarithm by which its slowest pole is slower than the data show ten times.
-
-        A pole that they show less often fits their drift, and its start is arbitrary.
-        """
+        """Per section, the logarithm by which its slowest pole is slower than what the data show ten times."""
         penalty, slope = np.zeros(self.pairs), np.zeros((self.pairs, len(theta)))
         for k in range(self.pairs):
             omega, zeta = np.exp(theta[2 * k : 2 * k + 2])
@@ -127,8 +119,7 @@ class FreeFilter(Structure):
     def _denominators(self, theta: Array) -> list[tuple[Array, Array]]:
         """Per section the discrete denominator's coefficients after 1 (k,), and their slopes (k in theta, k).
 
-        With E = exp(F T) they are -tr E and det E, and d tr E = T tr(E dF). Every segment asks for them in turn: those
-        of the last theta are kept.
+        With E = exp(F T) they are -tr E and det E, and d tr E = T tr(E dF). Those of the last theta are kept.
         """
         if self._last[0] != theta.tobytes():
             found = []

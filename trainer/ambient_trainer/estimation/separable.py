@@ -81,8 +81,7 @@ def _at(known: NDArray[np.bool_], rows: Array) -> Array:
 def _triangle(tables: Iterable[Array]) -> Array:
     """The R of a QR factorisation of tables (c, N), transposed: c rows with the same inner products.
 
-    In blocks of samples that stay in the cache: a whole table at once takes twice as long. What other segments alone
-    have a share of is left out of a segment's.
+    In blocks of samples that stay in the cache, and without the columns that are zero in a segment.
     """
     triangles = []
     for table in tables:

@@ -27,12 +27,10 @@ _WHITE = 1.3
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is known of how well each unknown is known; theta first, then beta.
+    """How well each unknown is known; theta first, then beta.
 
-    ``standard_error`` (count,) is in the coordinates of the search, NaN where the unknown is not identifiable, held by
-    a bound, or there are too few independent samples. ``quantile`` turns it into half a 95 % interval. ``confounded``
-    has per direction that the data say nothing about the unknowns it mixes; ``residual_memory_samples`` is the
-    integrated autocorrelation time of the residuals: 1 is white.
+    ``standard_error`` (count,) is in the coordinates of the search, NaN where it is open; ``quantile`` makes half a
+    95 % interval of it. ``confounded`` has the unknowns of each direction that the data say nothing about.
     """
 
     names: tuple[str, ...]

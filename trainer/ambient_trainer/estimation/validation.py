@@ -1,10 +1,7 @@
 """Errors on blocks of time that a fit has not seen.
 
-Two rules cut time, since two kinds of fit are validated:
-
-- :func:`cut_in_blocks`, for whole estimators: blocks of equal length with a gap on either side, which trains nothing
-  either, as errors are autocorrelated. Inputs before a block may run into its filters, as on a device.
-- :func:`held_out`, for orders and intervals: successive blocks of all segments together, without a gap.
+:func:`cut_in_blocks` leaves a gap on either side, for whole estimators: errors are autocorrelated. :func:`held_out`,
+for orders and intervals, takes successive blocks of all segments together, without a gap.
 """
 
 from __future__ import annotations
@@ -100,15 +97,8 @@ class Spending(NamedTuple):
     without: int
 
 
-class Refitted(NamedTuple):
-    """The fit to everything, and per block the sum of squared errors in degC^2 of the fit without it."""
-
-    solution: Solution
-    squares: tuple[float, ...]
-
-
-def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) -> Refitted:
-    """Fit ``structure``, then the same without each block, which starts next to its end."""
+def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) -> tuple[Solution, tuple[float, ...]]:
+    """Fit ``structure``, then without each block from where that ended: the fit, and each block's sum of squares."""
     best = search(structure, spending.starts, 0, budget=Budget(spending.whole)).best
     squares = []
     for block in blocks:
@@ -122,4 +112,4 @@ def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) 
         errors = residuals(structure, without)[block.segment][0, block.start : block.stop]
         square = float(np.nansum(errors**2))
         squares.append(square if np.isfinite(square) else _WORST_DEGC2)
-    return Refitted(best, tuple(squares))
+    return best, tuple(squares)

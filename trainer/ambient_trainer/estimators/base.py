@@ -1,8 +1,4 @@
-"""The contract of every estimator: fitted to traces it gives a discrete system, fallbacks and an interval.
-
-It also says what the data identify. "Converged", "uncertainty available" and "identifiable" are three facts: a fit may
-predict well and be none of them.
-"""
+"""The contract of every estimator: fitted to traces it gives a discrete system, fallbacks and an interval."""
 
 from __future__ import annotations
 
@@ -21,12 +17,34 @@ from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.search import Progress
-from ambient_trainer.estimation.static_linear import StaticLinear
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.response import response_degC
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
+
+STATIC_LINEAR = "static linear"
+"""What a model file calls it."""
+
+
+class StaticLinear(NamedTuple):
+    """ambient = gains' u + offset; ``rmse_degC`` on the samples it was fitted to."""
+
+    gains: Array
+    offset: float
+    rmse_degC: float
+
+
+def fit_static_linear(segments: Sequence[Segment]) -> StaticLinear:
+    """The least-squares static map from the sensors to the first output over ``segments``."""
+    u = np.concatenate([segment.inputs for segment in segments], axis=1)
+    y = np.concatenate([segment.outputs[0] for segment in segments])
+    known = ~np.isnan(y)
+    table = np.column_stack([u[:, known].T, np.ones(int(known.sum()))])
+    solution = np.linalg.lstsq(table, y[known], rcond=None)[0]
+    errors = y[known] - table @ solution
+    return StaticLinear(solution[:-1], float(solution[-1]), float(np.sqrt(np.mean(errors**2))))
+
 
 _NO_SENSOR = 1e9
 """No quantity of a device is as large in any of a trace's units: such a value is an error code."""
@@ -55,11 +73,7 @@ def slowest_period_s(traces: Sequence[Trace]) -> float:
 def training_segments(
     traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str], period_s: float | None, pieces: int
 ) -> list[Segment]:
-    """The grids that a fit works on, each trace in so many pieces.
-
-    A filter of the reference starts from equilibrium, where no device is after a short gap: so those are bridged.
-    A prediction of nodes starts anywhere.
-    """
+    """The grids that a fit works on, each trace in so many pieces; a filter of the reference bridges short gaps."""
     require_informative(traces, inputs, outputs)
     bridged_s = _BRIDGED_S if tuple(outputs) == (REFERENCE,) else 0.0
     whole = [segment for trace in traces for segment in segments(trace, inputs, outputs, period_s, bridged_s)]
@@ -190,14 +204,12 @@ class ParameterEstimate(NamedTuple):
 
 @dataclass(frozen=True)
 class Fit:
-    """The linear system of least error, its unknowns, and how far to trust them.
+    """The linear system of least error, its unknowns, and how far to trust them: it may predict well and be open.
 
-    ``inputs`` are trace columns, ``periods_s`` those of the traces, shortest first; ``errors_degC`` (true minus
-    predicted) are those of the training samples, one array an output. ``fallbacks`` are the fits that do without an
-    input, by its name in a model file. ``stopped`` says whether the search ended before it was over: this is then the
-    best so far. ``confounded`` has per direction that the data leave open the unknowns that it mixes.
-    ``residual_memory_samples`` is the integrated autocorrelation time of the residuals; 1 is white. ``notes`` are
-    remarks of this kind of estimator, ``details`` the same as data, for ``fit --json`` and the file's provenance.
+    ``inputs`` are trace columns; ``errors_degC`` (true minus predicted) are of the training samples, one array an
+    output. ``fallbacks`` do without an input, by its name in a model file. ``stopped`` is the best of a search that was
+    ended. ``confounded`` and ``residual_memory_samples`` are those of :class:`Uncertainty`; ``notes`` are remarks of
+    this kind of estimator, ``details`` the same as data, for ``fit --json`` and the file's provenance.
     """
 
     circuit: str

@@ -18,8 +18,7 @@ from ambient_model.faults import refuse
 from ambient_model.model import Discrete, Estimator, Input, Matrix, Model, ReadingModel, Secondary
 from ambient_model.trace import split_column
 from ambient_trainer.data.trace import Trace, sha256_of
-from ambient_trainer.estimation.static_linear import STATIC_LINEAR
-from ambient_trainer.estimators.base import Fit
+from ambient_trainer.estimators.base import STATIC_LINEAR, Fit
 from ambient_trainer.estimators.estimate import matrices, matrix
 from ambient_trainer.lti.statespace import equilibrium
 

@@ -1,8 +1,7 @@
 """What a device may expect of its readings, from the training traces: see :mod:`ambient_model.validation`.
 
-The joint distribution of readings and their low-pass filters is a mean and a regularised covariance. Lags and
-regularisation are those with the least differences on blocks of time that were left out; the gates are the largest
-differences there, with a margin.
+Lags and regularisation of the joint distribution are those with the least differences on blocks that were left out; the
+gates are the largest differences there, with a margin.
 """
 
 from __future__ import annotations

@@ -14,10 +14,9 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Progress, SearchResult
-from ambient_trainer.estimation.static_linear import fit_static_linear
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
-from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate
+from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate, fit_static_linear
 from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 

@@ -19,7 +19,7 @@ from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Estimate, Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace, sha256_of
-from ambient_trainer.estimation.static_linear import STATIC_LINEAR
+from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
 from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
 

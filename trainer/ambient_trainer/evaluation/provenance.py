@@ -12,7 +12,7 @@ from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_trainer.data.strict_yaml import Strict, validated
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.static_linear import STATIC_LINEAR
+from ambient_trainer.estimators.base import STATIC_LINEAR
 
 
 class TrainingSpan(Strict, extra="ignore"):

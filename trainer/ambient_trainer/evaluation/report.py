@@ -13,7 +13,7 @@ import numpy as np
 
 from ambient_model.model import Model
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, WARMING_UP
-from ambient_trainer.estimation.static_linear import STATIC_LINEAR
+from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, Metrics, rolling_band
 from ambient_trainer.evaluation.provenance import training_spans

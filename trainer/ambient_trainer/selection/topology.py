@@ -1,10 +1,8 @@
 """The topology of a circuit: which nodes store heat and which are joined; and the circuit of it that data can identify.
 
 In ``rise`` form the states are sensors' own nodes, each joined to the ambient, driven by what flows between sensors
-(the thesis's circuits). In ``temperature`` form they are hidden nodes behind the sensors. Temperatures alone do not
-identify how much heat there is: per group of joined states one capacitance or resistance is set, the others follow
-from it. (Hidden nodes that are joined are identifiable only up to a mixture of them: their estimate is unique, their
-values are not.)
+(the thesis's circuits); in ``temperature`` form they are hidden nodes behind the sensors. Temperatures alone do not
+identify how much heat there is: per group of joined states one capacitance or resistance is set.
 
 The search is stepwise: from each start the best neighbour, as long as one lowers the held-out error by 1 %. Then the
 best loses edges again, as many as leave its error within 1 %.
@@ -191,8 +189,7 @@ def can_be_named(sensor: str) -> bool:
 def pruned(circuit: Circuit, topology: Topology, values: Mapping[str, float]) -> tuple[Circuit, Topology]:
     """``circuit`` of ``topology``, which starts at ``values``, and both without the edges that conduct nothing.
 
-    A search for resistances removes an edge by making it enormous. Where it conducts less than a thousandth of what
-    its states exchange, the file is without it, and the estimate is the same.
+    A search for resistances removes an edge by making it enormous: the estimate is the same without it.
     """
     free = {each.name for each in circuit.parameters if each.free}
     idle = {each.resistance for each in circuit.edges if each.resistance in free and _idle(each, circuit, values)}

@@ -58,9 +58,8 @@ class Record(NamedTuple):
 class Plant(NamedTuple):
     """A circuit with n states (``nodes``) in its modes, m sensors on some of them, and the heat that each node takes.
 
-    The modes' ``rates`` (n,) in 1/s are below 0; ``right`` (n, n) makes node temperatures of modes, ``left`` modes of
-    them. ``capacitance`` (n,) is in J/K, the conductance ``to_ambient`` (n,) in W/K. ``measured`` (n,) is 1 where the
-    measured heat enters, ``shares`` (n,) how much of the shared heat each node takes.
+    ``right`` (n, n) makes node temperatures of modes of ``rates`` (n,) < 0 in 1/s, ``left`` the modes of them.
+    ``to_ambient`` (n,) is in W/K. ``measured`` (n,) is 1 where the measured heat enters, ``shares`` (n,) of the other.
     """
 
     nodes: Mapping[str, int]
@@ -81,10 +80,7 @@ class Plant(NamedTuple):
         return np.outer(self.shares, shared_W) + np.outer(self.measured, measured_W)
 
     def readings_degC(self, ambient_degC: Array, heat_W: Array, period_s: float, passes: int) -> Array:
-        """What the sensors read, (m, N), for the ambient (N,) and the heat into the nodes (n, N).
-
-        From thermal equilibrium with the first sample; ``passes`` of the iteration.
-        """
+        """What the sensors read, (m, N), for the ambient (N,) and the heat into the nodes (n, N), from equilibrium."""
         surfaces = np.flatnonzero(self.to_ambient)
         extra = np.zeros_like(heat_W)
         for index in range(passes):

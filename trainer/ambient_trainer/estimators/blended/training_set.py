@@ -1,12 +1,9 @@
 """The training set of the filters: the log, and synthetic runs of the forward circuit.
 
-Idle runs put the device into ambients that the log did not visit in that order. Runs with a pattern hold unmeasured
-heat. The circuit's own residuals are sensor signals that no ambient explains: their target is zero.
-
-A synthetic ambient goes through random set points at the log's rate of change, with the log's swing and noise. The
-swing is fitted where the log's reference is calmest: the strongest sinusoid of that hour, and what is left of it as
-first-order noise. The synthetic load is episodes of logged work, and unmeasured heat. Synthetic readings have the
-resolution of the logged ones.
+Idle runs visit other ambients, runs with a pattern hold unmeasured heat, and the circuit's own residuals are signals
+that no ambient explains: their target is zero. A synthetic ambient goes through random set points at the log's rate of
+change, with the swing and noise of the log's calmest hour; the load is episodes of logged work. Synthetic readings have
+the resolution of the logged ones.
 """
 
 from __future__ import annotations
@@ -43,10 +40,7 @@ _STEEP_OVER_S = 60.0
 
 
 class AmbientModel(NamedTuple):
-    """How an ambient changes: its rate to another set point, its swing, and noise of a memory.
-
-    ``noise_memory`` is the correlation of the noise with its next sample.
-    """
+    """How an ambient changes: its rate to another set point, its swing, and noise of a first-order memory."""
 
     slope_K_s: float
     swing_K: float
@@ -204,7 +198,7 @@ _SYNTHETIC_EVERY_S = 11.0
 class TrainingRun(NamedTuple):
     """Sensor signals (m, N) and the filter's target (N,), of which every ``stride``-th sample is compared.
 
-    ``absolute`` is whether the filter's offset counts: not where the signals are differences.
+    ``absolute`` is whether the filter's offset counts.
     """
 
     sensors_degC: Array

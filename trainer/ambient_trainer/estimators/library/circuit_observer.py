@@ -35,9 +35,20 @@ _COMPLEX_STEP = 1e-30
 
 
 class RandomWalkAmbient:
-    """The circuit over ``sensors`` (trace columns); ``walk`` is q_a in K/sqrt(s).
+    """Measured nodes that exchange heat with a random-walk ambient and with each other, and its Kalman filter.
 
-    theta (P,) holds the logarithms of ``names``.
+        dT_i = ((T_a - T_i)/tau_i + sum_j g_ij/C_i (T_j - T_i)) dt + q_i dw_i
+        dT_a = q_a dw_a,    z_i = T_i + r_i v_i
+
+    tau in s, g in W/K, C in J/K as a multiple of the first node's, q in K/sqrt(s), r in K sqrt(s): only ratios of C and
+    g are identifiable. ``walk``, which is q_a, is given: the filter does not change where q and r are scaled alike.
+    With A of the circuit, H = [I 0] and P of A P + P A' - P H' R^-1 H P + Q = 0 its steady state is (Kalman and Bucy
+    1961, J. Basic Eng. 83)
+
+        dx/dt = (A - K H) x + K z,    T_a = e_a' x,    K = P H' R^-1,
+
+    made discrete by the first-order hold. The filter of the circuit sampled at a coarse period may have poles of
+    alternating sign, and no counterpart at another period. theta (P,) holds the logarithms of ``names``.
     """
 
     def __init__(self, sensors: Sequence[str], walk: float) -> None:
@@ -62,9 +73,7 @@ class RandomWalkAmbient:
         return StateSpace(A, K, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
     def slopes(self, theta: Array) -> StateSpace:
-        """The derivative of :meth:`filter` in each of theta, with a leading axis.
-
-        That of the covariance solves the Lyapunov equation that the Riccati equation has for its own, dP:
+        """The derivative of :meth:`filter` in each of theta, with a leading axis; that of the covariance, dP, solves
 
             (A - K H) dP + dP (A - K H)' + dA P + P dA' + dQ + K dR K' = 0.
 

@@ -1,7 +1,11 @@
 """Recipes: a YAML file beside this module, or a user's, describes filters that are fitted beside a forward circuit.
 
-The circuit is fitted to the log and simulates what the log lacks; the filters are fitted to both. The fit has a
-secondary estimator, fallbacks and an error variance model.
+The circuit is fitted to the log and simulates what the log lacks. Each filter minimises, over its poles and weights,
+
+    sum_l k_l mean (target_l - estimate_l)^2 + noise N^2 + one_degree (sum of DC gains - 1)^2,
+
+l being the training runs and N the noise gain. Two poles are real and slow, bounded below the age of the log, and a
+damped pair inverts the lags. All searches but the first start where the main filter's ended.
 """
 
 from __future__ import annotations
