@@ -43,20 +43,14 @@ def test_units_become_the_traces(write, name, unit, text, value):
     assert _columns(path, {name: {"from": "a", "unit": unit}}) == {name: [value]}
 
 
-def test_scale_and_offset_follow_the_conversion(write):
+def test_values_are_scaled_averaged_over_those_that_read_and_missing_as_told(write):
     path = write("a.csv", "t,a\n0,1000\n")
     assert _columns(path, {"a_degC": {"from": "a", "unit": "mdegC", "scale": 2, "offset": -0.5}}) == {"a_degC": [1.5]}
-
-
-def test_probes_are_averaged_over_those_that_read(write):
     path = write("a.csv", "t,a,b,c\n0,1,2,6\n1,1,,6\n2,,,\n")
     mean = _columns(path, {"a_degC": {"from": ["a", "b", "c"], "combine": "mean"}})["a_degC"]
     median = _columns(path, {"a_degC": {"from": ["a", "b", "c"], "combine": "median"}})["a_degC"]
     assert mean == pytest.approx([3.0, 3.5, np.nan], nan_ok=True)
     assert median == pytest.approx([2.0, 3.5, np.nan], nan_ok=True)
-
-
-def test_missing_values_are_told_as_text_or_as_numbers(write):
     path = write("a.csv", "t,a,b\n0,-,NaN\n1,+9.90000000E+37,\n2,-32768.0,nan\n3,5,-1\n")
     columns = _columns(
         path, {"a_degC": {"from": "a", "missing": ["-", "9.9E+37", -32768]}, "b_degC": "b"}, missing=["-1"]

@@ -60,16 +60,13 @@ def test_a_gap_beyond_the_bridge_begins_anew_on_a_grid_of_its_own():
     assert [each.inputs.shape for each in whole] == [(1, 39)]
 
 
-def test_a_longer_gap_may_be_bridged_and_nothing_is_compared_in_it():
+def test_a_longer_gap_may_be_bridged_as_are_ten_long_periods_and_nothing_is_compared_in_it():
     time_s = [*range(5), 20, *range(40, 45)]
     trace = _trace(time_s, a=[0, 1, 2, 3, 4, NAN, 40, 41, 42, 43, 44], ambient=range(11))
     [found] = segments(trace, ["a_degC"], ["ambient_degC"], bridged_s=60.0)
     np.testing.assert_allclose(found.inputs, [range(45)])
     assert np.flatnonzero(~np.isnan(found.outputs[0])).tolist() == [*range(5), *range(40, 45)]
     assert len(segments(trace, ["a_degC"], ["ambient_degC"], bridged_s=35.0)) == 2
-
-
-def test_ten_long_periods_are_bridged():
     trace = _trace([0, 10, 20, 120, 130, 140], a=range(6), ambient=range(6))
     assert [each.inputs.shape for each in segments(trace, ["a_degC"], ["ambient_degC"], 10.0)] == [(1, 15)]
     trace = _trace([0, 10, 20, 130, 140, 150], a=range(6), ambient=range(6))

@@ -122,12 +122,12 @@ def waved():
 
 
 def test_the_heat_that_was_put_in_comes_out_and_the_ambient_that_would_give_it(heated):
-    heat = seen(heated).heat
+    misfit = seen(heated)
+    heat = misfit.heat
     well_after, well_before = ONSET_S + 100.0 < TIME_S, TIME_S < ONSET_S - 100.0
     np.testing.assert_allclose(heat[0, well_after & (TIME_S < 6000.0)], HEAT_W, atol=0.06)
     assert heat[0, well_after].mean() - heat[0, well_before].mean() == pytest.approx(HEAT_W, abs=0.02)
     assert np.abs(heat[1]).max() < 0.05
-    misfit = seen(heated)
     after = (ONSET_S + 100.0 < TIME_S) & (TIME_S < 6000.0)
     # heat into one of two nodes looks like air that is warmer for both, by as much as moves that heat
     expected = -HEAT_W / (1 / R_BOARD + 1 / R_SHELL)

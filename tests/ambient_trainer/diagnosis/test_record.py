@@ -94,10 +94,10 @@ def test_a_missing_input_is_bridged_a_missing_signal_was_off_and_an_empty_input_
     (record,) = records(_trace(time_s, ambient_degC=holed, chip_degC=air), ["ambient_degC"], ["chip_degC"], 10.0)
     np.testing.assert_allclose(record.inputs[0], air)
     empty = np.full(100, np.nan)
-    trace = _trace(time_s, ambient_degC=time_s, chip_degC=time_s, camera_on=empty)
+    trace = _trace(time_s, ambient_degC=air, chip_degC=air, camera_on=empty)
     (record,) = records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
     np.testing.assert_array_equal(record.signals["camera_on"], np.zeros(100))
-    trace = _trace(10.0 * np.arange(100), ambient_degC=np.full(100, np.nan), chip_degC=np.zeros(100))
+    trace = _trace(time_s, ambient_degC=empty, chip_degC=air)
     with pytest.raises(Refused, match="no 3 samples in a row, one every 10 s, hold them all"):
         records(trace, ["ambient_degC"], ["chip_degC"], 10.0)
 

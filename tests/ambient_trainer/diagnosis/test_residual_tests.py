@@ -199,12 +199,9 @@ def test_the_periodogram_is_kolmogorovs(samples):
     assert said.significant == (oracle.pvalue < 0.05)
 
 
-def test_memory_is_the_time_to_one_over_e():
+def test_memory_is_the_time_to_one_over_e_whitens_and_simulates_alike():
     series = remembering(np.exp(-1 / 20), (200_000,), np.random.default_rng(4))
     assert autocorrelation_time(series, "soc", 5.0).statistic == pytest.approx(100.0, rel=0.05)
-
-
-def test_the_memory_found_whitens_and_simulates_alike():
     random = np.random.default_rng(5)
     series = remembering(0.97, (1200,), random) + 0.5 * random.standard_normal(1200)
     memory = autoregression_of(series)

@@ -32,7 +32,7 @@ def test_a_known_variance_is_found_and_wide_where_the_estimate_moves():
     # levels are of the errors: 90 % of normal ones lie within 1.645
     sigma = sigma_degC(model, moment.estimate_degC, 0 * variance, PERIOD_S) * model.quantiles[90][1] / 1.645
     assert np.median(np.abs(np.log(sigma / np.sqrt(variance)))) < 0.05
-    half = half_widths(fit_error_variance([moment], PERIOD_S), [(moment.estimate_degC, 0 * variance)], PERIOD_S)
+    half = half_widths(model, [(moment.estimate_degC, 0 * variance)], PERIOD_S)
     assert half["10"] == pytest.approx(0.2 * 1.645, rel=0.1)
     assert half["90"] > 2 * half["10"]
 

@@ -23,7 +23,7 @@ def bath(reference_degC, offsets_K, noise_K=0.02, seed=0) -> pd.DataFrame:
     return pd.DataFrame({"bath": reference_degC, **probes}, index=PERIOD_S * np.arange(count))
 
 
-def test_an_offset_is_the_mean_difference_and_its_error_that_of_a_mean():
+def test_an_offset_is_the_mean_difference_with_its_error_and_a_probe_elsewhere_is_refused():
     window = bath(np.full(151, 20.0), {"a": 0.3, "b": -1.0})
     offsets = calibrated([window], "bath")
     (point,) = offsets["a"].points
@@ -31,6 +31,10 @@ def test_an_offset_is_the_mean_difference_and_its_error_that_of_a_mean():
     assert point.reading_degC == pytest.approx(window["a"].mean())
     assert point.standard_error_K == pytest.approx(0.02 / np.sqrt(151), rel=0.5)
     assert offsets["b"].points[0].offset_K == pytest.approx(-1.0, abs=0.01)
+    with pytest.raises(Refused) as caught:
+        calibrated([bath(np.full(151, 0.0), {"a": 0.3, "b": -21.0}, noise_K=0.0)], "the bath")
+    (fault,) = caught.value.faults
+    assert (fault.place, "21.00 degC" in fault.problem, "0.00 degC" in fault.problem) == ("b", True, True)
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.8])
@@ -69,10 +73,3 @@ def test_what_is_not_settled_has_a_reason(spoil, reasons):
     found = unsettled(spoil(bath(np.full(151, 20.0), {"a": 0.3, "b": 0.0}, noise_K=0.001)), Settled())
     assert len(found) == len(reasons)
     assert all(each.startswith(reason) for each, reason in zip(found, reasons))
-
-
-def test_a_probe_that_is_not_in_the_bath_is_refused():
-    with pytest.raises(Refused) as caught:
-        calibrated([bath(np.full(151, 0.0), {"a": 0.3, "b": -21.0}, noise_K=0.0)], "the bath")
-    (fault,) = caught.value.faults
-    assert (fault.place, "21.00 degC" in fault.problem, "0.00 degC" in fault.problem) == ("b", True, True)

@@ -20,9 +20,15 @@ def reasons(*traces):
     return {each.column: each.why for each in screened(traces).left_out}
 
 
-def test_nothing_is_wrong_with_good_zones(small):
+def test_good_zones_stay_and_one_that_a_trace_lacks_goes(small):
     assert small.left_out == ()
     assert small.names == ["chip", "left", "loner", "mixed", "right"]
+    short = made_up(1, path="other.csv")
+    del short.columns["chip_degC"]
+    assert reasons(made_up(0), short) == {"chip_degC": "not in other.csv"}
+    trace = made_up()
+    with pytest.raises(Refused, match="_degC"):
+        screened([replace(trace, columns={"ambient_degC": trace.reference})])
 
 
 @pytest.mark.parametrize(
@@ -45,12 +51,6 @@ def test_a_zone_of_no_use_is_left_out_with_the_reason(values, reason):
     assert left["odd_degC"].startswith(reason)
 
 
-def test_a_zone_that_one_trace_lacks():
-    short = made_up(1, path="other.csv")
-    del short.columns["chip_degC"]
-    assert reasons(made_up(0), short) == {"chip_degC": "not in other.csv"}
-
-
 def test_steps_and_noise_are_those_that_were_made():
     random = np.random.default_rng(0)
     slow = 30 + 10 * np.sin(np.arange(5000) / 800)
@@ -64,12 +64,6 @@ def test_steps_and_noise_are_those_that_were_made():
     assert coarse.noise_degC == pytest.approx(1 / np.sqrt(12))
     assert fine.step_degC == pytest.approx(0.001)
     assert fine.noise_degC == pytest.approx(0.2, rel=0.05)
-
-
-def test_a_trace_without_zones_is_refused():
-    trace = made_up()
-    with pytest.raises(Refused, match="_degC"):
-        screened([replace(trace, columns={"ambient_degC": trace.reference})])
 
 
 @pytest.mark.skipif(not S25.exists(), reason="the measured zones of a phone are not here")
