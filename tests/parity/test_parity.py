@@ -184,8 +184,8 @@ def validated(trace, fits, tmp_path_factory):
 def _replaced(model, u, i):
     """u (m, N) without reading ``i`` from ``AWAY`` on, and the variance of what replaces it.
 
-    It is held, or moves with its conditional mean where that is further than its standard deviation; then it has that
-    mean and what is left of the difference to it.
+    It moves as the others and its own low-pass filters predict, which read what replaces it; then it has its
+    conditional mean given the others alone, and what is left of the difference to that.
     """
     mean, P = np.array(model.mean), np.array(model.precision)
     count = len(u)
@@ -193,15 +193,23 @@ def _replaced(model, u, i):
     others = np.setdiff1d(np.arange(len(mean)), own)
     covariance = np.linalg.inv(P[np.ix_(own, own)])
     weights = -covariance[0] @ P[np.ix_(own, others)]
-    before = np.column_stack([u[:, 0], u[:, :-1]])
-    lows = np.array([_low_pass(row, lag_s, 1.0) for lag_s in model.lags_s for row in before])
-    expected = mean[i] + weights @ (np.vstack([u, lows])[others] - mean[others, None])
-    used = u.copy()
-    first = AWAY + HELD
-    moved = expected[AWAY:first] - expected[AWAY - 1]
-    used[i, AWAY:first] = u[i, AWAY - 1] + np.where(np.abs(moved) > np.sqrt(covariance[0, 0]), moved, 0.0)
-    left = np.exp(-np.arange(1, u.shape[1] - first + 1) / model.sensors[i].memory_s)
-    used[i, first:] = expected[first:] + (used[i, first - 1] - expected[first]) * left
+    used, lows, first = u.copy(), np.tile(u[:, :1], (len(model.lags_s), 1)), AWAY + HELD
+    keep = np.repeat(np.exp(-1.0 / np.array(model.lags_s)), count)[:, None]
+    z, at_absence = np.array([]), np.array([])
+    for k in range(1, u.shape[1]):
+        lows = keep * lows + (1.0 - keep) * np.tile(used[:, k - 1 : k], (len(model.lags_s), 1))
+        z = np.concatenate([u[:, k], lows[:, 0]])
+        if k < AWAY:
+            at_absence = np.concatenate([used[:, k], lows[:, 0]])
+        elif k < first:
+            z[i] = at_absence[i]
+            moved = -np.delete(P[i], i) @ np.delete(z - at_absence, i) / P[i, i]
+            used[i, k] = at_absence[i] + moved
+        else:
+            expected = mean[i] + weights @ (z - mean)[others]
+            if k == first:
+                apart = used[i, first - 1] - expected
+            used[i, k] = expected + apart * np.exp(-(k - first + 1) / model.sensors[i].memory_s)
     return used, covariance[0, 0]
 
 

@@ -45,7 +45,7 @@ def test_what_else_holds_of_them(figures):
     assert abs(figures[1][10] - 20) > 100
     assert figures[2][5] == 0
     flash, battery, usb, *swapped = figures[3]
-    assert swapped == [flash, usb, battery]
+    assert swapped == pytest.approx([flash, usb, battery], rel=1e-12)
     assert flash + battery + usb == pytest.approx(1)
     assert len(figures[5]) == 3
     assert figures[6][::3] == [0.42, 0.042, 0.2]

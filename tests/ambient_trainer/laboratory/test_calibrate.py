@@ -70,7 +70,7 @@ def test_the_command_makes_offsets_of_a_recorded_bath_and_writes_nothing_of_one_
     assert {name: len(offset.points) for name, offset in offsets.items()} == {"air1": 2, "air2": 2}
     assert offsets["air1"].at(15.0) == pytest.approx(0.3, abs=0.01)
     assert offsets["air2"].at(15.0) == pytest.approx(-0.1, abs=0.01)
-    output = tmp_path / "offsets.yaml"
+    output = tmp_path / "unsettled.yaml"
     ran = CliRunner().invoke(command, [trace, "-o", str(output), "--window", "900"])
     assert isinstance(ran.exception, Refused)
     assert not output.exists()

@@ -128,9 +128,10 @@ def names(text: str) -> tuple[str, ...]:
 
 def whole_numbers(text: str) -> tuple[int, ...]:
     """The type of an option that lists numbers from 0 on, such as ``3,4,5``; each counts once."""
-    if not all(part.isascii() and part.isdigit() for part in names(text)):
+    parts = names(text)
+    if not parts or not all(part.isascii() and part.isdigit() for part in parts):
         raise click.BadParameter(f"{text!r}: write whole numbers with commas between, such as 3,4,5")
-    return tuple(dict.fromkeys(map(int, names(text))))
+    return tuple(dict.fromkeys(map(int, parts)))
 
 
 def assigned(form: str, read: Callable[[str], Any] = str) -> Callable[[str], tuple[str, Any]]:
