@@ -176,12 +176,12 @@ def pooled(units: Normal, group: NDArray[np.intp], memory_s: float) -> Populatio
         weighed = member * weight[:, None]
         projected = weighed.sum(axis=0)[:, None, None] * unity - np.tensordot(weighed, R, (0, 0))
         said = weighed.T @ _times(R, f)
-        whitened = whiten @ group_between @ whiten.T
-        above = posterior(projected, said, whiten @ mean, whitened)
+        above_between = whiten @ group_between @ whiten.T
+        above = posterior(projected, said, whiten @ mean, above_between)
         total = above.information.sum(axis=0)
         total += _RIDGE * np.trace(total) / p * unity
         middle = np.linalg.solve(total, above.vector.sum(axis=0))
-        above = posterior(projected, said, middle, whitened)
+        above = posterior(projected, said, middle, above_between)
         centre = above.mean[group]
         apart = _times(R, f - _times(M, centre))
         second = np.tensordot(weight, R, 1) + (apart * weight[:, None]).T @ apart
