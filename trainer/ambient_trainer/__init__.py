@@ -14,8 +14,6 @@ Examples
 FrozenList(['trace', 'method'])
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """Traces come as paths, DataFrames or traces, one or several; a frame is known by the SHA-256 of its content."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """``at.diagnose``: what a circuit lacks or what changed on a device, and its result."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace

@@ -1,7 +1,5 @@
 """``at.evaluate``: a model's errors on traces, and their result."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace

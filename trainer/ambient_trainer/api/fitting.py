@@ -1,7 +1,5 @@
 """``at.fit``: an estimator fitted to traces, and its result."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

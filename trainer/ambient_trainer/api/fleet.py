@@ -1,7 +1,5 @@
 """``at.fit_fleet``: an estimator for each of many units, and its result."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What every result of the API offers: a file, its report as a page, and its tables in a notebook."""
 
-from __future__ import annotations
-
 import html
 import os
 from abc import ABC, abstractmethod

@@ -1,7 +1,5 @@
 """``at.simulate``: what a simulated device logs, and what is hidden in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -3,8 +3,6 @@
 What is added starts at the value given and is free; every new name is one that the circuit does not have.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from math import inf

@@ -4,8 +4,6 @@ Derivatives are complex steps (Squire and Trapp 1998, SIAM Rev. 40(1)): with p +
 of a matrix is h times its derivative in p, to the last digit, since nothing is subtracted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

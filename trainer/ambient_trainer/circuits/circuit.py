@@ -6,8 +6,6 @@ nodes is simulated; the inputs are the prescribed nodes and the source signals. 
 readings, which are the inputs, and only the loss to the ambient acts on the states.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -4,8 +4,6 @@ The names below are imported when they are first used: ``ambient-trainer --help`
 wait for numpy.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import TYPE_CHECKING, Any
 

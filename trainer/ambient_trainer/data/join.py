@@ -4,8 +4,6 @@ A column that is logged more often than the stamps stand is averaged around each
 as straight lines; a switch (``_on``) keeps its last value. Where a logger has a gap there is nothing.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

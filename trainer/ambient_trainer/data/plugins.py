@@ -1,7 +1,5 @@
 """One thing, one file: a plug-in is a module in a package's folder, or an entry point, and is found by its place."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from functools import cache

@@ -3,8 +3,6 @@
 Readings are taken as rounded to the next multiple of the step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

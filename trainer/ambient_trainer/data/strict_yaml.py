@@ -1,7 +1,5 @@
 """A YAML file is taken whole or refused: no YAML, a key twice, an unknown key, a wrong value, each with its place."""
 
-from __future__ import annotations
-
 import os
 import typing
 from collections.abc import Sequence

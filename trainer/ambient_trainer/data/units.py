@@ -1,7 +1,5 @@
 """Millidegrees, tenths, microamperes and Fahrenheit become the trace's own units here, once."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from ambient_trainer.data.trace import Array

@@ -3,8 +3,6 @@
 Without known-good records the question is what the circuit lacks, with them what has changed since.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """What a selection of mechanisms says: steps with cause, size, gain and confidence; the ranking of all candidates."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -5,8 +5,6 @@ capacity are states that their sensors measure, nodes without one stay prescribe
 prescribed by the reference.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ambient_model.faults import refuse

@@ -4,8 +4,6 @@ The circuit's numbers get a prior from them: moving a number in a later fit cost
 worse, each in proportion to what it leaves anyway. What good records lack of the circuit is added to it first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

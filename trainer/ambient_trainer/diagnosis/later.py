@@ -4,8 +4,6 @@ Both are simulated forward from the beginning of the trace and run on, without a
 scored: their start is fitted to what lies before it. The extended circuit is the one in its file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ Both models are simulated from rest through every step of one logged input, or o
 step after which a sensor differs most, in units of what is left there, is proposed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 Averaging inputs and outputs alike costs a linear circuit nothing, keeps the heat of short bursts, and lowers noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 

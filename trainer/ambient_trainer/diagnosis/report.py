@@ -1,7 +1,5 @@
 """The report of a diagnosis: verdict, steps, candidates and residual tests, the same for terminal, page and machine."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

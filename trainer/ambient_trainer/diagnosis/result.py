@@ -1,7 +1,5 @@
 """The result of a diagnosis: steps, each with a cause and its gain on data that it was not fitted to."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

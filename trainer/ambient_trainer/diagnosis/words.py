@@ -1,7 +1,5 @@
 """How a number is put before a person: times like a clock, spans in the unit that fits, figures as long as meant."""
 
-from __future__ import annotations
-
 import math
 
 from ambient_model.trace import split_column

@@ -3,8 +3,6 @@
 Who cancels holds a :class:`CancelToken`; who searches asks it between evaluations and returns the best so far.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 

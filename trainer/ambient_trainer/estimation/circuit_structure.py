@@ -4,8 +4,6 @@ Each segment starts from thermal equilibrium with its first sample, or anywhere:
 linear unknown, whose regressor is its own decay.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

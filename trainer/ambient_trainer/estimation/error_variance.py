@@ -10,8 +10,6 @@ The regressors are those of ``ambient_model.error_variance``. Two objectives fin
 Quantiles are of the errors themselves, in units of their standard deviation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 

@@ -10,8 +10,6 @@ sensors one degree up is the estimate one degree up; what is left of an impulse 
 left of a constant offset of one is its DC gain, which a short log of few levels leaves open.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 A budget or a cancel token ends it between two evaluations; the result is then the best so far, marked as stopped.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

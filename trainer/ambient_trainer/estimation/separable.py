@@ -12,8 +12,6 @@ Samples enter by inner products alone. So no residual of N samples goes into the
 and d to as many rows as they are columns.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 y_o = f_o(theta) + sum_i beta_i F_oi(theta)
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ White 1982, Econometrica 50(1)). With white residuals a batch is one sample. Dir
 are named: along them the data say nothing.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@
 for orders and intervals, takes successive blocks of all segments together, without a gap.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Sequence
 from dataclasses import replace

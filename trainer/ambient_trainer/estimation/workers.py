@@ -3,8 +3,6 @@
 One that is interrupted while it starts would print a traceback of its own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

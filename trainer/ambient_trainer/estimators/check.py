@@ -1,7 +1,5 @@
 """Tests whether an estimator keeps the contract of ``base``: for whoever adds one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any

@@ -1,7 +1,5 @@
 """Estimates over a whole trace: by arrays where it has no gap, by the device's own tracker where it has."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

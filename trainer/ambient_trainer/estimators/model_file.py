@@ -1,7 +1,5 @@
 """A fitted system becomes a model file: discretised at every period, with its own test vector and its provenance."""
 
-from __future__ import annotations
-
 import datetime
 import platform
 from collections.abc import Mapping, Sequence

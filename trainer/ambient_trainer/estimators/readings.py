@@ -4,8 +4,6 @@ Lags and regularisation of the joint distribution are those with the least diffe
 gates are the largest differences there, with a margin.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence

@@ -3,8 +3,6 @@
 An entry point in the group ``ambient_trainer.estimators.library`` counts like a module there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from ambient_model.faults import refuse

@@ -1,7 +1,5 @@
 """The report of a fit: its error beside the static formula's, its parameters, and what the data determine."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A search's end becomes a fit: the system, what is known of each unknown, and the errors it leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

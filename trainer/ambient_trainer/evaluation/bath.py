@@ -6,8 +6,6 @@ the straight line through it. The standard error of an offset counts only as man
 reference's own error is not in it, as it is the same for all probes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ three regressions counts, by the held-out error itself: ridge on the linear feat
 randomised trees on what linear ridge leaves (Geurts et al. 2006). That choice lowers the floor, by little.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """Estimators side by side: each fitted to the same samples, each scored on the same samples that none was fitted to."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

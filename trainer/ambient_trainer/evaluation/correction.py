@@ -5,8 +5,6 @@ over the calibration from its first sample on as on the device. Gains stay as th
 determine no more than a constant.
 """
 
-from __future__ import annotations
-
 import datetime
 import math
 from collections.abc import Mapping

@@ -6,8 +6,6 @@ the symmetries of the structure (``sensitivity``), which are exact, and the prof
 which bounds it by this trace's noise.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The report of the tests of identifiability."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any

@@ -4,8 +4,6 @@ RMSE, MAE and MBE are means over the samples; an interval is mu +- lambda sigma,
 quantile of the normal distribution: where one single error lies, if errors are normally distributed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ m). Where it stays below the 95 % quantile of chi^2 with one degree of freedom (
 profile that never leaves that is flat: the data bound the parameter not at all on that side (Raue et al. 2009).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

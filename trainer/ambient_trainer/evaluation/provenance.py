@@ -1,7 +1,5 @@
 """The provenance in a model file: the traces that it was trained on, and the baseline that was fitted beside it."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any
 

@@ -7,8 +7,6 @@ parameters times k to an exponent, and the exponents come out as small whole num
 can be identified.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

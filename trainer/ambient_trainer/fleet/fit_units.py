@@ -4,8 +4,6 @@ A task reads what it needs and returns what the driver keeps; it knows no other 
 clock. The same task gives the same bytes, wherever it runs.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence

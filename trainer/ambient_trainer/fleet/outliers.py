@@ -1,7 +1,5 @@
 """What is odd about the units that fit the population least: each is diagnosed, typical ones being known as good."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a run has done, a file a task; it belongs to one question, and is gone when the run has ended well."""
 
-from __future__ import annotations
-
 import contextlib
 import datetime
 import json

@@ -5,8 +5,6 @@ Two maps and a small reduction. A chunk that is done is a file in ``OUT/.parts``
 result does not depend on who did what when.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -10,8 +10,6 @@ that the population's regressors are white: each of the coordinates is then what
 So sensors that go together, which no short log distinguishes, do not make the prior singular.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

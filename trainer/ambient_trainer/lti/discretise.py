@@ -13,8 +13,6 @@ which has the A and B of the zero-order hold: only C and D change. The equilibri
 every period, so one X0 serves them all. Matrices may have leading axes: each function takes stacks.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import expm
 

@@ -5,8 +5,6 @@ With a = exp(-T/tau) and g = (1 - a) tau/T,
     x[k+1] = a x[k] + (g - a) u[k] + (1 - g) u[k+1].
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

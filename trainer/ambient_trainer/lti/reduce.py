@@ -5,8 +5,6 @@ the weakest are left out, by the square-root method (Tombs and Postlethwaite 198
 contributed in steady state acts at once instead, so that the DC gains stay what they are.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 

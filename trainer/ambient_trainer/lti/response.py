@@ -4,8 +4,6 @@ In real Schur coordinates the recursion is triangular but for the damped pairs o
 second order after the other. It does not mind poles that lie close together, which modal coordinates do.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

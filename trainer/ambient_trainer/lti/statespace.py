@@ -1,7 +1,5 @@
 """A linear time-invariant system in state space, and how its inputs move between two samples."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """The files of a report: what a page's are called, and the JSON object for a machine. Light: every command needs it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

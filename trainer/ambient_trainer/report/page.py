@@ -3,8 +3,6 @@
 All text is escaped here and nowhere else; what stands between backquotes becomes code, and ``degC`` becomes °C.
 """
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator, Sequence

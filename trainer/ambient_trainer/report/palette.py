@@ -1,7 +1,5 @@
 """Every colour of a plot, by what it stands for; each has a counterpart for a dark page."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """A report on a terminal: its title, findings and tables; figures, facts and notes are for the page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import rich.table

@@ -1,7 +1,5 @@
 """Units as a page writes them."""
 
-from __future__ import annotations
-
 import re
 
 _WRITTEN = {"degC": "°C", "frac": "fraction", "on": "0 or 1"}

@@ -12,8 +12,6 @@ noise of s degC, exactly (N is the bank's noise Gram); the second what it makes 
 what the rounding to q_i leaves: at rest a rounded reading does not average out. Leaving a block out subtracts its Gram.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

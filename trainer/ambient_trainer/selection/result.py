@@ -4,8 +4,6 @@ How many sensors to take: the fewest within one standard error of the best (Brei
 Regression Trees*, section 3.4.3). The standard error is that of the mean square over the blocks.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 A bad zone costs more than its own place: dead readings pull every fit, a double makes a choice between equals.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 Everything that takes time goes through :class:`ResumablePool`; the rest is deterministic, however often it is run.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -8,8 +8,6 @@ The search is stepwise: from each start the best neighbour, as long as one lower
 best loses edges again, as many as leave its error within 1 %.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

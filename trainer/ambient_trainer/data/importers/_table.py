@@ -1,7 +1,5 @@
 """A table of text becomes a trace through a column map; what cannot be read is refused by line and column."""
 
-from __future__ import annotations
-
 import csv
 import io
 import itertools

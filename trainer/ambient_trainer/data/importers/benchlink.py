@@ -4,8 +4,6 @@ A map may choose, rename and combine the channels; it names one by its number (`
 Without a map every channel comes in as ``ch101_degC``.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

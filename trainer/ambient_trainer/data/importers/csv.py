@@ -1,7 +1,5 @@
 """Any text table, through a column map."""
 
-from __future__ import annotations
-
 from ambient_trainer.data.importers._column_map import parse_map
 from ambient_trainer.data.importers._table import Imported, import_table
 from ambient_trainer.data.strict_yaml import load_yaml

@@ -1,7 +1,5 @@
 """Which trial is taken, if any: one that gains on data it was not fitted to, physics before instruments."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

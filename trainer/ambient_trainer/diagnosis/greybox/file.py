@@ -1,7 +1,5 @@
 """Mechanisms in a circuit's file: as nodes, edges and sources where a circuit has them, else under ``mechanisms``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import cache

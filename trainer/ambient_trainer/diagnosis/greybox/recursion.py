@@ -3,8 +3,6 @@
 Shapes: P lanes, n modes, N samples, k active nodes, m pairs of them, q losses by a power, r changes of phase.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """What candidates are made of: the fitted model, its places, and the drivers that the log offers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -4,8 +4,6 @@ The score test takes each candidate's first-order effect on the *simulated* sens
 numbers could do as well, and solves for its amount (Rao 1948). Measured temperatures are never regressors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Mechanisms are added one at a time, or two, screened, fitted and compared; what later ones make needless goes."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ What begins at t_a and ends at t_b adds, to first order, the column of what begi
 t_b. All pairs of a coarse grid are scored at once; the best is refined on finer ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache

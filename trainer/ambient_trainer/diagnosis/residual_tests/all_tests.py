@@ -1,7 +1,5 @@
 """All tests of a misfit, in the order in which one reads them: is it noise, and what does it go along with."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a residual may go along with: a course over time, at once or with the delay of a body that it has to warm."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ White noise on top of something slow needs a long past. Long but few: the past i
 the means of the 2, 4, 8 and 16 before those; Akaike's criterion takes the first ``order`` of them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

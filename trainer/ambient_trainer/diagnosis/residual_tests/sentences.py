@@ -1,7 +1,5 @@
 """What a robust test says, in a sentence that an engineer understands."""
 
-from __future__ import annotations
-
 from ambient_trainer.diagnosis.residual_tests.dependence import Dependence
 from ambient_trainer.diagnosis.residual_tests.grid import Grid
 from ambient_trainer.diagnosis.words import clock, digits, duration

@@ -1,7 +1,5 @@
 """Tests whether a residual is white, with textbook thresholds: Ljung-Box, Bartlett, and the autocorrelation time."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 It is taken whole or refused with every fault and its place in one message.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path

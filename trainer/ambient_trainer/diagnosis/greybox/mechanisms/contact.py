@@ -1,7 +1,5 @@
 """A body of its own temperature holds on to a node for a while: a hand, a table, a pocket."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """The conductance to the ambient follows a driver: G_i (1 + c w(t)); by the ambient itself it is a law of the loss."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The loss grows with a power of the difference: G |d/d0|^p d, as in free convection (p about 0.25) or radiation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Heat into nodes, proportional to a driver, or constant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

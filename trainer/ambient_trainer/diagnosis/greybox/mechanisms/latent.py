@@ -4,8 +4,6 @@ Its enthalpy, in kelvin of its own heat capacity, is the state z; the body is at
 T0 while z falls by the heat of fusion L, and is at z + L below. Where it begins solid, z is counted from there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A thermal mass of its own behind a node, which may see the ambient, too."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

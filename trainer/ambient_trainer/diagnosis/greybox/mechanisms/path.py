@@ -1,7 +1,5 @@
 """A path between two nodes that the circuit does not join, or from a node to a body whose temperature is logged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

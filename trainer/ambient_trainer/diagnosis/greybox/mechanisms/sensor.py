@@ -1,7 +1,5 @@
 """Faults of an instrument: offset, gain, lag and drift of a sensor, and a clock that is off."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
