@@ -1,5 +1,7 @@
 """``ambient-trainer fit``: traces and a circuit become a model file, with what the data say of the circuit."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import click
