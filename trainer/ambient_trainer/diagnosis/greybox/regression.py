@@ -103,6 +103,11 @@ class Fitted:
         result[np.isfinite(record.sensors)] = self.runs[index].residual
         return np.asarray(result / record.weights)
 
+    def without_slopes(self) -> Fitted:
+        """The same without what it takes most memory to keep, for comparing errors alone."""
+        nothing = np.empty((0, 0))
+        return replace(self, runs=tuple(replace(run, slopes=nothing, start_slopes=nothing) for run in self.runs))
+
     @property
     def slopes(self) -> Array:
         """Of the simulation in every coordinate, starts re-optimised, (M, p); not kept, as trials are many."""

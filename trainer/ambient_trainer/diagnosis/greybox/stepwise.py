@@ -86,7 +86,7 @@ def stepwise(
         step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
         alone = alone or step
         pair = _pair(step, limits, offered, partial(_numbered, said, 1)) if beside and not steps else []
-        steps += pair or [step]
+        steps += pair or [_compact(step) if steps else step]
         last = steps[-1].chosen
         if last is None:
             break
@@ -94,6 +94,11 @@ def stepwise(
         fitted = pruned(last.fitted, given)
     assert alone is not None
     return Selection(bare, fitted, tuple(_logged_first(steps)), alone)
+
+
+def _compact(step: Step) -> Step:
+    """The same with the errors of its trials alone."""
+    return replace(step, trials=tuple(replace(each, fitted=each.fitted.without_slopes()) for each in step.trials))
 
 
 def _logged_first(steps: Sequence[Step]) -> Sequence[Step]:
