@@ -9,6 +9,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.mechanisms import mass
+from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import screen, shortlist
@@ -88,3 +89,8 @@ def test_no_constant_reference_is_wrong_by_40_degC(circuit, warm_K, named):
     board = 21.0 + warm_K * -np.expm1(-time_s / 600.0) + draw.normal(0, 0.03, 400)
     trace = Trace("board", time_s, {"board_degC": board, "ambient_degC": np.full(400, 21.0)})
     assert diagnose(circuit, [trace]).verdict_cause.name == named
+
+
+@pytest.mark.parametrize(("melting_degC", "doubtful"), [(0.0, False), (30.0, True)])
+def test_only_water_melts_without_a_doubt(melting_degC, doubtful):
+    assert Latent(("fast",), (), melting_degC=melting_degC).doubtful == doubtful

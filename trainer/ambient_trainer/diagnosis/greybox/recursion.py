@@ -125,9 +125,10 @@ def answered(along, kept, before, now, into, out, terms):  # type: ignore[no-unt
 
 def heat_along(degC: Array, terms: Terms) -> Array:
     """The heat (P, k, N) of all lanes along temperatures (k, N): each a mode of its own that answers at once."""
-    lanes, nodes, _ = terms.known.shape
+    lanes, nodes, samples = terms.known.shape
     along = np.repeat(degC[None], lanes, axis=0)
     at_once, never, itself = np.ones((lanes, nodes)), np.zeros((lanes, nodes)), np.tile(np.eye(nodes), (lanes, 1, 1))
     result = answered(along, never, never, at_once, itself, np.zeros_like(itself), terms)
-    result[:, :, 0] = result[:, :, 1]
+    # modes begin at nothing, whatever the first sample's heat
+    result[:, :, 0] = result[:, :, min(1, samples - 1)]
     return np.asarray(result)
