@@ -1,10 +1,13 @@
-"""The Pixel thermal HAL's snippet, run through the HAL's own parser and start where their sources and a compiler are.
+"""The Pixel thermal HAL, compiled from its own sources where they and a compiler are, run on what the daemon publishes.
 
-The sources are others' and not part of this repository: they lie beside it, or where AMBIENTD_PIXEL_HAL says.
+The sources are others' and not part of this repository: AMBIENTD_PIXEL_HAL_SOURCE is a checkout of AOSP's
+hardware/google/pixel, of which ``thermal`` is used, or it lies beside the repository. They are compiled unchanged; what
+AOSP gives them stands in ``pixel/aosp.h``, which also moves every path under HAL_ROOT, and the time by hand.
 """
 
 import json
 import os
+import re
 import subprocess
 from pathlib import Path
 
@@ -14,6 +17,15 @@ DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SNIPPET = DEPLOY / "pixel" / "thermal_info_config.json"
 OF_THE_DEVICE = ("skin_therm", "spare_therm")
 """Kernel zones that the snippet names, and that stand for zones of the device."""
+STAND_INS = Path(__file__).with_name("pixel")
+HAL = Path(os.environ.get("AMBIENTD_PIXEL_HAL_SOURCE", DEPLOY.parents[1] / "shared/consumers/pixel-hal")) / "thermal"
+PARTS = ["thermal-helper.cpp", "virtualtemp_estimator/virtualtemp_estimator.cpp"]
+PARTS += [f"utils/{name}.cpp" for name in ("power_files", "thermal_files", "thermal_info", "thermal_stats_helper")]
+PARTS += ["utils/thermal_throttling.cpp"]
+SKIN_DEGC = 37.0
+"""The virtual sensor then throttles from an estimate of 37 degC up, 0.8 * 37 + 0.2 * 37, until it falls below 32."""
+WATCHED_S = 10.0
+"""Longer than a PollingDelay."""
 
 
 @pytest.fixture
@@ -38,36 +50,128 @@ def test_it_reads_what_android_publishes_and_a_fault_throttles_but_shuts_nothing
 
 
 @pytest.fixture(scope="module")
-def hal(program, tmp_path_factory):
-    """The HAL's parser and the beginning of its start, compiled: gives exit status and what it says of the sensors."""
-    sources = Path(os.environ.get("AMBIENTD_PIXEL_HAL", DEPLOY.parents[1] / "shared/consumers/pixel-hal"))
-    if not (sources / "harness.cpp").is_file():
-        pytest.skip("the HAL's sources are not in AMBIENTD_PIXEL_HAL")
-    harness = tmp_path_factory.mktemp("hal") / "harness"
-    folders = [f"-I{sources}", f"-I{sources / 'inc'}", "-I/usr/include/jsoncpp"]
-    call = [program("g++"), "-std=c++20", "-w", *folders, str(sources / "harness.cpp"), "-ljsoncpp", "-o", str(harness)]
+def harness(program, tmp_path_factory):
+    """``pixel/harness.cpp`` and the HAL in one program."""
+    if not (HAL / PARTS[0]).is_file():
+        pytest.skip("the HAL's sources are not in AMBIENTD_PIXEL_HAL_SOURCE")
+    if not Path("/usr/include/jsoncpp").is_dir():
+        pytest.skip("libjsoncpp-dev is not installed")
+    folder = tmp_path_factory.mktemp("hal")
+    sources = [*(HAL / part for part in PARTS), STAND_INS / "harness.cpp"]
+    (folder / "all.cpp").write_text("".join(f'#include "{each}"\n' for each in sources))
+    for name in re.findall(r"#include <(\S+/\S+)>", "".join(each.read_text() for each in HAL.rglob("*.[ch]*"))):
+        if name.split("/")[0] in ("aidl", "android", "android-base", "cutils", "hardware", "netlink", "utils"):
+            header = folder / "empty" / name  # aosp.h, included first, stands in for them all
+            header.parent.mkdir(parents=True, exist_ok=True)
+            header.touch()
+    folders = [f"-I{folder / 'empty'}", f"-I{HAL}", "-I/usr/include/jsoncpp", "-include", STAND_INS / "aosp.h"]
+    call = [program("g++"), "-std=c++20", "-w", *folders, folder / "all.cpp", "-ljsoncpp", "-o", folder / "harness"]
     built = subprocess.run(call, capture_output=True, text=True, timeout=300)
-    if built.returncode != 0:
-        errors = [line for line in built.stderr.splitlines() if "error: " in line]
-        pytest.skip(f"the HAL does not compile here: {errors[0] if errors else built.stderr[-200:]}")
-
-    def run(*zones):
-        done = subprocess.run([harness, SNIPPET, *zones], capture_output=True, text=True, timeout=30)
-        return done.returncode, done.stderr
-
-    return run
+    assert built.returncode == 0, built.stderr[:2000]
+    return folder / "harness"
 
 
-def test_the_hal_starts_with_it_and_watches_both_sensors(hal):
-    status, said = hal(*OF_THE_DEVICE)
-    assert status == 0, said
-    assert "spare_therm is_watch=1 path=/dev/ambientd/ambient_temp" in said
-    assert "VIRTUAL-SKIN-AMBIENT is_watch=1" in said
-    assert "initializeSensorMap 1" in said
+class Hal:
+    """A running HAL, in a root of its own."""
+
+    def __init__(self, harness, root, spawn, zones, config):
+        self.published = root / "dev/ambientd/ambient_temp"
+        self.published.parent.mkdir(parents=True)
+        (root / "vendor/etc").mkdir(parents=True)
+        (root / "vendor/etc/thermal_info_config.json").write_text(json.dumps(config))
+        kernel = root / "sys/devices/virtual/thermal"
+        for number, kind in enumerate(zones):
+            zone = kernel / f"thermal_zone{number}"
+            zone.mkdir(parents=True)
+            (zone / "type").write_text(f"{kind}\n")
+            (zone / "temp").write_text(f"{SKIN_DEGC * 1000:.0f}\n")
+            (zone / "policy").write_text("step_wise\n")
+        cooler = kernel / "cooling_device0"
+        cooler.mkdir()
+        (cooler / "type").write_text("thermal-cpufreq-0\n")
+        (cooler / "max_state").write_text("6\n")
+        self.cooling = cooler / "cur_state"
+        self.cooling.write_text("0\n")
+        self.process = spawn([str(harness)], env={"HAL_ROOT": str(root)}, stdin=subprocess.PIPE)
+
+    def watch(self):
+        """Watch for a while: each sensor's temperature in degC and severity."""
+        self.process.stdin.write(f"{WATCHED_S}\n")
+        self.process.stdin.flush()
+        lines = list(iter(self.process.stdout.readline, ".\n"))
+        found = [line.split() for line in lines if re.fullmatch(r"\S+ \S+ [A-Z]+\n", line)]
+        return {name: (float(value), severity) for name, value, severity in found}
 
 
-def test_the_hal_does_not_start_where_the_name_is_no_kernel_zone(hal):
-    """The guide says so: ``Name`` is a zone that the kernel has, and the HAL's own file does not use."""
-    status, said = hal("skin_therm")
-    assert status != 0
-    assert "Could not find spare_therm in sysfs" in said
+@pytest.fixture
+def start(harness, tmp_path, spawn):
+    """Start a HAL on kernel zones, with the snippet merged into what a device has, or alone."""
+    running = []
+    device = {"Name": "skin_therm", "Type": "SKIN", "Multiplier": 0.001}
+    binding = {"CdevRequest": "thermal-cpufreq-0", "LimitInfo": [0, 1, 2, 3, 4, 5, 6]}
+
+    def run(zones=OF_THE_DEVICE, alone=False):
+        config = json.loads(SNIPPET.read_text())
+        if not alone:
+            config["Sensors"][-1]["BindedCdevInfo"] = [binding]
+            config["Sensors"].append(device)
+            config["CoolingDevices"] = [{"Name": "thermal-cpufreq-0", "Type": "CPU"}]
+        running.append(Hal(harness, tmp_path / "root", spawn, zones, config))
+        return running[-1]
+
+    yield run
+    for each in running:
+        each.process.stdin.close()
+
+
+def test_throttling_starts_and_ends_with_the_published_value_and_starts_at_a_fault(
+    start, weather, spawn, deployed, model_file, until, tmp_path
+):
+    hal = start()
+    config = json.loads((DEPLOY / "android" / "ambientd.json").read_text())
+    config["publish"] = [{**config["publish"][0], "path": str(hal.published)}]
+    config["model"] = str(model_file)
+    written = tmp_path / "ambientd.json"
+    written.write_text(json.dumps(config))
+
+    def seen_at(millidegC):
+        """What is published, as the HAL reads it; the virtual sensor's severity, and the cooling device's state."""
+        until(lambda: hal.published.exists() and abs(int(hal.published.read_text()) - millidegC) <= 1)
+        sensors = hal.watch()
+        published_degC = int(hal.published.read_text()) / 1000
+        assert sensors["spare_therm"][0] == pytest.approx(published_degC, abs=0.002)
+        expected = 0.8 * SKIN_DEGC + 0.2 * published_degC
+        assert sensors["VIRTUAL-SKIN-AMBIENT"][0] == pytest.approx(expected, abs=0.002)
+        return sensors["spare_therm"][1], sensors["VIRTUAL-SKIN-AMBIENT"][1], int(hal.cooling.read_text())
+
+    weather.start(spawn, deployed("run", "--config", written, "--replay", weather.trace, "--speed", "0"), 23.0)
+    assert seen_at(23000) == ("NONE", "NONE", 0)
+    for degC, expected in (
+        (36.5, ("MODERATE", "NONE", 0)),
+        (38.0, ("MODERATE", "LIGHT", 1)),
+        (32.5, ("LIGHT", "LIGHT", 1)),
+        (31.0, ("NONE", "NONE", 0)),
+    ):
+        weather.say(degC, rows=600)
+        assert seen_at(degC * 1000) == expected
+    weather.say(None)
+    assert seen_at(60000) == ("CRITICAL", "SEVERE", 3)
+    weather.say(23.0, rows=600)
+    assert seen_at(23000) == ("NONE", "NONE", 0)
+    weather.kill()
+    subprocess.run(deployed("withdraw", "--config", written), check=True, timeout=60)
+    assert seen_at(60000) == ("CRITICAL", "SEVERE", 3)
+
+
+@pytest.mark.parametrize(
+    ("call", "fault"),
+    [
+        ({"zones": ["skin_therm"]}, "Could not find spare_therm in sysfs"),
+        ({"alone": True}, "Cannot find skin_therm from sensor info map"),
+    ],
+)
+def test_the_hal_does_not_start_where_the_guide_says_so(start, call, fault):
+    process = start(**call).process
+    said, _ = process.communicate(timeout=30)
+    assert process.returncode != 0
+    assert fault in said
