@@ -11,6 +11,8 @@ from collections.abc import Sequence
 
 from ambient_model.tracking import COASTING, DEGRADED, FAULTED, TRACKING, WARMING_UP
 
+ALL_INPUTS = frozenset((TRACKING, WARMING_UP, DEGRADED))
+"""The statuses of an estimator that has all its inputs."""
 MAIN = 0
 """The active estimator: this, or the number of a fallback, from 1."""
 SETTLED = "settled"
@@ -51,7 +53,7 @@ Active is the main one, the fallback that was active last, or the first fallback
 
 def has_all_inputs(status: str) -> bool:
     """Whether an estimator with this status has all its inputs."""
-    return status in (TRACKING, WARMING_UP, DEGRADED)
+    return status in ALL_INPUTS
 
 
 def decide(main: str, fallbacks: Sequence[str], active: int) -> tuple[int, str]:

@@ -98,6 +98,7 @@ class OffsetLearner:
         self._last: LastReference | None = None
         self.unsaved = False
         """Whether a reading has changed what :meth:`memory` holds."""
+        self._note_report()
 
     def update(self, time_s: float, estimate: Estimate) -> Estimate:
         """The model's estimate at ``time_s``, moved by the offset, once the files have been looked at."""
@@ -113,11 +114,15 @@ class OffsetLearner:
                 if at_ns and not self._too_soon(at_ns / 1e9, max(self._counted_unix_s, self._refused_unix_s)):
                     counted = self._judge(self._spec.path, self._spec.unit, at_ns, estimate)
                     self.unsaved = self.unsaved or counted
+            self._note_report()
         return shifted(estimate, self._state.offset_degC)
 
     def report(self) -> OffsetReport:
-        """What is published of it."""
-        return OffsetReport(self._state.offset_degC, math.sqrt(self._state.variance_degC2), self._last)
+        """What is published of it; the same object until the files are looked at again."""
+        return self._report
+
+    def _note_report(self) -> None:
+        self._report = OffsetReport(self._state.offset_degC, math.sqrt(self._state.variance_degC2), self._last)
 
     def memory(self, now_s: float) -> OffsetMemory:
         """Its state at ``now_s`` on the clock of the samples, for :meth:`restore`."""
@@ -131,6 +136,7 @@ class OffsetLearner:
         P = min(max(memory.variance_degC2, 0.0), self._prior.std_degC**2)
         self._state = predicted(self._prior, OffsetState(b, P, now_s - passed_s), now_s)
         self._counted_unix_s, self._last = memory.counted_unix_s, memory.last
+        self._note_report()
 
     def saved(self) -> None:
         """The state file holds what :meth:`memory` returned: the reading that was handed over has its answer."""

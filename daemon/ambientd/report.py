@@ -8,7 +8,7 @@ from ambient_model.tracking import Estimate
 from ambientd.json_text import json_text, quoted
 
 if TYPE_CHECKING:
-    from ambientd.reference import LastReference, OffsetReport
+    from ambientd.reference import OffsetReport
 
 
 class Report(NamedTuple):
@@ -70,26 +70,32 @@ def as_json(report: Report) -> str:
     ambient, low, high, status, used = estimate
     if raw is not _FORM.raw or used != _FORM.used:
         _FORM.raw, _FORM.used = raw, used
-        _FORM.sensors = _FORM.text_of_sensors % _shown([value for pair in zip(raw, used) for value in pair])
-    values = [time_s, status, ambient, low, high, level_percent, age_s, missed_ticks, steps_back, _FORM.sensors]
-    line = _FORM.text % _shown(values)
+        read = _shown(raw)
+        pairs = zip(read, read if used == tuple(raw) else _shown(used))  # to write a number takes longest
+        _FORM.sensors = _FORM.text_of_sensors % tuple([text for pair in pairs for text in pair])
+    values = time_s, status, ambient, low, high, level_percent, age_s, missed_ticks, steps_back, _FORM.sensors
+    line = _FORM.text % (values if None not in values else _shown(values))
     _FORM.report, _FORM.line = report, line if offset is None else f"{line[:-1]}, {_offset_text(offset)}}}"
     return _FORM.line
 
 
-def _shown(values: "Sequence[object]") -> tuple[object, ...]:
-    return tuple(["null" if value is None else value for value in values])
+def _shown(values: Sequence[object]) -> tuple[object, ...]:
+    return tuple(["null" if value is None else str(value) for value in values])
 
 
-class _LastText:
-    """The text of the last reference, which is mostly that of the tick before."""
+class _OffsetText:
+    """The text of the offset, which changes once a second."""
 
-    of: "LastReference | None" = None
-    text = "null"
+    of: "OffsetReport | None" = None
+    text = ""
 
 
 def _offset_text(offset: "OffsetReport") -> str:
-    offset_degC, std_degC, last = offset
-    if last is not _LastText.of:
-        _LastText.of, _LastText.text = last, json_text(last and last._asdict())
-    return f'"offset_degC": {offset_degC!r}, "offset_std_degC": {std_degC!r}, "last_reference": {_LastText.text}'
+    if offset is not _OffsetText.of:
+        offset_degC, std_degC, last = offset
+        reference = json_text(last and last._asdict())
+        _OffsetText.of = offset
+        _OffsetText.text = (
+            f'"offset_degC": {offset_degC!r}, "offset_std_degC": {std_degC!r}, "last_reference": {reference}'
+        )
+    return _OffsetText.text

@@ -141,6 +141,7 @@ class _Poll:
 
     def run(self) -> None:
         """Tick until a signal comes."""
+        self._work.sensors.reader.begin()
         if self._unfinished_s is not None:
             self._round(self._unfinished_s)
         for now_s in self._each:
@@ -150,7 +151,9 @@ class _Poll:
     def _round(self, now_s: float) -> None:
         work, notifier, ticks = self._work, self._notifier, self._ticks
         estimate = self._tick((now_s, work.sensors.read(now_s)), ticks.missed, ticks.steps_back)
-        self._pace.ticked(now_s)
+        pace = self._pace
+        if ticks.missed != pace.missed or ticks.back_s or pace.is_reported:
+            pace.ticked(now_s)
         refused = work.tracker.refused
         if refused is not self._refused:
             if refused.keys() != self._refused.keys():
@@ -174,21 +177,26 @@ class _Pace:
         self._count = round(self._window_s / period_s)
         self._held, self._forwards = Notice(), Notice()
         self._since_s = clock_s()
-        self._missed = 0
+        self.missed = 0
+        """How many there were when the last seconds were looked at."""
+        self.is_reported = False
+        """Whether something is wrong that was reported."""
 
     def ticked(self, now_s: float) -> None:
-        """Look at the last tick, and now and then at those of the last seconds."""
+        """Look at the last tick, and now and then at those of the last seconds; needed while there is trouble."""
         back_s = self._ticks.back_s
         if (back_s or self._forwards.wrong) and self._forwards.changed(now_s, back_s > 0) and back_s:
             log(f"the clock went back by {back_s:.3g} s: the estimate starts anew")
+        self.is_reported = self._held.wrong or self._forwards.wrong
         if 0 <= now_s - self._since_s < self._window_s:
             return
-        missed = self._ticks.missed - self._missed
+        missed = self._ticks.missed - self.missed
         late = missed >= _MOST_MISSED * self._count
         if self._held.changed(now_s, late):
             problem = f"cannot be held, {missed} of {self._count} were missed: lower rate_hz, or leave out slow sensors"
             log(f"ticks {problem if late else 'are held again'}")
-        self._since_s, self._missed = now_s, self._ticks.missed
+        self.is_reported = self._held.wrong or self._forwards.wrong
+        self._since_s, self.missed = now_s, self._ticks.missed
 
 
 def _note_refused(before: dict[str, str], now: dict[str, str]) -> None:
@@ -248,12 +256,12 @@ def _delay_after_start(rate_hz: float | None, speed: float) -> Callable[[int, fl
 
 
 def _paced(
-    rows: "Iterator[Sample]", delay_s: Callable[[int, float], float], until: Callable[[float], bool]
+    rows: "Iterator[Sample]", delay_s: Callable[[int, float], float], until: Callable[[float, float], float | None]
 ) -> "Iterator[Sample]":
     start_s = clock_s()
     first_s: float | None = None
     for index, sample in enumerate(rows):
         first_s = sample[0] if first_s is None else first_s
-        if not until(start_s + delay_s(index, sample[0] - first_s)):
+        if until(start_s + delay_s(index, sample[0] - first_s), clock_s()) is None:
             return
         yield sample

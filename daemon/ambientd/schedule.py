@@ -117,23 +117,23 @@ class Waiter:
         del self._served[descriptor]
         self._watched = list(self._served)
 
-    def until(self, due_s: float) -> bool:
-        """Wait for ``due_s`` on :func:`clock_s`, or until that goes back; False where a signal ended it.
+    def until(self, due_s: float, start_s: float) -> float | None:
+        """Wait from ``start_s`` to ``due_s`` on :func:`clock_s`, or until that goes back; the time, None by a signal.
 
         What is ready is always served.
         """
         clock = time.clock_gettime
-        now_s = start_s = clock(_CLOCK)
+        now_s = start_s
         while not (self.ended or self._paused):
             ready = select.select(self._watched, _NONE, _NONE, due_s - now_s if due_s > now_s else 0.0)[0]
             for descriptor in ready:
                 self._served[descriptor]()
             now_s = clock(_CLOCK)
-            if not start_s <= now_s < due_s:
-                break
+            if not start_s <= now_s < due_s and not (self.ended or self._paused):
+                return now_s
         if self.ended:  # nothing blocks: what follows is the end itself, and may take its time
             signal.setitimer(signal.ITIMER_REAL, 0)
-        return not (self.ended or self._paused)
+        return None
 
     def paused(self) -> bool:
         """Whether a pausing signal came since this was last asked."""
@@ -196,13 +196,15 @@ class Waiter:
 
 
 class Ticks:
-    """The time at each deadline, the first at once, until ``until`` is false; counts the deadlines that were missed.
+    """The time at each deadline, the first at once, until ``until`` gives none; counts the deadlines that were missed.
 
     A suspend costs none, as the monotonic clock does not count it. Where the clock goes back, the grid begins anew.
     A tick that ends before the next is due, which is the usual one, needs neither that clock nor the grid.
     """
 
-    def __init__(self, period_s: float, until: Callable[[float], bool], clock: Callable[[], float] = clock_s) -> None:
+    def __init__(
+        self, period_s: float, until: Callable[[float, float], float | None], clock: Callable[[], float] = clock_s
+    ) -> None:
         self._period_s = period_s
         self._until = until
         self._clock = clock
@@ -213,10 +215,9 @@ class Ticks:
 
     def __iter__(self) -> Iterator[float]:
         clock, until, period_s = self._clock, self._until, self._period_s
-        due_s = last_s = clock()
+        due_s = last_s = start_s = clock()
         asleep_s = last_s - time.monotonic()
-        while until(due_s):
-            now_s = clock()
+        while (now_s := until(due_s, start_s)) is not None:
             if now_s < last_s:
                 self.back_s = last_s - now_s
                 self.steps_back += 1
@@ -225,7 +226,7 @@ class Ticks:
                 self.back_s = 0.0
             last_s = now_s
             yield now_s
-            now_s = clock()
+            start_s = now_s = clock()
             if due_s <= now_s < due_s + period_s:
                 due_s += period_s
                 continue

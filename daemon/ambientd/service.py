@@ -4,13 +4,16 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ambient_model.model import Model
-from ambient_model.tracking import DEGRADED, TRACKING, WARMING_UP, Estimate
+from ambient_model.tracking import Estimate
 from ambientd.fallback import FallbackTracker
+from ambientd.health import ALL_INPUTS
 from ambientd.report import Report
 
 if TYPE_CHECKING:
     from ambientd.reference import OffsetLearner
     from ambientd.sources.replay import Sample
+
+_NEW = tuple.__new__  # a named tuple's own costs a call more
 
 
 class Service:
@@ -32,8 +35,7 @@ class Service:
         self, model: Model, level_percent: int, tracker: FallbackTracker, learner: "OffsetLearner | None" = None
     ) -> None:
         """Use another model from the next tick on."""
-        self._name, self._inputs = model.name, model.main.inputs
-        self._level_percent = level_percent
+        self._about = model.name, model.main.inputs, level_percent
         self._tracker = tracker
         self._learner = learner
 
@@ -44,10 +46,11 @@ class Service:
         learner = self._learner
         if learner is not None:
             estimate = learner.update(time_s, estimate)
-        if estimate.status in (WARMING_UP, TRACKING, DEGRADED):
+        if estimate.status in ALL_INPUTS:
             self._fresh_s = time_s
         age_s = None if self._fresh_s is None else time_s - self._fresh_s
         offset = None if learner is None else learner.report()
-        about = (self._name, self._inputs, self._level_percent)
-        self._publish(Report(*about, time_s, raw, estimate, age_s, missed_ticks, clock_steps_back, offset))
+        name, inputs, level_percent = self._about
+        report = (name, inputs, level_percent, time_s, raw, estimate, age_s, missed_ticks, clock_steps_back, offset)
+        self._publish(_NEW(Report, report))
         return estimate

@@ -154,9 +154,9 @@ def test_ticks_come_at_absolute_times_through_work_and_suspend():
     now = [50.0]
     work = iter([0.3, 0.3, 2.5, 0.0, 3600.0, 0.1, 0.1])
 
-    def until(due_s):
-        now[0] = max(now[0], due_s)
-        return True
+    def until(due_s, start_s):
+        now[0] = max(start_s, due_s)
+        return now[0]
 
     seen = []
     for tick_s in Ticks(1.0, until, lambda: now[0]):

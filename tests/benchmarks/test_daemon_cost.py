@@ -30,9 +30,11 @@ MEASURED_S = {1.0: 60.0, 10.0: 30.0}
 LOOKS_PER_TICK = 4
 """Few, so that looking keeps nothing awake."""
 STARTS = 7
-COUNTED_HZ = 10.0
-COUNTED_S = (2.0, 12.0)
-"""Two runs, so that the start, which is in both, cancels out."""
+COUNTED_HZ = 2.0
+"""Slow enough for valgrind: a tick that comes late takes several times as many instructions."""
+COUNTED_S = 12.0
+SETTLED_S = 8.0
+"""By then the first samples, which take more, and the first state are done."""
 
 Command = Callable[[float, str], list[str]]
 """From a rate in Hz and the file to write to a command line."""
@@ -240,30 +242,26 @@ def _system_calls(command: list[str], target: Path) -> float:
         summary = target.with_suffix(".strace")
         words = ["strace", "-f", "-c", "-U", "calls,name", "-o", str(summary), "-p", str(process.pid)]
         tracer = subprocess.Popen(words, stderr=subprocess.DEVNULL)
-        ticks = _ticks_until(target, time.monotonic() + COUNTED_S[1])
+        ticks = _ticks_until(target, time.monotonic() + COUNTED_S)
         tracer.send_signal(signal.SIGINT)
         tracer.wait()
     return int(summary.read_text().split("-\n")[-1].split()[0]) / ticks
 
 
 def _instructions(command: list[str], target: Path) -> float:
-    """A tick's instructions outside the kernel, of all threads; under load, ticks that come late take more."""
-    counted: list[tuple[int, int]] = []
-    for for_s in COUNTED_S:
-        found = target.with_suffix(".callgrind")
-        words = ["valgrind", "--tool=callgrind", "--trace-children=yes", f"--callgrind-out-file={found}", *command]
-        target.unlink(missing_ok=True)
-        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        try:
-            _await(target)
-            ticks = _ticks_until(target, time.monotonic() + for_s)
-            process.terminate()
-            process.wait()
-        finally:
-            process.kill()
-        counted.append((ticks, int(found.read_text().partition("\ntotals: ")[2].split()[0])))
-    (few, start), (many, end) = counted
-    return (end - start) / (many - few)
+    """A tick's instructions outside the kernel, of all threads."""
+    found = target.with_suffix(".callgrind")
+    target.unlink(missing_ok=True)
+    words = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={found}", *command]
+    with _running(words) as process:
+        _await(target)
+        time.sleep(SETTLED_S)
+        control = ["callgrind_control", "--zero", str(process.pid)]
+        subprocess.run(control, check=True, capture_output=True)
+        ticks = _ticks_until(target, time.monotonic() + COUNTED_S)
+        control[1] = "--dump"
+        subprocess.run(control, check=True, capture_output=True)
+    return int(Path(f"{found}.1").read_text().partition("\ntotals: ")[2].split()[0]) / ticks
 
 
 @pytest.mark.timeout(900)
@@ -280,4 +278,4 @@ def test_what_a_tick_counts(count, program, subjects, living_zones, folder, benc
     )
     for name, each in zip(counted, found):
         result = f"{each:.3g} a tick ({each / found[0]:.2f} x bare)"
-        noted(f"{count.__name__[1:].replace('_', ' ')}, {COUNTED_HZ:g} Hz", name, sum(COUNTED_S), result)
+        noted(f"{count.__name__[1:].replace('_', ' ')}, {COUNTED_HZ:g} Hz", name, COUNTED_S, result)

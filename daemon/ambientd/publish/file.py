@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from ambientd.publish import Quiet
 from ambientd.publish.claims import open_own
 from ambientd.publish.spec import Spec
-from ambientd.publish.swap import give_up, remove, swap_in, sweep
+from ambientd.publish.swap import give_up, put, remove, sweep
 from ambientd.report import Report
 
 KEYS = ("mode", "poison_millidegC", "offset_millidegC", "at_exit")
@@ -128,7 +128,7 @@ class RenamedFile(Quiet):
         if value is None:
             return remove(self._spec.path)
         try:
-            swap_in(self._spec.path, value, self._spec.access)
+            os.close(put(self._spec.path, value, self._spec.access))
         except OSError:
             try:
                 self._withdraw()

@@ -205,8 +205,9 @@ class SocketServer:
         """Send the line to every reader that can take it; raises OSError where no reader can connect."""
         self._newest = report
         self._line = b""
-        for reader in [reader for readers in self._readers.values() for reader in readers]:
-            self._send_newest(reader)
+        if self._readers:
+            for reader in [reader for readers in self._readers.values() for reader in readers]:
+                self._send_newest(reader)
         if self._is_ours:
             self._stay()
 
@@ -232,7 +233,8 @@ class SocketServer:
                 self._bind()
             except Refused as refused:
                 raise OSError(errno.EADDRINUSE, refused.faults[0].problem, self._path) from refused
-        self._grant()
+        if not self._granted:
+            self._grant()
 
     def _in_place(self) -> bool:
         try:

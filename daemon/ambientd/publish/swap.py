@@ -21,7 +21,7 @@ def put(path: str, content: bytes, access: Access) -> int:
 
     Raises OSError, and then leaves the old file as it was.
     """
-    temporary = _part(path)
+    temporary = path + _PART
     descriptor = -1
     try:
         descriptor = _created(temporary, 0o644 if access.mode is None else 0o600)
@@ -41,13 +41,9 @@ def put(path: str, content: bytes, access: Access) -> int:
         raise
 
 
-def _part(path: str) -> str:
-    return path + _PART
-
-
 def give_up(path: str) -> None:
     """Remove the neighbour that a thread which hangs in :func:`put` would rename later."""
-    remove(_part(path))
+    remove(path + _PART)
 
 
 def _created(path: str, mode: int) -> int:
@@ -66,7 +62,7 @@ def swap_in(path: str, content: bytes, access: Access) -> None:
 
 def trial(path: str, access: Access) -> str:
     """Make the neighbour that :func:`put` would rename, and remove it: its mode and owner; raises OSError."""
-    temporary = _part(path)
+    temporary = path + _PART
     try:
         os.close(_created(temporary, 0o644 if access.mode is None else 0o600))
         grant(temporary, access)

@@ -18,7 +18,7 @@ def open_sensors(
 
     ``note`` and ``set_alarm`` are as :class:`Sensors` takes them.
     """
-    return Sensors(assigned_sensors(settings, model), settings.supervision, note, set_alarm)
+    return Sensors(assigned_sensors(settings, model), settings.supervision, note, set_alarm, 1 / settings.rate_hz)
 
 
 def assigned_sensors(settings: Settings, model: Model) -> list[Sensor]:

@@ -13,34 +13,39 @@ from ambientd.sources.quantities import BUFFER_BYTES
 
 PATIENCE_S = 0.25
 """A reading that takes longer is a failure; the clock stands still in a suspend."""
-_FIRST_LOOK_S = 0.05
-"""By then all sensors have been read, usually: the alarm is set once for all, and no clock is read."""
+_LOOK_S = 0.05
+"""So long after a tick is due all sensors have been read, usually, which puts the alarm off: no clock is read."""
 
 Content = bytes | OSError | None
 """An attribute's content, or its error; None where it did not answer in time."""
 
 
 class Reader:
-    """Reads descriptors in turn. ``set_alarm`` takes the s after which to call :meth:`leave`; 0 is never."""
+    """Reads descriptors in turn, every ``period_s``. ``set_alarm`` takes the s after which to call :meth:`leave`."""
 
-    def __init__(self, set_alarm: Callable[[float], None]) -> None:
+    def __init__(self, set_alarm: Callable[[float], None], period_s: float) -> None:
         self._set_alarm = set_alarm
+        self._look_s = period_s + _LOOK_S
         self._turn = 0
         self._current = -1
         """The descriptor that is being read."""
         self._rounds = 0
         self._looked = (0, -1, 0.0)
         """Round and descriptor that were being read when the alarm came, and since when at the latest."""
-        self._hung: set[int] = set()
+        self._skipped = {-1}
+        """What is not read: nothing, and a descriptor that hung."""
+
+    def begin(self) -> None:
+        """Set the alarm for a reading that comes at once; each reading puts it off until after the next."""
+        self._set_alarm(_LOOK_S)
 
     def read(self, descriptors: Sequence[int]) -> list[Content]:
         """The content of each, in their order; None for one that hung, or below 0."""
-        turn, hung, pread = self._turn, self._hung, os.pread
+        turn, skipped, pread = self._turn, self._skipped, os.pread
         contents: list[Content] = []
         self._rounds += 1
-        self._set_alarm(min(_FIRST_LOOK_S, PATIENCE_S))
         for descriptor in descriptors:
-            if descriptor < 0 or descriptor in hung:
+            if descriptor in skipped:
                 contents.append(None)
                 continue
             self._current = descriptor
@@ -52,15 +57,16 @@ class Reader:
                 _thread.exit()
             contents.append(content)
         self._current = -1
-        self._set_alarm(0)
-        if hung:
-            hung.clear()
+        self._set_alarm(self._look_s)
+        if len(skipped) > 1:
+            self._skipped = {-1}
         return contents
 
     def leave(self) -> bool:
         """Whether the current read hangs: then its thread ends when it returns. Else the alarm is set again."""
         rounds, current, now_s = self._rounds, self._current, time.monotonic()
         if current < 0:
+            self._set_alarm(_LOOK_S)
             return False
         if (rounds, current) != self._looked[:2]:
             self._looked = (rounds, current, now_s)
@@ -68,7 +74,7 @@ class Reader:
         if left_s > 0:
             self._set_alarm(max(left_s, 0.001))
             return False
-        self._hung.add(current)
+        self._skipped.add(current)
         self._current = -1
         self._turn += 1
         return True

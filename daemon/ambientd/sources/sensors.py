@@ -13,11 +13,13 @@ from ambientd.sources.sensor import Sensor
 from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
 from ambientd.sources.trial import Trial, finished
 
+_NO_DOUBTS: dict[int, str] = {}
+
 
 class Sensors:
     """Some sensors, in their order. ``note`` takes a message for each that fails or returns.
 
-    ``set_alarm`` is :class:`Reader`'s; without it, one that hangs delays the others.
+    ``set_alarm`` and ``period_s`` are :class:`Reader`'s; without an alarm, one that hangs delays the others.
     """
 
     def __init__(
@@ -26,16 +28,18 @@ class Sensors:
         rules: Rules,
         note: Callable[[str], None],
         set_alarm: Callable[[float], None] = lambda after_s: None,
+        period_s: float = 1.0,
     ) -> None:
         self._sensors = sensors
         self._back_offs = [BackOff() for _ in sensors]
         self._watched = [(each, Notice(), each.given.min, each.given.max) for each in sensors]
-        self.reader = Reader(set_alarm)
+        self.reader = Reader(set_alarm, period_s)
         self._supervision = Supervision([each.given for each in sensors], rules)
         self._note = note
         self._contents: list[Content] = []
         """What the last reading read, where every sensor gave a value and none is doubted, and its values:"""
         self._values: list[float | None] = []
+        self._descriptors: list[int] = []
         for sensor in sensors:
             sensor.open()
             if len(sensor.paths) > 1:
@@ -47,14 +51,16 @@ class Sensors:
         A value outside its input's range is reported and returned, so that it is published as read; no estimate uses
         it.
         """
-        contents = self.reader.read([sensor.descriptor for sensor in self._sensors])
+        if not self._contents:  # one may have been opened or closed since
+            self._descriptors = [sensor.descriptor for sensor in self._sensors]
+        contents = self.reader.read(self._descriptors)
         if contents == self._contents:  # most zones read the same for a second
             return self._values
-        values = self._taken(self._sensors, contents)
+        values = [sensor.take(content) for sensor, content in zip(self._sensors, contents)]
         self._contents = []
         if None in values:
             self._try_again(now_s, values)
-        doubts = self._supervision.doubts(now_s, values)
+        doubts = self._supervision.doubts(now_s, values) if self._supervision.watches else _NO_DOUBTS
         for value, (sensor, notice, low, high) in zip(values, self._watched):
             if value is not None and low <= value <= high and not (doubts or notice.wrong):
                 continue
@@ -72,9 +78,6 @@ class Sensors:
             self._contents, self._values = contents, values
         return values
 
-    def _taken(self, sensors: Sequence[Sensor], contents: Sequence[Content]) -> list[float | None]:
-        return [sensor.take(content) for sensor, content in zip(sensors, contents)]
-
     def faults(self, names: Collection[str]) -> list[Fault]:
         """What is wrong with those of ``names`` that give no value now."""
         sensors = [each for each in self._sensors if each.name in names]
@@ -90,9 +93,10 @@ class Sensors:
         sensors = [self._sensors[place] for place in places]
         for sensor in sensors:
             sensor.open()
+        self.reader.begin()
         contents = self.reader.read([sensor.descriptor for sensor in sensors])
-        for place, value in zip(places, self._taken(sensors, contents)):
-            values[place] = value
+        for place, sensor, content in zip(places, sensors, contents):
+            values[place] = sensor.take(content)
 
     def close(self) -> None:
         """Close all descriptors."""

@@ -84,17 +84,12 @@ class Supervision:
         after_s, within_K, limit_K_per_s = rules
         self._stuck = None if after_s is None else _Stuck(len(self._temperatures), after_s, within_K)
         self._jumps = [] if limit_K_per_s is None else [_Jump(limit_K_per_s) for _ in self._temperatures]
-
-    @property
-    def watches(self) -> bool:
+        self.watches = after_s is not None or limit_K_per_s is not None
         """Whether any rule is on."""
-        return self._stuck is not None or bool(self._jumps)
 
     def doubts(self, now_s: float, values: Sequence[float | None]) -> dict[int, str]:
         """Why some of ``values`` (one per input, None where missing) are implausible, per index."""
         reasons: dict[int, str] = {}
-        if not self.watches:
-            return reasons
         for index, jump in zip(self._temperatures, self._jumps):
             reason = jump.reason(now_s, values[index])
             if reason:

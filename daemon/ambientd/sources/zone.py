@@ -55,6 +55,7 @@ class ZoneTemperature:
     """
 
     unit = "degC"
+    value = staticmethod(degC_from_millidegrees)
 
     def __init__(self, zone: Zone, root: str, by_name: str) -> None:
         self._zone = zone
@@ -75,10 +76,6 @@ class ZoneTemperature:
         folder = os.path.realpath(os.path.join(self._by_name, kind))
         inside = folder.startswith(os.path.join(os.path.realpath(self._root), ""))
         return folder if inside and first_line(os.path.join(folder, "type")) == kind else ""
-
-    def value(self, content: bytes) -> float | None:
-        """The temperature in degC, or None."""
-        return degC_from_millidegrees(content)
 
     def hint(self) -> str:
         """What to name instead, of what is here."""
