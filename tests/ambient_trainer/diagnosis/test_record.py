@@ -1,12 +1,27 @@
 """A record is a trace on a grid of means: nothing is lost to a linear circuit, and gaps stay gaps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lsim
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.record import MOST_SAMPLES, diagnosis_period_s, means, records, straight
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.regression import simulate
+from ambient_trainer.diagnosis.record import (
+    MOST_SAMPLES,
+    MOST_STEPS,
+    diagnosis_period_s,
+    finely_simulated,
+    means,
+    records,
+    straight,
+)
+
+from ..conftest import one_node
 
 
 def _trace(time_s: np.ndarray, **columns: np.ndarray) -> Trace:
@@ -66,6 +81,31 @@ def test_averaging_commutes_with_a_linear_circuit():
     averaged, taken = (np.sqrt(np.mean(each[:, 1:] ** 2, axis=1)) for each in (averaged, taken))
     assert (averaged < [0.15, 0.02]).all()
     assert (taken > 10 * averaged).all()
+
+
+def test_what_is_simulated_follows_an_air_that_jumps():
+    """From a cold zone to a hot one between two samples, as in a thermal-shock chamber: straight lines are off."""
+    time_s = 5.0 * np.arange(8000)
+    air = np.where((time_s / 1717).astype(int) % 2, 80.0, -30.0)
+    A, B = np.array([[-1 / 40]]), np.array([[1 / 40]])
+    plate = lsim((A, B, np.eye(1), np.zeros((1, 1))), air, time_s, [air[0]])[1]
+    circuit = forward(one_node("plate", 100, 0.4))
+    (record,) = finely_simulated(circuit, _trace(time_s, ambient_degC=air, plate_degC=plate), 50.0)
+    assert (record.samples, record.every) == (800, 10)
+    model, start = GreyBox.of(circuit), np.array([[air[0]]])
+    left = record.sensors - simulate(model, record, model.z()[None], start)[0]
+    coarse = record.sensors - simulate(model, replace(record, fine=None), model.z()[None], start)[0]
+    assert np.abs(left).max() < 1e-8
+    assert np.sqrt(np.mean(coarse**2)) > 1.0
+
+
+def test_a_long_log_is_simulated_in_few_enough_steps():
+    time_s = np.arange(86_400.0)
+    trace = _trace(time_s, ambient_degC=time_s, chip_degC=time_s)
+    (record,) = finely_simulated(forward(one_node("chip", 100, 1)), trace, 50.0)
+    assert (record.samples, record.every, record.simulated.period_s) == (1728, 5, 10.0)
+    np.testing.assert_allclose(np.diff(record.sensors[0]), 50.0)
+    assert record.simulated.samples <= MOST_STEPS
 
 
 def test_gaps_make_records_and_missing_readings_stay_missing():

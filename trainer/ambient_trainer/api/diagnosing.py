@@ -125,7 +125,7 @@ def diagnose(
     later_from_s : float, optional
         Samples from then on are kept from the diagnosis, and score the circuit without and with what was found.
     period_s : float, optional
-        The grid; by default of at most 2000 samples, without ``baselines`` up to 5000 where time constants are short.
+        The grid on which readings are compared; by default of at most 2000 samples.
     jobs : int, optional
         Processes for the candidates; by default joblib's setting.
     progress : callable, optional

@@ -13,7 +13,6 @@ from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.findings import ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
@@ -25,7 +24,7 @@ from ambient_trainer.diagnosis.greybox.stepwise import Limits, Progress, Selecti
 from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
 from ambient_trainer.diagnosis.next_experiment import next_experiment
-from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
+from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, finely_simulated
 from ambient_trainer.diagnosis.result import UNKNOWN, Diagnosis, Step
 from ambient_trainer.evaluation.black_box import black_box_rmse_degC
 
@@ -46,8 +45,6 @@ _NO_ROOM_DEGC = 20.0
 """No room is so much warmer than its log says."""
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
-_PER_TIME_CONSTANT, MOST_FINE = 0.34, 5000
-"""Samples are a third of the fastest time constant apart, as far as so many of them allow."""
 
 
 def diagnose(
@@ -71,8 +68,8 @@ def diagnose(
     progress : callable, optional
         Called with a stage and how many of its parts are done.
     period_s : float, optional
-        Of the grid; by default the finest that leaves at most 2000 samples of the longest trace, without
-        ``baselines`` up to 5000 where the circuit's time constants are short.
+        Of what is compared; by default the finest that leaves at most 2000 samples of the longest trace. Without
+        ``baselines`` it is simulated in the log's own samples, or in fewer steps where these are more than 10,000.
 
     Returns
     -------
@@ -98,10 +95,10 @@ def diagnose(
     """
     plain = forward(circuit)
     _check(plain, [*traces, *baselines])
+    period_s = period_s or diagnosis_period_s([*traces, *baselines])
     with threadpool_limits(1):
         if not baselines:
             return _lacking(circuit, traces, period_s, progress)
-        period_s = period_s or diagnosis_period_s([*traces, *baselines])
         known = train_on_baselines(plain, baselines, period_s, progress)
         return diagnose_changed(known, circuit, traces, [trace.path for trace in baselines], progress)
 
@@ -122,10 +119,9 @@ def diagnose_changed(
     return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
 
 
-def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float | None, progress: Progress | None) -> Diagnosis:
+def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Diagnosis:
     plain = forward(circuit)
-    period_s = period_s or fitting_period_s(plain, traces)
-    own = _long_enough([each for trace in traces for each in records_of(plain, trace, period_s)])
+    own = _long_enough([each for trace in traces for each in finely_simulated(plain, trace, period_s)])
     model, floor = greybox_of(plain), _floor_degC(own)
     selection = stepwise(bare_fit(model, own), anchors(model, own), Limits(floor, _LEAST_DEGC), progress)
     return _diagnosis(circuit, traces, selection, floor, ())
@@ -183,22 +179,6 @@ def _shown(name: str) -> bool:
 
 def _fitted(circuit: Circuit, bare: Fitted) -> Circuit:
     return with_values(forward(circuit), {each.name: each.value for each in bare.model.own})
-
-
-def fitting_period_s(plain: Circuit, traces: Sequence[Trace]) -> float:
-    """A grid of at most 2000 samples, or a finer one where the circuit's fastest time constant asks for it."""
-    coarse = diagnosis_period_s(traces)
-    own = max(sampling_period_s(trace.time_s) for trace in traces)
-    if coarse <= own:
-        return coarse
-    model = greybox_of(plain)
-    fitted = bare_fit(model, [each for trace in traces for each in records_of(plain, trace, coarse)])
-    # a fit without its cause may end at absurd time constants: the slower of the given and the fitted ones counts
-    network = fitted.model.network(fitted.records[0], np.array([model.z(), fitted.model.z()]))
-    rate = (network.between.sum(axis=2) + network.to_boundary.sum(axis=2)) / network.capacitance
-    logged_s = max(sum(each.samples for each in fitted.records) * coarse, 1.0)
-    wanted = max(_PER_TIME_CONSTANT / float(rate[:, network.reads].max(axis=1).min()), logged_s / MOST_FINE)
-    return float(own * max(1.0, np.floor(min(coarse, wanted) / own + 1e-9)))
 
 
 def _share(before: float, after: float, floor: float) -> float | None:

@@ -45,7 +45,7 @@ class _Nodes:
         between, outside, capacitance = network.between[0], network.to_boundary[0], network.capacitance[0]
         A = (between - np.diag(between.sum(axis=1) + outside.sum(axis=1))) / capacitance[:, None]
         to_air = outside[:, network.boundary(AMBIENT)] if AMBIENT in network.boundaries else np.zeros(len(A))
-        return _Nodes(A, capacitance, to_air, network.reads, network.period_s)
+        return _Nodes(A, capacitance, to_air, network.reads, network.period_s * network.every)
 
     @property
     def hidden(self) -> NDArray[np.bool_]:

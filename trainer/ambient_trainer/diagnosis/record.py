@@ -1,7 +1,11 @@
 """A trace as the diagnosis sees it: one uniform grid, every logged column on it, means over each interval.
 
-Averaging inputs and outputs alike costs a linear circuit nothing, keeps the heat of short bursts, and lowers noise.
+Means keep the heat of short bursts, and lower noise. But straight lines between means of an air that jumps are another
+air: a circuit is simulated in the log's own samples, and compared by means over several of these steps. Where a change
+against known-good records is asked for, both are simulated on the grid itself: what that gets wrong, both have.
 """
+
+from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from ambient_model.tracking import bridge_limit_s
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import sampling_period_s, segments
 from ambient_trainer.data.trace import Trace
@@ -17,7 +22,9 @@ from ambient_trainer.lti.statespace import Hold
 
 Array = NDArray[np.float64]
 
-MOST_SAMPLES = 2000
+MOST_SAMPLES, MOST_STEPS = 2000, 10_000
+"""Of readings, and of the simulation."""
+_FEWEST = 3
 _NICE = (1.0, 2.0, 5.0)
 
 
@@ -36,6 +43,18 @@ class Record:
     signals: Mapping[str, Array]
     weight: Array | None = None
     """Of each sensor's readings (s,), by what is known of its noise; None: all alike."""
+    fine: Record | None = None
+    """The same stretch as it is simulated, with several steps to each sample; None: with one."""
+
+    @property
+    def simulated(self) -> Record:
+        """What a simulation runs on."""
+        return self if self.fine is None else self.fine
+
+    @property
+    def every(self) -> int:
+        """Steps of the simulation to each sample."""
+        return self.simulated.samples // self.samples
 
     @property
     def weights(self) -> Array:
@@ -66,8 +85,42 @@ def records(
     trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_s: float, hold: Hold = "first-order"
 ) -> list[Record]:
     """The stretches of ``trace`` in which all ``inputs`` are there; raises :class:`Refused` where none is."""
+    return _on_grid(straight(trace, sensors, hold), inputs, sensors, period_s)
+
+
+def records_of(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
+    """The records of a trace, with the inputs and sensors of a forward circuit."""
+    return records(trace, circuit.inputs, _columns(circuit), period_s, circuit.hold)
+
+
+def finely_simulated(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
+    """As :func:`records_of`, but simulated in the log's own samples, or in as few of them as ``MOST_STEPS`` allows."""
+    every, sensors = _every(trace, period_s), _columns(circuit)
+    held = straight(trace, sensors, circuit.hold)
+    fine = _on_grid(held, circuit.inputs, sensors, period_s / every, bridge_limit_s(period_s))
+    return [_averaged(each, every) for each in fine if each.samples >= _FEWEST * every] or records_of(
+        circuit, trace, period_s
+    )
+
+
+def _columns(circuit: Circuit) -> list[str]:
+    return [output.column for output in circuit.outputs]
+
+
+def _every(trace: Trace, period_s: float) -> int:
+    """How many steps a sample is simulated in: to whole samples of the log, and at most ``MOST_STEPS`` in all."""
+    logged = period_s / sampling_period_s(trace.time_s)
+    most = MOST_STEPS * period_s / max(_logged_s(trace), period_s)
+    if abs(logged - round(logged)) > 1e-6 * logged:
+        return 1
+    return max(each for each in range(1, round(logged) + 1) if round(logged) % each == 0 and each <= max(most, 1))
+
+
+def _on_grid(
+    trace: Trace, inputs: Sequence[str], sensors: Sequence[str], period_s: float, bridged_s: float = 0.0
+) -> list[Record]:
     extra = [name for name in trace.columns if name not in sensors]
-    mean = means(straight(trace, sensors, hold), period_s)
+    mean = means(trace, period_s)
     timed = replace(mean, columns={**mean.columns, _TIME: mean.time_s})
     return [
         Record(
@@ -77,13 +130,39 @@ def records(
             segment.outputs[1 : 1 + len(sensors)],
             {name: bridged(row) for name, row in zip(extra, segment.outputs[1 + len(sensors) :])},
         )
-        for segment in segments(timed, inputs, [_TIME, *sensors, *extra], period_s)
+        for segment in segments(timed, inputs, [_TIME, *sensors, *extra], period_s, bridged_s)
     ]
 
 
-def records_of(circuit: Circuit, trace: Trace, period_s: float) -> list[Record]:
-    """The records of a trace, with the inputs and sensors of a forward circuit."""
-    return records(trace, circuit.inputs, [output.column for output in circuit.outputs], period_s, circuit.hold)
+def _averaged(fine: Record, every: int) -> Record:
+    """A sample to ``every`` steps of a record, as many as are whole."""
+    if every == 1:
+        return fine
+    steps = fine.samples // every * every
+    signals = {name: row[:steps] for name, row in fine.signals.items()}
+    fine = replace(
+        fine,
+        time_s=fine.time_s[:steps],
+        inputs=fine.inputs[:, :steps],
+        sensors=fine.sensors[:, :steps],
+        signals=signals,
+    )
+    known = np.isfinite(fine.sensors)
+    read = averaged(np.where(known, fine.sensors, 0.0), every)
+    share = averaged(known.astype(float), every)
+    return Record(
+        fine.period_s * every,
+        averaged(fine.time_s, every),
+        averaged(fine.inputs, every),
+        np.where(share > 0, read / np.where(share > 0, share, 1.0), np.nan),
+        {name: averaged(row, every) for name, row in signals.items()},
+        fine=fine,
+    )
+
+
+def averaged(rows: Array, every: int) -> Array:
+    """The means (..., N) of ``rows`` (..., N * every) over each ``every`` of them."""
+    return np.asarray(rows.reshape(*rows.shape[:-1], -1, every).mean(axis=-1))
 
 
 _TIME = "grid time"

@@ -262,9 +262,10 @@ class GreyBox:
         return np.stack(columns, axis=1) if columns else z
 
     def network(self, record: Record, z: Array) -> Network:
-        """The network of P lanes at coordinates z (P, p)."""
-        values = self.values(z)
-        network = bare_network(self.circuit, record, dict(zip((n.name for n in self.own), values.T)), len(z))
+        """The network of P lanes at coordinates z (P, p), on the steps in which a record is simulated."""
+        values, steps = self.values(z), record.simulated
+        network = bare_network(self.circuit, steps, dict(zip((n.name for n in self.own), values.T)), len(z))
+        network.every = record.every
         first = len(self.own)
         acting: list[tuple[Mechanism, Array]] = []
         for each in self.mechanisms:
@@ -272,7 +273,7 @@ class GreyBox:
             first += len(each.numbers)
         # what acts on a node's loss acts on that of the bodies behind it, too
         for mechanism, given in sorted(acting, key=lambda each: not each[0].adds_nodes):
-            mechanism.apply(network, given, record)
+            mechanism.apply(network, given, steps)
         return network
 
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.recursion import Terms, answered, filtered, heat_along
+from ambient_trainer.diagnosis.record import averaged
 from ambient_trainer.lti.lag import lag_weights
 
 Reading = Callable[[Array], None]
@@ -56,7 +57,7 @@ class PhaseChange:
 
 @dataclass
 class Network:
-    """P lanes on N samples every ``period_s``; what a mechanism adds, it adds in place."""
+    """P lanes on N steps of ``period_s``, ``every`` of them to a reading; what a mechanism adds, it adds in place."""
 
     time_s: Array
     period_s: float
@@ -78,6 +79,7 @@ class Network:
     powers: list[PowerLoss] = field(default_factory=list)
     phases: list[PhaseChange] = field(default_factory=list)
     readings: list[Reading] = field(default_factory=list)
+    every: int = 1
 
     @property
     def lanes(self) -> int:
@@ -126,17 +128,17 @@ class Network:
         self.between[:, other, one] += conductance
 
     def simulate(self, start_degC: Array) -> Array:
-        """What the sensors read, (P, s, N), from ``start_degC`` (P, n); lanes that run away are not finite."""
+        """What the sensors read, (P, s, N / every), from ``start_degC`` (P, n); lanes that run away are not finite."""
         return self.read(self.nodes_degC(start_degC))
 
     def read(self, nodes_degC: Array) -> Array:
-        """What the sensors make of all nodes (P, n, N), (P, s, N)."""
+        """What the sensors make of all nodes (P, n, N), (P, s, N / every): means over the steps of a reading."""
         read = nodes_degC[:, self.reads]
         # a lane that runs away is not finite
         with np.errstate(all="ignore"):
             for change in self.readings:
                 change(read)
-        return read
+            return read if self.every == 1 else averaged(read, self.every)
 
     def vary(self, nodes: Sequence[int], conductance: Array, degC: Array) -> None:
         """Conductances (P, k, N) that vary from ``nodes`` to a prescribed temperature, which is broadcast to them."""

@@ -110,7 +110,7 @@ class _Beside:
         """What each probe of a mechanism adds to the sensors, (M, k); nothing where one makes them run away."""
         probes = np.array(mechanism.probes(), dtype=float)
         network = self._network(len(probes))
-        mechanism.apply(network, probes, self.record)
+        mechanism.apply(network, probes, self.record.simulated)
         first = np.full((len(probes), len(network.nodes)), self.start[network.reads].mean())
         first[:, : len(self.start)] = self.start
         valid = np.isfinite(self.record.sensors)
