@@ -8,10 +8,10 @@ from scipy.stats import norm, wilcoxon
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.choice import ANSWERS, COINCIDE, INSTRUMENT, correlation
+from ambient_trainer.diagnosis.greybox.choice import ANSWERS, COINCIDE, INSTRUMENT, WANDERS, correlation, left_by_window
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
-from ambient_trainer.diagnosis.greybox.stepwise import Selection
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside, carries
 from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
@@ -48,7 +48,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         held.remove(index)
         mechanism = final.model.mechanisms[index]
         gain = _gain(step, chosen)
-        confidence = _confidence(step, chosen, final)
+        confidence = _confidence(step, chosen, final, index)
         if mechanism.driver is None and not mechanism.lasts:
             # a window may make up for what an earlier one is wrong about
             confidence = min(
@@ -166,9 +166,9 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
     return another and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
-def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
+def _confidence(step: Chosen, chosen: Trial, final: Fitted, index: int) -> float:
     """The probability that the cause, its place and its driver are right, by the margin over the closest other that is
-    not there, too."""
+    not there, too, and by what is lost without it at the end."""
     if chosen.mechanism.evident:
         return _EVIDENT
     there = [chosen.mechanism, *final.model.mechanisms]
@@ -178,10 +178,24 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted) -> float:
         if not each.at_bounds and not any(_says_the_same(each.mechanism, other, final.records) for other in there)
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
-    total = math.log(step.before.held_out_rmse_degC / chosen.rmse_degC)
+    total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), _needed(final, index))
     either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_creeping_heat(chosen)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
+    sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def _needed(final: Fitted, index: int) -> float:
+    """By how much the logarithm of the held-out error grows where one mechanism of a model is left out."""
+    if len(final.model.mechanisms) == 1 or carries(final.model, index):
+        return math.inf
+    without = beside(final, final.model.without(index))
+    if without is None:
+        return math.inf
+    if final.model.mechanisms[index].lasts:
+        return math.log(without.held_out_rmse_degC / final.held_out_rmse_degC)
+    # of short stretches, as it was chosen by
+    return math.log(without.combed.sum() / final.combed.sum()) / 2
 
 
 def _or_creeping_heat(trial: Trial) -> tuple[Cause, ...]:

@@ -133,15 +133,18 @@ def test_a_lag_of_minutes_is_no_thermal_mass(circuit, simulated):
     assert found.verdict.onset_s == pytest.approx(10800, abs=600), seed
 
 
-@pytest.mark.parametrize("ramp_s", [0.0, 900.0])
-def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s):
-    """By 1.5 degC from 3:00 to 4:00, at once or within a quarter of an hour."""
+@pytest.mark.parametrize(
+    ("ramp_s", "switched", "named"), [(0.0, False, True), (900.0, False, False), (0.0, True, False)]
+)
+def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s, switched, named):
+    """By 1.5 degC for an hour, between jumps of what is logged: at once or within a quarter of it, or with a pump."""
     seed = int(np.random.default_rng().integers(1 << 30))
     trace = simulated(seed)
-    off = np.interp(trace.time_s, [10800, 10801 + ramp_s, 14400 - ramp_s, 14401], [0, 1.5, 1.5, 0])
-    shown = replace(trace, columns={**trace.columns, "board_degC": trace.columns["board_degC"] + off})
+    off = np.interp(trace.time_s, [11010, 11011 + ramp_s, 14580 - ramp_s, 14581], [0, 1.5, 1.5, 0])
+    logged = {"pump_on": np.sign(off)} if switched else {}
+    shown = replace(trace, columns={**trace.columns, **logged, "board_degC": trace.columns["board_degC"] + off})
     causes = {step.cause.name for step in diagnose(circuit, [shown]).steps}
-    assert ("sensor_bias" in causes) == (ramp_s == 0), seed
+    assert ("sensor_bias" in causes) == named, seed
 
 
 @pytest.mark.parametrize("fault", ["sensor_stuck", pytest.param("sensor_drift", marks=pytest.mark.slow)])

@@ -230,23 +230,36 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
     """The model without mechanisms, and places of heat, that later ones have made needless; the first ``given`` are the
     circuit's own."""
     model = fitted.model
-    hidden = {place for each in model.mechanisms for place in each.places} - {n.name for n in model.circuit.states}
     last = len(model.mechanisms) - 1
     for index, mechanism in list(enumerate(model.mechanisms))[given:]:
-        held = any(each.startswith(place) for place in mechanism.places for each in hidden)
-        less = [] if held or index == last else [model.without(index)]
+        # what acts for a while was gained on short stretches, and is judged by its folds: it has to be quite needless
+        assumed = complexity(mechanism) if mechanism.lasts else 0.0
+        less = [] if carries(model, index) or index == last else [(model.without(index), assumed)]
         if mechanism.cause == "heat_source":
-            less += [model.replaced(index, each) for each in _without_a_place(mechanism)]
-        for each in less:
-            without = fit(each, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
-            if without is None or without.rmse_degC > (1.0 + LEAST_GAIN) * fitted.rmse_degC:
-                continue
-            # both by the same measure: to first order, or by fits without each fold
-            without = without if fitted.validated is None else without.refitted()
-            if without.held_out_rmse_degC <= fitted.held_out_rmse_degC / (1.0 - LEAST_GAIN / 2):
+            fewer = _without_a_place(mechanism)
+            less += [(model.replaced(index, each), assumed - complexity(each)) for each in fewer]
+        for each, spared in less:
+            most = LEAST_GAIN / 2 + PENALTY * spared
+            without = beside(fitted, each, float(np.exp(most + LEAST_GAIN)) * fitted.rmse_degC)
+            if without and np.log(without.held_out_rmse_degC / fitted.held_out_rmse_degC) <= most:
                 _log.info("dropped %s, or a place of it", mechanism)
                 return pruned(without, given)
     return fitted
+
+
+def carries(model: GreyBox, index: int) -> bool:
+    """Whether a mechanism made a node on which another one acts."""
+    hidden = {place for each in model.mechanisms for place in each.places} - {n.name for n in model.circuit.states}
+    return any(each.startswith(place) for place in model.mechanisms[index].places for each in hidden)
+
+
+def beside(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:
+    """Another model on the records of a fit, by the same measure; None where it leaves more than ``most_degC``."""
+    other = fit(model, fitted.records, [None for _ in fitted.runs], tolerance=1e-3, prior=fitted.prior)
+    if other is None or other.rmse_degC > most_degC:
+        return None
+    # to first order, or by fits without each fold
+    return other if fitted.validated is None else other.refitted()
 
 
 def anchors(model: GreyBox, records: Sequence[Record]) -> list[Fitted]:

@@ -112,7 +112,8 @@ def _coupling(
     scale = 1.0 / scene.size(driver)
     names = ["change"] if shared else [f"change_{each}" for each in places]
     least, most = scene.extent(driver)
-    more = _SWEPT if driver.columns[0].endswith(_FLOWS) else _MOST_MORE
+    flows = driver.columns[0].endswith(_FLOWS) or "flow" in driver.columns[0]
+    more = _SWEPT if flows else _MOST_MORE
     low = max(-_MOST_LESS / most if most > 0 else -np.inf, more / least if least < 0 else -np.inf)
     high = min(more / most if most > 0 else np.inf, -_MOST_LESS / least if least < 0 else np.inf)
     numbers = tuple(Number(name, driver.per("1"), 0.0, scale=scale, low=low, high=high) for name in names)
