@@ -211,8 +211,9 @@ def _two_steps(step: Step, first: Trial, second: Trial, rivals: Sequence[Trial])
     stored = _beside(step, first, second)
     screened = screen(Scene(stored.before), lasting_candidates)
     others = shortlist([each for each in screened if _stores_or_heats(each.mechanism, True)])
-    rivals = compared(stored.before, others, lambda done, total: None)
-    return [Step(first.fitted, second, step.trials, step.tried), replace(stored, trials=tuple(rivals))]
+    storing = compared(stored.before, others, lambda done, total: None)
+    heated = Step(first.fitted, second, (*rivals, *step.trials), step.tried)
+    return [heated, replace(stored, trials=tuple(storing))]
 
 
 def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
