@@ -1,8 +1,9 @@
 """The Pixel thermal HAL, compiled from its own sources where they and a compiler are, run on what the daemon publishes.
 
-The sources are others' and not part of this repository: AMBIENTD_PIXEL_HAL_SOURCE is a checkout of AOSP's
-hardware/google/pixel, of which ``thermal`` is used, or it lies beside the repository. They are compiled unchanged; what
-AOSP gives them stands in ``pixel/aosp.h``, which also moves every path under HAL_ROOT, and the time by hand.
+The sources are others' and not part of this repository. AMBIENTD_PIXEL_HAL_SOURCE is a checkout of AOSP's
+hardware/google/pixel, of which ``thermal`` is compiled unchanged; what AOSP gives it stands in ``pixel/aosp.h``, which
+also moves every path under HAL_ROOT, and the time by hand. AMBIENTD_PIXEL_HAL holds its parser and the beginning of its
+start alone, or these lie beside the repository.
 """
 
 import json
@@ -18,7 +19,8 @@ SNIPPET = DEPLOY / "pixel" / "thermal_info_config.json"
 OF_THE_DEVICE = ("skin_therm", "spare_therm")
 """Kernel zones that the snippet names, and that stand for zones of the device."""
 STAND_INS = Path(__file__).with_name("pixel")
-HAL = Path(os.environ.get("AMBIENTD_PIXEL_HAL_SOURCE", DEPLOY.parents[1] / "shared/consumers/pixel-hal")) / "thermal"
+HAL = Path(os.environ.get("AMBIENTD_PIXEL_HAL_SOURCE", "absent")) / "thermal"
+PARSER = Path(os.environ.get("AMBIENTD_PIXEL_HAL", DEPLOY.parents[1] / "shared/consumers/pixel-hal"))
 PARTS = ["thermal-helper.cpp", "virtualtemp_estimator/virtualtemp_estimator.cpp"]
 PARTS += [f"utils/{name}.cpp" for name in ("power_files", "thermal_files", "thermal_info", "thermal_stats_helper")]
 PARTS += ["utils/thermal_throttling.cpp"]
@@ -47,6 +49,35 @@ def test_it_reads_what_android_publishes_and_a_fault_throttles_but_shuts_nothing
         assert light < moderate < severe < critical
         assert value >= moderate, "what a fault leaves throttles"
     assert published["at_exit"] == "poison"
+
+
+@pytest.fixture(scope="module")
+def parser(program, tmp_path_factory):
+    """The HAL's parser and the beginning of its start, with kernel zones: gives exit status and what it says."""
+    if not (PARSER / "harness.cpp").is_file():
+        pytest.skip("the HAL's parser is not in AMBIENTD_PIXEL_HAL")
+    if not Path("/usr/include/jsoncpp").is_dir():
+        pytest.skip("libjsoncpp-dev is not installed")
+    built = tmp_path_factory.mktemp("parser") / "harness"
+    folders = [f"-I{PARSER}", f"-I{PARSER / 'inc'}", "-I/usr/include/jsoncpp"]
+    call = [program("g++"), "-std=c++20", "-w", *folders, PARSER / "harness.cpp", "-ljsoncpp", "-o", built]
+    subprocess.run(call, check=True, timeout=300)
+
+    def run(*zones):
+        done = subprocess.run([built, SNIPPET, *zones], capture_output=True, text=True, timeout=30)
+        return done.returncode, done.stderr
+
+    return run
+
+
+def test_the_parser_watches_both_sensors_where_the_kernel_has_the_zones(parser):
+    status, said = parser(*OF_THE_DEVICE)
+    assert status == 0, said
+    assert "spare_therm is_watch=1 path=/dev/ambientd/ambient_temp" in said
+    assert "VIRTUAL-SKIN-AMBIENT is_watch=1" in said
+    status, said = parser("skin_therm")
+    assert status != 0
+    assert "Could not find spare_therm in sysfs" in said
 
 
 @pytest.fixture(scope="module")
