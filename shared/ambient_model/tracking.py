@@ -239,6 +239,6 @@ def _nothing(inputs: Readings) -> Estimate:
 def _interpolated(points: list[tuple[int, float]]) -> list[float]:
     """The values on the lines through ``points`` (step, value), without the last; the last of a step counts."""
     values: list[float] = []
-    for (k0, v0), (k1, v1) in itertools.pairwise(points):
+    for (k0, v0), (k1, v1) in itertools.pairwise(dict(points).items()):
         values.extend(v0 + (v1 - v0) * (k - k0) / (k1 - k0) for k in range(k0, k1))
     return values
