@@ -235,11 +235,11 @@ class _Reading:
             return {}
         return value
 
-    def record(self, place: str, value: Any, known: tuple[str, ...]) -> dict[str, Any]:
-        """An object with the ``known`` keys, all of them and no others."""
+    def record(self, place: str, value: Any, known: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, Any]:
+        """An object with the ``known`` keys, all of them, maybe the ``optional`` ones, and no others."""
         data = self.object(place, value)
         if isinstance(value, dict):
-            self.keys(place, data, known)
+            self.keys(place, data, known, optional)
         else:
             self._absent.update([_join(place, key) for key in known])
         return data
@@ -428,7 +428,7 @@ class _Reading:
         )
 
     def readings(self, value: Any) -> ReadingModel:
-        data = self.record("readings", value, ReadingModel._fields)
+        data = self.record("readings", value, ReadingModel._fields[:-1], ReadingModel._fields[-1:])
         sensors = tuple(
             self.limits(where, each) for where, each in self.each("readings.sensors", data.get("sensors"), _MOST_INPUTS)
         )
@@ -449,6 +449,10 @@ class _Reading:
             settled_s=self.not_negative("readings.settled_s", data.get("settled_s")),
             output=self.band("readings.output", data.get("output")),
             rate_K_per_s=self.positive("readings.rate_K_per_s", data.get("rate_K_per_s")),
+            starts=tuple(
+                self.matrix(where, each, None, len(sensors))
+                for where, each in self.each("readings.starts", data.get("starts", []), 2)
+            ),
         )
 
     def limits(self, place: str, value: Any) -> SensorLimits:
@@ -497,8 +501,13 @@ class _Reading:
                     f"{place}.discrete", "the periods are not the model's", "a fallback runs at the model's periods"
                 )
         self.agreement_of_secondary(model)
-        if model.readings is not None and len(model.readings.sensors) != len(main.inputs):
-            self.fault("readings.sensors", f"{len(model.readings.sensors)} for {len(main.inputs)} inputs", "one each")
+        if model.readings is not None:
+            sensors, starts = model.readings.sensors, model.readings.starts
+            if len(sensors) != len(main.inputs):
+                self.fault("readings.sensors", f"{len(sensors)} for {len(main.inputs)} inputs", "one each")
+            estimators = [main, *([model.secondary.estimator] if model.secondary else [])]
+            if starts and [*map(len, starts)] != [len(each.states) for each in estimators]:
+                self.fault("readings.starts", "are not of the estimators' states", "one row a state, one matrix each")
         if set(model.conformance.outputs) != {each.period_s for each in main.discrete}:
             self.fault(
                 "conformance.outputs", "the periods are not those of 'discrete'", "one sequence per period is wanted"

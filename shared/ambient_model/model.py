@@ -5,7 +5,8 @@
     x[0]   = X0 u[0]
 
 X0 is the thermal equilibrium with the first sample and the same at every period: the trainer chooses the state's
-coordinates so (see ``ambient_trainer.lti.discretise``).
+coordinates so (see ``ambient_trainer.lti.discretise``). A device at work is not in equilibrium: a file that says what
+its readings are expected to be may also say at which state it is expected to start.
 """
 
 from typing import Any, NamedTuple
@@ -128,6 +129,8 @@ class ReadingModel(NamedTuple):
     """Least and largest ambient that is published, in degC."""
     rate_K_per_s: float
     """The fastest change of the ambient that is published."""
+    starts: tuple[Matrix, ...] = ()
+    """The expected state per unit of the first readings, in place of X0: the main estimator's, the secondary one's."""
 
 
 class Conformance(NamedTuple):

@@ -73,6 +73,9 @@ class Observer:
             self._last: tuple[float, float] | None = None
             """When something was last published, and what."""
             tracker.settling_steps = round(model.readings.settled_s / tracker.discrete.period_s)
+            for each, start in zip((tracker, self.secondary), model.readings.starts):
+                if each is not None:
+                    each.start = start
 
     def background(self) -> Background:
         """The state beside the tracker's snapshot, for :meth:`restore`; empty where that snapshot is None."""

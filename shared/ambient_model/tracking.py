@@ -97,6 +97,8 @@ class Tracker:
         self._coast_steps = self.limit_steps if coast_s is None else round(coast_s / discrete.period_s)
         self.settling_steps = settling_steps(discrete.A, _SETTLED)
         self._ranges = [(each.min, each.max) for each in estimator.inputs]
+        self.start = estimator.initial
+        """The state at a start per unit of each input."""
         self.restart()
 
     def restart(self) -> None:
@@ -178,7 +180,7 @@ class Tracker:
             self._start_s = time_s
             step = 0
         if step == 0:
-            self._x = equilibrium(self.estimator.initial, u)
+            self._x = equilibrium(self.start, u)
         elif self._away is not None:
             self._x = self._bridge(self._away.readings, step, u)
         else:

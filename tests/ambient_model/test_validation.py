@@ -1,5 +1,7 @@
 """Sensor validation: expectations against Gaussian conditioning by numpy, and the rules by which readings count."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -67,10 +69,17 @@ def fed(observer: Observer, count: int, change=lambda k, u: u, start: int = 0):
 def test_a_file_keeps_the_key(model: Model) -> None:
     assert decode(encode(model).encode(), "model") == model
     assert '"readings"' not in encode(model._replace(readings=None))
+    # files from before there were starts
+    text = encode(model).replace('"starts"', '"unknown"')
+    assert decode(re.sub(r',\s*"unknown": \[\]', "", text).encode(), "model") == model
 
 
 @pytest.mark.parametrize(
-    ("wrong", "value"), [("precision", ((1.0, 2.0, *(0.0,) * 6),) * 8), ("jump_s", 0.0), ("lags_s", (-1.0,))]
+    ("wrong", "value"),
+    [
+        *[("precision", ((1.0, 2.0, *(0.0,) * 6),) * 8), ("jump_s", 0.0), ("lags_s", (-1.0,))],
+        *[("starts", (((0.25,) * 3,),)), ("starts", (((0.25,) * 4,),)), ("starts", ((), ()))],
+    ],
 )
 def test_a_wrong_key_is_refused_by_its_place(model: Model, wrong: str, value: object) -> None:
     with pytest.raises(Refused) as refused:

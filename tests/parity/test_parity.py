@@ -85,11 +85,16 @@ def _sensors(count):
     return 25 + swing + load + random.normal(size=(count, SAMPLES)) * 0.3
 
 
-def _by_scipy(fit, u, period_s):
-    """Outputs (N,) by scipy's own first-order hold and simulation, from rest with the first sample."""
+def _by_scipy(fit, u, period_s, apart=None):
+    """Outputs (N,) by scipy's own first-order hold and simulation, from rest with the first sample.
+
+    ``apart`` (n,) is by how much the device's state begins elsewhere; scipy's is int_0^T exp(A t) dt / T times that.
+    """
     s = fit.system
     A, B, C, D, _ = cont2discrete((s.A, s.B, s.C, s.D), period_s, "foh")
     x0 = np.linalg.solve(np.eye(len(A)) - A, B @ u[:, 0])
+    if apart is not None:
+        x0 += np.linalg.solve(s.A, A - np.eye(len(A))) @ apart / period_s
     return dlsim((A, B, C, D, period_s), u.T, x0=x0)[1][:, 0] + s.offset[0]
 
 
@@ -218,7 +223,7 @@ def test_expected_readings(i, trace, fits, validated):
     fit, readings = fits["free-3"], validated.readings
     u = np.array([trace.column(each) for each in fit.inputs])
     used, variance = (u, 0.0) if i is None else _replaced(readings, u, i)
-    y = _by_scipy(fit, used, 1.0)
+    y = _by_scipy(fit, used, 1.0, (np.array(readings.starts[0]) - validated.main.initial) @ u[:, 0])
     rows = [
         [None if j == i and k >= AWAY else value for j, value in enumerate(row)] for k, row in enumerate(u.T.tolist())
     ]

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from ambient_model.model import ReadingModel
+from ambient_model.observer import Observer
+from ambient_model.tracking import Tracker
 from ambient_model.validation import Validation
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
@@ -100,6 +102,25 @@ def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z, i):
     own = [column for column in range(z.shape[1]) if column % SENSORS == i]
     conditional = np.linalg.inv(np.array(readings.precision)[np.ix_(own, own)])[0, 0]
     assert conditional == pytest.approx(variance, rel=1e-6)
+
+
+def test_a_start_is_the_state_that_the_sensors_differences_tell(trace, fitted, z):
+    fit, readings = fitted
+    model = model_of(fit, [], {}, readings)
+    [discrete] = [each for each in model.main.discrete if each.period_s == 1.0]
+    rest, [[expected]] = np.array(model.main.initial)[0], readings.starts
+    u = z[:, :SENSORS]
+    x = [rest @ u[0]]
+    for row in u[:-1]:
+        x.append(discrete.A[0][0] * x[-1] + np.dot(discrete.B[0], row))
+    noise = np.sqrt(len(u)) * np.diag(added_noise(readings, z)[:SENSORS])
+    differences = np.vstack([u, noise]) @ (np.eye(SENSORS) - 1 / SENSORS)
+    found, *_ = np.linalg.lstsq(differences, np.concatenate([x - u @ rest, np.zeros(SENSORS)]), rcond=None)
+    assert expected == pytest.approx(rest + found, rel=1e-6)
+    observer = Observer(model, Tracker(model.main, discrete))
+    first = observer.update(0.0, u[0].tolist()).ambient_degC
+    estimate = discrete.C[0][0] * np.dot(expected, u[0]) + np.dot(discrete.D[0], u[0]) + model.main.offset
+    assert first == pytest.approx(estimate)
 
 
 @pytest.mark.parametrize("i", range(SENSORS))

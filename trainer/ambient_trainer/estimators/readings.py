@@ -70,6 +70,8 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
     estimates = [response_degC(fit.system, fit.hold, run, period_s) for run in runs]
     reference = np.concatenate([trace.column(REFERENCE) for trace in traces])
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
+    both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
+    starts = [_expected_start(each, runs, period_s, ridge * noise) for each in both]
     sensors = zip(
         [resolution_of(np.concatenate(rows)) for rows in zip(*runs)],
         *(each.tolist() for each in (jump, gate, slow)),
@@ -83,9 +85,10 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
         precision=matrix(precision),
         sensors=tuple(SensorLimits(*each) for each in sensors),
         jump_s=stride * period_s,
-        settled_s=_settled_s(fit, runs, period_s),
+        settled_s=_settled_s(fit, runs, period_s, starts[0]),
         output=(float(np.nanmin(reference)) - _OUTPUT_MARGIN_K, float(np.nanmax(reference)) + _OUTPUT_MARGIN_K),
         rate_K_per_s=float(_RATE_MARGIN * rate),
+        starts=tuple(map(matrix, starts)),
     )
 
 
@@ -172,19 +175,38 @@ def _effect_degC(fit: Fit, runs: Sequence[Array], estimates: Sequence[Array], pe
     return float(np.sqrt(np.mean(np.concatenate(changes) ** 2)))
 
 
-def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float) -> float:
+def _expected_start(fit: Fit, runs: Sequence[Array], period_s: float, deviations: Array) -> Array:
+    """The state X u (n, m) that is expected where the first readings are u.
+
+    Where all sensors read the same it is the equilibrium, at any level; from there it goes by their differences, as
+    regressed on them over ``runs`` with noise of these ``deviations`` added.
+    """
+    centring = np.eye(len(deviations)) - 1 / len(deviations)
+    differences = centring @ np.concatenate(runs, axis=1)
+    noise = centring @ np.diag(deviations**2) @ centring
+    inverse = np.linalg.pinv(differences @ differences.T / differences.shape[1] + noise, hermitian=True)
+    rest = equilibrium(fit.system)
+    apart = _apart(fit, runs, period_s, rest)
+    return rest - apart @ differences.T @ inverse / differences.shape[1]
+
+
+def _apart(fit: Fit, runs: Sequence[Array], period_s: float, start: Array) -> Array:
+    """By how much a start with each sample of ``runs`` differs from the state that the filter has there, (n, N)."""
+    discrete, rest = discretised(fit.system, period_s, fit.hold), equilibrium(fit.system)
+    return np.concatenate(
+        [start @ run - states(discrete.A, discrete.B @ run, rest @ run[:, 0]) for run in runs], axis=1
+    )
+
+
+def _settled_s(fit: Fit, runs: Sequence[Array], period_s: float, start: Array) -> float:
     """Time after which a cold start no longer widens the interval by more than 20 %.
 
-    A start at any training sample errs by d, the states' distance to the equilibrium with that sample, and after k
-    periods the estimate by C A^k d more than its usual error.
+    A start at any training sample errs by d, and after k periods the estimate by C A^k d more than its usual error.
     """
     discrete = discretised(fit.system, period_s, fit.hold)
     if not len(discrete.A):
         return 0.0
-    rest = equilibrium(fit.system)
-    apart = np.concatenate(
-        [rest @ run - states(discrete.A, discrete.B @ run, rest @ run[:, 0]) for run in runs], axis=1
-    )
+    apart = _apart(fit, runs, period_s, start)
     random = np.random.default_rng(0)
     starts = apart[:, random.integers(apart.shape[1], size=_STARTS)]
     errors = random.choice(fit.errors_degC[0], _STARTS)
