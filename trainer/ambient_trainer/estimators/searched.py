@@ -148,7 +148,7 @@ def with_fallbacks_and_variance(
     still_degC2 = offset_degC**2 * sum(gain**2 for gain in fit.dc_gains)
     variance = variance._replace(constant_degC2=max(variance.constant_degC2, still_degC2))
     gain = noise_gain(fit.system, period_s)
-    half = half_widths(variance, [(each.estimate_degC, 0 * each.estimate_degC) for each in moments], period_s)
+    half = half_widths(variance, moments, period_s)
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
     return replace(
         fit,

@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 from ambient_model.faults import refuse
-from ambient_model.model import ErrorVariance, Term
+from ambient_model.model import Term
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.resolution import resolution_of
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.error_variance import fit_weighted_error_variance, half_widths, regressors_degC2
+from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Unknowns
@@ -122,7 +122,10 @@ class RecipeEstimator(Estimator):
         logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
         fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to
-        variance = fit_error_variance(recipe, fit, replace(design, draw=1).runs(records), period)
+        moments = unseen(recipe, fit, replace(design, draw=1).runs(records), period)
+        lags = recipe.error_variance
+        terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
+        variance = fit_error_variance(moments, period, terms)
         return _assembled(recipe, replace(fit, error_variance=variance), fitted, logged)
 
 
@@ -145,8 +148,8 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
     secondary, threshold_degC = fit.secondary
     members = [fit, secondary, *fit.fallbacks.values()]
-    blends = [(each.ambient_degC, each.apart_degC) for each in estimates]
-    half = half_widths(fit.error_variance, blends, fit.periods_s[0])
+    moments = [Moment(each.ambient_degC, each.ambient_degC, each.apart_degC) for each in estimates]
+    half = half_widths(fit.error_variance, moments, fit.periods_s[0])
     main, other = _filter(fit), _filter(secondary)
     misfit = ", ".join(f"{name} {each:.2f}" for name, each in circuit.misfit_degC.items())
     return replace(
@@ -284,17 +287,13 @@ def fit_filters(
 _EVERY_S = 11.0
 
 
-def fit_error_variance(recipe: Recipe, fit: Fit, runs: TrainingSet, period_s: float) -> ErrorVariance:
-    """The error variance model of ``fit`` over ``runs``, weighed by the recipe."""
-    lags = recipe.error_variance
-    terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
-    stride = max(1, round(_EVERY_S / period_s))
-    errors, tables, weights = [], [], []
+def unseen(recipe: Recipe, fit: Fit, runs: TrainingSet, period_s: float) -> list[Moment]:
+    """The estimate of ``fit`` over ``runs``, which the recipe weighs, with a reference every 11 s."""
+    stride, moments = max(1, round(_EVERY_S / period_s)), []
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
             estimate, _, apart = published(fit, Segment(period_s, run.sensors_degC, run.target_degC[None]))
-            errors.append((run.target_degC - estimate)[::stride])
-            tables.append(regressors_degC2(terms, estimate, apart, period_s)[:, ::stride])
-            weights.append(np.full(len(errors[-1]), count / len(runs[name]) / len(errors[-1])))
-    weight = np.concatenate(weights)
-    return fit_weighted_error_variance(terms, np.concatenate(errors), np.concatenate(tables, axis=1), weight)
+            counted = np.arange(len(estimate)) % stride == 0
+            weight = count / len(runs[name]) / int(counted.sum())
+            moments.append(Moment(estimate, np.where(counted, run.target_degC, np.nan), apart, weight))
+    return moments
