@@ -48,7 +48,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         held.remove(index)
         mechanism = final.model.mechanisms[index]
         gain = _gain(step, chosen)
-        confidence = _confidence(step, chosen, final, index)
+        confidence = _confidence(step, chosen, final, _needed(final, index))
         if mechanism.driver is None and not mechanism.lasts:
             # a window may make up for what an earlier one is wrong about
             confidence = min(
@@ -166,9 +166,9 @@ def _rival(trial: Trial, chosen: Trial) -> bool:
     return another and same and not trial.at_bounds and penalised(trial) - penalised(chosen) < _ALIKE
 
 
-def _confidence(step: Chosen, chosen: Trial, final: Fitted, index: int) -> float:
+def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math.inf) -> float:
     """The probability that the cause, its place and its driver are right, by the margin over the closest other that is
-    not there, too, and by what is lost without it at the end."""
+    not there, too, and by what is ``needed`` of it at the end."""
     if chosen.mechanism.evident:
         return _EVIDENT
     there = [chosen.mechanism, *final.model.mechanisms]
@@ -178,7 +178,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, index: int) -> float
         if not each.at_bounds and not any(_says_the_same(each.mechanism, other, final.records) for other in there)
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
-    total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), _needed(final, index))
+    total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), needed)
     either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_creeping_heat(chosen)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)

@@ -172,15 +172,15 @@ def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
 
 def left_by_window(before: Fitted, after: Trial) -> float:
     """What is left, as a share of what was, at the sensor where a window that nothing logged drives gains most; 0 for
-    all others, and where known-good records tell how readings wander.
+    all others, and where known-good records show how readings wander.
 
     What wanders by itself is always better by two levels than by one: see ``WANDERS``.
     """
-    mechanism, records = after.mechanism, before.records
-    if mechanism.lasts or mechanism.driver is not None or mechanism.sudden or records[0].weight is not None:
+    mechanism = after.mechanism
+    if mechanism.lasts or mechanism.driver is not None or mechanism.sudden or before.records[0].weight is not None:
         return 0.0
     was, left = (
-        np.sum([_slow_squares(fitted, index) for index in range(len(records))], axis=0)
+        np.sum([_slow_squares(fitted, index) for index in range(len(before.records))], axis=0)
         for fitted in (before, after.fitted)
     )
     most = int(np.argmax(was - left))
