@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ambient_trainer.data import Array, Trace, sampling_period_s
-from ambient_trainer.lti import one_pole
+from ambient_trainer.lti import low_pass
 
 _FASTEST_S, _SLOWEST_S = 2.0, 8000.0
 _RIDGES = tuple(10.0**exponent for exponent in range(-10, -1))
@@ -32,8 +32,9 @@ def gram(trace: Trace, columns: Sequence[str], lags: int) -> Gram:
     """The Gram of a run without gaps over ``columns``, ``lags`` low-passes each, and the offset."""
     u = np.vstack([trace.column(name) for name in columns])
     period_s = sampling_period_s(trace.time_s)
-    poles = np.exp(-period_s / np.geomspace(_FASTEST_S, _SLOWEST_S, lags))
-    lows = [(1 - a) * one_pole(a, u, u[:, 0] / (1 - a)) for a in poles.tolist()]
+    before = np.concatenate([u[:, :1], u[:, :-1]], axis=1).T
+    lags_s = np.geomspace(_FASTEST_S, _SLOWEST_S, lags).tolist()
+    lows = [low_pass(before, lag_s, period_s, u[:, 0]).T for lag_s in lags_s]
     S, target = np.concatenate([u, *lows, np.ones((1, u.shape[1]))]), trace.reference
     return Gram(S @ S.T / len(target), S @ target / len(target), float(target @ target) / len(target))
 

@@ -1,9 +1,10 @@
-"""A sensor's resolution: recognised in what it has read, or imposed on a trace that was logged finer.
+"""A sensor's resolution and noise: recognised in what it has read; or a resolution imposed on a finer log.
 
 Readings are taken as rounded to the next multiple of the step.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,16 @@ def resolution_of(values: Array) -> float:
     largest = np.abs(known).max(initial=1.0)
     fits = (step for step in _STEPS if (np.abs(known - step * np.round(known / step)) < 1e-6 * largest).all())
     return next(fits, 0.0)
+
+
+def noise_of(runs: Sequence[Array]) -> float:
+    """Standard deviation of the white noise of a sensor's ``runs``; 0 where none has three readings.
+
+    Second differences of white noise have six times its variance; their median ignores what really moves.
+    """
+    bends = np.concatenate([np.diff(each, 2) for each in runs])
+    # 1.4826: from a median absolute deviation to a standard deviation, of normal errors
+    return 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6) if len(bends) else 0.0
 
 
 def rounded(values: Array, step: float) -> Array:

@@ -5,7 +5,6 @@ gates are the largest differences there, with a margin.
 """
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -15,7 +14,7 @@ from ambient_model.model import ReadingModel, SensorLimits
 from ambient_model.trace import REFERENCE
 from ambient_model.validation import SLOW_S
 from ambient_trainer.data.grid import segments
-from ambient_trainer.data.resolution import resolution_of
+from ambient_trainer.data.resolution import noise_of, resolution_of
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import Fit, slowest_period_s
 from ambient_trainer.estimators.estimate import matrix
@@ -93,11 +92,9 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
 
 
 def _noise(runs: Sequence[Array]) -> Array:
-    """Standard deviation of each reading's white noise, from second differences; at least a 1000th of its own."""
-    seconds = np.concatenate([np.diff(run, n=2, axis=1) for run in runs], axis=1)
+    """Standard deviation of each reading's white noise; at least a 1000th of its own."""
     deviation = np.concatenate(runs, axis=1).std(axis=1)
-    robust = 1.4826 * np.median(np.abs(seconds - np.median(seconds, axis=1, keepdims=True)), axis=1) / math.sqrt(6)
-    return np.maximum(np.maximum(robust, 1e-3 * deviation), 1e-3)
+    return np.maximum([noise_of(rows) for rows in zip(*runs)], np.maximum(1e-3 * deviation, 1e-3))
 
 
 class _Folds:

@@ -1,7 +1,7 @@
 """Linear time-invariant systems: discretisation, lags, responses, balanced truncation."""
 
 from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.lag import lag_weights, lagged, one_pole
+from ambient_trainer.lti.lag import lag_weights, lagged, low_pass
 from ambient_trainer.lti.response import response_degC, response_slopes
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
 
@@ -12,7 +12,7 @@ __all__ = [
     "discretised",
     "lag_weights",
     "lagged",
-    "one_pole",
+    "low_pass",
     "response_degC",
     "response_slopes",
 ]

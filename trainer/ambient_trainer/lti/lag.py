@@ -41,11 +41,6 @@ def low_pass(values: Array, lag_s: float, period_s: float, start: Array | float)
     return np.asarray(lfilter([-math.expm1(-period_s / lag_s)], [1.0, -kept], values - start, axis=0) + start)
 
 
-def one_pole(a: float, rows: Array, start: Array) -> Array:
-    """x[k+1] = a x[k] + rows[k] with x[0] = start; ``rows`` (c, N), ``start`` (c,), result (c, N)."""
-    return np.asarray(lfilter([0.0, 1.0], [1.0, -a], rows, axis=-1, zi=np.reshape(start, (-1, 1)))[0])
-
-
 def lagged(values: Array, lag_s: float, period_s: float, start: Array | float | None = None) -> Array:
     """Response (..., N) of a lag to uniform samples (..., N); by default it is settled at the first of them.
 

@@ -21,13 +21,15 @@ from numpy.typing import NDArray
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.validation import Block
-from ambient_trainer.lti.lag import lag_weights, lagged
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.lti.statespace import StateSpace
 from ambient_trainer.selection.screen import Sensor
 
 _FASTEST_PERIODS = (1.0, 2.0, 5.0, 10.0)
 _RATIOS = (3.0, 5.0, 8.0)
 _TIMES_SHOWN = 20
+_DECAYED = 20.0
+"""Time constants after which nothing of an impulse is left."""
 
 Sensors = tuple[int, ...]
 """A candidate: the numbers of its sensors, ascending."""
@@ -103,14 +105,11 @@ def low_passes(readings: Array, poles_s: Sequence[float], period_s: float) -> Ar
 
 
 def noise_gram(poles_s: Sequence[float], period_s: float) -> Array:
-    """N (1 + K, 1 + K), the impulse responses' inner products: b' N b is the variance that b makes of white noise.
-
-    h_i is n_i at first and then c_i a_i^k with c_i = n_i a_i + p_i, so <h_i, h_j> = n_i n_j + c_i c_j / (1 - a_i a_j);
-    the reading itself is n = 1, c = 0.
-    """
-    a, before, now = np.array([(0.0, 0.0, 1.0), *(lag_weights(tau_s, period_s) for tau_s in poles_s)]).T
-    after = now * a + before
-    return np.asarray(np.outer(now, now) + np.outer(after, after) / (1 - np.outer(a, a)))
+    """N (1 + K, 1 + K), the impulse responses' inner products: b' N b is the variance that b makes of white noise."""
+    # after a first sample, which sets the equilibrium
+    impulse = np.eye(1, 2 + round(_DECAYED * max(poles_s, default=0.0) / period_s), 1)
+    [responses] = low_passes(impulse, poles_s, period_s)
+    return np.asarray(responses @ responses.T)
 
 
 def gathered(

@@ -12,6 +12,7 @@ import pandas as pd
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
+from ambient_trainer.data.resolution import noise_of
 from ambient_trainer.data.trace import Array, Trace
 
 LOWEST_DEGC, HIGHEST_DEGC = -60.0, 200.0
@@ -128,11 +129,7 @@ def _longest_still(values: Array) -> tuple[int, int]:
 
 
 def _sensor(name: str, columns: Sequence[pd.Series]) -> Sensor:
-    """Second differences of white noise have six times its variance; their median ignores what really moves."""
     known = [each.dropna().to_numpy() for each in columns]
     levels = np.unique(np.round(np.concatenate(known), 6))
     step = float(np.round(np.diff(levels).min(), 6))
-    bends = np.concatenate([np.diff(each, 2) for each in known])
-    # 1.4826: from a median absolute deviation to a standard deviation, of normal errors
-    noise = 1.4826 * float(np.median(np.abs(bends))) / np.sqrt(6) if len(bends) else 0.0
-    return Sensor(name, step, max(noise, step / np.sqrt(12)))
+    return Sensor(name, step, max(noise_of(known), step / np.sqrt(12)))

@@ -26,7 +26,7 @@ from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
 from ambient_trainer.estimators.searched import MODES, fit_of, late, rescored, with_fallbacks_and_variance
-from ambient_trainer.lti.lag import one_pole
+from ambient_trainer.lti.lag import lagged
 from ambient_trainer.lti.reduce import reduced
 from ambient_trainer.lti.response import response, response_degC, response_slopes
 from ambient_trainer.lti.statespace import StateSpace
@@ -267,8 +267,7 @@ def _lag_s(segments: Sequence[Segment], index: int) -> float:
     filled = [pd.Series(each.outputs[0]).interpolate(limit_direction="both").to_numpy() for each in segments]
 
     def far(lag_s: float) -> float:
-        stay = math.exp(-period_s / lag_s)
-        lagging = [one_pole(stay, (1 - stay) * reference[None], reference[:1])[0] for reference in filled]
-        return float(np.var(np.concatenate([each.inputs[index] - lag for each, lag in zip(segments, lagging)])))
+        behind = [each.inputs[index] - lagged(reference, lag_s, period_s) for each, reference in zip(segments, filled)]
+        return float(np.var(np.concatenate(behind)))
 
     return float(min(np.geomspace(period_s, max(longest_s, 2 * period_s), _LAGS), key=far))
