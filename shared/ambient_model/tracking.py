@@ -239,8 +239,11 @@ def _nothing(inputs: Readings) -> Estimate:
 
 
 def _interpolated(points: list[tuple[int, float]]) -> list[float]:
-    """The values on the lines through ``points`` (step, value), without the last; the last of a step counts."""
+    """The values on the lines through ``points`` (step, value), without the last.
+
+    Of several of a step the line to it ends at the first, as where nothing was missing, and the last counts from there.
+    """
     values: list[float] = []
-    for (k0, v0), (k1, v1) in itertools.pairwise(dict(points).items()):
+    for (k0, v0), (k1, v1) in itertools.pairwise(points):
         values.extend(v0 + (v1 - v0) * (k - k0) / (k1 - k0) for k in range(k0, k1))
     return values

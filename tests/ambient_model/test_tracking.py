@@ -184,19 +184,6 @@ def test_samples_within_one_period_count_once() -> None:
     )
 
 
-def test_of_an_input_read_twice_within_a_period_the_line_ends_at_the_last() -> None:
-    path = wander(20)
-    path[10:15, 1] = np.interp(range(10, 15), [9, 15], path[[9, 15], 1])
-    tracker = tracker_of(ESTIMATOR)
-    for k, (a, b, c) in enumerate(path.tolist()):
-        missing = None if 10 <= k < 15 else b
-        if k == 12:
-            tracker.update(k - 0.2, [a + 3.0, missing, c])
-        given = tracker.update(float(k), [None if k in (10, 11) else a, missing, c])
-    path[10:12, 0] = np.interp([10, 11], [9, 12], path[[9, 12], 0])
-    assert given.ambient_degC == pytest.approx(numpy_outputs(ESTIMATOR, path)[-1], rel=1e-11)
-
-
 @pytest.mark.parametrize("back_s", [1.0, 3.0, 1e9])
 def test_time_that_goes_back_starts_again(back_s: float) -> None:
     tracker = tracker_of(ESTIMATOR)
