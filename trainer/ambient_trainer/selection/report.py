@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
-from ambient_trainer.report.palette import BASELINE, BLUE, INK, ORANGE, SENSOR_COLOURS
+from ambient_trainer.report.palette import BASELINE, BLUE, GREY, INK, ORANGE, SAND, SENSOR_COLOURS, SKY
 from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
 from ambient_trainer.selection.result import (
     NEAR_DEGC,
@@ -27,7 +28,10 @@ if TYPE_CHECKING:
 
 
 _NAMED_ALTERNATIVES = 3
-_CIRCUITS = "Temperatures alone give ratios of resistances, not their scale."
+_CIRCUITS = (
+    "A line is the wider the more heat it conducts; over its middle its resistance is shown. Temperatures alone give "
+    "ratios of resistances, not their scale."
+)
 _ERRORS = (
     "Held out: blocks of time that the estimate was not fitted to. Dotted: whole traces that nothing was chosen by, by "
     "the same filters."
@@ -45,7 +49,10 @@ def report_of(result: SearchResult) -> Report:
     """What the search says, for the terminal, a machine and a page."""
     main, *others = findings(result)
     errors, gains = Figure(partial(errors_figure, result), _ERRORS), Figure(partial(gains_figure, result))
-    circuits = [_circuit_table(each.circuit, each.rmse_degC) for each in result.circuits.values()]
+    circuits: list[Section | str] = [_CIRCUITS] if result.circuits else []
+    for each in result.circuits.values():
+        title = f"{', '.join(each.topology.sensors)}: {each.rmse_degC:.2f} degC held out"
+        circuits.append(Section(title, [Figure(partial(circuit_figure, each))]))
     checks = checks_table(result) if result.checks else None
     command = (
         f"Next: ambient-trainer fit {' '.join(result.traces)} --circuit free-{result.options.order} --sensors "
@@ -58,7 +65,7 @@ def report_of(result: SearchResult) -> Report:
         sections=[
             Section("Number of sensors", [sizes_table(result), *map(Finding, others), errors, checks]),
             Section("DC gains of the sensors", [_GAINS, gains]),
-            Section("The best circuit of each size", circuits, detail=True),
+            Section("The best circuit of each size", circuits),
             Section("Zones left out", [*map(Finding, left_out_lines(result.left_out))], detail=True),
             Section("", [Finding(command)]),
         ],
@@ -80,14 +87,6 @@ def sizes_table(result: SearchResult) -> Table:
         "own makes in the estimate. *: the fewest within one standard error of the least."
     )
     return Table(caption, columns, rows, labels=2)
-
-
-def _circuit_table(circuit: Circuit, rmse_degC: float) -> Table:
-    """The resistances of a circuit."""
-    values = {each.name: each.initial for each in circuit.parameters}
-    rows = [("-".join(each.between), f"{values[each.resistance]:.3g}") for each in circuit.edges]
-    caption = f"{', '.join(circuit.inputs)}: {rmse_degC:.2f} degC held out. {_CIRCUITS}"
-    return Table(caption, ("between", "resistance [K/W]"), rows)
 
 
 def checks_table(result: SearchResult) -> Table:
@@ -265,6 +264,7 @@ def _all_of(names: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
+_THINNEST_PX, _THICKEST_PX = 1.0, 7.0
 _CHECK_COLOURS = tuple(SENSOR_COLOURS[each] for each in (2, 3, 5, 6))
 
 
@@ -308,3 +308,49 @@ def gains_figure(result: SearchResult) -> go.Figure:
         [[f"{each[name]:+.2f}" if name in each else "" for each in gains] for name in names],
         x_title="sensors",
     )
+
+
+def circuit_figure(selected: SelectedCircuit) -> go.Figure:
+    """The circuit: sensors on a ring, what is not measured within it."""
+    circuit, topology = selected.circuit, selected.topology
+    inner = [AMBIENT] if topology.form == "rise" else list(topology.states)
+    places = {**_ring(topology.sensors, 1.0), **_ring(inner, 0.42 if len(inner) > 1 else 0.0)}
+    values = {each.name: each.initial for each in circuit.parameters}
+    largest = max(1 / values[each.resistance] for each in circuit.edges)
+    figure = panel_figure("", "", height_px=340)
+    for edge in circuit.edges:
+        (x0, y0), (x1, y1) = places[edge.between[0]], places[edge.between[1]]
+        share = 1 / values[edge.resistance] / largest
+        colour = SAND if AMBIENT in edge.between else GREY
+        width = _THINNEST_PX + (_THICKEST_PX - _THINNEST_PX) * math.sqrt(share)
+        figure.add_scatter(x=[x0, x1], y=[y0, y1], mode="lines", line={"color": colour, "width": width},
+                           hoverinfo="skip", showlegend=False)  # fmt: skip
+        figure.add_scatter(x=[(x0 + x1) / 2], y=[(y0 + y1) / 2], mode="markers", marker={"size": 12, "opacity": 0},
+                           text=[f"{'-'.join(edge.between)}: {values[edge.resistance]:.3g} K/W"],
+                           hovertemplate="%{text}<extra></extra>", showlegend=False)  # fmt: skip
+    kinds = {"sensor": [each for each in topology.sensors if each not in topology.states],
+             "sensor with a heat capacity": [each for each in topology.states if each in topology.sensors],
+             "hidden node": [each for each in topology.states if each not in topology.sensors],
+             "ambient": [each for each in inner if each == AMBIENT]}  # fmt: skip
+    for (kind, names), colour in zip(kinds.items(), (SKY, BLUE, ORANGE, SAND)):
+        if names:
+            figure.add_scatter(
+                x=[places[name][0] for name in names],
+                y=[places[name][1] for name in names],
+                mode="markers+text",
+                name=kind,
+                text=names,
+                textposition=["bottom center" if places[name][1] < 0 else "top center" for name in names],
+                marker={"size": 16, "color": colour, "line": {"width": 1.5, "color": "white"}},
+                hoverinfo="skip",
+            )
+    figure.update_xaxes(visible=False, range=[-1.5, 1.5])
+    figure.update_yaxes(visible=False, range=[-1.35, 1.35])
+    figure.update_layout(margin={"l": 4, "r": 4, "t": 30, "b": 4})
+    return figure
+
+
+def _ring(names: Sequence[str], radius: float) -> dict[str, tuple[float, float]]:
+    """Places on a circle, the first at the top."""
+    angles = [math.pi / 2 + 2 * math.pi * (k + (0.5 if radius < 1 else 0.0)) / len(names) for k in range(len(names))]
+    return {name: (radius * math.cos(angle), radius * math.sin(angle)) for name, angle in zip(names, angles)}
