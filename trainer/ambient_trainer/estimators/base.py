@@ -16,7 +16,6 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.budget import Budget
-from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.search import Progress
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimators.estimate import blended, estimate_degC
@@ -269,14 +268,6 @@ class Fit:
     def over(self, segment: Segment) -> Array:
         """The estimate of its own system, (N,), over uniform samples."""
         return response_degC(self.system, self.hold, segment.inputs, segment.period_s)
-
-    def moment(self, segment: Segment) -> Moment:
-        """The estimate over a segment, blended as by :meth:`estimate_degC`, and its reference."""
-        main, reference = self.over(segment), segment.outputs[0]
-        if self.secondary is None:
-            return Moment(main, reference)
-        found = blended(main, self.secondary.fit.over(segment), self.secondary.threshold_degC)
-        return Moment(found.ambient_degC, reference, found.apart_degC)
 
 
 class SecondaryFit(NamedTuple):

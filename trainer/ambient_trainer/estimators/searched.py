@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ambient_model.model import Term
 from ambient_model.trace import split_column
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
@@ -119,7 +118,7 @@ def filter_fit(
 
 def rescored(fit: Fit, segments: Sequence[Segment]) -> Fit:
     """The fit with the errors of the system that it exports, which is not quite the one that was searched."""
-    errors = np.concatenate([each.outputs[0] - fit.moment(each).estimate_degC for each in segments])
+    errors = np.concatenate([each.outputs[0] - fit.over(each) for each in segments])
     errors = errors[~np.isnan(errors)]
     rmse_degC = float(np.sqrt(np.mean(errors**2)))
     starts = tuple(each * rmse_degC / fit.rmse_degC for each in fit.start_rmses_degC)
@@ -131,40 +130,32 @@ def with_fallbacks_and_variance(
     segments: Sequence[Segment],
     unseen: Sequence[Moment],
     refit: Refit | None,
-    remarks: Sequence[str],
+    remark: str,
     details: Mapping[str, Any],
     offset_degC: float = 0.0,
-    terms: Sequence[Term] = (),
 ) -> Fit:
-    """The fit with a fallback an input, if there is a ``refit``, and an error variance model, by default of all lags.
+    """The fit with a fallback an input, if there is a ``refit``, and an error variance model.
 
-    Its errors are those of ``unseen`` runs, if there are any. Blocks that are alike do not show an offset of the
+    Its errors are those of ``unseen`` blocks, if there are any. Blocks that are alike do not show an offset of the
     sensors: where the data do not exclude one of ``offset_degC`` (a standard deviation), the constant is at least what
-    the DC gains make of it. ``remarks`` and ``details`` are of this kind of observer. Cancelled, it leaves out the
+    the DC gains make of it. ``remark`` and ``details`` are of this kind of observer. Cancelled, it leaves out the
     fallbacks that are not done.
     """
-    period_s, fallbacks, stopped = segments[0].period_s, dict[str, Fit](), False
-    if refit is not None and len(fit.inputs) > 1 and not fit.stopped:
-        for index, column in enumerate(fit.inputs):
-            if stopped := (fallback := refit(index)).stopped:
-                break
-            fallbacks[split_column(column)[0]] = fallback
-    moments = [fit.moment(each) for each in segments]
-    variance = fit_error_variance(unseen or moments, period_s, terms)
+    fallbacks, stopped = fallbacks_of(fit, refit)
+    moments = [Moment(fit.over(each), each.outputs[0]) for each in segments]
+    period_s = segments[0].period_s
+    variance = fit_error_variance(unseen or moments, period_s)
     still_degC2 = offset_degC**2 * sum(gain**2 for gain in fit.dc_gains)
     variance = variance._replace(constant_degC2=max(variance.constant_degC2, still_degC2))
     gain = noise_gain(fit.system, period_s)
     half = half_widths(variance, moments, period_s)
-    others = ", ".join(f"{half[share]:.2f} {words}" for share, words in _SHARES.items())
     rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
-    without = ", ".join(f"{name} {rmse:.2f}" for name, rmse in rmses.items())
     return replace(
         fit,
         fallbacks=fallbacks,
         error_variance=variance,
         stopped=fit.stopped or stopped,
-        converged=fit.converged and not stopped and all(each.converged for each in fallbacks.values()),
-        evaluations=fit.evaluations + sum(each.evaluations for each in fallbacks.values()),
+        converged=fit.converged and not stopped,
         details={
             **details,
             "noise_gain": gain,
@@ -172,10 +163,10 @@ def with_fallbacks_and_variance(
             "fallbacks": {name: {"rmse_degC": rmse} for name, rmse in rmses.items()},
         },
         notes=(
-            *remarks,
+            remark,
             f"Noise gain: {gain:.2f} (output per unit of white noise in every sensor, at {period_s:g} s).",
-            f"Half of the 90 % interval: {half['50']:.2f} degC over the median training sample, {others}.",
-            *([f"Without a sensor, RMSE on the training samples: {without}."] if without else []),
+            half_width_note(half),
+            *fallback_notes(rmses),
         ),
     )
 
@@ -183,6 +174,31 @@ def with_fallbacks_and_variance(
 _SHARES = {"10": "at the quietest (10 %)", "90": "in transients (90 %)", "99": "in the fastest (99 %)"}
 
 
+def half_width_note(half_degC: Mapping[str, float]) -> str:
+    """A line on the width of the 90 % interval, by the percentage of samples over which it is narrower."""
+    others = ", ".join(f"{half_degC[share]:.2f} {words}" for share, words in _SHARES.items())
+    return f"Half of the 90 % interval: {half_degC['50']:.2f} degC over the median training sample, {others}."
+
+
+def fallback_notes(rmses_degC: Mapping[str, float]) -> list[str]:
+    """A line on what each fallback leaves, if there is any."""
+    each = ", ".join(f"{name} {rmse:.2f}" for name, rmse in rmses_degC.items())
+    return [f"Without a sensor, RMSE on the training samples: {each}."] if each else []
+
+
 def late(progress: Progress | None, effort: Effort) -> Progress | None:
     """The progress of a search that follows after all starts."""
     return progress and (lambda _, evaluation, square: progress(effort.starts, evaluation, square))
+
+
+def fallbacks_of(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
+    """The fallbacks by input as far as they were done, and whether they were cancelled."""
+    if refit is None or len(fit.inputs) < 2 or fit.stopped:
+        return {}, False
+    fallbacks: dict[str, Fit] = {}
+    for index, column in enumerate(fit.inputs):
+        each = refit(index)
+        if each.stopped:
+            return fallbacks, True
+        fallbacks[split_column(column)[0]] = each
+    return fallbacks, False

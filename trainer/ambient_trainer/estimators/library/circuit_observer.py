@@ -169,7 +169,7 @@ class CircuitObserver(Estimator):
         states = len(columns) + 1
         remark = f"The circuit has {states} states: a node a sensor, and the ambient"
         remark += f"; balanced down to {len(main.states)}." if states > len(main.states) else "."
-        return with_fallbacks_and_variance(main, segments, (), fallback, [remark], {"states_of_circuit": states})
+        return with_fallbacks_and_variance(main, segments, (), fallback, remark, {"states_of_circuit": states})
 
 
 def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:

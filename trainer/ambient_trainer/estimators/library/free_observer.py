@@ -59,7 +59,7 @@ class FreeObserver(Estimator):
             order, result = selection.best_so_far()
             remark = f"Stopped before order and noise were selected: this is order {order}."
             main = filter_fit(self.name, training.columns, segments, order, result, effort)
-            return with_fallbacks_and_variance(main, segments, (), None, [remark], {})
+            return with_fallbacks_and_variance(main, segments, (), None, remark, {})
 
         def fitted(training: Training, effort: Effort, progress: Progress | None) -> Fit:
             structure = constrained(choice.order, training.segments, choice.noise_degC, choice.offset_degC)
@@ -72,9 +72,8 @@ class FreeObserver(Estimator):
 
         main, tried = fitted(training, effort, progress), selection.tried
         details = {"choice": choice.as_json(), "tried": [each.as_json() for each in tried]}
-        return with_fallbacks_and_variance(
-            main, segments, tried[choice], fallback, [_remark(choice, [*tried])], details, choice.offset_degC
-        )
+        remark, offset_degC = _remark(choice, [*tried]), choice.offset_degC
+        return with_fallbacks_and_variance(main, segments, tried[choice], fallback, remark, details, offset_degC)
 
 
 def _remark(choice: Choice, tried: Sequence[Choice]) -> str:

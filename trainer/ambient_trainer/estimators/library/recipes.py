@@ -25,10 +25,11 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.resolution import resolution_of
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.error_variance import Moment
+from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
 from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import (
     Effort,
     Estimator,
@@ -39,7 +40,7 @@ from ambient_trainer.estimators.base import (
     slowest_period_s,
     source_of,
 )
-from ambient_trainer.estimators.blended.forward import Forward, Record, fit_forward
+from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import (
     TrainingRun,
@@ -48,7 +49,8 @@ from ambient_trainer.estimators.blended.training_set import (
     fit_ambient,
     fit_workload,
 )
-from ambient_trainer.estimators.searched import Refit, filter_fit, rescored, with_fallbacks_and_variance
+from ambient_trainer.estimators.estimate import Blended, blended
+from ambient_trainer.estimators.searched import fallback_notes, fallbacks_of, filter_fit, half_width_note
 from ambient_trainer.lti.response import noise_gain
 
 NAMES = recipe_names()
@@ -118,41 +120,13 @@ class RecipeEstimator(Estimator):
         plant, seed = fitted.plant, effort.seed
         design = TrainingSetDesign(recipe, plant, ambient, workload, coarse_period_s, stride, seed, steps)
         logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
-        fit, refit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
-        assert fit.secondary is not None
+        fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to
         moments = unseen(recipe, fit, replace(design, draw=1).runs(records), period)
-        lags, (secondary, threshold_degC) = recipe.error_variance, fit.secondary
+        lags = recipe.error_variance
         terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
-        searched = replace(
-            rescored(fit, logged),
-            converged=fitted.converged and fit.converged and secondary.converged,
-            evaluations=fitted.evaluations + fit.evaluations + secondary.evaluations,
-        )
-        main, other = _filter(fit), _filter(secondary)
-        misfit = ", ".join(f"{name} {each:.2f}" for name, each in fitted.misfit_degC.items())
-        remarks = [
-            f"Forward circuit {recipe.circuit} misses the sensors by (RMS) {misfit} degC.",
-            f"Declared, not fitted: unmeasured heat ({', '.join(recipe.unlogged.patterns)}), synthetic ambient and "
-            "work, weights.",
-            f"Time constants: {_times(main['time_constants_s'])}; the secondary's {_times(other['time_constants_s'])}.",
-            f"Secondary: blended in from {threshold_degC:.2f} degC of difference on, alone from twice it; noise gain "
-            f"{other['noise_gain']:.2f}.",
-        ]
-        details = {
-            "main": main,
-            "guard": other,
-            "threshold_degC": threshold_degC,
-            "forward_circuit": {
-                "name": recipe.circuit,
-                "values": fitted.values,
-                "misfit_degC": fitted.misfit_degC,
-                "evaluations": fitted.evaluations,
-            },
-            # what is not fitted; the recipe names where each number comes from
-            "declared": recipe.model_dump(mode="json", exclude={"format", "version", "name", "about"}),
-        }
-        return with_fallbacks_and_variance(searched, logged, moments, refit, remarks, details, terms=terms)
+        variance = fit_error_variance(moments, period, terms)
+        return _assembled(recipe, replace(fit, error_variance=variance), fitted, logged)
 
 
 def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
@@ -163,6 +137,56 @@ def record_of(recipe: Recipe, rows: Mapping[str, Array]) -> Record:
     )
     sensors = np.vstack([rows[column] for column in recipe.sensor_columns])
     return Record(sensors, rows[REFERENCE], measured, shared, rows[recipe.work.signal])
+
+
+def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[Segment]) -> Fit:
+    """The fit with errors and remarks of the blended estimate, its filters and its circuit together."""
+    assert fit.secondary is not None
+    assert fit.error_variance is not None
+    estimates = [published(fit, each) for each in logged]
+    errors = np.concatenate([each.outputs[0] - blend.ambient_degC for each, blend in zip(logged, estimates)])
+    rmse_degC = float(np.sqrt(np.mean(errors**2)))
+    secondary, threshold_degC = fit.secondary
+    members = [fit, secondary, *fit.fallbacks.values()]
+    moments = [Moment(each.ambient_degC, each.ambient_degC, each.apart_degC) for each in estimates]
+    half = half_widths(fit.error_variance, moments, fit.periods_s[0])
+    main, other = _filter(fit), _filter(secondary)
+    misfit = ", ".join(f"{name} {each:.2f}" for name, each in circuit.misfit_degC.items())
+    return replace(
+        fit,
+        errors_degC=(errors,),
+        rmse_degC=rmse_degC,
+        start_rmses_degC=(rmse_degC,),
+        residual_memory_samples=residual_memory(errors),
+        converged=circuit.converged and all(each.converged for each in members) and not fit.stopped,
+        evaluations=circuit.evaluations + sum(each.evaluations for each in members),
+        details={
+            "main": main,
+            "guard": other,
+            "threshold_degC": threshold_degC,
+            "half_width_90_degC": half,
+            "fallbacks": {name: {**_filter(each), "rmse_degC": each.rmse_degC} for name, each in fit.fallbacks.items()},
+            "forward_circuit": {
+                "name": recipe.circuit,
+                "values": circuit.values,
+                "misfit_degC": circuit.misfit_degC,
+                "evaluations": circuit.evaluations,
+            },
+            # what is not fitted; the recipe names where each number comes from
+            "declared": recipe.model_dump(mode="json", exclude={"format", "version", "name", "about"}),
+        },
+        notes=(
+            f"Noise gain: {main['noise_gain']:.2f}, the secondary's {other['noise_gain']:.2f} (output per unit of "
+            f"white noise in every sensor, at {fit.periods_s[0]:g} s).",
+            f"Time constants: {_times(main['time_constants_s'])}; the secondary's {_times(other['time_constants_s'])}.",
+            f"Secondary: blended in from {threshold_degC:.2f} degC of difference on, alone from twice it.",
+            half_width_note(half),
+            *fallback_notes({name: each.rmse_degC for name, each in fit.fallbacks.items()}),
+            f"Forward circuit {recipe.circuit} misses the sensors by (RMS) {misfit} degC.",
+            f"Declared, not fitted: unmeasured heat ({', '.join(recipe.unlogged.patterns)}), synthetic ambient and "
+            "work, weights.",
+        ),
+    )
 
 
 def _filter(fit: Fit) -> dict[str, Any]:
@@ -221,12 +245,18 @@ def _weighted(run: TrainingRun, count: float, period_s: float) -> Run:
     return Run(Segment(period_s, run.sensors_degC, target[None]), weight, run.absolute)
 
 
+def published(fit: Fit, segment: Segment) -> Blended:
+    """The estimate of a fit blended with its secondary one's, over a segment."""
+    assert fit.secondary is not None
+    return blended(fit.over(segment), fit.secondary.fit.over(segment), fit.secondary.threshold_degC)
+
+
 def fit_filters(
     recipe: Recipe, runs: TrainingSet, logged: Sequence[Segment], effort: Effort, progress: Progress | None
-) -> tuple[Fit, Refit]:
-    """The main filter with its secondary one, and what fits a fallback; ``progress`` gets the number of the search.
+) -> Fit:
+    """The main filter with its secondary one and fallbacks; ``progress`` gets the number of the search.
 
-    Raises :class:`Cancelled` before there is a secondary one.
+    Cancelled, it leaves out the fallbacks that are not done; before the first it raises :class:`Cancelled`.
     """
     columns, weights, period_s = recipe.sensor_columns, recipe.weights, logged[0].period_s
     start: Array | None = None
@@ -247,10 +277,11 @@ def fit_filters(
     main = fitted(0, weights.main)
     secondary = fitted(1, weights.secondary)
     effort.budget.cancel.check()
+    fallbacks, _ = fallbacks_of(main, lambda index: fitted(2 + index, weights.main, index))
     differences = np.concatenate([main.over(each) - secondary.over(each) for each in logged])
     threshold = recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
-    fit = replace(main, secondary=SecondaryFit(secondary, threshold))
-    return fit, lambda index: fitted(2 + index, weights.main, index)
+    stopped = len(fallbacks) < len(recipe.sensors)
+    return replace(main, secondary=SecondaryFit(secondary, threshold), fallbacks=fallbacks, stopped=stopped)
 
 
 _EVERY_S = 11.0
@@ -261,8 +292,8 @@ def unseen(recipe: Recipe, fit: Fit, runs: TrainingSet, period_s: float) -> list
     stride, moments = max(1, round(_EVERY_S / period_s)), []
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
-            counted = np.arange(len(run.target_degC)) % stride == 0
-            target = np.where(counted, run.target_degC, np.nan)[None]
+            estimate, _, apart = published(fit, Segment(period_s, run.sensors_degC, run.target_degC[None]))
+            counted = np.arange(len(estimate)) % stride == 0
             weight = count / len(runs[name]) / int(counted.sum())
-            moments.append(fit.moment(Segment(period_s, run.sensors_degC, target))._replace(weight=weight))
+            moments.append(Moment(estimate, np.where(counted, run.target_degC, np.nan), apart, weight))
     return moments
