@@ -61,7 +61,9 @@ def subjects(model: Model, folder: Path) -> dict[str, Command]:
         zones.append(str(zone / "temp"))
     # a secondary estimator as large as the main one, which never takes precedence: what it costs is the same
     variance = ErrorVariance(0.25, (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25)), model.main.interval)
-    validated = model._replace(fallbacks={}, secondary=Secondary(model.main, 1.0), error_variance=variance)
+    readings = model.readings._replace(starts=model.readings.starts[:1] * 2)
+    secondary = Secondary(model.main, 1.0)
+    validated = model._replace(fallbacks={}, secondary=secondary, error_variance=variance, readings=readings)
     fallbacks = model._replace(readings=None)
     named = {"plain": fallbacks._replace(fallbacks={}), "fallbacks": fallbacks, "validated": validated}
     for name, model_ in named.items():
