@@ -456,7 +456,7 @@ class _Reading:
         )
 
     def limits(self, place: str, value: Any) -> SensorLimits:
-        data = self.record(place, value, SensorLimits._fields)
+        data = self.record(place, value, SensorLimits._fields[:-1], SensorLimits._fields[-1:])
         return SensorLimits(
             step=self.not_negative(f"{place}.step", data.get("step")),
             jump=self.positive(f"{place}.jump", data.get("jump")),
@@ -465,6 +465,7 @@ class _Reading:
             still_s=self.positive(f"{place}.still_s", data.get("still_s")),
             memory_s=self.positive(f"{place}.memory_s", data.get("memory_s")),
             effect_degC=self.not_negative(f"{place}.effect_degC", data.get("effect_degC")),
+            turn=self.not_negative(f"{place}.turn", data.get("turn", 0.0)),
         )
 
     def conformance(self, value: Any) -> Conformance:

@@ -107,6 +107,11 @@ class SensorLimits(NamedTuple):
     """Time constant with which a difference is forgotten while readings are missing."""
     effect_degC: float
     """Standard deviation of the estimate's change where this sensor reports whole units."""
+    turn: float = 0.0
+    """How far its difference to its expectation may change within ``ReadingModel.jump_s`` while no other sensor moves.
+
+    0 where that is not judged.
+    """
 
 
 class ReadingModel(NamedTuple):

@@ -141,7 +141,7 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
     """:meth:`ambient_model.validation.Validation.update` while nothing is set aside."""
     count = len(u)
     lows, before, slow = _names("l", len(model.mean) - count), _names("b", count), _names("s", count)
-    z, d = [*u, *lows], _names("d", count)
+    z, d, last = [*u, *lows], _names("d", count), _names("t", count)
     limits = [name for i in range(count) for name in (f"gate{i}", f"slow_gate{i}", f"release{i}")]
     jumps = " or ".join(f"abs({u[i]} - {before[i]}) > {each.jump!r}" for i, each in enumerate(model.sensors))
     slow_a = -math.expm1(-period_s / SLOW_S)
@@ -156,9 +156,11 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         f"{_list(lows)} = validation._lows",
         f"{_list(slow)} = validation._slow",
         f"{_list(limits)} = validation._limits",
+        *([f"{_list(last)} = validation._last"] if any(each.turn for each in model.sensors) else []),
         "doubt_degC2 = 0.0",
     ]
     for i, (constant, weights, gain) in enumerate(Validation(model, whole.main, period_s).usual()):
+        turn = model.sensors[i].turn
         lines += [
             f"{d[i]} = {u[i]} - {constant!r} - ({_sum((weights, z))})",
             f"if not -release{i} <= {d[i]} <= release{i}:",
@@ -166,6 +168,7 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
             "        return None",
             f"    if not -gate{i} <= {d[i]} <= gate{i}:",
             f"        doubt_degC2 = max(doubt_degC2, ({gain!r} * {d[i]}) ** 2)",
+            *([f"if not {-turn!r} <= {d[i]} - {last[i]} <= {turn!r}:", "    return None"] if turn else []),
             f"if not -slow_gate{i} <= {slow[i]} <= slow_gate{i}:",
             f"    doubt_degC2 = max(doubt_degC2, ({gain!r} * {slow[i]}) ** 2)",
         ]

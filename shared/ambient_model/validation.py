@@ -13,12 +13,13 @@ so that no reading takes part in its own expectation, neither now nor by its pas
 has a gate, and so has d low-pass filtered. Beyond one of them the readings are doubted: they are used, since heat that
 training lacks does the same, but the estimate is degraded and its variance grows by the square of d times the DC gain.
 So is a reading that stands still while its expectation moves by half its gate.
-Refused is what no heat does: a reading that jumps away from its expectation, that stands still to the last bit while
-its expectation given the moving others goes on, that comes back beyond its gate, or that at the start lies far outside
-it. It is replaced by its expectation plus the difference that it had before, which is forgotten with time, and accepted
-again once it has changed and has agreed with its expectation for 10 s, and for twice as long each time that it is
-refused again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a
-reading is held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
+Refused is what no heat does: a reading that jumps away from its expectation, whose difference turns while the others
+hardly move, that stands still to the last bit while its expectation given the moving others goes on, that comes back
+beyond its gate, or that at the start lies far outside it. It is replaced
+by its expectation plus the difference that it had before, which is forgotten with time, and accepted again once it has
+changed and has agreed with its expectation for 10 s or periods, and for twice as long each time that it is refused
+again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a reading is
+held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
 rounding adds more to its error variance than training left. What is missing for a short while moves as the others and
 its own past predict: of z its reading alone is unknown then. Time comes in as an argument; a sample less than half a
 period early or late counts as one that is due.
@@ -41,7 +42,8 @@ _SHORT_GAP = 0.5
 _STARTING_S = 600.0
 _STARTING_SLACK = 3.0
 """Gates are so much wider until the low-pass filters have left their start, which is an equilibrium."""
-_AGREE_S = 10.0
+_AGREE_S, _AGREE_PERIODS = 10.0, 10
+"""Two readings that cross agree for some samples. Files without ``turn`` have the first alone."""
 _LONGEST_AGREE_S = 3600.0
 _SETTLED_S = SLOW_S
 """A refused reading that has been within its gate for so long is used again, and may still be doubted."""
@@ -59,6 +61,8 @@ DOUBT_S = 10.0
 _LOOK_S = DOUBT_S / 2
 """How often what stands still is looked at."""
 _FAR = 2.0
+_LONGEST_TURN = 2.0
+"""After more than so many times ``ReadingModel.jump_s`` no change of a difference is judged."""
 _MOST_EXPECTATIONS = 512
 SENTINELS_DEGC = (-273.15, -127.0, -40.0, 0.0, 85.0, 125.0, 127.0, 255.0)
 """What drivers and sensors report where they have no value: a stricter gate."""
@@ -147,7 +151,7 @@ class Validation:
         self.variance_degC2 = 0.0
         """What replaced and coarse readings add to the estimate's error variance."""
         self.is_degraded = self.is_coasting = False
-        self._waits_s = [_AGREE_S] * count
+        self._waits_s = [max(_AGREE_S, _AGREE_PERIODS * period_s if each.turn else 0.0) for each in model.sensors]
         """How long each sensor must agree when it is refused next."""
         self._begun = False
         self._start: _Start | None = None
@@ -172,6 +176,8 @@ class Validation:
         self._offsets: dict[int, float] = {}
         """Difference of what replaces a reading to its expectation, where one is replaced."""
         self._apart = _NONE
+        self._apart_before = _NONE
+        """What was set aside at the last sample."""
         self._passed_s = -1.0
         self._doubt_degC2 = 0.0
         self._doubt_s = -math.inf
@@ -440,6 +446,7 @@ class Validation:
         """Note how far the readings lie beyond their gates; return those that can't be right."""
         jumped, returned = [], []
         doubt_degC2 = 0.0
+        has_turned = False
         for i, (value, expectation) in enumerate(zip(readings, self._expectations())):
             if value is None or i in self.refused:
                 continue
@@ -454,11 +461,15 @@ class Validation:
                         returned.append(i)
             if self._has_jumped(i, value, d, passed_s):
                 jumped.append(i)
+            has_turned = has_turned or 0 < self._model.sensors[i].turn < abs(d - self._last[i])
             slow = self._slow[i]
             if not -slow_gate <= slow <= slow_gate:
                 doubt_degC2 = max(doubt_degC2, (self._gains[i] * slow) ** 2)
         if doubt_degC2:
             self._doubt_degC2, self._doubt_s = doubt_degC2, self._time_s
+        # what jumps moves the expectations of the others
+        if has_turned and not jumped and not (self._held or None in readings or any(self._steps)):
+            jumped = self._turned(z, passed_s)
         # more than half at once are no fault of a sensor
         if self._count > 2 and len({*jumped}) > self._count / 2:
             jumped = []
@@ -473,6 +484,28 @@ class Validation:
         reach = limits.jump * math.sqrt(max(passed_s / self._model.jump_s, 1.0))
         # two that jump together are expected to be where they are
         return moved > reach * (1 if abs(difference) > abs(self._last[i]) else _FAR)
+
+    def _turned(self, z: list[float], passed_s: float) -> list[int]:
+        """The one whose difference changed by more than it can while the others hardly moved, if there is one."""
+        if self._apart != self._apart_before or self._slack > 1 or passed_s > _LONGEST_TURN * self._model.jump_s:
+            return []
+        sensors, present = self._model.sensors, [i for i in range(self._count) if i not in self._apart]
+        moved = list(map(sub, z, self._z))
+        # what stands still for long may be stuck, and tells nothing of the others' movement
+        if any([2 * (self._time_s - self._still[i][0]) > sensors[i].still_s for i in present if not moved[i]]):
+            return []
+        furthest = [max(map(abs, moved[i :: self._count])) for i in range(self._count)]
+        beyond = []
+        for i in present:
+            expectation = self._expectation(self._apart, i)
+            turn = sensors[i].turn * expectation.gate / sensors[i].gate
+            others = [j for j in present if j != i]
+            changed = abs(moved[i] - dot(expectation.weights, moved))
+            # what they read before moves its expectation, too
+            most = max([furthest[j] for j in others], default=math.inf)
+            if 0 < turn < changed - most and all([abs(moved[j]) <= turn for j in others]):
+                beyond.append((changed / expectation.std, i))
+        return [i for _, i in sorted(beyond)[-1:]]
 
     def _inconsistent(self, z: list[float], present: Sequence[int]) -> Sensors:
         """The smallest set of sensors without which the others lie within their gates and ``_START_K``."""
@@ -617,6 +650,7 @@ class Validation:
     def _finished(self, z: list[float]) -> list[float] | None:
         count = self._count
         self._z = z
+        self._apart_before = self._apart
         self._used = used = z[:count]
         self._lows = [low + a * (u - low) for low, a, u in zip(self._lows, self._a, itertools.cycle(used))]
         doubted = self._time_s - self._doubt_s <= DOUBT_S

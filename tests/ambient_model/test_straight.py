@@ -33,7 +33,7 @@ def reading_model(count: int, seed: int) -> ReadingModel:
         lags_s=(30.0, 300.0),
         mean=(REST_DEGC,) * z,
         precision=tuple(map(tuple, ((precision + precision.T) / 2).tolist())),
-        sensors=(SensorLimits(0.1, 1.0, 0.6, 0.05, 40.0, 60.0, 0.2),) * count,
+        sensors=(SensorLimits(0.1, 1.0, 0.6, 0.05, 40.0, 60.0, 0.2, 0.5),) * count,
         jump_s=1.0,
         settled_s=20.0,
         output=(-20.0, 60.0),

@@ -69,9 +69,12 @@ def fed(observer: Observer, count: int, change=lambda k, u: u, start: int = 0):
 def test_a_file_keeps_the_key(model: Model) -> None:
     assert decode(encode(model).encode(), "model") == model
     assert '"readings"' not in encode(model._replace(readings=None))
-    # files from before there were starts
-    text = encode(model).replace('"starts"', '"unknown"')
-    assert decode(re.sub(r',\s*"unknown": \[\]', "", text).encode(), "model") == model
+    # files from before there were starts, and limits of them
+    text = re.sub(r',\s*"(starts|turn)": (\[\]|0\.0)', "", encode(model))
+    assert not re.search(r'"turn"', text)
+    assert decode(text.encode(), "model") == model
+    limited = model._replace(readings=model.readings._replace(sensors=(LIMITS._replace(turn=1.5),) * 4))
+    assert decode(encode(limited).encode(), "model") == limited
 
 
 @pytest.mark.parametrize(
@@ -184,6 +187,37 @@ def test_a_lie_is_refused_until_it_ends(observer: Observer, value: float) -> Non
     after = fed(observer, 40, start=1100)
     assert after[-1].status == "tracking"
     assert [each.status for each in after].index("tracking") <= 25
+
+
+@pytest.mark.parametrize("away", [(), (2,)])
+def test_a_step_that_jump_and_gate_allow_is_refused_where_nothing_else_moves(loose: Observer, model, away) -> None:
+    limits = LIMITS._replace(gate=9.0, slow_gate=6.0, jump=20.0, turn=1.0)
+    observer = observer_of(model, precision=loose._readings.precision, sensors=(limits,) * 4)
+
+    def step(of):
+        # as if one, or all of them, read 5 K more from 700 s on
+        return lambda k, u: [
+            None if i in away and k == 650 else x + 5 * (k >= 700 and i in of) for i, x in enumerate(u)
+        ]
+
+    lied = fed(observer, 900, step((1,)))
+    assert {each.status for each in lied[100:700]} == {"tracking"}
+    assert {each.status for each in lied[700:]} == {"degraded"}
+    assert list(observer.validation.refused) == [1]
+    observer = observer_of(model, precision=loose._readings.precision, sensors=(limits,) * 4)
+    assert {each.status for each in fed(observer, 900, step(range(4)))[100:]} == {"tracking"}
+
+
+def test_no_right_reading_turns_where_a_wrong_one_and_its_past_move_its_expectation(model) -> None:
+    # reading 3 is four times reading 1 less three times reading 2, and slowly follows their past
+    u = np.random.default_rng(0).normal(size=(4000, 4))
+    lows = np.random.default_rng(1).normal(size=(4000, 4))
+    u[:, 3] = 4 * u[:, 1] - 3 * u[:, 2] + 6 * lows[:, 1] - 6 * lows[:, 2] + 0.3 * u[:, 3]
+    precision = np.linalg.inv(np.cov(np.hstack([u, lows]).T) * 100 + 0.01 * np.eye(8))
+    limits = LIMITS._replace(gate=60.0, slow_gate=60.0, jump=20.0, turn=1.0)
+    observer = observer_of(model, precision=tuple(map(tuple, (precision + precision.T) / 2)), sensors=(limits,) * 4)
+    fed(observer, 900, lambda k, u: [x + 8 * (k >= 700 and i == 1) for i, x in enumerate(u)])
+    assert set(observer.validation.refused) <= {1}
 
 
 def test_a_stuck_sensor_is_refused_once_the_others_move(observer: Observer) -> None:

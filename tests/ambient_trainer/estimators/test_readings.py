@@ -134,3 +134,15 @@ def test_a_gate_holds_what_is_left_out(fitted, z, i):
         d = z[block, i] - mean[i] - (z[block][:, others] - mean[others]) @ found
         largest = max(largest, float(np.abs(d).max()))
     assert readings.sensors[i].gate == pytest.approx(GATE_MARGIN * largest, rel=1e-6)
+
+
+@pytest.mark.parametrize("i", range(SENSORS))
+def test_a_turn_holds_three_times_what_no_other_movement_explains(fitted, z, i):
+    readings = fitted[1]
+    mean, others, found, _ = regressed(z, added_noise(readings, z), i)
+
+    def differences(rows):
+        return rows[:, i] - mean[i] - (rows[:, others] - mean[others]) @ found
+
+    beyond = np.abs(np.diff(differences(z))) - np.abs(np.diff(z[:, others], axis=0)).max(axis=1)
+    assert readings.sensors[i].turn == pytest.approx(max(1.0, 3 * beyond.max()), rel=1e-6)

@@ -30,6 +30,8 @@ _RIDGES = (0.3, 1.0, 3.0, 10.0)
 _BLOCKS = 10
 _GATE_MARGIN = 1.75
 _JUMP_MARGIN = 3.0
+_LEAST_TURN_K = 1.0
+"""A lie of less costs no more than a doubt, and heat that training lacks may do as much in a second."""
 _RATE_MARGIN = 3.0
 _OUTPUT_MARGIN_K = 20.0
 _MOST_INPUTS = 12
@@ -71,12 +73,14 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
     both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
     starts = [_expected_start(each, runs, period_s, ridge * noise) for each in both]
+    count = len(noise)
     sensors = zip(
         [resolution_of(np.concatenate(rows)) for rows in zip(*runs)],
         *(each.tolist() for each in (jump, gate, slow)),
         [_still_s(rows, period_s) for rows in zip(*runs)],
         _memory_s(held_out, period_s).tolist(),
-        [_effect_degC(fit, runs, estimates, period_s, index) for index in range(len(noise))],
+        [_effect_degC(fit, runs, estimates, period_s, index) for index in range(count)],
+        _turns_K(chosen.tables, count, stride, mean, precision),
     )
     return ReadingModel(
         lags_s=chosen.lags_s,
@@ -105,12 +109,13 @@ class _Folds:
 
     def __init__(self, runs: Sequence[Array], period_s: float, lags_s: tuple[float, ...]) -> None:
         self.lags_s = lags_s
-        tables = []
+        self.tables: list[Array] = []
+        """Per run."""
         for run in runs:
             before = np.concatenate([run.T[:1], run.T[:-1]])
             lows = [low_pass(before, lag_s, period_s, run[:, 0]) for lag_s in lags_s]
-            tables.append(np.column_stack([np.ones(len(before)), run.T, *lows]))
-        joint = np.concatenate(tables)
+            self.tables.append(np.column_stack([np.ones(len(before)), run.T, *lows]))
+        joint = np.concatenate(self.tables)
         self.total, self.blocks = joint.T @ joint, np.array_split(joint, _BLOCKS)
         self._own = [block.T @ block for block in self.blocks]
 
@@ -118,10 +123,7 @@ class _Folds:
         """Differences (N, m) of each block's readings to what the other blocks make expect."""
         count = len(deviations)
         for block, own in zip(self.blocks, self._own):
-            mean, precision = _distribution(self.total - own, deviations)
-            weights = np.array([_weights(precision, count, i) for i in range(count)])
-            centred = block[:, 1:] - mean
-            yield centred[:, :count] - centred @ weights.T
+            yield _differences(block, count, *_distribution(self.total - own, deviations))
 
     def loss(self, deviations: Array) -> float:
         """The sum of the logarithms of the readings' mean squares."""
@@ -143,6 +145,30 @@ def _weights(precision: Array, count: int, i: int) -> Array:
     weights = -np.linalg.inv(precision[np.ix_(own, own)])[0] @ precision[own]
     weights[own] = 0.0
     return np.asarray(weights)
+
+
+def _differences(table: Array, count: int, mean: Array, precision: Array) -> Array:
+    """Differences (N, m) of the readings of a table to what the distribution makes expect."""
+    centred = table[:, 1:] - mean
+    return np.asarray(centred[:, :count] - centred @ np.array([_weights(precision, count, i) for i in range(count)]).T)
+
+
+def _turns_K(tables: Sequence[Array], count: int, stride: int, mean: Array, precision: Array) -> list[float]:
+    """By how much each difference may change within ``stride`` samples while no other sensor moves; 0 of a single one.
+
+    That is beyond the movement of the other that moved most.
+    """
+    if count == 1:
+        return [0.0]
+    largest = np.full(count, _LEAST_TURN_K / _JUMP_MARGIN)
+    for table in tables:
+        z, d = table[:, 1:], _differences(table, count, mean, precision)
+        changed, moved = (np.abs(each[stride:] - each[:-stride]) for each in (d, z))
+        for i in range(count):
+            others = np.arange(z.shape[1]) % count != i
+            beyond = changed[:, i] - moved[:, others].max(axis=1)
+            largest[i] = max(largest[i], beyond.max(initial=0.0))
+    return [float(each) for each in _JUMP_MARGIN * largest]
 
 
 def _memory_s(differences: Sequence[Array], period_s: float) -> Array:
