@@ -456,7 +456,7 @@ class _Reading:
         )
 
     def limits(self, place: str, value: Any) -> SensorLimits:
-        data = self.record(place, value, SensorLimits._fields[:-1], SensorLimits._fields[-1:])
+        data = self.record(place, value, SensorLimits._fields[:-2], SensorLimits._fields[-2:])
         return SensorLimits(
             step=self.not_negative(f"{place}.step", data.get("step")),
             jump=self.positive(f"{place}.jump", data.get("jump")),
@@ -466,6 +466,7 @@ class _Reading:
             memory_s=self.positive(f"{place}.memory_s", data.get("memory_s")),
             effect_degC=self.not_negative(f"{place}.effect_degC", data.get("effect_degC")),
             turn=self.not_negative(f"{place}.turn", data.get("turn", 0.0)),
+            start=self.not_negative(f"{place}.start", data.get("start", 0.0)),
         )
 
     def conformance(self, value: Any) -> Conformance:

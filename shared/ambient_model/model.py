@@ -112,6 +112,8 @@ class SensorLimits(NamedTuple):
 
     0 where that is not judged.
     """
+    start: float = 0.0
+    """The largest difference to its expectation where all low-pass filters have the readings' values, as at a start."""
 
 
 class ReadingModel(NamedTuple):

@@ -15,14 +15,14 @@ training lacks does the same, but the estimate is degraded and its variance grow
 So is a reading that stands still while its expectation moves by half its gate.
 Refused is what no heat does: a reading that jumps away from its expectation, whose difference turns while the others
 hardly move, that stands still to the last bit while its expectation given the moving others goes on, that comes back
-beyond its gate, or that at the start lies far outside it. It is replaced
+beyond its gate, or that at the start lies far outside it and outside what any start of the training had. It is replaced
 by its expectation plus the difference that it had before, which is forgotten with time, and accepted again once it has
 changed and has agreed with its expectation for 10 s or periods, and for twice as long each time that it is refused
 again, or once it has been within its gate for 10 minutes. A start waits for every sensor for as long as a reading is
-held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their
-rounding adds more to its error variance than training left. What is missing for a short while moves as the others and
-its own past predict: of z its reading alone is unknown then. Time comes in as an argument; a sample less than half a
-period early or late counts as one that is due.
+held. Readings in coarser steps than in training widen the interval, and the estimate is degraded where their rounding
+adds more to its error variance than training left. What is missing for a short while moves as the others and its own
+past predict: of z its reading alone is unknown then. Time comes in as an argument; a sample less than half a period
+early or late counts as one that is due.
 """
 
 import itertools
@@ -247,6 +247,9 @@ class Validation:
         if self._slack > 1 and time_s - self._start_s > _STARTING_S:
             self._slack = 1.0
             self._forget()
+            if any([each.start for each in self._model.sensors]):
+                # the difference of the start is over
+                self._slow = [min(pair, key=abs) for pair in zip(self._slow, self._last)]
         if any(self._steps):
             self._learn_steps(readings)
         z = self._with_lows(readings, passed_s)
@@ -519,7 +522,7 @@ class Validation:
         return _NONE
 
     def _beyond(self, apart: Sensors, i: int) -> float:
-        return self._expectation(apart, i).gate + _START_K
+        return max(self._expectation(apart, i).gate, self._model.sensors[i].start) + _START_K
 
     def _evidence(self, z: list[float], sets: Sequence[Sensors]) -> list[float]:
         """Per set of sensors, what leaving out its entries K of z takes off the Mahalanobis distance of z.

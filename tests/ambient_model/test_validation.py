@@ -70,10 +70,10 @@ def test_a_file_keeps_the_key(model: Model) -> None:
     assert decode(encode(model).encode(), "model") == model
     assert '"readings"' not in encode(model._replace(readings=None))
     # files from before there were starts, and limits of them
-    text = re.sub(r',\s*"(starts|turn)": (\[\]|0\.0)', "", encode(model))
-    assert not re.search(r'"turn"', text)
+    text = re.sub(r',\s*"(starts|turn|start)": (\[\]|0\.0)', "", encode(model))
+    assert not re.search(r'"(turn|start)"', text)
     assert decode(text.encode(), "model") == model
-    limited = model._replace(readings=model.readings._replace(sensors=(LIMITS._replace(turn=1.5),) * 4))
+    limited = model._replace(readings=model.readings._replace(sensors=(LIMITS._replace(turn=1.5, start=7.0),) * 4))
     assert decode(encode(limited).encode(), "model") == limited
 
 
@@ -218,6 +218,23 @@ def test_no_right_reading_turns_where_a_wrong_one_and_its_past_move_its_expectat
     observer = observer_of(model, precision=tuple(map(tuple, (precision + precision.T) / 2)), sensors=(limits,) * 4)
     fed(observer, 900, lambda k, u: [x + 8 * (k >= 700 and i == 1) for i, x in enumerate(u)])
     assert set(observer.validation.refused) <= {1}
+
+
+def test_a_start_within_what_training_had_in_equilibrium_refuses_nothing(model: Model) -> None:
+    def cooling(k, u):
+        return [u[0] + 9 * np.exp(-k / 100), *u[1:]]
+
+    observer = observer_of(model)
+    fed(observer, 1, cooling)
+    assert list(observer.validation.refused) == [0]
+    observer = observer_of(model, sensors=(LIMITS._replace(start=10.0),) * 4)
+    fed(observer, 1, cooling)
+    assert not observer.validation.refused
+    # nor is it doubted for long after it
+    assert {each.status for each in fed(observer, 200, cooling, start=1)[:20]} == {"degraded"}
+    assert {each.status for each in fed(observer, 800, cooling, start=201)[430:]} == {"tracking"}
+    fed(observer, 1, lambda k, u: [u[0] + 30, *u[1:]], start=2000)
+    assert list(observer.validation.refused) == [0]
 
 
 def test_a_stuck_sensor_is_refused_once_the_others_move(observer: Observer) -> None:

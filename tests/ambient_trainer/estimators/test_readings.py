@@ -137,7 +137,7 @@ def test_a_gate_holds_what_is_left_out(fitted, z, i):
 
 
 @pytest.mark.parametrize("i", range(SENSORS))
-def test_a_turn_holds_three_times_what_no_other_movement_explains(fitted, z, i):
+def test_a_turn_holds_three_times_what_no_other_movement_explains_and_a_start_every_equilibrium(fitted, z, i):
     readings = fitted[1]
     mean, others, found, _ = regressed(z, added_noise(readings, z), i)
 
@@ -146,3 +146,5 @@ def test_a_turn_holds_three_times_what_no_other_movement_explains(fitted, z, i):
 
     beyond = np.abs(np.diff(differences(z))) - np.abs(np.diff(z[:, others], axis=0)).max(axis=1)
     assert readings.sensors[i].turn == pytest.approx(max(1.0, 3 * beyond.max()), rel=1e-6)
+    at_rest = np.tile(z[:, :SENSORS], z.shape[1] // SENSORS)
+    assert readings.sensors[i].start == pytest.approx(np.abs(differences(at_rest)).max(), rel=1e-6)

@@ -74,6 +74,8 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
     both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
     starts = [_expected_start(each, runs, period_s, ridge * noise) for each in both]
     count = len(noise)
+    at_rest = [np.column_stack([np.ones(run.shape[1]), np.tile(run.T, 1 + len(chosen.lags_s))]) for run in runs]
+    apart = np.concatenate([_differences(each, count, mean, precision) for each in at_rest])
     sensors = zip(
         [resolution_of(np.concatenate(rows)) for rows in zip(*runs)],
         *(each.tolist() for each in (jump, gate, slow)),
@@ -81,6 +83,7 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
         _memory_s(held_out, period_s).tolist(),
         [_effect_degC(fit, runs, estimates, period_s, index) for index in range(count)],
         _turns_K(chosen.tables, count, stride, mean, precision),
+        np.abs(apart).max(axis=0).tolist(),
     )
     return ReadingModel(
         lags_s=chosen.lags_s,
