@@ -1,6 +1,5 @@
 """JSON is written without the module ``json``, which takes 1.2 MB of a process of 10 MB; what is read needs it."""
 
-from collections.abc import Mapping
 from typing import Any
 
 try:  # the function of the interpreter that ``json`` itself uses
@@ -12,7 +11,11 @@ __all__ = ["json_text", "quoted"]
 
 
 def json_text(value: Any) -> str:
-    """``value`` (mappings, sequences, texts, finite numbers, truth values, None) as ``json.dumps`` writes it."""
+    """``value`` (mappings, lists, tuples, texts, finite numbers, truth values, None) as ``json.dumps`` writes it."""
+    if type(value) is float:  # most are, and lists of them: the others come after
+        return repr(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join([json_text(each) for each in value])}]"
     if value is None:
         return "null"
     if isinstance(value, str):
@@ -21,6 +24,4 @@ def json_text(value: Any) -> str:
         return "true" if value else "false"
     if isinstance(value, (int, float)):
         return repr(value)
-    if isinstance(value, Mapping):
-        return f"{{{', '.join([f'{quoted(key)}: {json_text(each)}' for key, each in value.items()])}}}"
-    return f"[{', '.join([json_text(each) for each in value])}]"
+    return f"{{{', '.join([f'{quoted(key)}: {json_text(each)}' for key, each in value.items()])}}}"

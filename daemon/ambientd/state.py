@@ -33,6 +33,12 @@ _BOOT_ID = "/proc/sys/kernel/random/boot_id"
 LARGEST_BYTES = 2**16
 _LARGEST_NUMBER = 1e12
 _SAVES_PER_MAX_AGE = 3
+for _name in ("_sha2", "_sha256", "hashlib"):  # hashlib brings OpenSSL's 4 MB into a process of 10 MB
+    try:  # once: a module that is absent is looked for in every folder
+        _digest = __import__(_name).sha256
+        break
+    except ImportError:
+        pass
 
 
 class State(NamedTuple):
@@ -55,14 +61,7 @@ def model_identity(model: Model) -> str:
 
 
 def _sha256(content: bytes) -> str:
-    # hashlib brings OpenSSL's 4 MB into a process of 10 MB; the interpreter's own digest is the same
-    for name in ("_sha2", "_sha256", "hashlib"):
-        try:
-            digest: str = __import__(name).sha256(content).hexdigest()
-        except ImportError:
-            continue
-        return digest
-    raise AssertionError("an interpreter has hashlib")
+    return str(_digest(content).hexdigest())
 
 
 def boot_identity() -> str:

@@ -18,6 +18,7 @@ from ambientd.report import Report
 KEYS = ("mode", "poison_millidegC", "offset_millidegC", "at_exit")
 MILLIDEGREES_LIMIT = 10**12
 """Below it, an offset included, sign, digits and newline stay within the 15 bytes that such readers take at once."""
+_FLOAT_LIMIT = MILLIDEGREES_LIMIT - 1.0  # an integer takes longer to compare with a float
 _OFFSET_LIMIT_MILLIDEGC = 10**6
 _KIND_OF_MODE = {"rename": "file", "in-place": "file-in-place"}
 _AT_EXIT = ("remove", "poison")
@@ -80,9 +81,8 @@ def options_of(spec: Spec) -> Options:
 def content(report: Report, spec: Spec) -> bytes | None:
     """The file's content for ``report``, or None where there is to be no file."""
     ambient_degC = report.estimate.ambient_degC
-    if ambient_degC is not None and abs(ambient_degC) * 1000 < MILLIDEGREES_LIMIT - 1:
-        offset = 0 if spec.options is None else spec.options.offset_millidegC
-        return b"%d\n" % (round(ambient_degC * 1000) + offset)
+    if ambient_degC is not None and -_FLOAT_LIMIT < (millidegC := ambient_degC * 1000) < _FLOAT_LIMIT:
+        return b"%d\n" % (round(millidegC) + (0 if spec.options is None else spec.options.offset_millidegC))
     return poison(spec)
 
 
