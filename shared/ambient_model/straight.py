@@ -50,13 +50,14 @@ def source(model: Model, discrete: Discrete, level: int) -> str:
         f" and step <= (time_s - main._start_s) / {period_s!r} + 0.5 < step + 1):",
         "    return None",
         f"{_list(u)} = readings",
-        f"if {ranges}:",
-        "    return None",
     ]
     if model.error_variance is not None:
         lines += ["if observer._variance is None or observer._step != step - 1:", "    return None"]
     if model.readings is not None:
-        lines += ["if observer._last is None:", "    return None", *_validation(model, model.readings, period_s, u)]
+        lines += ["if observer._last is None:", "    return None"]
+        lines += _validation(model, model.readings, period_s, u, ranges)
+    else:
+        lines += [f"if {ranges}:", "    return None"]
     lines += [f"{_list(p)} = main.last", *_tracker("main", model.main.offset, discrete, "x", u, p)]
     lines += ["main._step = step", f"main.last = {_list(u)}"]
     lines += [f"status = {TRACKING!r} if step >= main.settling_steps else {WARMING_UP!r}", "ambient = y_main"]
@@ -137,8 +138,11 @@ def _sigma(model: ErrorVariance, period_s: float, level: int, has_secondary: boo
     ]
 
 
-def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]) -> list[str]:
-    """:meth:`ambient_model.validation.Validation.update` while nothing is set aside."""
+def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str], ranges: str) -> list[str]:
+    """:meth:`ambient_model.validation.Validation.update` while nothing is set aside.
+
+    ``ranges`` is the condition of readings that are out of range: what was used before and reads the same is not.
+    """
     count = len(u)
     lows, before, slow = _names("l", len(model.mean) - count), _names("b", count), _names("s", count)
     z, d, last = [*u, *lows], _names("d", count), _names("t", count)
@@ -150,9 +154,11 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         "if not validation.is_usual or time_s >= validation._look_s"
         f" or not {0.5 * period_s!r} < time_s - validation._time_s < {1.5 * period_s!r}:",
         "    return None",
-        f"{_list(before)} = validation._used",
-        f"if {jumps}:",
-        "    return None",
+        "moved = readings != validation._used",
+        "if moved:",
+        f"    {_list(before)} = validation._used",
+        f"    if {ranges} or {jumps}:",
+        "        return None",
         f"{_list(lows)} = validation._lows",
         f"{_list(slow)} = validation._slow",
         f"{_list(limits)} = validation._limits",
@@ -163,18 +169,19 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         turn = model.sensors[i].turn
         lines += [
             f"{d[i]} = {u[i]} - {constant!r} - ({_sum((weights, z))})",
-            f"if not -release{i} <= {d[i]} <= release{i}:",
+            f"if {d[i]} > release{i} or {d[i]} < -release{i}:",
             f"    if {u[i]} in {SENTINELS_DEGC!r}:",
             "        return None",
             f"    if not -gate{i} <= {d[i]} <= gate{i}:",
             f"        doubt_degC2 = max(doubt_degC2, ({gain!r} * {d[i]}) ** 2)",
             *([f"if not {-turn!r} <= {d[i]} - {last[i]} <= {turn!r}:", "    return None"] if turn else []),
-            f"if not -slow_gate{i} <= {slow[i]} <= slow_gate{i}:",
+            f"if {slow[i]} > slow_gate{i} or {slow[i]} < -slow_gate{i}:",
             f"    doubt_degC2 = max(doubt_degC2, ({gain!r} * {slow[i]}) ** 2)",
         ]
     lines.append(f"validation._z = z = {_list(z)}")
+    lines.append("if moved:")
     for i in range(count):
-        lines += [f"if {u[i]} != {before[i]}:", f"    validation._still[{i}] = (time_s, {u[i]}, z)"]
+        lines += [f"    if {u[i]} != {before[i]}:", f"        validation._still[{i}] = (time_s, {u[i]}, z)"]
     followed = [f"{low} + {gain!r} * ({u[k % count]} - {low})" for k, (low, gain) in enumerate(zip(lows, a))]
     return [
         *lines,
@@ -193,11 +200,15 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
 
 def _bounds(model: ReadingModel, level: int) -> list[str]:
     """:meth:`ambient_model.observer.Observer._bounded` while nothing is missing."""
+    near_K = 0.5 * model.rate_K_per_s * model.jump_s  # half the least reach: no rounding matters
     return [
-        f"y = min(max(ambient, {model.output[0]!r}), {model.output[1]!r})",
+        "y = ambient",
+        f"if not {model.output[0]!r} <= y <= {model.output[1]!r}:",  # min and max take longer
+        f"    y = min(max(y, {model.output[0]!r}), {model.output[1]!r})",
         "last_s, last_degC = observer._last",
-        f"reach = {model.rate_K_per_s!r} * max(time_s - last_s, {model.jump_s!r})",
-        "y = min(max(y, last_degC - reach), last_degC + reach)",
+        f"if not {-near_K!r} <= y - last_degC <= {near_K!r}:",
+        f"    reach = {model.rate_K_per_s!r} * max(time_s - last_s, {model.jump_s!r})",
+        "    y = min(max(y, last_degC - reach), last_degC + reach)",
         "observer._last = (time_s, y)",
         "if added_degC2 or y != ambient:",
         f"    low = y - sqrt((ambient - low) ** 2 + {SCORES[level] ** 2!r} * added_degC2)",
