@@ -133,6 +133,7 @@ def test_results_show_themselves(fitted, log, tmp_path):
     for number, result in enumerate((fitted, at.evaluate(fitted, log), at.simulate("1", period_s=60.0))):
         shown = result._repr_html_()
         assert result.summary.title in shown
+        assert repr(result) == f"<{type(result).__name__}: {result.summary.title}>"  # not each of its samples
         assert "<script" not in shown
         page = result.report(tmp_path / f"page{number}")
         assert os.path.basename(page) == "index.html"

@@ -23,7 +23,7 @@ from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.report import Finding, Report
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class DiagnosisResult(Result):
     """What the traces hold that the circuit does not describe.
 

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 
 import pandas as pd
@@ -19,7 +19,7 @@ from ambient_trainer.evaluation.stress import stress as stress_trace
 from ambient_trainer.report import Report
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class EvaluationResult(Result):
     """A model's errors on one or several traces.
 
@@ -33,7 +33,7 @@ class EvaluationResult(Result):
         Per condition of the readings the errors on the first trace, where that was asked for.
     """
 
-    model: Model = field(repr=False)
+    model: Model
     evaluations: tuple[Evaluation, ...]
     stressed: tuple[Stressed, ...] = ()
 

@@ -21,7 +21,7 @@ from ambient_trainer.estimators.report import report_of
 from ambient_trainer.report import Report
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FitResult(Result):
     """A fitted estimator.
 
@@ -38,9 +38,9 @@ class FitResult(Result):
     """
 
     fitted: Fit
-    training: tuple[Mapping[str, Any], ...] = field(repr=False)
+    training: tuple[Mapping[str, Any], ...]
     zones: Mapping[str, str] = field(default_factory=dict)
-    readings: ReadingModel | None = field(default=None, repr=False)
+    readings: ReadingModel | None = None
 
     @property
     def circuit(self) -> str:

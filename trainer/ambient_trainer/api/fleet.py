@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -23,7 +23,7 @@ from ambient_trainer.report import Report
 _LOGS = "logs.parquet"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class FleetResult(Result):
     """A fitted fleet.
 
@@ -33,7 +33,7 @@ class FleetResult(Result):
         The table, the population, and the units that do not fit it.
     """
 
-    fitted: FleetFit = field(repr=False)
+    fitted: FleetFit
 
     @property
     def units(self) -> pd.DataFrame:

@@ -63,6 +63,9 @@ class Result(ABC):
 
         return write_report(os.fspath(folder), self.summary)
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {self.summary.title}>"  # not the fields: they hold every sample
+
     def _repr_html_(self) -> str:
         """Title, findings and tables, for a notebook."""
         summary = self.summary

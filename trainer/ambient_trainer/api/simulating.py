@@ -1,7 +1,7 @@
 """``at.simulate``: what a simulated device logs, and what is hidden in it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +15,7 @@ from ambient_trainer.simulator import simulate as simulated_run
 from ambient_trainer.simulator.text import hidden_text
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SimulationResult(Result):
     """A simulated run.
 
@@ -27,7 +27,7 @@ class SimulationResult(Result):
         What was played.
     """
 
-    simulated: Simulated = field(repr=False)
+    simulated: Simulated
     scenario: str
 
     @cached_property
