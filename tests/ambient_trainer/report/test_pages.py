@@ -21,12 +21,12 @@ from ambient_trainer.report.palette import on_dark
 
 TESTS = Path(__file__).parents[2]
 PLACES = sorted(str(each.parent.relative_to(TESTS)) for each in TESTS.rglob("sample_report.py"))
-WIDTHS = {"light": (1280, 390), "dark": (1280,)}
+WIDTHS = {"light": (1280, 390), "dark": (1280,), "print": (718,)}  # of A4 between a browser's margins
 QUIET = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--no-first-run", "--host-resolver-rules=MAP * ~NOTFOUND",
 )  # fmt: skip
-SCHEMES = {"light": "--blink-settings=preferredColorScheme=1", "dark": "--blink-settings=preferredColorScheme=0"}
+SCHEMES = {scheme: f"--blink-settings=preferredColorScheme={int(scheme != 'dark')}" for scheme in WIDTHS}
 LISTEN = """<script>
 window.faults = [];
 addEventListener("error", (event) => faults.push(String(event.message || event.target.src)), true);
@@ -49,6 +49,20 @@ const contrast = (colour, element) => {
   const [a, b] = [luminance(colour), luminance(behind(element))].sort();
   return (b + 0.05) / (a + 0.05);
 };
+const box = (element) => element.getBoundingClientRect();
+const beyond = (text, plot) => {
+  const room = box(text.closest(".legend")?.querySelector(".bg") || plot);
+  return box(text).left < room.left - 1 || box(text).right > room.right + 1;
+};
+const over = (plot) => box(plot.querySelector(".main-svg")).bottom > box(plot.parentElement).bottom + 1;
+const meet = (a, b) => a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1;
+const unreadable = (plot) => {
+  const titles = [...plot.querySelectorAll("text[class^=y][class$=title]")];
+  const ticks = [...plot.querySelectorAll("[class^=y][class$=tick] text")];
+  const cut = [...plot.querySelectorAll("text")].filter((each) => beyond(each, plot));
+  const covered = titles.filter((title) => ticks.some((tick) => meet(box(title), box(tick))));
+  return [...cut, ...covered, ...[plot].filter(over)].map((each) => each.textContent);
+};
 const all = (selector) => [...document.querySelectorAll(selector)].filter((each) => each.textContent.trim());
 addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringify({
   name: decodeURIComponent(location.hash.slice(1)),
@@ -57,9 +71,10 @@ addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringif
   wide: document.documentElement.scrollWidth, room: innerWidth,
   plots: [...document.querySelectorAll(".js-plotly-plot")].map(
     (each) => each.querySelector(".nsewdrag").getBoundingClientRect().width),
+  unreadable: [...document.querySelectorAll(".js-plotly-plot")].flatMap(unreadable),
   contrast: Math.min(
     ...all("h1, h2, h3, p, td, th, dt, dd, li, summary").map((each) => contrast(getComputedStyle(each).color, each)),
-    ...all(".js-plotly-plot text:not(.bartext)").map((each) => contrast(getComputedStyle(each).fill, each))),
+    ...all(".js-plotly-plot text").map((each) => contrast(getComputedStyle(each).fill, each))),
 }), "*"), 3000));
 </script>"""
 FRAME = """<html><body><pre id="told"></pre>{frames}<script>const told = {{}};
@@ -88,7 +103,8 @@ def test_every_page_is_whole_readable_and_asks_nobody(scheme, tmp_path):
     frames = []
     for name, report in reports.items():
         path = Path(write_report(str(tmp_path / name), report))
-        path.write_text(path.read_text().replace("<head>", "<head>" + LISTEN, 1))
+        page = path.read_text().replace("<head>", "<head>" + LISTEN, 1)
+        path.write_text(page.replace("@media print", "@media all") if scheme == "print" else page)
         for width in WIDTHS[scheme]:
             where = f"{path.as_uri()}#{name} {width}"
             frames.append(f'<iframe src="{where}" style="width:{width}px;height:900px;border:0"></iframe>')
@@ -101,6 +117,7 @@ def test_every_page_is_whole_readable_and_asks_nobody(scheme, tmp_path):
         assert (key, each["faults"], each["fetched"]) == (key, [], [])  # files are not counted as fetched
         assert (key, each["room"], len(each["plots"])) == (key, room, len(figures(reports[name])))
         assert each["wide"] <= room, key
+        assert (key, each["unreadable"]) == (key, [])
         assert min(each["plots"], default=room) > 0.45 * room, key
         assert each["contrast"] > 3.9, key
 

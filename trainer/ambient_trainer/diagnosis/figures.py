@@ -24,7 +24,7 @@ from ambient_trainer.report.palette import (
     SKY,
     STEP_COLOURS,
 )
-from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure
+from ambient_trainer.report.plots import Line, Panel, Shade, panel_figure, stacked_figure, wrapped
 from ambient_trainer.report.units import written
 
 if TYPE_CHECKING:
@@ -110,8 +110,7 @@ def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> go.Figure:
     x, y = (np.array([row[each].mean() for each in stretches]) for row in (weight, flow))
     slope, level = np.polyfit(x, y, 1)
     ends = np.array([x.min(), x.max()])
-    unit = driver.per("").removeprefix(" per ")
-    figure = panel_figure(f"{text} [{unit}]" if unit else text, f"heat at {sensor} [{misfit.heat_unit}]", height_px=300)
+    figure = panel_figure(text, f"heat at {sensor} [{misfit.heat_unit}]", height_px=300)
     figure.add_scatter(x=x, y=y, mode="markers", name="mean of a stretch", marker_color=BLUE)
     figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name="straight line", line_color=EXTENDED)
     return figure
@@ -153,7 +152,7 @@ def gains(diagnosis: Diagnosis) -> go.Figure:
     """The held-out error without and with each step, a pair of bars a step, and the gain's interval in words."""
     names = [f"{number}. {step.cause}" for number, step in enumerate(diagnosis.explained, start=1)][::-1]
     steps = diagnosis.explained[::-1]
-    figure = panel_figure("held-out RMSE over all sensors [°C]", "", height_px=100 + 115 * len(steps))
+    figure = panel_figure("held-out RMSE over all sensors [°C]", "", height_px=100 + 135 * len(steps))
     for name, colour, values in (
         ("with it", EXTENDED, [step.gain.rmse_after_degC for step in steps]),
         ("without", BASELINE, [step.gain.rmse_before_degC for step in steps]),
@@ -165,16 +164,18 @@ def gains(diagnosis: Diagnosis) -> go.Figure:
             orientation="h",
             marker_color=colour,
             text=[f"{value:.3f} °C" for value in values],
-            textposition="auto",
-            insidetextanchor="start",
+            textposition="outside",
+            cliponaxis=False,
         )
     for name, step in zip(names, steps):
-        low, high = step.gain.ci95_degC
+        (low, high), p_value = step.gain.ci95_degC, chance(step.gain.p_value).replace("<", "&lt;")
         figure.add_annotation(
-            x=0, y=name, xref="paper", xanchor="left", yshift=46, showarrow=False, align="left",
-            text=f"<b>{name}</b><br>gain {low:.3f} to {high:.3f} °C, {chance(step.gain.p_value).replace('<', '&lt;')}",
+            x=0, y=name, xref="paper", xanchor="left", yanchor="bottom", yshift=26, showarrow=False, align="left",
+            text=f"<b>{wrapped(name)}</b><br>gain {low:.3f} to {high:.3f} °C, {p_value}",
         )  # fmt: skip
-    figure.update_yaxes(showticklabels=False)
+    # room for the figures beside the bars, and for what stands above the first
+    figure.update_xaxes(range=[0, 1.25 * max(max(each.x) for each in figure.data)])
+    figure.update_yaxes(showticklabels=False, range=[-0.5, len(steps) - 0.35])
     figure.update_layout(bargap=0.6, legend_traceorder="reversed", margin_l=12)
     return figure
 

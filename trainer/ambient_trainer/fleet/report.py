@@ -141,6 +141,7 @@ def _distributions(good: pd.DataFrame, names: tuple[str, ...]) -> go.Figure:
         shown = np.percentile((values - middle) / max(high - low, 1e-12), np.linspace(0, 100, 201))
         label = name.replace("_degC", "")
         figure.add_violin(y=shown, name=label, line={"color": ESTIMATE}, points=False, showlegend=False)
+    figure.update_xaxes(automargin=True)
     return figure
 
 

@@ -7,6 +7,7 @@ plotly takes half a second to import: the functions that draw import it, and onl
 from __future__ import annotations
 
 import html
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,7 +28,7 @@ POINTS_PER_LINE = 6000
 
 _HOURS_ABOVE_S = 3 * 3600
 _FONT = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, "Liberation Sans", sans-serif'
-_MARGIN_PX = {"l": 68, "r": 12, "t": 40, "b": 52}
+_MARGIN_PX = {"l": 70, "r": 16, "t": 40, "b": 52}
 _BETWEEN_PX = 22
 _CLEAR = "rgba(0,0,0,0)"
 _GAP_STEPS = 2.5
@@ -269,7 +270,7 @@ def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
         figure.add_scatter(
             x=line_x[kept].astype(np.float64),
             y=line_y[kept].astype(np.float32),
-            name=_plain(line.name),
+            name=wrapped(line.name),
             mode="lines",
             line={"color": line.colour, "width": line.width},
             **place,
@@ -294,7 +295,7 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
     figure.add_scatter(
         x=[None],
         y=[None],
-        name=_plain(shade.name),
+        name=wrapped(shade.name),
         mode="markers",
         marker={"symbol": "square", "size": 12, "color": shade.colour, "opacity": 0.4},
         row=1,
@@ -305,8 +306,8 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
 def _style(figure: go.Figure, height_px: int) -> None:
     """One look, with the legend in rows above and no buttons: narrow screens have no room beside a plot."""
     axis = {"gridcolor": GRID, "linecolor": AXIS, "zerolinecolor": AXIS, "showline": True}
-    figure.update_xaxes(**axis, ticks="outside", tickcolor=AXIS, hoverformat=".3f", zeroline=False)
-    figure.update_yaxes(**axis, hoverformat=".2f", title_standoff=8)
+    figure.update_xaxes(**axis, ticks="outside", tickcolor=AXIS, hoverformat=".3f", zeroline=False, title_font_size=12)
+    figure.update_yaxes(**axis, hoverformat=".2f", title={"standoff": 4, "font_size": 12})
     figure.update_layout(
         template="none",
         height=height_px,
@@ -319,6 +320,11 @@ def _style(figure: go.Figure, height_px: int) -> None:
         plot_bgcolor=_CLEAR,
         paper_bgcolor=_CLEAR,
     )
+
+
+def wrapped(text: str) -> str:
+    """``text`` as it stands, in lines that a phone is wide enough for."""
+    return "<br>".join(map(_plain, textwrap.wrap(text, 36)))
 
 
 def _plain(text: str) -> str:
