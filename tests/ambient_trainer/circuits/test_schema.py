@@ -2,6 +2,7 @@
 
 import contextlib
 import re
+from pathlib import Path
 
 import pytest
 import yaml
@@ -13,6 +14,7 @@ from ambient_trainer.circuits import schema
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
 
+DOCS = Path(__file__).parents[3] / "trainer" / "docs" / "reference"
 EXAMPLE = re.search(r"```yaml\n(.*?)```", schema.__doc__, re.DOTALL)[1]
 
 LINEAR = ("linear_battery", "linear_combined", "linear_flash", "linear_usb")
@@ -52,14 +54,12 @@ _LINE = "  R_chip_board: {unit: K/W, initial: 5, min: 0.1, max: 50}\n"
 
 
 def test_sensors_is_one_output_for_every_sensor_on_a_state():
-    text = (
-        EXAMPLE.replace("form: rise", "form: temperature")
-        .replace(_OUTPUTS, "outputs: sensors\n")
-        .replace('  w: {unit: "1", initial: 1, free: false}\n', "")
-    )
+    text = re.findall(r"```yaml\n(.*?)```", (DOCS / "circuit.md").read_text(), re.DOTALL)[1]
     circuit = parse_circuit(text, "x")
     assert circuit.outputs == (Output("board", {"board": "outputs.board.states.board"}, {}, None),)
-    assert circuit.inputs == ("chip_degC",)
+    assert circuit.inputs == ("ambient_degC",)
+    with pytest.raises(Refused, match=re.escape("add what drives it, such as 'ambient: {sensor: ambient}'")):
+        parse_circuit(re.sub("  ambient: .*\n", "", text), "x")
 
 
 _OUTPUTS = "outputs:\n  ambient: {states: parallel, inputs: {board_degC: w}}\n"

@@ -135,7 +135,7 @@ class _File(Strict):
     format: Literal["ambient-circuit"]
     version: Literal[1]
     name: _Name
-    about: str
+    about: str = ""
     form: Form
     hold: Hold = "first-order"
     nodes: dict[_Name, _Node]
@@ -313,7 +313,7 @@ class _Reading:
         if not circuit.outputs:
             self._fault("outputs", "none", "a circuit predicts at least one temperature")
         if not circuit.inputs:
-            self._fault("nodes", "nothing drives the circuit", "give a sensor to a node without capacitance")
+            self._fault("nodes", "nothing drives the circuit", _DRIVEN[circuit.form])
         for name in sorted(states - _drained(circuit)):
             self._fault(f"nodes.{name}", "no way leads its heat out", _WAY_OUT[circuit.form])
         for name in self.parameters:
@@ -322,6 +322,10 @@ class _Reading:
 
 
 _RISE_SENSORS = "in form rise every node but the ambient has one: the exchange between nodes is read from them"
+_DRIVEN = {
+    "rise": "give a sensor to a node without capacitance",
+    "temperature": "add what drives it, such as 'ambient: {sensor: ambient}'",
+}
 _WAY_OUT = {
     "rise": "join it to the ambient",
     "temperature": "join it, directly or through others, to a node that a sensor prescribes",
