@@ -17,6 +17,8 @@ from ambient_trainer.data.trace import Trace, load_trace, save_trace, sha256_of
 from ambient_trainer.estimation.error_variance import sigma_degC
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.evaluation.evaluate import evaluate_cold, evaluate_trace
+from ambient_trainer.evaluation.provenance import TrainingSpan
+from ambient_trainer.evaluation.report import report_of
 
 BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
@@ -170,7 +172,12 @@ def test_the_cut_starts_the_estimate_anew(model_of, trace_of, tmp_path):
     assert found.estimate_degC == pytest.approx(recursed(model_of(), trace_of(100).cut(40.0, 90.0), 0), abs=1e-9)
 
 
-BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
+def test_times_of_a_log_of_weeks_are_told_as_from_and_to_take_them(model_of, trace_of):
+    late = replace(trace_of(60), time_s=2_001_600.0 + np.arange(60))
+    assert "2001600 to 2001659 s, a sample every 1 s" in str(report_of(model_of(), [evaluate_trace(model_of(), late)]))
+    assert str(TrainingSpan(trace="a.csv", sha256="", to_s=2_001_630.0)) == "a.csv, its start to 2001630 s"
+    with pytest.raises(Refused, match="the trace has 2001600 to 2001659 s"):
+        late.cut(None, 5.0)
 
 
 def test_the_terminal_shows_the_figures_of_the_json(files, trace_of, tmp_path):

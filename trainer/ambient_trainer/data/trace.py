@@ -67,7 +67,7 @@ class Trace:
         start = 0 if from_s is None else int(np.searchsorted(self.time_s, from_s))
         stop = len(self.time_s) if to_s is None else int(np.searchsorted(self.time_s, to_s))
         if stop <= start:
-            whole = f"{self.time_s[0]:g} to {self.time_s[-1]:g} s" if len(self.time_s) else "no samples"
+            whole = f"{self.time_s[0]:.10g} to {self.time_s[-1]:.10g} s" if len(self.time_s) else "no samples"
             raise refuse(
                 self.path, "", f"nothing lies between --from and --to (the trace has {whole})", "choose others"
             )

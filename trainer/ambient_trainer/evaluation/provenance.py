@@ -30,8 +30,8 @@ class TrainingSpan(Strict, extra="ignore"):
     def __str__(self) -> str:
         if self.from_s is None and self.to_s is None:
             return f"{self.trace}, whole"
-        start = "its start" if self.from_s is None else f"{self.from_s:g} s"
-        stop = "its end" if self.to_s is None else f"{self.to_s:g} s"
+        start = "its start" if self.from_s is None else f"{self.from_s:.10g} s"
+        stop = "its end" if self.to_s is None else f"{self.to_s:.10g} s"
         return f"{self.trace}, {start} to {stop}"
 
 

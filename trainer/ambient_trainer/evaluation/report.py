@@ -144,7 +144,7 @@ def _note(evaluation: Evaluation) -> str:
     counts = ((evaluation.without_estimate, "an estimate"), (evaluation.without_reference, "a reference"))
     unscored = " and ".join(f"{count:,} without {what}" for count, what in counts if count)
     return (
-        f"{start:g} to {stop:g} s, a sample every {evaluation.trace_period_s:.3g} s, recursion at "
+        f"{start:.10g} to {stop:.10g} s, a sample every {evaluation.trace_period_s:.5g} s, recursion at "
         f"{evaluation.period_s:g} s; {evaluation.scored:,} samples scored"
         f"{f', not scored: {unscored}' if unscored else ''}."
     )
