@@ -57,6 +57,7 @@ def test_a_note_follows_the_headline_whatever_was_found(made):
         text = shown(replace(diagnosis, notes=("9 readings were set aside",)))
         assert text.index(headline(diagnosis)[:20]) < text.index("9 readings") < text.index("Residuals")
         assert "What would show more" not in text
+    assert report_of(made()).title.endswith("camera_on and 1 more, 0.91 to 0.08 degC on held-out data")
 
 
 def test_the_residuals_are_every_sensors_and_what_is_no_number_is_null(made):

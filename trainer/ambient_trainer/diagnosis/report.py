@@ -64,7 +64,8 @@ def _title(diagnosis: Diagnosis) -> str:
     if step.cause.name == UNKNOWN:
         return f"{subject}: {step.gain.rmse_before_degC:.2f} degC off, of unknown cause"
     last = diagnosis.explained[-1].gain.rmse_after_degC
-    return f"{subject}: {step.cause}, {step.gain.rmse_before_degC:.2f} to {last:.2f} degC on held-out data"
+    others = f" and {more} more" if (more := len(diagnosis.explained) - 1) else ""
+    return f"{subject}: {step.cause}{others}, {step.gain.rmse_before_degC:.2f} to {last:.2f} degC on held-out data"
 
 
 def mostly(diagnosis: Diagnosis) -> str:
