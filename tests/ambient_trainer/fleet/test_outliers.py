@@ -10,7 +10,7 @@ import ambient_trainer as at
 from ambient_model.codec import load_model
 from ambient_trainer.evaluation import evaluate_trace
 from ambient_trainer.fleet.dataset import Source, entries, write_dataset
-from ambient_trainer.fleet.outliers import diagnose_units, least_probable, to_diagnose, typical
+from ambient_trainer.fleet.outliers import diagnose_units, learn_typical, least_probable, to_diagnose, typical
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
 
 PLANTED = (
@@ -60,7 +60,8 @@ def test_an_outlier_is_diagnosed_beside_typical_units(tmp_path):
     places = entries(str(tmp_path / "logs"), Source("unit"))
     wanted = [each for each in places if each.unit == odd]
     good = [each for each in places if each.unit != odd][:3]
-    (found,) = diagnose_units(wanted, Source("unit"), good, "phone")
+    (known,) = learn_typical([good], Source("unit"), "phone")
+    (found,) = diagnose_units(wanted, Source("unit"), known, "phone")
     assert (found.unit, found.cause) == (odd, "contact")
 
 

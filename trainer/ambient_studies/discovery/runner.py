@@ -6,20 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from joblib import delayed
-from threadpoolctl import threadpool_limits
 
 from ambient_model.trace import REFERENCE
 from ambient_studies.discovery.cases import Case, simulated
 from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.data import Trace
-from ambient_trainer.diagnosis import (
-    KnownGood,
-    diagnose_changed,
-    diagnosis_period_s,
-    forward,
-    train_on_baselines,
-)
+from ambient_trainer.diagnosis import KnownGood, diagnose_changed, known_good
 from ambient_trainer.estimation import results, workers
 from ambient_trainer.simulator import Simulated, Truth
 
@@ -53,9 +46,7 @@ def train(
     period_s: float | None = None,
 ) -> Bench:
     """The bench that known-good runs give; without ``period_s`` on the grid of a diagnosis."""
-    period_s = period_s or diagnosis_period_s(baselines)
-    with threadpool_limits(1):
-        known = train_on_baselines(forward(circuit), baselines, period_s, progress)
+    known = known_good(circuit, baselines, progress, period_s)
     return Bench(circuit, known, tuple(trace.path for trace in baselines))
 
 
@@ -83,8 +74,7 @@ def run(bench: Bench, cases: Sequence[Case], jobs: int) -> Generator[Done, None,
 def diagnosed(bench: Bench, case: Case, run: Simulated) -> Done:
     """One case: only its trace is diagnosed; the truth is for the score."""
     started_s = time.perf_counter()
-    with threadpool_limits(1):
-        found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
+    found = diagnose_changed(bench.known, bench.circuit, [run.trace], bench.baselines)
     seconds = time.perf_counter() - started_s
     scored = score(run.truths, size_in_noise(bench, run), found, bench.circuit, seconds)
     rivals = found.steps[0].indistinguishable_from if found.steps else ()

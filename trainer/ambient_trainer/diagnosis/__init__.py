@@ -1,9 +1,9 @@
 """What a circuit gets wrong about measured data: shown, named, added to the circuit, and scored on other data."""
 
-from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_changed
+from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_changed, known_good
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
-from ambient_trainer.diagnosis.record import diagnosis_period_s, records_of
+from ambient_trainer.diagnosis.known_good import KnownGood
+from ambient_trainer.diagnosis.record import records_of
 from ambient_trainer.diagnosis.report import report_of
 from ambient_trainer.diagnosis.result import (
     NONE,
@@ -33,11 +33,10 @@ __all__ = [
     "Tested",
     "diagnose",
     "diagnose_changed",
-    "diagnosis_period_s",
     "digits",
     "duration",
     "forward",
+    "known_good",
     "records_of",
     "report_of",
-    "train_on_baselines",
 ]

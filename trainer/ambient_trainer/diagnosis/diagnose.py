@@ -93,14 +93,22 @@ def diagnose(
     >>> str(found.verdict_cause)  # doctest: +SKIP
     'heat_source at flash by camera_on'
     """
-    plain = forward(circuit)
-    _check(plain, [*traces, *baselines])
+    _check(circuit, [*traces, *baselines])
     period_s = period_s or diagnosis_period_s([*traces, *baselines])
-    with threadpool_limits(1):
-        if not baselines:
+    if not baselines:
+        with threadpool_limits(1):
             return _lacking(circuit, traces, period_s, progress)
-        known = train_on_baselines(plain, baselines, period_s, progress)
-        return diagnose_changed(known, circuit, traces, [trace.path for trace in baselines], progress)
+    known = known_good(circuit, baselines, progress, period_s)
+    return diagnose_changed(known, circuit, traces, [trace.path for trace in baselines], progress)
+
+
+def known_good(
+    circuit: Circuit, baselines: Sequence[Trace], progress: Progress | None = None, period_s: float | None = None
+) -> KnownGood:
+    """A circuit as known-good traces have it, for :func:`diagnose_changed`; raises :class:`Refused` as ``diagnose``."""
+    _check(circuit, baselines)
+    with threadpool_limits(1):
+        return train_on_baselines(forward(circuit), baselines, period_s or diagnosis_period_s(baselines), progress)
 
 
 def diagnose_changed(
@@ -111,9 +119,11 @@ def diagnose_changed(
     progress: Progress | None = None,
 ) -> Diagnosis:
     """:func:`diagnose` with a circuit that was trained before, for many traces of one device."""
+    _check(circuit, traces)
     own = _long_enough(known.records(traces))
-    bare = known.bare_fit(own)
-    selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
+    with threadpool_limits(1):
+        bare = known.bare_fit(own)
+        selection = stepwise(bare, limits=Limits(known.rmse_degC), progress=progress, offered=changed_candidates)
     before, after = selection.bare.held_out_rmse_degC, selection.final.held_out_rmse_degC
     most = max(_MOST_MISFIT, min(_UNDESCRIBED * before / known.rmse_degC, _MOST_OF_A_LARGE_MISFIT))
     return _diagnosis(circuit, traces, selection, None, baselines, described=after < most * known.rmse_degC)
@@ -270,7 +280,7 @@ def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
-    faults = []
+    circuit, faults = forward(circuit), []
     for trace in traces:
         if len(trace.time_s) < FEWEST_SAMPLES:
             problem = f"{len(trace.time_s)} samples are too few for a diagnosis"

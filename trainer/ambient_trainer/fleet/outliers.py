@@ -5,15 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 from joblib import parallel_config
-from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.spikes import without_spikes
-from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.report import report_of
+from ambient_trainer.diagnosis import NONE, KnownGood, diagnose_changed, known_good
 from ambient_trainer.estimators.registry import thermal_circuit
-from ambient_trainer.fleet.dataset import Entry, Source, logs
+from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
 from ambient_trainer.fleet.fit_units import OK
 from ambient_trainer.fleet.pooling import improbability
 from ambient_trainer.fleet.result import Outlier
@@ -55,23 +52,39 @@ def typical(table: pd.DataFrame) -> list[str]:
     return good["unit"].iloc[np.lexsort((good["unit"], apart))[:_KNOWN_GOOD]].tolist()
 
 
-def diagnose_units(wanted: Sequence[Entry], source: Source, good: Sequence[Entry], circuit: str) -> list[Outlier]:
-    """The cause and the location that a diagnosis with a forward circuit gives for each of some units."""
-    with threadpool_limits(1), parallel_config(n_jobs=1):
-        known = [_clean(log.trace) for log in logs(good, source) if log.trace is not None]
-        return [_named(log.unit, log.trace, known, circuit) for log in logs(wanted, source)]
+def learn_typical(wanted: Sequence[Sequence[Entry]], source: Source, circuit: str) -> list[KnownGood | str]:
+    """A forward circuit as a set of typical units has it, or why it cannot be learnt; one for each set."""
+    return [_learnt(units, source, circuit) for units in wanted]
 
 
-def _named(unit: str, trace: Trace | None, known: Sequence[Trace], circuit: str) -> Outlier:
-    if trace is None:
-        return Outlier(unit, np.nan)
+def _learnt(units: Sequence[Entry], source: Source, circuit: str) -> KnownGood | str:
+    good = [without_spikes(log.trace)[0] for log in logs(units, source) if log.trace is not None]
     try:
-        verdict = report_of(diagnose(thermal_circuit(circuit), [_clean(trace)], known)).data["verdict"]
+        with parallel_config(n_jobs=1):
+            return known_good(thermal_circuit(circuit), good)
     except Refused as refused:
-        return Outlier(unit, np.nan, f"not diagnosed: {refused.faults[0].problem}")
-    place = verdict.get("location")
-    return Outlier(unit, np.nan, verdict["cause"], ", ".join(place) if isinstance(place, list) else place)
+        return reason_of(refused)
 
 
-def _clean(trace: Trace) -> Trace:
-    return without_spikes(trace)[0]
+def diagnose_units(wanted: Sequence[Entry], source: Source, known: KnownGood | str, circuit: str) -> list[Outlier]:
+    """What a diagnosis says of each of some units, beside what was learnt of typical ones."""
+    return [_named(log, known, circuit) for log in logs(wanted, source)]
+
+
+def _named(log: Log, known: KnownGood | str, circuit: str) -> Outlier:
+    if isinstance(known, str) or log.trace is None:
+        return undiagnosed(log.unit, log.reason or str(known))
+    try:
+        with parallel_config(n_jobs=1):
+            verdict = diagnose_changed(known, thermal_circuit(circuit), [without_spikes(log.trace)[0]], ()).verdict
+    except Refused as refused:
+        return undiagnosed(log.unit, reason_of(refused))
+    if verdict is None:
+        return Outlier(log.unit, np.nan, NONE)
+    cause, rivals = verdict.cause, "; ".join(map(str, verdict.indistinguishable_from)) or None
+    return Outlier(log.unit, np.nan, cause.name, cause.place, verdict.confidence, rivals)
+
+
+def undiagnosed(unit: str, reason: str) -> Outlier:
+    """One without a verdict."""
+    return Outlier(unit, np.nan, f"not diagnosed: {reason}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from ambient_trainer.fleet.result import FleetFit
+from ambient_trainer.fleet.result import FleetFit, Outlier
 from ambient_trainer.fleet.space import MAIN
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, ERROR, ESTIMATE, GREY, LIMIT
@@ -109,11 +109,14 @@ def _parameters(good: pd.DataFrame, names: tuple[str, ...]) -> list[tuple[str, .
 
 
 def _outliers(fleet: FleetFit) -> Table:
-    rows = [
-        (each.unit, f"10^-{each.improbability:.1f}", f"{each.cause or ''} {each.location or ''}".strip())
-        for each in fleet.outliers
-    ]
-    return Table("", ("unit", "probability", "cause"), rows)
+    rows = [(each.unit, f"10^-{each.improbability:.1f}", *_verdict(each)) for each in fleet.outliers]
+    return Table("", ("unit", "probability", "cause", "confidence"), rows)
+
+
+def _verdict(outlier: Outlier) -> tuple[str, str]:
+    named = " at ".join(each for each in (outlier.cause, outlier.location) if each)
+    sure = "" if outlier.confidence is None else f"{100 * outlier.confidence:.0f} %"
+    return f"{named}, or {outlier.rivals}" if outlier.rivals else named, sure
 
 
 def _failures(failed: pd.DataFrame) -> Table:

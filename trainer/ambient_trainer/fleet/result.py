@@ -14,12 +14,18 @@ if TYPE_CHECKING:
 
 
 class Outlier(NamedTuple):
-    """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause."""
+    """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause.
+
+    ``confidence`` is the probability that a diagnosis gives its cause; ``rivals`` are those that its data cannot tell
+    from it.
+    """
 
     unit: str
     improbability: float
     cause: str | None = None
     location: str | None = None
+    confidence: float | None = None
+    rivals: str | None = None
 
 
 @dataclass(frozen=True)

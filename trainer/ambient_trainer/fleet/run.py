@@ -25,7 +25,15 @@ from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.fleet.dataset import Entry, Source, entries
 from ambient_trainer.fleet.engine import Engine, Job
 from ambient_trainer.fleet.fit_units import Learnt, Looked, Start, begin, failed, fit_chunk, look, unseen_model
-from ambient_trainer.fleet.outliers import diagnose_units, least_probable, scored, to_diagnose, typical
+from ambient_trainer.fleet.outliers import (
+    diagnose_units,
+    learn_typical,
+    least_probable,
+    scored,
+    to_diagnose,
+    typical,
+    undiagnosed,
+)
 from ambient_trainer.fleet.parts import Parts, Progress, write_whole
 from ambient_trainer.fleet.pooling import Normal, pooled
 from ambient_trainer.fleet.result import FleetFit, Outlier
@@ -99,9 +107,10 @@ def fit_fleet(
 
 def _identity(question: Question, listed: Sequence[Entry]) -> str:
     """What a run's parts belong to: the units as they lie there, and all that is asked."""
-    circuit = sha256_of(question.circuit) if os.path.isfile(question.circuit) else question.circuit
+    named = (question.circuit, question.forward or "")
+    circuits = tuple(sha256_of(each) if os.path.isfile(each) else each for each in named)
     effort = question.effort
-    asked = (__version__, CHUNK, circuit, question.source, question.sensors, effort.starts, effort.seed)
+    asked = (__version__, CHUNK, circuits, question.source, question.sensors, effort.starts, effort.seed)
     digest = hashlib.sha256(repr(asked).encode())
     for each in listed:
         digest.update(repr((each.unit, each.rows, each.fault, [piece.row_group for piece in each.pieces])).encode())
@@ -209,15 +218,18 @@ def _diagnosed(parts: Parts, found: FleetFit, question: Question, listed: Sequen
     """The outliers with the cause of each that is worth a diagnosis."""
     places = {each.unit: each for each in listed}
     worst = to_diagnose(found.outliers)
-    rest = (question.source, [places[unit] for unit in typical(found.table)], question.forward)
-
-    def undiagnosed(entry: Entry) -> Outlier:
-        return Outlier(entry.unit, float("nan"), "not diagnosed: its worker died")
-
-    job = Job(diagnose_units, lambda number: [places[worst[number]]], rest, undiagnosed)
+    if not worst:
+        return found.outliers
+    good, rest = [places[unit] for unit in typical(found.table)], (question.source, question.forward)
+    learning = Job(learn_typical, lambda _: [good], rest, lambda _: "the worker that learnt typical units died")
+    parts.fill("typical", "learning typical units", 1, learning)
+    (known,) = parts.load("typical", 0)
+    job = Job(
+        diagnose_units,
+        lambda number: [places[worst[number]]],
+        (question.source, known, question.forward),
+        lambda entry: undiagnosed(entry.unit, "its worker died"),
+    )
     parts.fill("diagnosis", "diagnosing outliers", len(worst), job)
     named = {each.unit: each for each in parts.each("diagnosis", len(worst))}
-    return tuple(
-        named[each.unit]._replace(improbability=each.improbability) if each.unit in named else each
-        for each in found.outliers
-    )
+    return tuple(named.get(each.unit, each)._replace(improbability=each.improbability) for each in found.outliers)

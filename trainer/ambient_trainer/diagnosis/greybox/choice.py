@@ -41,14 +41,13 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     # what a logged driver explains may lie within one fold
     driven = [each for each in ordered if not each.mechanism.instrument and each.mechanism.driver is not None]
     driven = [each for each in driven if each.rmse_degC < _HALF * before.held_out_rmse_degC]
-    blamed = _blamed([each for each in passing if each.mechanism.instrument and not _switched(each)])
-    if blamed is not None:
+    for each in _blamed([each for each in passing if each.mechanism.instrument and not _switched(each)]):
         # a clock that is off looks like nothing else: there it is enough to do better than all physics, sound or not
-        clock = not blamed.mechanism.places
-        rivals = [each for each in trials if not each.mechanism.instrument] if clock else [*physical, *driven]
-        better = all(blamed.rmse_degC * INSTRUMENT < each.rmse_degC for each in rivals)
-        if better and (clock or _halves(before, blamed)):
-            return blamed
+        clock = not each.mechanism.places
+        rivals = [other for other in trials if not other.mechanism.instrument] if clock else [*physical, *driven]
+        better = all(each.rmse_degC * INSTRUMENT < other.rmse_degC for other in rivals)
+        if better and (clock or _halves(before, each)):
+            return each
     # another temperature that is logged may answer to the same cause: it has to explain much more
     given = [each for each in physical if not each.mechanism.responds]
     otherwise_degC = given[0].rmse_degC if given else before.held_out_rmse_degC
@@ -57,10 +56,13 @@ def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial 
     return _lasting(_plainest(physical, least_degC), physical, driven) if physical else None
 
 
-def _blamed(instruments: Sequence[Trial]) -> Trial | None:
-    """Of the sensor that the first one blames the fault that leaves least there: elsewhere they change nothing."""
-    alike = [each for each in instruments if each.mechanism.places == instruments[0].mechanism.places]
-    return min(alike, key=_penalised_at_its_sensor, default=None)
+def _blamed(instruments: Sequence[Trial]) -> list[Trial]:
+    """Of each set of sensors that is blamed the fault that leaves least there: elsewhere they change nothing."""
+    best: dict[tuple[str, ...], Trial] = {}
+    for each in instruments:
+        places = each.mechanism.places
+        best[places] = min(best.get(places, each), each, key=_penalised_at_its_sensor)
+    return list(best.values())
 
 
 def _penalised_at_its_sensor(trial: Trial) -> float:

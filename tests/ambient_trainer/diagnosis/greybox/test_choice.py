@@ -1,0 +1,42 @@
+"""Which of several trials is taken."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from ambient_trainer.diagnosis.greybox.choice import choose
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
+from ambient_trainer.diagnosis.greybox.model import Number
+
+SENSORS = ("board", "skin")
+FOLDS = 5
+
+
+def fitted(held_out_degC, *left_degC):
+    """What a fit leaves at each sensor."""
+    left, outputs = np.outer(left_degC, np.ones(4)), [SimpleNamespace(name=each) for each in SENSORS]
+    folds = np.full(FOLDS, held_out_degC**2)
+    return SimpleNamespace(
+        records=(None,),
+        residual_degC=lambda _: left,
+        model=SimpleNamespace(circuit=SimpleNamespace(outputs=outputs)),
+        held_out_rmse_degC=held_out_degC,
+        combed=folds,
+        held_out=folds,
+    )
+
+
+def trial(kind, places, *rest):
+    mechanism = kind(places, tuple(Number(each, "1", 1.0) for each in places))
+    return SimpleNamespace(
+        mechanism=mechanism, fitted=fitted(*rest), rmse_degC=rest[0], at_bounds=False, identified=True, lasting=True
+    )
+
+
+def test_one_sensor_is_blamed_where_offsets_of_all_gain_more_but_explain_little_of_another():
+    """The board reads what no circuit foretells, and counts little for it; it is the skin that is 4 K off."""
+    before = fitted(4.0, 6.0, 4.0)
+    every, one = trial(Bias, SENSORS, 1.1, 5.5, 0.4), trial(Bias, ("skin",), 1.3, 6.0, 0.4)
+    heat = trial(Heat, ("skin",), 3.8, 6.0, 3.8)
+    assert choose(before, [every, one, heat], 0.0) is one
