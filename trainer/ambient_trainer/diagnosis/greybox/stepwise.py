@@ -93,7 +93,17 @@ def stepwise(
         _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
         fitted = pruned(last.fitted, given)
     assert alone is not None
-    return Selection(bare, fitted, tuple(_logged_first(steps)), alone)
+    return Selection(bare, _retuned(fitted), tuple(_logged_first(steps)), alone)
+
+
+def _retuned(fitted: Fitted) -> Fitted:
+    """The same with delays and levels refined beside what was added since, where less is left of held-out data."""
+    for index, each in enumerate(fitted.model.mechanisms[:-1]):
+        if each.driver is not None and each.driver.level is not None:
+            again = sharpened(fitted, index)
+            again = again if fitted.validated is None else again.refitted()
+            fitted = min(fitted, again, key=lambda each: each.held_out_rmse_degC)
+    return fitted
 
 
 def _compact(step: Step) -> Step:

@@ -74,11 +74,13 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
     return replace(mechanism, onset_s=None if first <= begin else first, end_s=last)
 
 
-def sharpened(fitted: Fitted) -> Fitted:
-    """The same with the window, delay or level of its last mechanism refined by the simulation, fitted again, twice."""
+def sharpened(fitted: Fitted, index: int = -1) -> Fitted:
+    """The same with the window, delay or level of a mechanism, the last one, refined by the simulation, fitted again,
+    twice."""
+    index %= len(fitted.model.mechanisms)
     for _ in range(2):
-        model = _with_last(fitted.model, _refined(fitted))
         starts = [run.start for run in fitted.runs]
+        model = _refined(fitted, index)
         again = fit(model, fitted.records, starts, most=_REFITTED, tolerance=1e-3, prior=fitted.prior)
         if again is None or again.rmse_degC > fitted.rmse_degC:
             break
@@ -86,45 +88,45 @@ def sharpened(fitted: Fitted) -> Fitted:
     return fitted
 
 
-def _refined(fitted: Fitted) -> Mechanism:
-    """The last mechanism with its driver's delay or level, or its onset and then its end, where least is left near."""
+def _refined(fitted: Fitted, index: int) -> GreyBox:
+    """The model with a mechanism's delay or level, or its onset and then its end, where least is left near."""
+    model, mechanism = fitted.model, fitted.model.mechanisms[index]
     record = max(fitted.records, key=lambda each: each.samples)
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
     within_s, shortest = 2 * (end - begin) / _COARSE / _FINE**_ROUNDS, _SHORTEST * record.period_s
-    last = fitted.model.mechanisms[-1]
-    if last.tuned and (driver := last.driver) is not None and (level := driver.level) is not None:
-        row = record.signals[driver.columns[0]]
-        apart = _APART * (level if driver.late else float(np.ptp(row)))
-        return _least(fitted, lambda at: replace(last, driver=driver.at_level(at)), level - apart, level + apart)
-    if (on := last.onset_s) is not None:
-        latest = (end if last.end_s is None else last.end_s) - shortest
-        last = _least(
-            fitted, lambda at_s: replace(last, onset_s=at_s), max(on - within_s, begin), min(on + within_s, latest)
-        )
-    if (off := last.end_s) is not None:
-        earliest = (begin if last.onset_s is None else last.onset_s) + shortest
-        last = _least(
-            fitted, lambda at_s: replace(last, end_s=at_s), max(off - within_s, earliest), min(off + within_s, end)
-        )
-    return last
+    if (driver := mechanism.driver) is not None and (level := driver.level) is not None:
+        apart = _APART * (level if driver.late else float(np.ptp(record.signals[driver.columns[0]])))
+        ends = level - apart, level + apart
+        return _least(fitted, model, index, lambda each, at: replace(each, driver=driver.at_level(at)), *ends)
+    if (on := mechanism.onset_s) is not None:
+        latest = (end if mechanism.end_s is None else mechanism.end_s) - shortest
+        ends = max(on - within_s, begin), min(on + within_s, latest)
+        model = _least(fitted, model, index, lambda each, at_s: replace(each, onset_s=at_s), *ends)
+    if (off := mechanism.end_s) is not None:
+        onset_s = model.mechanisms[index].onset_s
+        earliest = (begin if onset_s is None else onset_s) + shortest
+        ends = max(off - within_s, earliest), min(off + within_s, end)
+        model = _least(fitted, model, index, lambda each, at_s: replace(each, end_s=at_s), *ends)
+    return model
 
 
-def _least(fitted: Fitted, moved: Callable[[float], Mechanism], low: float, high: float) -> Mechanism:
-    """The last mechanism as ``moved`` to where it leaves least; numbers and starts are those of the fit."""
+def _least(
+    fitted: Fitted, model: GreyBox, index: int, moved: Callable[[Mechanism, float], Mechanism], low: float, high: float
+) -> GreyBox:
+    """The model with a mechanism as ``moved`` to where it leaves least; numbers and starts are those of the fit."""
 
-    def left(at: float) -> float:
-        model, total = _with_last(fitted.model, moved(at)), 0.0
+    def at(value: float) -> GreyBox:
+        return model.replaced(index, moved(model.mechanisms[index], value))
+
+    def left(value: float) -> float:
+        there, total = at(value), 0.0
         for record, run in zip(fitted.records, fitted.runs):
-            read = simulate(model, record, model.z()[None], run.start[None])[0]
+            read = simulate(there, record, there.z()[None], run.start[None])[0]
             total += float(np.nansum((record.weights * (record.sensors - read)) ** 2))
         return total
 
     options = {"maxiter": _TIMES, "xatol": (high - low) / 1000}
-    return moved(float(minimize_scalar(left, bounds=(low, high), method="bounded", options=options).x))
-
-
-def _with_last(model: GreyBox, last: Mechanism) -> GreyBox:
-    return replace(model, mechanisms=(*model.mechanisms[:-1], last))
+    return at(float(minimize_scalar(left, bounds=(low, high), method="bounded", options=options).x))
 
 
 def _projector(fitted: Fitted) -> Callable[[Array], Array]:

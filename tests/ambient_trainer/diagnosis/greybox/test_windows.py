@@ -1,0 +1,30 @@
+"""What was tuned before another mechanism came is tuned again beside it."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
+from ambient_trainer.diagnosis.greybox.regression import fit
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.windows import sharpened
+
+
+def heat(driver: str, value: float) -> Heat:
+    return Heat(("board",), (Number("heat_board", "W", value, scale=abs(value)),), Expression(driver))
+
+
+def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, recorded):
+    time_s = 30.0 * np.arange(1200)
+    current = simulated(3).columns["current_A"]
+    late = lfilter([1 - np.exp(-30 / 400)], [1, -np.exp(-30 / 400)], current)
+    trace = simulated(3, heat_W=lambda now, degC: 2 * np.interp(now["time_s"], time_s, late) + 0.004 * now["sun_W_m2"])
+    records = recorded(trace)
+    bare = bare_fit(GreyBox.of(circuit), records)
+    model = bare.model.with_mechanism(heat("lag(current_A, 700)", 2.0)).with_mechanism(heat("sun_W_m2", 0.004))
+    first = fit(model, records, prior=bare.prior)
+    again = sharpened(first, 0)
+    assert again.model.mechanisms[0].driver.level == pytest.approx(400, rel=0.1)
+    assert again.rmse_degC < 0.5 * first.rmse_degC
