@@ -4,6 +4,7 @@ Without known-good records the question is what the circuit lacks, with them wha
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -37,6 +38,8 @@ much of it, or no more than so much of it is noise."""
 _SMALL_DEGC, _UNDESCRIBED, _MOSTLY, _NOTHING, _MUCH_OF_ALL, _HALF = 0.3, 0.5, 0.5, 0.9, 0.45, 0.5
 _LEAST_DEGC = 0.05
 """What a step gains where nothing is known of a sensor's noise: a measured tank that only cools bends by less."""
+_JUMPY = 0.7
+"""Of what is left, by how much it changes from sample to sample: a half in a measured house, all of it in noise."""
 _MOST_MISFIT, _MOST_OF_A_LARGE_MISFIT = 2.0, 4.0
 """Times what known-good records leave: below the one a change is described, beyond the other it is not."""
 _SLOW = 1.0 / 3.0
@@ -155,9 +158,15 @@ def _diagnosis(
     before, after = bare.held_out_rmse_degC, final.held_out_rmse_degC
     share = None if floor_degC is None else _share(before, after, floor_degC)
     nothing = not steps and floor_degC is not None and _misfits(bare, floor_degC)
-    much_left, halved = _undescribed(final, share), _halved_by_a_log(steps)
-    if nothing or not described or (much_left and not halved) or _confounded(selection):
+    undescribed, much_left = _undescribed(final, share), _much_left(final, share)
+    # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too
+    blamed = any(each.instrument for each in final.model.mechanisms[len(bare.model.mechanisms) :])
+    unsure = much_left and (blamed or _noise_degC(final) > _JUMPY * final.rmse_degC)
+    nameless = (undescribed or unsure) and not _halved_by_a_log(steps)
+    if nothing or not described or nameless or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
+    elif much_left and share is not None:
+        steps = tuple(replace(each, confidence=share * each.confidence) for each in steps)
     fitted = extended_circuit(circuit, bare.model) if bare.model.mechanisms else _fitted(circuit, bare)
     record = bare.records[longest]
     own = bare.model.network(record, bare.model.z()[None])
@@ -225,16 +234,25 @@ def _noise_degC(fitted: Fitted) -> float:
 
 
 def _undescribed(fitted: Fitted, share: float | None) -> bool:
-    """Whether much is left beside the deviation of what was read: nine tenths of a sensor's; much of all, where a black
-    box does better; or more than half of one where most of what can be explained is not."""
+    """Whether nine tenths of a sensor's deviation are left, or half of it, or much of all, where most of what can be
+    explained is not."""
+    worst, overall = _left(fitted)
+    little = share is None or share < _MOSTLY
+    return worst > _NOTHING or (little and (worst > _UNDESCRIBED or overall > _MUCH_OF_ALL))
+
+
+def _much_left(fitted: Fitted, share: float | None) -> bool:
+    """Whether so much is left, or much of all, where a black box does better."""
+    return _undescribed(fitted, share) or (share is not None and share < 1.0 and _left(fitted)[1] > _MUCH_OF_ALL)
+
+
+def _left(fitted: Fitted) -> tuple[float, float]:
+    """What is left beside the deviation of what was read: at the worst sensor, and of all together."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
     left = np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
     square, variance = np.nanmean(left**2, axis=1), np.nanvar(read, axis=1)
     worst = np.sqrt(np.max(square / np.maximum(variance, _SMALL_DEGC**2)))
-    overall = np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2))
-    little, whole = share is None or share < _MOSTLY, share is not None and share >= 1.0
-    much = overall > _MUCH_OF_ALL and not whole
-    return bool(worst > _NOTHING or much or (little and worst > _UNDESCRIBED))
+    return float(worst), float(np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2)))
 
 
 def _halved_by_a_log(steps: Sequence[Step]) -> bool:
