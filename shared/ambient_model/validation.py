@@ -494,7 +494,7 @@ class Validation:
             return []
         sensors, present = self._model.sensors, [i for i in range(self._count) if i not in self._apart]
         moved = list(map(sub, z, self._z))
-        # what stands still for long may be stuck, and tells nothing of the others' movement
+        # what stands still for long may be stuck, and says nothing of how the others move
         if any([2 * (self._time_s - self._still[i][0]) > sensors[i].still_s for i in present if not moved[i]]):
             return []
         furthest = [max(map(abs, moved[i :: self._count])) for i in range(self._count)]

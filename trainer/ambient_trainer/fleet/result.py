@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class Outlier(NamedTuple):
     """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause.
 
-    ``confidence`` is the probability that a diagnosis gives its cause; ``rivals`` are those that its data cannot tell
-    from it.
+    ``confidence`` is the probability that a diagnosis gives its cause; ``rivals`` are those that explain its
+    data as well.
     """
 
     unit: str
