@@ -175,6 +175,12 @@ def test_no_node_at_the_ambient_no_ambient(heated):
     assert not any("ambient" in each.name for each in misfit.tests)
 
 
+def test_nodes_that_hardly_meet_the_ambient_tell_none(heated):
+    away = FIXED.replace(f"initial: {R_BOARD}", "initial: 1e5").replace(f"initial: {R_SHELL}", "initial: 1e5")
+    assert seen(heated).ambient_error_degC is not None
+    assert seen(heated, away).ambient_error_degC is None
+
+
 def test_what_was_not_measured_has_no_heat_and_spoils_none_elsewhere(waved):
     gap = slice(700, 760)
     whole, holed = seen(waved).heat, seen(waved, missing=gap).heat

@@ -27,6 +27,8 @@ from ambient_trainer.diagnosis.result import Misfit
 NOISE_SHARE = 0.2
 """The window is the shortest in which noise makes no more than this share of the standard deviation of all heat."""
 _SHORTEST, _LONGEST_SHARE, _LONGER = 5, 0.05, 1.3
+_NO_AIR_DEGC = 300.0
+"""No air is so far off as a node asks for that hardly meets it."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def _ambient_error_degC(nodes: _Nodes, residual: Array) -> Array | None:
 
     Each asks for q / G more than there was; together, weighted by their conductances G, for sum q / sum G. What a node
     without a sensor does follows from the sensors and that same ambient, from equilibrium. None where no measured node
-    is joined to the ambient, or those without a sensor make it run away.
+    is joined to the ambient, or so loosely that no air would do, or those without a sensor make it run away.
     """
     conductance, hidden = nodes.to_air[nodes.reads], nodes.hidden
     joined, total = conductance > 0, conductance.sum()
@@ -178,7 +180,8 @@ def _ambient_error_degC(nodes: _Nodes, residual: Array) -> Array | None:
         start = np.asarray(-np.linalg.solve(A, drive[:, 0]), dtype=np.float64)
         excess = excess - inflow @ _followed(A, drive, nodes.period_s, start)
     known = ~np.isnan(residual[joined]).any(axis=0)
-    return np.where(known, -_in_whole_windows(excess, window), np.nan)
+    error = np.where(known, -_in_whole_windows(excess, window), np.nan)
+    return None if np.nanmax(np.abs(error), initial=0.0) > _NO_AIR_DEGC else error
 
 
 def _followed(A: Array, drive: Array, period_s: float, start: Array) -> Array:
