@@ -12,7 +12,7 @@ from ambient_studies.discovery.cases import Case, simulated
 from ambient_studies.discovery.score import Scored, score
 from ambient_trainer.circuits import Circuit
 from ambient_trainer.data import Trace
-from ambient_trainer.diagnosis import KnownGood, diagnose_changed, known_good
+from ambient_trainer.diagnosis import KnownGood, diagnose_changed, learn_known_good
 from ambient_trainer.estimation import results, workers
 from ambient_trainer.simulator import Simulated, Truth
 
@@ -46,7 +46,7 @@ def train(
     period_s: float | None = None,
 ) -> Bench:
     """The bench that known-good runs give; without ``period_s`` on the grid of a diagnosis."""
-    known = known_good(circuit, baselines, progress, period_s)
+    known = learn_known_good(circuit, baselines, progress, period_s)
     return Bench(circuit, known, tuple(trace.path for trace in baselines))
 
 

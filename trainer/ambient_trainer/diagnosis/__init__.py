@@ -1,6 +1,6 @@
 """What a circuit gets wrong about measured data: shown, named, added to the circuit, and scored on other data."""
 
-from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_changed, known_good
+from ambient_trainer.diagnosis.diagnose import diagnose, diagnose_changed, learn_known_good
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.known_good import KnownGood
 from ambient_trainer.diagnosis.record import records_of
@@ -36,7 +36,7 @@ __all__ = [
     "digits",
     "duration",
     "forward",
-    "known_good",
+    "learn_known_good",
     "records_of",
     "report_of",
 ]

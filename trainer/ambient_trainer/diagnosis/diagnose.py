@@ -101,11 +101,11 @@ def diagnose(
     if not baselines:
         with threadpool_limits(1):
             return _lacking(circuit, traces, period_s, progress)
-    known = known_good(circuit, baselines, progress, period_s)
+    known = learn_known_good(circuit, baselines, progress, period_s)
     return diagnose_changed(known, circuit, traces, [trace.path for trace in baselines], progress)
 
 
-def known_good(
+def learn_known_good(
     circuit: Circuit, baselines: Sequence[Trace], progress: Progress | None = None, period_s: float | None = None
 ) -> KnownGood:
     """A circuit as known-good traces have it, for :func:`diagnose_changed`; raises :class:`Refused` as ``diagnose``."""

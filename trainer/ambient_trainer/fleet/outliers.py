@@ -8,7 +8,7 @@ from joblib import parallel_config
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.spikes import without_spikes
-from ambient_trainer.diagnosis import NONE, KnownGood, diagnose_changed, known_good
+from ambient_trainer.diagnosis import NONE, KnownGood, diagnose_changed, learn_known_good
 from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
 from ambient_trainer.fleet.fit_units import OK
@@ -61,7 +61,7 @@ def _learnt(units: Sequence[Entry], source: Source, circuit: str) -> KnownGood |
     good = [without_spikes(log.trace)[0] for log in logs(units, source) if log.trace is not None]
     try:
         with parallel_config(n_jobs=1):
-            return known_good(thermal_circuit(circuit), good)
+            return learn_known_good(thermal_circuit(circuit), good)
     except Refused as refused:
         return reason_of(refused)
 
