@@ -6,6 +6,9 @@ from scipy.integrate import solve_ivp
 
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.expression import Expression
+from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.model import Number
 from ambient_trainer.diagnosis.record import records
 
 from ...conftest import one_node
@@ -16,6 +19,11 @@ PERIOD_S, SAMPLES = 30.0, 1200
 @pytest.fixture(scope="session")
 def circuit():
     return forward(one_node("board", 50, 5))
+
+
+def heat(driver: str, value: float) -> Heat:
+    """Into the board, proportional to a driver."""
+    return Heat(("board",), (Number("heat_board", "W", value, scale=abs(value)),), Expression(driver))
 
 
 def drives(seed: int) -> dict[str, np.ndarray]:

@@ -7,16 +7,12 @@ import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.findings import steps_of
-from ambient_trainer.diagnosis.greybox.expression import Expression
-from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
-from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
+from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, Step, bare_fit, beside, pruned
 from ambient_trainer.diagnosis.greybox.trials import Trial
 
-
-def heat(driver: str, value: float) -> Heat:
-    return Heat(("board",), (Number("heat_board", "W", value, scale=abs(value)),), Expression(driver))
+from .conftest import heat
 
 
 @pytest.fixture(scope="module")

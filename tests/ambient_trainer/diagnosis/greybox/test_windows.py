@@ -5,15 +5,13 @@ import pytest
 from scipy.signal import lfilter
 
 from ambient_trainer.diagnosis.greybox.expression import Expression
-from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
+from ambient_trainer.diagnosis.greybox.mechanisms.coupling import ZoneLoss
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 
-
-def heat(driver: str, value: float) -> Heat:
-    return Heat(("board",), (Number("heat_board", "W", value, scale=abs(value)),), Expression(driver))
+from .conftest import heat
 
 
 def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, recorded):
@@ -28,3 +26,18 @@ def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, re
     again = sharpened(first, 0)
     assert again.model.mechanisms[0].driver.level == pytest.approx(400, rel=0.1)
     assert again.rmse_degC < 0.5 * first.rmse_degC
+
+
+def test_a_zone_leaves_the_grid_once_all_is_there(circuit, simulated, recorded):
+    trace = simulated(
+        1,
+        heat_W=lambda now, degC: now["current_A"] ** 2,
+        conductance_W_K=lambda now, degC: 1.2 if now["ambient_degC"] > 20 else 0.4,
+    )
+    zone = ZoneLoss(
+        ("board",), (Number("change_board", "1", 0.5, low=-0.9, high=9.0),), Expression("ambient_degC > 23")
+    )
+    offered = [zone, heat("current_A^2", 1.0)]
+    found = stepwise(bare_fit(GreyBox.of(circuit), recorded(trace)), offered=lambda *given: iter(offered)).final.model
+    (level,) = (each.driver.level for each in found.mechanisms if each.cause == "convection_law")
+    assert level == pytest.approx(20, abs=0.5)

@@ -93,12 +93,15 @@ def stepwise(
         _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
         fitted = pruned(last.fitted, given)
     assert alone is not None
-    return Selection(bare, _retuned(fitted), tuple(_logged_first(steps)), alone)
+    return Selection(bare, _retuned(fitted, given), tuple(_logged_first(steps)), alone)
 
 
-def _retuned(fitted: Fitted) -> Fitted:
-    """The same with delays and levels refined beside what was added since, where less is left of held-out data."""
-    for index, each in enumerate(fitted.model.mechanisms[:-1]):
+def _retuned(fitted: Fitted, given: int) -> Fitted:
+    """The same with delays and levels refined beside what was added since, where less is left of held-out data.
+
+    The first ``given`` are the circuit's own. Zones of a loss, which stand on a grid till then, are refined here alone.
+    """
+    for index, each in list(enumerate(fitted.model.mechanisms))[given:]:
         if each.driver is not None and each.driver.level is not None:
             again = sharpened(fitted, index)
             again = again if fitted.validated is None else again.refitted()
