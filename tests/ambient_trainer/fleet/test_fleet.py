@@ -105,6 +105,8 @@ def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, 
         assert word in failed[name], name
     assert json.loads((tmp_path / "one.json").read_text())["failed"] == failed.to_dict()
     assert trainer(*asked, "-o", tmp_path / "two", "--strict")[0] == 1
+    status, _, error = trainer(*asked, "-o", tmp_path / "three", "--diagnose", "nophone")
+    assert (status, error.startswith("ambient-trainer: --diagnose: none is called 'nophone'")) == (1, True)
 
 
 def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monkeypatch):

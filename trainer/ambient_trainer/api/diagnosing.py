@@ -65,7 +65,7 @@ class DiagnosisResult(Result):
         if later is None:
             return report
         what = (
-            f"On {later.samples:,} samples from {later.from_s:g} s on, which no step has seen, the circuit is "
+            f"On {later.samples:,} samples from {later.from_s:.10g} s on, which no step has seen, the circuit is "
             f"{later.bare_rmse_degC:.2f} degC off, with what was found {later.extended_rmse_degC:.2f} degC (RMSE)."
         )
         if later.extended_rmse_degC > later.bare_rmse_degC:

@@ -59,7 +59,7 @@ def window_options(command: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(command)
     def with_window(from_s: float | None, to_s: float | None, **rest: Any) -> Any:
         if from_s is not None and to_s is not None and not from_s < to_s:
-            raise click.UsageError(f"--from {from_s:g} does not come before --to {to_s:g}")
+            raise click.UsageError(f"--from {from_s:.10g} does not come before --to {to_s:.10g}")
         return command(from_s=from_s, to_s=to_s, **rest)
 
     return with_window

@@ -59,7 +59,7 @@ def later_errors(bare: Circuit, extended: Circuit | None, traces: Sequence[Trace
     before = _residual_degC(bare, traces, from_s)
     scored = np.isfinite(before)
     if not scored.any():
-        problem = f"no sensor is read from {from_s:g} s on"
+        problem = f"no sensor is read from {from_s:.10g} s on"
         raise refuse("--later", ", ".join(trace.path for trace in traces), problem, "choose an earlier time")
     after = before if extended is None else _residual_degC(_read_again(extended), traces, from_s)
     samples = int(scored.any(axis=0).sum())

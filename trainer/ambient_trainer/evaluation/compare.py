@@ -51,7 +51,7 @@ def split_contest(trace: Trace, split_s: float) -> Contest:
     """Fit to the trace before ``split_s``, score on the rest of it."""
     first_s, last_s = trace.time_s[0], trace.time_s[-1]
     if not first_s < split_s <= last_s:
-        problem = f"{split_s:g} s leaves nothing on one side of {trace.path} ({first_s:g} to {last_s:g} s)"
+        problem = f"{split_s:.10g} s leaves nothing on one side of {trace.path} ({first_s:.10g} to {last_s:.10g} s)"
         raise refuse("--split", "", problem, "choose a time in between")
     return Contest([trace.cut(None, split_s)], trace, split_s)
 

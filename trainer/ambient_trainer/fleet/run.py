@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from ambient_model import __version__
-from ambient_model.faults import refuse
+from ambient_model.faults import Refused, refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import sha256_of
 from ambient_trainer.estimators.base import USUAL, Effort
@@ -80,7 +80,10 @@ def fit_fleet(
     if question.sensors and not estimator(question.circuit, question.sensors).reads_any:
         raise refuse("--sensors", "", f"{question.circuit} names its own", "leave them out")
     if question.forward is not None:
-        thermal_circuit(question.forward)
+        try:
+            thermal_circuit(question.forward)
+        except Refused as refused:  # a name that none has is refused as --circuit's
+            raise Refused(refused.source.replace("--circuit", "--diagnose"), list(refused.faults)) from refused
     progress("listing units", 0, 1)
     listed = entries(question.path, question.source)
     parts = Parts(folder, _identity(question, listed), resume, engine, progress)

@@ -116,7 +116,7 @@ def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> st
         meanwhile = frame.drop(columns=name).iloc[start:stop]
         moved = (meanwhile.max() - meanwhile.min()).fillna(0.0)
         if moved.quantile(0.25) > _MEANWHILE_K:
-            place = f"{frame[name].iloc[start]:g} degC from {time_s[start]:g} s on for {lasted_s:.0f} s"
+            place = f"{frame[name].iloc[start]:g} degC from {time_s[start]:.10g} s on for {lasted_s:.0f} s"
             return f"stuck: {place}, while the others moved by {moved.median():.1f} degC (median)"
     return None
 
