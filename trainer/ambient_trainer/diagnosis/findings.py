@@ -247,11 +247,14 @@ def _offset_or_heat(one: Mechanism, other: Mechanism) -> bool:
 
 
 def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
-    """Every candidate for the first step, each compared by itself; none is taken where none is ``named``."""
+    """Every candidate for the first step, each compared by itself, in its best form; none is taken where none is
+    ``named``."""
     taken = {each.chosen.mechanism.key for each in selection.steps[:1] if each.chosen is not None and named}
-    return tuple(
-        _ranked(selection.compared, trial, trial.mechanism.key in taken) for trial in selection.compared.trials
-    )
+    best: dict[object, Trial] = {}
+    for trial in selection.compared.trials:
+        mechanism = trial.mechanism
+        best.setdefault((mechanism.key, mechanism.onset_s, mechanism.end_s), trial)
+    return tuple(_ranked(selection.compared, trial, trial.mechanism.key in taken) for trial in best.values())
 
 
 def _ranked(step: Chosen, trial: Trial, taken: bool) -> Ranked:

@@ -84,6 +84,11 @@ def test_every_key_of_the_contract_is_there(done, folder):
         assert ranked["gain"]["held_out"] is True
         assert 0 <= ranked["gain"]["p_value"] <= 1
     assert [each["remark"] for each in data["ranking"]].count("taken") == 1
+    effects = [
+        tuple(map(str, (each[key] for key in ("cause", "location", "signal", "onset_s", "end_s"))))
+        for each in data["ranking"]
+    ]
+    assert len(set(effects)) == len(effects)
     assert data["candidates_tried"] > len(data["ranking"])
     assert data["residuals"]["heat_unit"] == "K/s"  # this circuit has no power
     assert data["residuals"]["sensors"].keys() == {"board", "shell"}
