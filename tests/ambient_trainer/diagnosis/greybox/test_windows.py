@@ -28,16 +28,19 @@ def test_a_lag_is_refined_though_its_heat_is_not_the_last(circuit, simulated, re
     assert again.rmse_degC < 0.5 * first.rmse_degC
 
 
-def test_a_zone_leaves_the_grid_once_all_is_there(circuit, simulated, recorded):
+@pytest.mark.parametrize("sun_m2", [0.0, 0.0006])
+def test_a_zone_leaves_the_grid_once_all_is_there_and_shows_what_it_hid(sun_m2, circuit, simulated, recorded):
     trace = simulated(
         1,
-        heat_W=lambda now, degC: now["current_A"] ** 2,
+        heat_W=lambda now, degC: now["current_A"] ** 2 + sun_m2 * now["sun_W_m2"],
         conductance_W_K=lambda now, degC: 1.2 if now["ambient_degC"] > 20 else 0.4,
     )
     zone = ZoneLoss(
         ("board",), (Number("change_board", "1", 0.5, low=-0.9, high=9.0),), Expression("ambient_degC > 23")
     )
-    offered = [zone, heat("current_A^2", 1.0)]
+    offered = [zone, heat("current_A^2", 1.0), heat("sun_W_m2", 0.001)]
     found = stepwise(bare_fit(GreyBox.of(circuit), recorded(trace)), offered=lambda *given: iter(offered)).final.model
     (level,) = (each.driver.level for each in found.mechanisms if each.cause == "convection_law")
     assert level == pytest.approx(20, abs=0.5)
+    driven = {each.driver.text for each in found.mechanisms if each.cause == "heat_source"}
+    assert driven == {"current_A^2", *(["sun_W_m2"] if sun_m2 else [])}

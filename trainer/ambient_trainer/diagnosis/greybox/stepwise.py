@@ -88,12 +88,19 @@ def stepwise(
         pair = _pair(step, limits, offered, partial(_numbered, said, 1)) if beside and not steps else []
         steps += pair or [_compact(step) if steps else step]
         last = steps[-1].chosen
-        if last is None:
+        if last is not None:
+            _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
+            fitted = pruned(last.fitted, given)
+            continue
+        coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
+        if np.log(coarse_degC / fitted.held_out_rmse_degC) < LEAST_GAIN:
             break
-        _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
-        fitted = pruned(last.fitted, given)
+        # a delay or a level on its grid may have hidden something
+        steps.pop()
+    else:
+        fitted = _retuned(fitted, given)
     assert alone is not None
-    return Selection(bare, _retuned(fitted, given), tuple(_logged_first(steps)), alone)
+    return Selection(bare, fitted, tuple(_logged_first(steps)), alone)
 
 
 def _retuned(fitted: Fitted, given: int) -> Fitted:
