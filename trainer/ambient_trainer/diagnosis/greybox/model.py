@@ -301,7 +301,6 @@ def bare_network(circuit: Circuit, record: Record, free: dict[str, Array], lanes
         [node.name for node in prescribed],
         np.array([record.inputs[rows[f"{node.sensor}_degC"]] for node in prescribed]),
         np.zeros((lanes, count, len(prescribed))),
-        np.zeros((lanes, count, record.samples)),
         np.array([states.index(next(iter(output.states or ()))) for output in circuit.outputs]),
         tuple(output.name for output in circuit.outputs),
     )
@@ -316,6 +315,5 @@ def bare_network(circuit: Circuit, record: Record, free: dict[str, Array], lanes
                 network.to_boundary[:, states.index(inner), network.boundary(outer)] += conductance
     network.loss = network.to_boundary.copy()
     for source in circuit.sources:
-        into = states.index(source.into)
-        network.heat[:, into] += value[source.share][:, None] * record.inputs[rows[source.signal]]
+        network.heat.append((states.index(source.into), value[source.share], record.inputs[rows[source.signal]]))
     return network

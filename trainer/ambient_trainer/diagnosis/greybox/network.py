@@ -67,9 +67,12 @@ class Network:
     boundaries: list[str]
     boundary_degC: Array
     to_boundary: Array
-    heat: Array
     reads: NDArray[np.intp]
     sensors: tuple[str, ...]
+    heat: list[tuple[int, Array, Array]] = field(default_factory=list)
+    """Into a node, so much in each lane (P,) of what drives it (N,)."""
+    flows: list[tuple[Any, Array]] = field(default_factory=list)
+    """Heat that has another course in each lane: nodes (k,), W (P, k, N)."""
     loss: Array = field(default_factory=lambda: np.zeros(0))
     """To each boundary as the circuit has it (P, n, b): what varies is a share of that."""
     varying: list[tuple[NDArray[np.intp], Array, Array]] = field(default_factory=list)
@@ -111,7 +114,6 @@ class Network:
         self.capacitance = np.concatenate([self.capacitance, capacitance[:, None]], axis=1)
         self.between = np.pad(self.between, ((0, 0), (0, 1), (0, 1)))
         self.to_boundary = np.pad(self.to_boundary, ((0, 0), (0, 1), (0, 0)))
-        self.heat = np.pad(self.heat, ((0, 0), (0, 1), (0, 0)))
         self.loss = np.pad(self.loss, ((0, 0), (0, 1), (0, 0)))
         return len(self.nodes) - 1
 
@@ -129,11 +131,21 @@ class Network:
 
     def simulate(self, start_degC: Array) -> Array:
         """What the sensors read, (P, s, N / every), from ``start_degC`` (P, n); lanes that run away are not finite."""
-        return self.read(self.nodes_degC(start_degC))
+        out, modes = self._modes(start_degC)
+        with np.errstate(all="ignore"):
+            return self._sensed(out[:, self.reads] @ modes)
+
+    def nodes_degC(self, start_degC: Array) -> Array:
+        """All nodes, (P, n, N)."""
+        out, modes = self._modes(start_degC)
+        with np.errstate(all="ignore"):
+            return np.asarray(out @ modes)
 
     def read(self, nodes_degC: Array) -> Array:
         """What the sensors make of all nodes (P, n, N), (P, s, N / every): means over the steps of a reading."""
-        read = nodes_degC[:, self.reads]
+        return self._sensed(nodes_degC[:, self.reads])
+
+    def _sensed(self, read: Array) -> Array:
         # a lane that runs away is not finite
         with np.errstate(all="ignore"):
             for change in self.readings:
@@ -186,12 +198,11 @@ class Network:
         active = self._active()
         along = [nodes_degC[each] if each < len(nodes_degC) else nodes_degC.mean(axis=0) for each in active]
         if along:
-            self.heat = self.heat.copy()
-            self.heat[:, active] += heat_along(np.array(along), self._terms(active))
+            self.flows.append((active, heat_along(np.array(along), self._terms(active))))
         self.varying, self.pairs, self.powers, self.phases = [], [], [], []
 
-    def nodes_degC(self, start_degC: Array) -> Array:
-        """All nodes, (P, n, N)."""
+    def _modes(self, start_degC: Array) -> tuple[Array, Array]:
+        """What nodes make of modes (P, n, n), and these (P, n, N)."""
         root = np.sqrt(self.capacitance)
         loss = self.between.sum(axis=2) + self.to_boundary.sum(axis=2)
         coupled = self.between / (root[:, :, None] * root[:, None, :])
@@ -200,14 +211,22 @@ class Network:
         rates, Q = np.linalg.eigh(coupled)
         rates = np.minimum(rates, -1e-12)
         into, out = Q.transpose(0, 2, 1) / root[:, None, :], Q / root[:, :, None]
-        drive = into @ (self.to_boundary @ self.boundary_degC + self.heat)
         kept, before, now = lag_weights(-1.0 / rates, self.period_s)
         before, now = -before / rates, -now / rates
         first = (Q.transpose(0, 2, 1) @ (root * start_degC)[:, :, None])[:, :, 0]
-        modes = filtered(drive, kept, before, now, first)
+        modes = filtered(self._drive(into), kept, before, now, first)
         if self.nonlinear:
             active = self._active()
             out_k, into_k = np.ascontiguousarray(out[:, active]), np.ascontiguousarray(into[:, :, active])
             modes += answered(out_k @ modes, kept, before, now, into_k, out_k, self._terms(active))
-        with np.errstate(all="ignore"):
-            return np.asarray(out @ modes)
+        return out, modes
+
+    def _drive(self, into: Array) -> Array:
+        """What comes into modes that take so much of each node's heat (P, n, n): (P, n, N)."""
+        heated = [node for node, _, _ in self.heat]
+        amounts = np.column_stack([np.zeros((self.lanes, 0)), *(amount for _, amount, _ in self.heat)])
+        weights = np.concatenate([into @ self.to_boundary, into[:, :, heated] * amounts[:, None, :]], axis=2)
+        drive: Array = weights @ np.concatenate([self.boundary_degC, *(row[None] for _, _, row in self.heat)])
+        for nodes, flow in self.flows:
+            drive += into[:, :, nodes] @ flow
+        return drive

@@ -52,17 +52,17 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @_compiled
 def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
-    """Modes (P, n, N) from ``first`` (P, n), by x[i] = kept x[i-1] + before u[i-1] + now u[i]."""
-    modes = np.empty_like(drive)
+    """Modes x (P, n, N) from ``first`` (P, n), in place of u: x[i] = kept x[i-1] + before u[i-1] + now u[i]."""
     for lane in range(drive.shape[0]):
         for mode in range(drive.shape[1]):
             a, b, c = kept[lane, mode], before[lane, mode], now[lane, mode]
-            state = first[lane, mode]
-            modes[lane, mode, 0] = state
+            state, last = first[lane, mode], drive[lane, mode, 0]
+            drive[lane, mode, 0] = state
             for index in range(1, drive.shape[2]):
-                state = a * state + b * drive[lane, mode, index - 1] + c * drive[lane, mode, index]
-                modes[lane, mode, index] = state
-    return modes
+                forcing = drive[lane, mode, index]
+                state = a * state + b * last + c * forcing
+                drive[lane, mode, index], last = state, forcing
+    return drive
 
 
 @_compiled

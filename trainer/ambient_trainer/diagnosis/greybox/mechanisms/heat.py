@@ -42,7 +42,7 @@ class Heat(Mechanism):
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
         for place, column in zip(self.places, values.T):
-            network.heat[:, network.index(place)] += column[:, None] * weight
+            network.heat.append((network.index(place), column, weight))
 
     def probes(self) -> Sequence[Sequence[float]]:
         return [[number.scale if each is number else 0.0 for each in self.numbers] for number in self.numbers]

@@ -117,7 +117,8 @@ class Clock(_Linear):
         air = network.boundary(AMBIENT)
         logged, place = network.boundary_degC[air], np.arange(record.samples, dtype=float)
         shifted = np.array([np.interp(place + shift, place, logged) for shift in values[:, 0] / record.period_s])
-        network.heat += network.loss[:, :, air, None] * (shifted - logged)[:, None]
+        every = np.arange(len(network.nodes))
+        network.flows.append((every, network.loss[:, :, air, None] * (shifted - logged)[:, None]))
 
 
 @dataclass(frozen=True)
