@@ -53,15 +53,19 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 @_compiled
 def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
     """Modes x (P, n, N) from ``first`` (P, n), in place of u: x[i] = kept x[i-1] + before u[i-1] + now u[i]."""
-    for lane in range(drive.shape[0]):
-        for mode in range(drive.shape[1]):
-            a, b, c = kept[lane, mode], before[lane, mode], now[lane, mode]
-            state, last = first[lane, mode], drive[lane, mode, 0]
-            drive[lane, mode, 0] = state
-            for index in range(1, drive.shape[2]):
+    lanes, count, samples = drive.shape
+    state, last = np.empty(count), np.empty(count)
+    for lane in range(lanes):
+        state[:] = first[lane]
+        last[:] = drive[lane, :, 0]
+        drive[lane, :, 0] = state
+        # mode by mode each sample would wait for the one before
+        for index in range(1, samples):
+            for mode in range(count):
                 forcing = drive[lane, mode, index]
-                state = a * state + b * last + c * forcing
-                drive[lane, mode, index], last = state, forcing
+                forced = before[lane, mode] * last[mode] + now[lane, mode] * forcing
+                state[mode] = kept[lane, mode] * state[mode] + forced
+                drive[lane, mode, index], last[mode] = state[mode], forcing
     return drive
 
 
