@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ambient_trainer.lti.reduce import reduced
 from ambient_trainer.lti.response import noise_gain, response_degC, states
-from ambient_trainer.lti.statespace import StateSpace, dc_gain
+from ambient_trainer.lti.statespace import StateSpace, dc_gain, reduced
 
 
 def system(A, B, C):

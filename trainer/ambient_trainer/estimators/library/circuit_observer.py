@@ -27,9 +27,8 @@ from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
 from ambient_trainer.estimators.searched import MODES, fit_of, late, rescored, with_fallbacks_and_variance
 from ambient_trainer.lti.lag import lagged
-from ambient_trainer.lti.reduce import reduced
 from ambient_trainer.lti.response import response, response_degC, response_slopes
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti.statespace import StateSpace, reduced
 
 _COMPLEX_STEP = 1e-30
 
