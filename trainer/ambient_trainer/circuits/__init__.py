@@ -4,19 +4,3 @@ from ambient_trainer.circuits.assemble import Assembled, assemble
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter, Source
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
 from ambient_trainer.circuits.write import save_circuit, write_circuit
-
-__all__ = [
-    "Assembled",
-    "Circuit",
-    "Edge",
-    "Node",
-    "Output",
-    "Parameter",
-    "Source",
-    "assemble",
-    "circuit_names",
-    "load_circuit",
-    "parse_circuit",
-    "save_circuit",
-    "write_circuit",
-]

@@ -18,25 +18,3 @@ from ambient_trainer.cli.options import (
 )
 from ambient_trainer.cli.output import Output, printer
 from ambient_trainer.cli.progress import counted_progress, fit_progress, staged_progress
-
-__all__ = [
-    "Finite",
-    "FiniteRange",
-    "Output",
-    "assigned",
-    "circuit_option",
-    "counted_progress",
-    "effort_options",
-    "fit_progress",
-    "jobs_option",
-    "names",
-    "output_options",
-    "period_option",
-    "printer",
-    "sampling_option",
-    "seed_option",
-    "staged_progress",
-    "starts_option",
-    "whole_numbers",
-    "window_options",
-]

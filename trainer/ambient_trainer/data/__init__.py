@@ -12,18 +12,6 @@ if TYPE_CHECKING:
     from ambient_trainer.data.plugins import plugin, plugin_names
     from ambient_trainer.data.trace import Array, Trace, load_trace, save_trace
 
-__all__ = [
-    "Array",
-    "Segment",
-    "Trace",
-    "load_trace",
-    "plugin",
-    "plugin_names",
-    "sampling_period_s",
-    "save_trace",
-    "segments",
-]
-
 _PLACES = {
     **dict.fromkeys(("Segment", "sampling_period_s", "segments"), "grid"),
     **dict.fromkeys(("plugin", "plugin_names"), "plugins"),

@@ -3,5 +3,3 @@
 from ambient_trainer.estimation.search import Progress, search
 from ambient_trainer.estimation.structure import Structure, Unknowns
 from ambient_trainer.estimation.workers import results, workers
-
-__all__ = ["Progress", "Structure", "Unknowns", "results", "search", "workers"]

@@ -4,14 +4,3 @@ from ambient_trainer.estimators.base import USUAL, Effort, Fit, error_quantiles
 from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
-
-__all__ = [
-    "USUAL",
-    "Effort",
-    "Fit",
-    "FreeFilterEstimator",
-    "error_quantiles",
-    "estimate_degC",
-    "estimator",
-    "thermal_circuit",
-]

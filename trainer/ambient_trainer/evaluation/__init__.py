@@ -3,14 +3,3 @@
 from ambient_trainer.evaluation import correction
 from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, Metrics, rolling_band, score
-
-__all__ = [
-    "ROLLING_LEVEL_PERCENT",
-    "ROLLING_SAMPLES",
-    "Evaluation",
-    "Metrics",
-    "correction",
-    "evaluate_trace",
-    "rolling_band",
-    "score",
-]

@@ -4,15 +4,3 @@ from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.lag import lag_weights, lagged, low_pass
 from ambient_trainer.lti.response import response_degC, response_slopes
 from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
-
-__all__ = [
-    "Hold",
-    "StateSpace",
-    "dc_gain",
-    "discretised",
-    "lag_weights",
-    "lagged",
-    "low_pass",
-    "response_degC",
-    "response_slopes",
-]

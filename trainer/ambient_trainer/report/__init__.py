@@ -51,5 +51,3 @@ from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Repo
 
 if TYPE_CHECKING:
     from ambient_trainer.report import palette, plots  # numpy: commands should not wait for it
-
-__all__ = ["Block", "Facts", "Figure", "Finding", "Report", "Section", "Status", "Table", "palette", "plots"]
