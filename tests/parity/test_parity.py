@@ -17,9 +17,9 @@ from ambient_model.trace import write_trace
 from ambient_model.tracking import Tracker
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.error_variance import sigma_degC
+from ambient_trainer.estimation.search import Budget
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.estimate import blended
 from ambient_trainer.estimators.library.free import FreeFilterEstimator

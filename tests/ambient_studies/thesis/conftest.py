@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from ambient_studies.thesis.reproduction import Runs, all_methods
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.budget import Budget
+from ambient_trainer.estimation.search import Budget
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.simulator import simulate
 

@@ -6,7 +6,7 @@ import pytest
 from ambient_studies.thesis.related._ratios import FirstOrderRatios
 from ambient_studies.thesis.related._samples import lagged
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.separable import project
+from ambient_trainer.estimation.structure import project
 
 TAUS_S = np.array([15.0, 90.0])
 PERIOD_S = 2.0

@@ -15,7 +15,7 @@ import pytest
 
 import ambient_trainer as at
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.budget import Budget
+from ambient_trainer.estimation.search import Budget
 
 VERBS = ("", "fitting", "evaluating", "simulating", "data")
 SLOW_EXAMPLE = pytest.param(".api.diagnosing", marks=pytest.mark.slow)

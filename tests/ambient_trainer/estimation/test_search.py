@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.search import search
+from ambient_trainer.estimation.search import Budget, search
 from ambient_trainer.estimation.uncertainty import uncertainty
 from ambient_trainer.lti.discretise import discretised
 

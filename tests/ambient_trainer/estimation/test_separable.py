@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import Unknowns
+from ambient_trainer.estimation.structure import Unknowns, project
 
 THETA = np.array([0.3, -0.8])
 

@@ -11,7 +11,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.separable import linearise, project
+from ambient_trainer.estimation.structure import linearise, project
 from ambient_trainer.lti.discretise import discretised
 
 CIRCUITS = (

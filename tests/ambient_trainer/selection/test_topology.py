@@ -7,7 +7,7 @@ from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.separable import linearise
+from ambient_trainer.estimation.structure import linearise
 from ambient_trainer.lti.response import response_degC
 from ambient_trainer.selection.search import circuit_structure
 from ambient_trainer.selection.topology import (

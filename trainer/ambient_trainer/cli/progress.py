@@ -82,7 +82,7 @@ def _bar(patience_s: float, *numbers: ProgressColumn) -> Iterator[Show]:
 
 @contextlib.contextmanager
 def _cancelled_by_interrupt(effort: at.Effort) -> Iterator[None]:
-    from ambient_trainer.estimation.budget import Cancelled  # numpy: --help should not wait for it
+    from ambient_trainer.estimation.search import Cancelled  # numpy: --help should not wait for it
 
     if threading.current_thread() is not threading.main_thread():
         yield

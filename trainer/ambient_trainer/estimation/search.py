@@ -1,20 +1,19 @@
 """The search from several starts, on what variable projection leaves of the problem.
 
-A budget or a cancel token ends it between two evaluations; the result is then the best so far, marked as stopped.
+A budget or a cancel token ends it between two evaluations, never an exception raised on itself; the result is then the
+best so far, marked as stopped. Who cancels holds the token; who searches asks it.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.budget import Budget
-from ambient_trainer.estimation.separable import project
-from ambient_trainer.estimation.structure import Structure
+from ambient_trainer.estimation.structure import Structure, project
 
 _LONGEST_STEP = 2.0
 _SHORT = 1e-5
@@ -22,6 +21,41 @@ _SMALLEST_GAIN = 1e-10
 _SMALLEST_STEP = 1e-9
 _STUCK = 1e6
 _CRAWL = 1e-4
+
+
+class Cancelled(Exception):
+    """Raised where cancelled work has no result that is of use: nothing was searched to the end."""
+
+
+class CancelToken:
+    """Asks whatever holds it to stop soon; ``cancelled`` says whether :meth:`cancel` was called."""
+
+    def __init__(self) -> None:
+        self.cancelled = False
+
+    def cancel(self) -> None:
+        """Ask to stop; safe in a signal handler."""
+        self.cancelled = True
+
+    def check(self) -> None:
+        """Raise :class:`Cancelled` where this was cancelled: for work whose part is of no use."""
+        if self.cancelled:
+            raise Cancelled
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much a search may spend: so many ``evaluations`` over all starts, or without a limit beyond each descent's.
+
+    ``cancel`` ends it after the evaluation under way.
+    """
+
+    evaluations: int | None = None
+    cancel: CancelToken = field(default_factory=CancelToken)
+
+    def spent(self, evaluations: int) -> bool:
+        """Whether to stop after so many evaluations."""
+        return self.cancel.cancelled or (self.evaluations is not None and evaluations >= self.evaluations)
 
 
 class Evaluation(NamedTuple):

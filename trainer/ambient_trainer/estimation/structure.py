@@ -1,16 +1,35 @@
 """A structure is what can be fitted: outputs that are linear in some unknowns beta and not in the others, theta.
 
 y_o = f_o(theta) + sum_i beta_i F_oi(theta)
+
+Those that enter linearly are solved for exactly inside the search (variable projection). For min |t - F(theta) beta|
+the best beta is F^+ t, the residual rho = P t with P = I - F F^+, and, with d the slopes of the outputs at that beta
+(Kaufman, BIT 15, 1975),
+
+    d rho = -P d.
+
+What this leaves of the derivative (Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973) is orthogonal to rho: the
+gradient is exact. Where bounds hold some of beta, those columns count as known.
+
+Samples enter by inner products alone. So no residual of N samples goes into the search: QR factorisations shrink t, F
+and d to as many rows as they are columns.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgeqrf
+from scipy.optimize import lsq_linear
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
+
+_RANK_TOLERANCE = 1e-11
+_BLOCK_SAMPLES = 2048
 
 
 @dataclass(frozen=True)
@@ -56,3 +75,95 @@ class Structure(ABC):
         """The outputs (q, N) of segment ``index``."""
         fixed, free = self.regressors(theta, index)
         return np.asarray(fixed + np.tensordot(beta, free, 1))
+
+
+class Linearised(NamedTuple):
+    """The least-squares problem about theta and beta, in r compressed rows: target ~ free beta + slopes dtheta.
+
+    beta (p,), which of it no bound holds (``loose``), target (r,), free (r, p) and slopes (r, P).
+    """
+
+    beta: Array
+    loose: NDArray[np.bool_]
+    target: Array
+    free: Array
+    slopes: Array
+
+
+class Projected(NamedTuple):
+    """beta (p,), the residual rho (r,) in compressed rows, and its Jacobian in theta (r, P)."""
+
+    beta: Array
+    residual: Array
+    jacobian: Array
+
+
+def project(structure: Structure, theta: Array) -> Projected:
+    """Solve for the linear unknowns within their bounds and differentiate what is left."""
+    beta, loose, target, free, slopes = linearise(structure, theta)
+    U, _ = _pseudo_inverse(free[:, loose])
+    return Projected(beta, target - free @ beta, U @ (U.T @ slopes) - slopes)
+
+
+def linearise(structure: Structure, theta: Array, beta: Array | None = None) -> Linearised:
+    """The compressed problem of ``structure`` at ``theta`` over all its segments; by default at the best beta."""
+    p, known = len(structure.linear.names), [~np.isnan(each.outputs) for each in structure.segments]
+    tables = []
+    for index, segment in enumerate(structure.segments):
+        fixed, free = structure.regressors(theta, index)
+        tables.append(np.concatenate([_at(known[index], free), _at(known[index], (segment.outputs - fixed)[None])]))
+    loose = np.ones(p, dtype=bool)
+    if beta is None:
+        R = _triangle(tables)
+        beta, loose = _solved(R[:, :p], R[:, p], structure.linear)
+    slopes = (_at(known[index], structure.slopes(theta, beta, index)) for index in range(len(tables)))
+    R = _triangle(np.concatenate(each) for each in zip(tables, slopes))
+    return Linearised(beta, loose, R[:, p], R[:, :p], R[:, p + 1 :])
+
+
+def _at(known: NDArray[np.bool_], rows: Array) -> Array:
+    """The rows (c, q, N) at the samples of all outputs that are ``known``, (c, K)."""
+    return rows.reshape(len(rows), known.size) if known.all() else rows[:, known]
+
+
+def _triangle(tables: Iterable[Array]) -> Array:
+    """The R of a QR factorisation of tables (c, N), transposed: c rows with the same inner products.
+
+    In blocks of samples that stay in the cache, and without the columns that are zero in a segment.
+    """
+    triangles = []
+    for table in tables:
+        used = np.flatnonzero(table.any(axis=1))
+        rows, upper = table[used], np.tri(len(used), dtype=bool).T
+        for start in range(0, rows.shape[1], _BLOCK_SAMPLES):
+            # the transpose has the columns where LAPACK wants them: nothing is copied
+            packed, _, _, _ = dgeqrf(rows[:, start : start + _BLOCK_SAMPLES].copy().T, overwrite_a=1)
+            triangle = np.zeros((min(packed.shape), len(table)))
+            triangle[:, used] = packed[: len(triangle)] * upper[: len(triangle)]
+            triangles.append(triangle)
+    return np.asarray(np.linalg.qr(np.concatenate(triangles), mode="r"))
+
+
+def _solved(free: Array, target: Array, bounds: Unknowns) -> tuple[Array, NDArray[np.bool_]]:
+    """The best beta (p,) within ``bounds``, and which of it no bound holds."""
+    beta = _pseudo_inverse(free)[1] @ target
+    if ((beta >= bounds.low) & (beta <= bounds.high)).all():
+        return beta, np.ones(len(beta), dtype=bool)
+    solution = lsq_linear(free, target, (bounds.low, bounds.high), method="bvls")
+    held, loose = solution.active_mask, solution.active_mask == 0
+    beta = np.where(held < 0, bounds.low, np.where(held > 0, bounds.high, solution.x))
+    # what the bounds leave loose is solved exactly, so that the derivative above is that of the solution
+    _, inverse = _pseudo_inverse(free[:, loose])
+    beta[loose] = np.clip(inverse @ (target - free[:, ~loose] @ beta[~loose]), bounds.low[loose], bounds.high[loose])
+    return beta, loose
+
+
+def _pseudo_inverse(F: Array) -> tuple[Array, Array]:
+    """An orthonormal basis of the columns (r, k) and the pseudo-inverse (p, r)."""
+    if not F.shape[1]:
+        return np.zeros((F.shape[0], 0)), np.zeros((0, F.shape[0]))
+    scale = np.linalg.norm(F, axis=0)
+    scale[scale == 0] = 1.0
+    U, singular, Vt = np.linalg.svd(F / scale, full_matrices=False)
+    kept = singular > _RANK_TOLERANCE * singular[0]
+    return U[:, kept], (Vt[kept].T / singular[kept]) @ U[:, kept].T / scale[:, None]

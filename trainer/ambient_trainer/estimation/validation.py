@@ -15,9 +15,8 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.budget import Budget
 from ambient_trainer.estimation.error_variance import Moment
-from ambient_trainer.estimation.search import Progress, Solution, search
+from ambient_trainer.estimation.search import Budget, Progress, Solution, search
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import residuals
 

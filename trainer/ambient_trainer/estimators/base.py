@@ -15,8 +15,7 @@ from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.grid import Segment, sampling_period_s, segments
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.budget import Budget
-from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.search import Budget, Progress
 from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimators.estimate import blended, estimate_degC
 from ambient_trainer.lti.discretise import discretised

@@ -19,7 +19,7 @@ from ambient_trainer.data.grid import Segment, segments
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimation.separable import project
+from ambient_trainer.estimation.structure import project
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import CircuitEstimator, circuit_structure
 from ambient_trainer.evaluation.profile import Profile, Values, held, profile, starting_at

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.separable import linearise
+from ambient_trainer.estimation.structure import linearise
 
 Exponents = dict[str, float]
 

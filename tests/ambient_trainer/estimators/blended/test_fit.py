@@ -9,8 +9,7 @@ import pytest
 from ambient_model.codec import decode, encode
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.budget import Cancelled
-from ambient_trainer.estimation.search import Progress
+from ambient_trainer.estimation.search import Cancelled, Progress
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
 from ambient_trainer.estimators.model_file import model_of
