@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ambient_trainer.data.grid import Segment, sampling_period_s, segments
     from ambient_trainer.data.plugins import plugin, plugin_names
+    from ambient_trainer.data.resolution import noise_of, resolution_of, rounded
     from ambient_trainer.data.trace import Array, Trace, load_trace, save_trace
 
 _PLACES = {
     **dict.fromkeys(("Segment", "sampling_period_s", "segments"), "grid"),
     **dict.fromkeys(("plugin", "plugin_names"), "plugins"),
+    **dict.fromkeys(("noise_of", "resolution_of", "rounded"), "resolution"),
     **dict.fromkeys(("Array", "Trace", "load_trace", "save_trace"), "trace"),
 }
 

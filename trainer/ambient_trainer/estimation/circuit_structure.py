@@ -11,14 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.circuits.assemble import Assembled, assemble
-from ambient_trainer.circuits.circuit import Circuit, Parameter
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.circuits import Assembled, Circuit, Parameter, assemble
+from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation.structure import Structure, Unknowns
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.response import response, response_slopes, states
-from ambient_trainer.lti.statespace import StateSpace, passive_modes
+from ambient_trainer.lti import StateSpace, discretised, passive_modes, response_slopes, states
+from ambient_trainer.lti.response import response
 
 _SLOWEST_PER_S = 1e-15
 

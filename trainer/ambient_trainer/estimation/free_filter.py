@@ -18,11 +18,9 @@ import numpy as np
 from scipy.linalg import block_diag, expm
 from scipy.signal import lfilter
 
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation.structure import Structure, Unknowns
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti import StateSpace, discretised
 
 _FASTEST_PER_PERIOD = 2.0
 _TIMES_SHOWN = 10

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgeqrf
 from scipy.optimize import lsq_linear
 
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, Segment
 
 _RANK_TOLERANCE = 1e-11
 _BLOCK_SAMPLES = 2048

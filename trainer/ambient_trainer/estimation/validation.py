@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ambient_model.faults import refuse
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation.error_variance import Moment
 from ambient_trainer.estimation.search import Budget, Progress, Solution, search
 from ambient_trainer.estimation.structure import Structure

@@ -13,14 +13,10 @@ from threadpoolctl import threadpool_limits
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.model import LEVELS_PERCENT, ErrorVariance, Quantiles
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.grid import Segment, sampling_period_s, segments
-from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.estimation.search import Budget, Progress
-from ambient_trainer.estimation.structure import Structure
+from ambient_trainer.data import Array, Segment, Trace, sampling_period_s, segments
+from ambient_trainer.estimation import Budget, Progress, Structure
 from ambient_trainer.estimators.estimate import blended, estimate_degC
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.response import response_degC
-from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
+from ambient_trainer.lti import Hold, StateSpace, dc_gain, discretised, response_degC
 
 STATIC_LINEAR = "static linear"
 """What a model file calls it."""

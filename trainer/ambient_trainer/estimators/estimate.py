@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from ambient_model.model import Discrete, Estimator, Input, Matrix
 from ambient_model.trace import split_column
 from ambient_model.tracking import Tracker
-from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.response import response_degC
-from ambient_trainer.lti.statespace import Hold, StateSpace, equilibrium
+from ambient_trainer.data import Array, Trace, sampling_period_s
+from ambient_trainer.lti import Hold, StateSpace, discretised, equilibrium, response_degC
 
 
 def estimate_degC(system: StateSpace, hold: Hold, inputs: Sequence[str], trace: Trace) -> Array:

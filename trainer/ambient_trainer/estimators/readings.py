@@ -13,15 +13,10 @@ from threadpoolctl import threadpool_limits
 from ambient_model.model import ReadingModel, SensorLimits
 from ambient_model.trace import REFERENCE
 from ambient_model.validation import SLOW_S
-from ambient_trainer.data.grid import segments
-from ambient_trainer.data.resolution import noise_of, resolution_of
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace, noise_of, resolution_of, segments
 from ambient_trainer.estimators.base import Fit, slowest_period_s
 from ambient_trainer.estimators.estimate import matrix
-from ambient_trainer.lti.discretise import discretised
-from ambient_trainer.lti.lag import low_pass
-from ambient_trainer.lti.response import response_degC, states
-from ambient_trainer.lti.statespace import equilibrium
+from ambient_trainer.lti import discretised, equilibrium, low_pass, response_degC, states
 
 _LAGS_S = ((20.0, 200.0), (60.0, 600.0), (30.0, 200.0, 1200.0))
 """From the body of a sensor to the whole device."""

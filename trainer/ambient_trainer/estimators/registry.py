@@ -7,13 +7,10 @@ from collections.abc import Sequence
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.data.grid import Segment
+from ambient_trainer.circuits import Circuit, load_circuit
+from ambient_trainer.data import Segment, Trace
 from ambient_trainer.data.plugins import plugin, plugin_names
-from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.search import Progress, search
+from ambient_trainer.estimation import CircuitStructure, Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough, training_segments
 from ambient_trainer.estimators.searched import fit_of
 

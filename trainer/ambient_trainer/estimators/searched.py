@@ -7,16 +7,12 @@ from typing import Any
 import numpy as np
 
 from ambient_model.trace import split_column
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, Segment
+from ambient_trainer.estimation import FreeFilter, Progress, SearchResult, Structure
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
-from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.search import Progress, SearchResult
-from ambient_trainer.estimation.structure import Structure
 from ambient_trainer.estimation.uncertainty import Uncertainty, residuals, uncertainty
 from ambient_trainer.estimators.base import Effort, Fit, ParameterEstimate, fit_static_linear
-from ambient_trainer.lti.response import noise_gain
-from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
+from ambient_trainer.lti import Hold, StateSpace, dc_gain, noise_gain
 
 _OPEN = float(np.log(1e3))
 """Half a 95 % interval, as a logarithm, from which on it says no more than that the parameter is positive."""

@@ -18,11 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation.validation import Block
-from ambient_trainer.lti.lag import lagged
-from ambient_trainer.lti.statespace import StateSpace
+from ambient_trainer.lti import StateSpace, lagged
 from ambient_trainer.selection.screen import Sensor
 
 _FASTEST_PERIODS = (1.0, 2.0, 5.0, 10.0)

@@ -12,8 +12,7 @@ import pandas as pd
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data.resolution import noise_of
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Trace, noise_of
 
 LOWEST_DEGC, HIGHEST_DEGC = -60.0, 200.0
 """Beyond these no zone of a device that runs can be: what reads so is not connected."""

@@ -14,11 +14,8 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.data.grid import Segment, segments
-from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.structure import Structure
+from ambient_trainer.data import Segment, Trace, segments
+from ambient_trainer.estimation import CircuitStructure, FreeFilter, Structure
 from ambient_trainer.estimation.validation import Block, Spending, cut_in_blocks, refitted
 from ambient_trainer.estimators.base import slowest_period_s, source_of
 from ambient_trainer.lti.response import noise_gain

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from ambient_model.faults import Refused
-from ambient_trainer.circuits.circuit import AMBIENT, Circuit, Edge, Form
-from ambient_trainer.circuits.schema import circuit_of_data
+from ambient_trainer.circuits import AMBIENT, Circuit, Edge, Form, circuit_of_data
 
 _CAPACITANCE_J_K = 10.0
 """Where the data leave the scale open; any value gives the same estimate."""

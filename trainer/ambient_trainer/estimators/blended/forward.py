@@ -22,12 +22,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ambient_model.trace import REFERENCE
-from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.circuits import Circuit, assemble
 from ambient_trainer.data.trace import Array
 from ambient_trainer.estimators.blended.recipe import Loss, Recipe
-from ambient_trainer.lti.lag import lagged
-from ambient_trainer.lti.statespace import passive_modes
+from ambient_trainer.lti import lagged, passive_modes
 
 _LEAST_RISE_K2 = 0.25
 """Keeps the law smooth where the rise changes its sign."""

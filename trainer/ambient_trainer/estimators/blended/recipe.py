@@ -12,8 +12,7 @@ from pydantic import AfterValidator, Field
 
 from ambient_model.faults import Fault, Refused, refuse
 from ambient_model.trace import REFERENCE, split_column
-from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import circuit_names, load_circuit
+from ambient_trainer.circuits import Circuit, circuit_names, load_circuit
 from ambient_trainer.data.strict_yaml import Strict, load_yaml, parse_yaml, validated, wrong
 
 FORMAT = "ambient-observer"

@@ -18,8 +18,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ambient_model.faults import refuse
-from ambient_trainer.data.resolution import rounded
-from ambient_trainer.data.trace import Array
+from ambient_trainer.data import Array, rounded
 from ambient_trainer.estimators.blended.forward import Plant, Record
 from ambient_trainer.estimators.blended.recipe import (
     IDLE,

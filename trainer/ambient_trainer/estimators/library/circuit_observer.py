@@ -20,15 +20,12 @@ from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from ambient_model.faults import refuse
 from ambient_model.trace import split_column
-from ambient_trainer.data.grid import Segment
-from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.search import Progress, search
-from ambient_trainer.estimation.structure import Structure, Unknowns
+from ambient_trainer.data import Array, Segment
+from ambient_trainer.estimation import Progress, Structure, Unknowns, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
 from ambient_trainer.estimators.searched import MODES, fit_of, late, rescored, with_fallbacks_and_variance
-from ambient_trainer.lti.lag import lagged
-from ambient_trainer.lti.response import response, response_degC, response_slopes
-from ambient_trainer.lti.statespace import StateSpace, reduced
+from ambient_trainer.lti import StateSpace, lagged, reduced, response_degC, response_slopes
+from ambient_trainer.lti.response import response
 
 _COMPLEX_STEP = 1e-30
 

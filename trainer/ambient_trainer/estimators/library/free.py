@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ambient_trainer.estimation.free_filter import FreeFilter
-from ambient_trainer.estimation.search import Progress, search
+from ambient_trainer.estimation import FreeFilter, Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
 from ambient_trainer.estimators.searched import MODES, filter_unknowns, fit_of
 

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ambient_trainer.data.grid import Segment
+from ambient_trainer.estimation import FreeFilter, Progress, Run, SearchResult, search, weighted_filter
 from ambient_trainer.estimation.error_variance import Moment
-from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
-from ambient_trainer.estimation.search import Progress, SearchResult, search
 from ambient_trainer.estimation.validation import held_out
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough
 from ambient_trainer.estimators.searched import filter_fit, late, with_fallbacks_and_variance

@@ -22,13 +22,9 @@ from ambient_model.faults import refuse
 from ambient_model.model import Term
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.grid import Segment, segments
-from ambient_trainer.data.resolution import resolution_of
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data import Array, Segment, Trace, resolution_of, segments
+from ambient_trainer.estimation import FreeFilter, Progress, Run, Unknowns, search, weighted_filter
 from ambient_trainer.estimation.error_variance import Moment, fit_error_variance, half_widths
-from ambient_trainer.estimation.free_filter import FreeFilter, Run, weighted_filter
-from ambient_trainer.estimation.search import Progress, search
-from ambient_trainer.estimation.structure import Unknowns
 from ambient_trainer.estimation.uncertainty import residual_memory
 from ambient_trainer.estimators.base import (
     Effort,
