@@ -27,11 +27,8 @@ class CircuitStructure(Structure):
         self.circuit, self.segments, self.free_start = circuit, segments, free_start
         positive = {each.resistance for each in circuit.edges} | {each.capacitance for each in circuit.states}
         shares = {source.share for source in circuit.sources}
-        weights = {
-            name
-            for each in circuit.outputs
-            for name in (*(each.states or {}).values(), *each.inputs.values(), each.offset)
-        }
+        read = ((*(each.states or {}).values(), *each.inputs.values(), each.offset) for each in circuit.outputs)
+        weights = {name for names in read for name in names}
         free = [each for each in circuit.parameters if each.free]
         # what appears in outputs alone
         self.linear_parameters = [each for each in free if each.name in weights - positive - shares]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -91,26 +91,22 @@ class Training(NamedTuple):
 
 def require_informative(traces: Sequence[Trace], inputs: Sequence[str], outputs: Sequence[str]) -> None:
     """Refuse traces that, taken together, hold no information on a column, naming every such column."""
-    faults = [fault for name in (*inputs, *outputs) for fault in _column_faults(traces, name, inputs, outputs)]
+    faults = []
+    for name in (*inputs, *outputs):
+        known = np.concatenate([trace.column(name) for trace in traces])
+        known = known[~np.isnan(known)]
+        # an estimate needs inputs that change; a simulation may have a constant boundary, but no lone constant output
+        must_change = tuple(outputs) in ((REFERENCE,), (name,))
+        if not len(known):
+            faults.append(Fault(f"column {name}", "holds no value at all", "leave it out, or log it"))
+        elif np.abs(known).max() > _NO_SENSOR:
+            worst = known[np.abs(known).argmax()]
+            faults.append(Fault(f"column {name}", f"holds {worst:g}", "no sensor reads that: leave such cells empty"))
+        elif np.ptp(known) == 0 and must_change:
+            hint = "leave out the sensor, it is stuck" if name in inputs else "log a run in which it changes"
+            faults.append(Fault(f"column {name}", f"is {known[0]:g} all the time", hint))
     if faults:
         raise Refused(source_of(traces), faults)
-
-
-def _column_faults(
-    traces: Sequence[Trace], name: str, inputs: Sequence[str], outputs: Sequence[str]
-) -> Iterator[Fault]:
-    known = np.concatenate([trace.column(name) for trace in traces])
-    known = known[~np.isnan(known)]
-    # an estimate needs inputs that change; a simulation may have a constant boundary, but no lone constant output
-    must_change = tuple(outputs) in ((REFERENCE,), (name,))
-    if not len(known):
-        yield Fault(f"column {name}", "holds no value at all", "leave it out, or log it")
-    elif np.abs(known).max() > _NO_SENSOR:
-        worst = known[np.abs(known).argmax()]
-        yield Fault(f"column {name}", f"holds {worst:g}", "no sensor reads that: leave such cells empty")
-    elif np.ptp(known) == 0 and must_change:
-        hint = "leave out the sensor, it is stuck" if name in inputs else "log a run in which it changes"
-        yield Fault(f"column {name}", f"is {known[0]:g} all the time", hint)
 
 
 def require_enough(traces: Sequence[Trace], structure: Structure) -> None:

@@ -29,10 +29,7 @@ _OF_THE_FIT = ("rmse_degC", "samples", "converged", "uncertainty_available", "id
 
 
 def model_of(
-    fit: Fit,
-    training: Sequence[Mapping[str, Any]],
-    zones: Mapping[str, str],
-    readings: ReadingModel | None = None,
+    fit: Fit, training: Sequence[Mapping[str, Any]], zones: Mapping[str, str], readings: ReadingModel | None = None
 ) -> Model:
     """The model file of ``fit``, at 1, 2, 5 and 10 Hz and the periods it was trained at.
 

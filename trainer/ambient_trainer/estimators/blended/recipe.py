@@ -214,24 +214,19 @@ def find_recipe(name_or_path: str) -> tuple[Recipe, Circuit] | None:
 def read_recipe(data: Any, source: str) -> tuple[Recipe, Circuit]:
     """The recipe that ``data`` describes, with its circuit; ``source`` names it in messages."""
     recipe = validated(Recipe, data, source)
-    circuit = _circuit(recipe.circuit, source)
-    faults = [*_circuit_faults(recipe, circuit), *_weight_faults(recipe)]
-    if faults:
+    name = recipe.circuit
+    if name.endswith((".yaml", ".yml")):
+        name = str(Path(source).parent / name)
+    elif name not in circuit_names():
+        hint = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
+        raise refuse(source, "circuit", f"no circuit is called {name!r}", hint)
+    circuit = load_circuit(name)
+    if faults := [*_faults(recipe, circuit)]:
         raise Refused(source, faults)
     return recipe, circuit
 
 
-def _circuit(name: str, source: str) -> Circuit:
-    """The circuit that the recipe ``source`` names; a file as seen from there."""
-    if name.endswith((".yaml", ".yml")):
-        return load_circuit(str(Path(source).parent / name))
-    if name not in circuit_names():
-        hint = f"take one of {', '.join(circuit_names())}, or a .yaml file beside this one"
-        raise refuse(source, "circuit", f"no circuit is called {name!r}", hint)
-    return load_circuit(name)
-
-
-def _circuit_faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
+def _faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
     states = [node.name for node in circuit.states]
     read = [str(node.sensor) for node in circuit.states if node.sensor is not None]
     if circuit.form != "temperature" or [f"{node.sensor}_degC" for node in circuit.measured] != [REFERENCE]:
@@ -241,19 +236,13 @@ def _circuit_faults(recipe: Recipe, circuit: Circuit) -> Iterator[Fault]:
         if name not in read:
             yield Fault(f"sensors.{name}", f"reads no state of {circuit.name}", f"its sensors are {', '.join(read)}")
     named = {f"heat.shared.among.{node}": node for node in recipe.heat.shared.among}
-    named |= {
-        f"unlogged.patterns.{name}.watts[{index}].{node}": node
-        for name, pattern in recipe.unlogged.patterns.items()
-        for index, watts in enumerate(pattern.watts)
-        for node in watts
-    }
+    for name, pattern in recipe.unlogged.patterns.items():
+        for index, watts in enumerate(pattern.watts):
+            named |= {f"unlogged.patterns.{name}.watts[{index}].{node}": node for node in watts}
     for place, node in {"heat.measured.into": recipe.heat.measured.into, **named}.items():
         if node not in states:
             hint = f"its nodes are {', '.join(states)}"
             yield Fault(place, f"{circuit.name} has no node {node!r} with a capacitance", hint)
-
-
-def _weight_faults(recipe: Recipe) -> Iterator[Fault]:
     patterns = recipe.unlogged.patterns
     for name in patterns:
         if name in (LOGGED, IDLE, RESIDUAL):

@@ -20,15 +20,7 @@ from scipy.signal import lfilter
 from ambient_model.faults import refuse
 from ambient_trainer.data import Array, rounded
 from ambient_trainer.estimators.blended.forward import Plant, Record
-from ambient_trainer.estimators.blended.recipe import (
-    IDLE,
-    LOGGED,
-    RESIDUAL,
-    Recipe,
-    Synthetic,
-    Unmeasured,
-    Work,
-)
+from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Recipe, Synthetic, Unmeasured, Work
 from ambient_trainer.lti.lag import low_pass
 
 _CALM_S = 3600.0
@@ -237,8 +229,12 @@ class TrainingSetDesign:
         found = {
             LOGGED: [TrainingRun(each.sensors_degC, each.ambient_degC, every, True) for each in records],
             IDLE: [self._run(random, idle.hours) for random in self._draws(0, idle.runs)],
-            RESIDUAL: list(self._residuals(records)),
+            RESIDUAL: [],
         }
+        for misfit in self.plant.misfits([each.every(self.finer) for each in records], self.period_s, _PASSES):
+            rest = self._finer(misfit)
+            residual = TrainingRun(rest, np.zeros(rest.shape[1]), self._stride(_SYNTHETIC_EVERY_S), False)
+            found[RESIDUAL].append(residual)
         for kind, (name, each) in enumerate(unlogged.patterns.items(), start=1):
             draws = self._draws(kind, unlogged.runs * len(each.watts))
             variants = zip(draws, itertools.cycle(each.watts))
@@ -264,11 +260,6 @@ class TrainingSetDesign:
         sensors = self.plant.readings_degC(ambient, self.plant.heat_W(*work) + unlogged, self.period_s, _PASSES)
         readings = np.vstack([rounded(*each) for each in zip(self._finer(sensors), self.steps_degC)])
         return TrainingRun(readings, self._finer(ambient[None])[0], self._stride(_SYNTHETIC_EVERY_S), True)
-
-    def _residuals(self, records: Sequence[Record]) -> Iterator[TrainingRun]:
-        for misfit in self.plant.misfits([each.every(self.finer) for each in records], self.period_s, _PASSES):
-            rest = self._finer(misfit)
-            yield TrainingRun(rest, np.zeros(rest.shape[1]), self._stride(_SYNTHETIC_EVERY_S), False)
 
     def _finer(self, rows: Array) -> Array:
         """The rows at the filter's period, straight between the circuit's samples."""

@@ -7,7 +7,7 @@ significantly above the best.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -139,17 +139,16 @@ class _Selection:
         self._whole: dict[int, SearchResult] = {}
 
     def run(self) -> Choice | None:
-        """Try every order, with that selected every noise, and with that every offset; None where cancelled."""
-        grids: tuple[Callable[[Choice], list[tuple[int, float, float]]], ...] = (
-            lambda best: [(best.order, each, 0.0) for each in _NOISES_DEGC if each != best.noise_degC],
-            lambda best: [(best.order, best.noise_degC, each) for each in _OFFSETS_DEGC[1:]],
-        )
-        if not all(self._try(order, _FIRST_NOISE_DEGC, 0.0) for order in _ORDERS):
-            return None
-        for grid in grids:
-            if not all(self._try(*each) for each in grid(selected([*self.tried]))):
-                return None
-        return selected([*self.tried])
+        """What is selected of all that was tried; None where that was cancelled."""
+        return selected([*self.tried]) if all(self._try(*each) for each in self._grid()) else None
+
+    def _grid(self) -> Iterator[tuple[int, float, float]]:
+        """Every order, with that selected every noise, and with that every offset."""
+        yield from ((order, _FIRST_NOISE_DEGC, 0.0) for order in _ORDERS)
+        best = selected([*self.tried])
+        yield from ((best.order, each, 0.0) for each in _NOISES_DEGC if each != best.noise_degC)
+        best = selected([*self.tried])
+        yield from ((best.order, best.noise_degC, each) for each in _OFFSETS_DEGC[1:])
 
     def best_so_far(self) -> tuple[int, SearchResult]:
         """The order to take where :meth:`run` was cancelled, and its search."""

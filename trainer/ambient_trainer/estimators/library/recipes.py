@@ -38,13 +38,7 @@ from ambient_trainer.estimators.base import (
 )
 from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record, fit_forward
 from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe, find_recipe, recipe_names
-from ambient_trainer.estimators.blended.training_set import (
-    TrainingRun,
-    TrainingSet,
-    TrainingSetDesign,
-    fit_ambient,
-    fit_workload,
-)
+from ambient_trainer.estimators.blended.training_set import TrainingSet, TrainingSetDesign, fit_ambient, fit_workload
 from ambient_trainer.estimators.estimate import Blended, blended
 from ambient_trainer.estimators.searched import fallback_notes, fallbacks_of, filter_fit, half_width_note
 from ambient_trainer.lti.response import noise_gain
@@ -209,12 +203,13 @@ _MOST_DAMPING = 20.0
 
 def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterRules, period_s: float) -> FreeFilter:
     """The filter of four states over the runs that ``counts`` weighs, within the bounds of ``rules``."""
-    weighted = [
-        _weighted(each, count / len(runs[name]), period_s)
-        for name, count in counts.items()
-        if count
-        for each in runs[name]
-    ]
+    weighted = []
+    for name, count in counts.items():
+        for run in runs[name] if count else ():
+            target = np.full_like(run.target_degC, np.nan)
+            target[:: run.stride] = run.target_degC[:: run.stride]
+            weight = math.sqrt(count / len(runs[name]) / len(target[:: run.stride]))
+            weighted.append(Run(Segment(period_s, run.sensors_degC, target[None]), weight, run.absolute))
     found = weighted_filter(_STATES, weighted, math.sqrt(rules.one_degree), math.sqrt(rules.noise))
     slow, fast = sorted(rules.slow.time_constants_s), rules.fast
     # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
@@ -232,13 +227,6 @@ def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterR
 def _damping(ratio: float) -> float:
     """The damping of two real poles of that ratio."""
     return math.cosh(math.log(ratio) / 2)
-
-
-def _weighted(run: TrainingRun, count: float, period_s: float) -> Run:
-    target = np.full_like(run.target_degC, np.nan)
-    target[:: run.stride] = run.target_degC[:: run.stride]
-    weight = math.sqrt(count / len(target[:: run.stride]))
-    return Run(Segment(period_s, run.sensors_degC, target[None]), weight, run.absolute)
 
 
 def published(fit: Fit, segment: Segment) -> Blended:
