@@ -12,7 +12,7 @@ import pandas as pd
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.data import Array, Trace, noise_of
+from ambient_trainer.data import Trace, noise_of
 
 LOWEST_DEGC, HIGHEST_DEGC = -60.0, 200.0
 """Beyond these no zone of a device that runs can be: what reads so is not connected."""
@@ -107,8 +107,10 @@ def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> st
     if own < _IDLE_SHARE * theirs:
         return f"stuck: it moves by {own:.2g} degC (standard deviation), the median zone by {theirs:.2g}"
     for frame in frames:
-        start, stop = _longest_still(frame[name].to_numpy())
-        time_s = frame.index.to_numpy()
+        values, time_s = frame[name].to_numpy(), frame.index.to_numpy()
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1, [len(values)]])
+        longest = int(np.argmax(np.diff(edges)))
+        start, stop = int(edges[longest]), int(edges[longest + 1])
         lasted_s = time_s[stop - 1] - time_s[start]
         if lasted_s < max(_STUCK_S, _STUCK_SHARE * (time_s[-1] - time_s[0])):
             continue
@@ -118,13 +120,6 @@ def _stuck(name: str, table: pd.DataFrame, frames: Sequence[pd.DataFrame]) -> st
             place = f"{frame[name].iloc[start]:g} degC from {time_s[start]:.10g} s on for {lasted_s:.0f} s"
             return f"stuck: {place}, while the others moved by {moved.median():.1f} degC (median)"
     return None
-
-
-def _longest_still(values: Array) -> tuple[int, int]:
-    """The longest run (start, stop) of one and the same reading."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(values) != 0) + 1, [len(values)]])
-    longest = int(np.argmax(np.diff(edges)))
-    return int(edges[longest]), int(edges[longest + 1])
 
 
 def _sensor(name: str, columns: Sequence[pd.Series]) -> Sensor:

@@ -52,7 +52,7 @@ def best_sets(allowed: Sequence[int], most: int, score: Score) -> list[Sensors]:
     beams: dict[int, list[tuple[float, Sensors]]] = {0: [(0.0, ())]}
     size, last = 1, min(most, len(allowed))
     while size <= last:
-        pool = _grown([each for _, each in beams[size - 1]], allowed)
+        pool = grown([each for _, each in beams[size - 1]], allowed)
         pool |= {each for _, each in beams.get(size, [])}
         beams[size] = _swapped(_ranked(pool, score), allowed, score)
         fewer = _ranked(thinned([each for _, each in beams[size]]), score) if size > 1 else []
@@ -64,30 +64,21 @@ def best_sets(allowed: Sequence[int], most: int, score: Score) -> list[Sensors]:
     return [beams[each][0][1] for each in range(1, last + 1)]
 
 
-def swaps(members: Sensors, allowed: Sequence[int]) -> list[tuple[int, int, Sensors]]:
-    """Every (member out, sensor in, resulting set)."""
-    others = [each for each in allowed if each not in members]
-    return [
-        (out, new, tuple(sorted((*(each for each in members if each != out), new))))
-        for out in members
-        for new in others
-    ]
-
-
 def thinned(sets: Iterable[Sensors]) -> set[Sensors]:
     """The sets less one member each."""
     return {tuple(each for each in members if each != out) for members in sets for out in members}
 
 
-def _grown(sets: Iterable[Sensors], allowed: Sequence[int]) -> set[Sensors]:
+def grown(sets: Iterable[Sensors], allowed: Sequence[int]) -> set[Sensors]:
+    """The sets with one more of the allowed sensors each."""
     return {tuple(sorted((*members, new))) for members in sets for new in allowed if new not in members}
 
 
 def _swapped(beam: list[tuple[float, Sensors]], allowed: Sequence[int], score: Score) -> list[tuple[float, Sensors]]:
     """The beam after rounds of swaps, until its best gains no more."""
     while True:
-        pool = {swapped for _, members in beam for _, _, swapped in swaps(members, allowed)}
-        better = _ranked(pool | {members for _, members in beam}, score)
+        members = {each for _, each in beam}
+        better = _ranked(members | grown(thinned(members), allowed), score)
         if better[0][0] >= beam[0][0] - _ROUNDING:
             return better
         beam = better
@@ -184,7 +175,10 @@ def searched(
     """
     compared = data.numbers(against)
     for trace in checks:
-        _check_scorable(trace, data.sensors)
+        if np.isnan(trace.reference).all():
+            raise refuse(trace.path, f"column {REFERENCE}", "holds no value at all", "log it, or check another trace")
+        if absent := [each.column for each in data.sensors if each.column not in trace.columns]:
+            raise refuse(trace.path, "line 1", f"no column {', '.join(absent)}", "check a trace of the same device")
     search = _Search(data, pool)
     best = search.best(range(len(data.sensors)))
     sets = search.selected([*best, compared] if compared else best)
@@ -272,9 +266,11 @@ class _Search:
 
     def alternatives(self, members: Sensors) -> tuple[Alternative, ...]:
         """The swaps of one sensor that cost little, by sensor and cost."""
-        names, moves = self.data.names, swaps(members, range(len(self.data.sensors)))
-        own, *others = self.score([members, *(each for _, _, each in moves)])
-        near = sorted((out, error - own, new) for (out, new, _), error in zip(moves, others))
+        names = self.data.names
+        moves = [(out, new) for out in members for new in range(len(names)) if new not in members]
+        swapped = [tuple(sorted({*members, new} - {out})) for out, new in moves]
+        own, *others = self.score([members, *swapped])
+        near = sorted((out, error - own, new) for (out, new), error in zip(moves, others))
         return tuple(Alternative(names[out], names[new], worse) for out, worse, new in near if worse <= NEAR_DEGC)
 
     def circuits(self, unnamed: Sequence[str]) -> dict[int, SelectedCircuit]:
@@ -363,15 +359,6 @@ def _scores_on(
         circuits={size: each.scored.rmse_on(trace) for size, each in circuits.items()},
         against=(against.fixed.rmse_on(trace), against.free.rmse_on(trace)) if against else None,
     )
-
-
-def _check_scorable(trace: Trace, sensors: Sequence[Sensor]) -> None:
-    """Refuse, before any work, a trace on which not every one of ``sensors`` could be scored."""
-    if np.isnan(trace.reference).all():
-        raise refuse(trace.path, f"column {REFERENCE}", "holds no value at all", "log it, or check another trace")
-    absent = [each.column for each in sensors if each.column not in trace.columns]
-    if absent:
-        raise refuse(trace.path, "line 1", f"no column {', '.join(absent)}", "check a trace of the same device")
 
 
 def _on_grid(traces: Sequence[Trace], sensors: Sequence[Sensor], period_s: float) -> tuple[Segment, ...]:

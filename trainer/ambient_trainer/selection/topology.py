@@ -103,8 +103,13 @@ def best_topology(sensors: Sequence[str], most_states: int, score: Score) -> Top
         tried.update(zip(topologies, errors))
         return errors
 
-    for start in initial_topologies(sensors, most_states):
-        _descend(start, most_states, noted)
+    for here in initial_topologies(sensors, most_states):
+        error = noted([here])[0]
+        while around := neighbours(here, most_states):
+            least, best = min(zip(noted(around), range(len(around))))
+            if least >= (1 - _GAIN) * error:
+                break
+            error, here = least, around[best]
     limit = (1 + _GAIN) * min(tried.values())
     return _with_fewer_edges(min(tried, key=lambda each: (tried[each], len(each.edges))), noted, limit)
 
@@ -117,15 +122,6 @@ def _with_fewer_edges(topology: Topology, score: Score, limit_degC: float) -> To
     usable = [less for count in counts if (less := without(topology, order[:count])).complete]
     good = [each for each, error in zip(usable, score(usable)) if error <= limit_degC]
     return good[-1] if good else topology
-
-
-def _descend(start: Topology, most_states: int, score: Score) -> None:
-    error, here = score([start])[0], start
-    while around := neighbours(here, most_states):
-        least, best = min(zip(score(around), range(len(around))))
-        if least >= (1 - _GAIN) * error:
-            return
-        error, here = least, around[best]
 
 
 def circuit_of(topology: Topology, tau_s: Sequence[float], name: str, about: str) -> Circuit:
