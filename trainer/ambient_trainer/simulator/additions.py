@@ -21,27 +21,10 @@ _LEAST_LOSS = 0.02
 """Of convection and radiation, whatever covers a surface."""
 
 
-def _steady(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    return np.ones_like(nodes)
-
-
 def _ohmic(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
     """Of a resistance that falls with temperature as a cell's does."""
     inverse = 1.0 / (nodes + ZERO_DEGC_K) - 1.0 / (_OHM_REFERENCE_DEGC + ZERO_DEGC_K)
     return np.exp(_OHM_ACTIVATION_K * inverse)
-
-
-def _convected(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    return -balance.convected(nodes, air_degC)
-
-
-def _radiated(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    return -balance.radiated(nodes, air_degC)
-
-
-def _blown(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
-    """Forced convection is proportional to the difference, where the device's own is not: equal at 10 K."""
-    return -balance.convection * 10.0**0.25 * (nodes - air_degC[:, None])
 
 
 def _draught(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
@@ -51,11 +34,12 @@ def _draught(nodes: Array, air_degC: Array, balance: HeatBalance) -> Array:
 
 
 TERMS: dict[str, Callable[[Array, Array, HeatBalance], Array]] = {
-    "steady": _steady,
+    "steady": lambda nodes, air_degC, balance: np.ones_like(nodes),
     "ohmic": _ohmic,
-    "convected": _convected,
-    "radiated": _radiated,
-    "blown": _blown,
+    "convected": lambda nodes, air_degC, balance: -balance.convected(nodes, air_degC),
+    "radiated": lambda nodes, air_degC, balance: -balance.radiated(nodes, air_degC),
+    # forced convection is proportional to the difference, where the device's own is not: equal at 10 K
+    "blown": lambda nodes, air_degC, balance: -balance.convection * 10.0**0.25 * (nodes - air_degC[:, None]),
     "draught": _draught,
 }
 """Heat into every node, for a coefficient of 1, of nodes, shape (m, nodes), in air, shape (m,)."""

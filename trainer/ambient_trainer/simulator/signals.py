@@ -11,6 +11,8 @@ from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import coloured
 
+Drawn = Callable[[Array, tuple[float, float], np.random.Generator], Array]
+"""From times and a window to a signal."""
 FULL_SUN_W_M2 = 800.0
 FULL_WIND_M_S = 2.0
 _CLOUDS_S = 400.0
@@ -29,18 +31,15 @@ def switched(time_s: Array, window: tuple[float, float], random: np.random.Gener
     The first begins within two minutes; in a window that is short for them they are shorter.
     """
     typical_s = min(60.0 * minutes, (window[1] - window[0]) / 5.0)
-    lasting_s = typical_s * random.uniform(0.5, 1.5, 2 * _most_sessions(window, typical_s))
+    most_sessions = int((window[1] - window[0]) / (0.5 * typical_s)) + 2
+    lasting_s = typical_s * random.uniform(0.5, 1.5, 2 * most_sessions)
     lasting_s[0] = random.uniform(0.0, min(120.0, typical_s))
     changes_s = window[0] + np.cumsum(lasting_s)
     passed = np.searchsorted(changes_s, time_s, side="right")
     return np.where(passed % 2 == 1, (passed + 1) // 2, 0).astype(np.float64)
 
 
-def _most_sessions(window: tuple[float, float], typical_s: float) -> int:
-    return int((window[1] - window[0]) / (0.5 * typical_s)) + 2
-
-
-def _on(minutes: float) -> Callable[[Array, tuple[float, float], np.random.Generator], Array]:
+def _on(minutes: float) -> Drawn:
     def drawn(time_s: Array, window: tuple[float, float], random: np.random.Generator) -> Array:
         return (switched(time_s, window, random, minutes) > 0).astype(np.float64)
 
@@ -67,14 +66,6 @@ def _wind(time_s: Array, _: tuple[float, float], random: np.random.Generator) ->
     return np.round(FULL_WIND_M_S * np.exp(0.45 * slow + 0.3 * gusts - 0.15), 2)
 
 
-def _light(time_s: Array, _: tuple[float, float], random: np.random.Generator) -> Array:
-    return np.round(300.0 * np.exp(1.2 * _coloured(time_s, 1200.0, random)), 0)
-
-
-def _pressure(time_s: Array, _: tuple[float, float], random: np.random.Generator) -> Array:
-    return np.round(1013.0 + 1.5 * _coloured(time_s, 7200.0, random), 2)
-
-
 def _coloured(time_s: Array, memory_s: float, random: np.random.Generator) -> Array:
     """First-order noise of unit variance in steps of at least a second, so that its course is a smooth one."""
     period_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0
@@ -82,7 +73,7 @@ def _coloured(time_s: Array, memory_s: float, random: np.random.Generator) -> Ar
     return lagged(rough, memory_s / 5.0, period_s)
 
 
-_DRAWN: dict[str, Callable[[Array, tuple[float, float], np.random.Generator], Array]] = {
+_DRAWN: dict[str, Drawn] = {
     "radio_on": _on(9.0),
     "charger_on": _on(25.0),
     "irradiance_W_m2": _sun,
@@ -92,8 +83,8 @@ _DRAWN: dict[str, Callable[[Array, tuple[float, float], np.random.Generator], Ar
     "wind_m_s": _wind,
     "wifi_on": _on(12.0),
     "gps_on": _on(20.0),
-    "light_lux": _light,
-    "pressure_hPa": _pressure,
+    "light_lux": lambda time_s, _, random: np.round(300.0 * np.exp(1.2 * _coloured(time_s, 1200.0, random)), 0),
+    "pressure_hPa": lambda time_s, _, random: np.round(1013.0 + 1.5 * _coloured(time_s, 7200.0, random), 2),
 }
 
 SIGNALS = tuple(_DRAWN)

@@ -117,9 +117,11 @@ def simulate_many(
     A run without effects, or with some of size zero, has the same bytes but for the columns of signals and decoys.
     """
     device = device or load_device()
-    asked = [_key(run) for run in runs]
+    asked: list[_Key] = [(name, of, tuple(hidden[0]) if hidden else ()) for name, of, *hidden in runs]
     _check(asked, decoys, device)
-    every = list(dict.fromkeys([*asked, *_twins(asked)] if sizes else asked))
+    bare: list[_Key] = [(name, of, ()) for name, of, _ in asked]
+    alone: list[_Key] = [(name, of, (each,)) for name, of, hidden in asked for each in hidden]
+    every = list(dict.fromkeys([*asked, *bare, *alone] if sizes else asked))
     planned = [_planned(key, period_s, decoys, device) for key in every]
     parts = [[each.part(number) for number, each in enumerate(one.acting)] for one in planned]
     driven = integrate([one.run for one in planned], period_s, progress, [together(each) for each in parts])
@@ -209,17 +211,6 @@ def setting_of(run: Run, period_s: float) -> Setting:
     return Setting(run.device, time_s, period_s, {})
 
 
-def _key(run: Asked) -> _Key:
-    name, seed, *hidden = run
-    return name, seed, tuple(hidden[0]) if hidden else ()
-
-
-def _twins(asked: Sequence[_Key]) -> list[_Key]:
-    """Each run without its effects and, where there are several, with each of them alone."""
-    alone: list[_Key] = [(name, seed, (each,)) for name, seed, hidden in asked for each in hidden]
-    return [*((name, seed, ()) for name, seed, _ in asked), *alone]
-
-
 def _answered(key: _Key, done: dict[_Key, _Done], sizes: bool) -> Simulated:
     name, seed, hidden = key
     run = done[key]
@@ -261,7 +252,7 @@ def truth(ran: Ran) -> Truth:
         hidden.location,
         _by_sensors(ran.setting.device, hidden.location),
         hidden.signal,
-        _onset(ran),
+        float(ran.setting.time_s[int(np.argmax(there))]) if hidden.signal and there.any() else hidden.onset_s or None,
         None if hidden.end_s is None or hidden.end_s >= ran.setting.time_s[-1] else hidden.end_s,
         float(magnitude),
         unit,
@@ -276,7 +267,8 @@ def size_degC(effect: Trace, clean: Trace, ran: Ran) -> tuple[float, str]:
     effect changes that alone.
     """
     there = ran.there[ran.driven.run.unrecorded :]
-    names = [REFERENCE] if ran.effect.in_reference else _sensors(clean)
+    sensors = [name for name in clean.columns if name.endswith("_degC") and name != REFERENCE]
+    names = [REFERENCE] if ran.effect.in_reference else sensors
     if not there.any():
         return 0.0, names[0]
     rms = {name: float(np.sqrt(np.mean((effect.columns[name] - clean.columns[name])[there] ** 2))) for name in names}
@@ -284,18 +276,8 @@ def size_degC(effect: Trace, clean: Trace, ran: Ran) -> tuple[float, str]:
     return rms[worst], worst
 
 
-def _sensors(trace: Trace) -> list[str]:
-    return [name for name in trace.columns if name.endswith("_degC") and name != REFERENCE]
-
-
 def _by_sensors(device: Device, location: str | None) -> str | None:
     if location is None:
         return None
     named = [device.sensor_of(part) for part in location.split("-")]
     return None if None in named else "-".join(str(each) for each in named)
-
-
-def _onset(ran: Ran) -> float | None:
-    if ran.hidden.signal and ran.there.any():
-        return float(ran.setting.time_s[int(np.argmax(ran.there))])
-    return ran.hidden.onset_s or None

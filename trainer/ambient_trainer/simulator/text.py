@@ -15,7 +15,7 @@ import numpy as np
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.simulator.device import Device, load_device
-from ambient_trainer.simulator.hidden import Effect, Hidden, checked, effects, outside_faults, run_faults
+from ambient_trainer.simulator.hidden import Hidden, checked, effects, outside_faults, run_faults
 from ambient_trainer.simulator.run import stream
 
 Choice = tuple[str | None, str | None]
@@ -50,12 +50,17 @@ def draw_hidden(
     factor, sign = 1.5 ** random.uniform(-1.0, 1.0), random.choice([-1.0, 1.0])
     begin, length, to_the_end = random.uniform(0.2, 0.5), random.uniform(0.2, 0.4), random.random() < 0.5
     chance = random.uniform()
-    open_to = [each for each in choices(cause, device) if _agrees(each, given)] or [(None, None)]
+    open_to = [
+        (place, signal)
+        for place, signal in choices(cause, device)
+        if given.get("location", place) == place and given.get("signal", signal) == signal
+    ] or [(None, None)]
     place, signal = open_to[int(random.integers(len(open_to)))]
     place, signal = given.get("location", place), given.get("signal", signal)
     end_s = given.get("end_s")
     onset_s = float(round(begin * (duration_s if end_s is None else min(duration_s, max(end_s, 0.0)))))
-    size = effect.drawn_size(scale * factor * _typical(cause, effect, device, place), sign, chance, signal)
+    typical = next((each.size for each in device.hidden.get(cause, ()) if each.at == place), None) or effect.typical
+    size = effect.drawn_size(scale * factor * typical, sign, chance, signal)
     drawn: dict[str, Any] = {
         "location": place,
         "signal": signal,
@@ -68,16 +73,6 @@ def draw_hidden(
         if begun_s < duration_s:
             drawn["end_s"] = begun_s + math.ceil(length * (duration_s - begun_s))
     return checked(Hidden(cause, **{**drawn, **given}), device)
-
-
-def _agrees(choice: Choice, given: Mapping[str, Any]) -> bool:
-    place, signal = choice
-    return given.get("location", place) == place and given.get("signal", signal) == signal
-
-
-def _typical(cause: str, effect: Effect, device: Device, place: str | None) -> float:
-    stated = (each.size for each in device.hidden.get(cause, ()) if each.at == place)
-    return next(stated, None) or effect.typical
 
 
 SOURCE = "--hide"
