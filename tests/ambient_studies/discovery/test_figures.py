@@ -96,7 +96,7 @@ def test_confidence_is_held_against_the_share_that_is_right():
     cases += [Outcome((HEAT,), 6.0, (UNKNOWN,), False, None, None, None, 1.0, (0.0,)), outcome((), ())]
     found = [(each.low, each.high, each.share.hits, each.share.cases) for each in reliability(cases)]
     assert found == [(0.5, 0.7, 1, 1), (0.95, 1.0, 2, 3)]
-    assert reliability(cases)[1].mean == pytest.approx((0.95 + 0.97 + 1.0) / 3)
+    assert reliability(cases)[1].middle == pytest.approx((0.95 + 0.97 + 1.0) / 3)
     assert confident_verdicts(cases) == Share(2, 3)
     assert [right for _, _, right in cases[2].named] == [True, False]
 

@@ -82,19 +82,11 @@ def _effects(number: int, random: np.random.Generator) -> tuple[Hidden, ...]:
         return ()
     duration_s = load_scenario(SCENARIO).duration_s
     if wanted == 2:
-        return _pair(random, duration_s)
-    place = _singles_before(number)
+        return next(pair for pair in _pairs(random, duration_s) if _apart(*pair))
+    rounds, rest = divmod(number, len(_PATTERN))
+    place = rounds * _PATTERN.count(1) + _PATTERN[:rest].count(1)
     scale = SCALES[place // len(CAUSES) % len(SCALES)]
     return (draw_hidden(random, CAUSES[place % len(CAUSES)], duration_s, scale),)
-
-
-def _singles_before(number: int) -> int:
-    rounds, rest = divmod(number, len(_PATTERN))
-    return rounds * _PATTERN.count(1) + _PATTERN[:rest].count(1)
-
-
-def _pair(random: np.random.Generator, duration_s: float) -> tuple[Hidden, ...]:
-    return next(pair for pair in _pairs(random, duration_s) if _apart(*pair))
 
 
 def _pairs(random: np.random.Generator, duration_s: float) -> Iterator[tuple[Hidden, Hidden]]:

@@ -2,9 +2,10 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,22 +87,12 @@ class Confusion:
 
 
 @dataclass(frozen=True)
-class Detection:
-    """The cases whose effect has ``low`` <= size in noise < ``high``: their median size, the share that was correct."""
+class Range:
+    """What has ``low`` <= size in noise, or confidence, < ``high``: its middle, and the share of it that was right."""
 
     low: float
     high: float
     middle: float
-    share: Share
-
-
-@dataclass(frozen=True)
-class Reliability:
-    """The verdicts given with ``low`` <= confidence < ``high``: their mean confidence, the share that was right."""
-
-    low: float
-    high: float
-    mean: float
     share: Share
 
 
@@ -139,26 +130,26 @@ def confusion(outcomes: Sequence[Outcome]) -> Confusion:
     return Confusion(true, found, counts.reshape(len(true), len(found)))
 
 
-def detection_by_size(outcomes: Sequence[Outcome], edges: Sequence[float] = SIZE_EDGES) -> tuple[Detection, ...]:
+def detection_by_size(outcomes: Sequence[Outcome], edges: Sequence[float] = SIZE_EDGES) -> tuple[Range, ...]:
     """Of the cases with one effect, the share that was correct, for each range of sizes that has any."""
-    found = []
-    for low, high in pairwise(edges):
-        inside = [each for each in single_effects(outcomes, low) if each.size_in_noise < high]
-        if inside:
-            middle = float(np.median([each.size_in_noise for each in inside]))
-            found.append(Detection(low, high, middle, correct_of(inside)))
-    return tuple(found)
+    return _by_range([(each.size_in_noise, each.correct) for each in single_effects(outcomes)], edges, np.median)
 
 
-def reliability(outcomes: Sequence[Outcome], edges: Sequence[float] = CONFIDENCE_EDGES) -> tuple[Reliability, ...]:
+def reliability(outcomes: Sequence[Outcome], edges: Sequence[float] = CONFIDENCE_EDGES) -> tuple[Range, ...]:
     """Of the first causes that were named, the share that was hidden, for each range of confidence that has any."""
-    verdicts = [(sure, right) for each in outcomes for _, sure, right in each.named[:1]]
+    return _by_range([(sure, right) for each in outcomes for _, sure, right in each.named[:1]], edges, np.mean)
+
+
+def _by_range(
+    flags: Sequence[tuple[float, bool]], edges: Sequence[float], middle: Callable[[Sequence[float]], Any]
+) -> tuple[Range, ...]:
+    """The share of ``flags`` in each range of their values that has any; the last range has its end."""
     found = []
     for low, high in pairwise(edges):
-        inside = [(sure, right) for sure, right in verdicts if low <= sure < high or (sure == high == 1.0)]
+        inside = [(value, flag) for value, flag in flags if low <= value < high or value == high == edges[-1]]
         if inside:
-            mean = float(np.mean([sure for sure, _ in inside]))
-            found.append(Reliability(low, high, mean, share_of(right for _, right in inside)))
+            values = [value for value, _ in inside]
+            found.append(Range(low, high, float(middle(values)), share_of(flag for _, flag in inside)))
     return tuple(found)
 
 

@@ -14,6 +14,7 @@ from ambient_studies.discovery.figures import (
     CONFIDENT,
     LARGE_IN_NOISE,
     Outcome,
+    Range,
     Share,
     by_cause,
     confident_verdicts,
@@ -131,7 +132,7 @@ def as_json(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         ],
         "confident_verdicts": _share_data(confident_verdicts(outcomes)),
         "reliability": [
-            {"from": each.low, "to": each.high, "mean_confidence": each.mean, **_share_data(each.share)}
+            {"from": each.low, "to": each.high, "mean_confidence": each.middle, **_share_data(each.share)}
             for each in reliability(outcomes)
         ],
         "by_cause": {
@@ -180,7 +181,7 @@ def causes_table(outcomes: Sequence[Outcome]) -> Table:
 
 def reliability_table(outcomes: Sequence[Outcome]) -> Table:
     """One row a range of confidence."""
-    rows = [(f"{each.low:g} to {each.high:g}", f"{each.mean:.2f}", str(each.share)) for each in reliability(outcomes)]
+    rows = [(f"{each.low:g} to {each.high:g}", f"{each.middle:.2f}", str(each.share)) for each in reliability(outcomes)]
     return Table("First causes named, by confidence.", ("confidence", "mean", "right (95 %)"), rows)
 
 
@@ -245,34 +246,33 @@ def _confusion_figure(outcomes: Sequence[Outcome]) -> go.Figure:
     return figure
 
 
-def _reliability_figure(outcomes: Sequence[Outcome]) -> go.Figure:
-    found = reliability(outcomes)
+def _shares_figure(x_title: str, x: Sequence[float], found: Sequence[Range]) -> go.Figure:
+    """The shares of the ranges ``found`` over ``x``, with their intervals."""
+    shares = [100 * each.share.value for each in found]
     ends = [(100 * low, 100 * high) for low, high in (each.share.ci95 for each in found)]
     hover = [f"{each.share.hits} of {each.share.cases}" for each in found]
-    figure = plots.panel_figure("confidence [%]", "cause, place and signal right [%]", height_px=400)
-    means, shares = [100 * each.mean for each in found], [100 * each.share.value for each in found]
-    plots.add_curve(
-        figure, means, shares, "right, with its 95 % interval", palette.ESTIMATE, width=2, ends=ends, hover=hover
-    )
+    figure = plots.panel_figure(x_title, "cause, place and signal right [%]", height_px=400)
+    name = "right, with its 95 % interval"
+    plots.add_curve(figure, x, shares, name, palette.ESTIMATE, width=2, ends=ends, hover=hover)
+    figure.update_yaxes(range=[-3, 103])
+    return figure
+
+
+def _reliability_figure(outcomes: Sequence[Outcome]) -> go.Figure:
+    found = reliability(outcomes)
+    figure = _shares_figure("confidence [%]", [100 * each.middle for each in found], found)
     plots.add_curve(figure, [0, 100], [0, 100], "as stated", palette.LIMIT, dash="dash", width=1.6)
     figure.update_xaxes(range=[-3, 103], hoverformat=".0f")
-    figure.update_yaxes(range=[-3, 103])
     return figure
 
 
 def _detection_figure(outcomes: Sequence[Outcome]) -> go.Figure:
     found = detection_by_size(outcomes)
-    sizes, shares = [each.middle for each in found], [100 * each.share.value for each in found]
-    ends = [(100 * low, 100 * high) for low, high in (each.share.ci95 for each in found)]
-    hover = [f"{each.share.hits} of {each.share.cases}" for each in found]
-    figure = plots.panel_figure("size, in units of the noise", "cause, place and signal right [%]", height_px=400)
-    plots.add_curve(
-        figure, sizes, shares, "right, with its 95 % interval", palette.ESTIMATE, width=2, ends=ends, hover=hover
-    )
+    sizes = [each.middle for each in found]
+    figure = _shares_figure("size, in units of the noise", sizes, found)
     asked = 100 * BARS["large"]
     end = max(*sizes, 2 * LARGE_IN_NOISE)
     name = f"asked: {asked:.0f} % from {LARGE_IN_NOISE:g} on"
     plots.add_curve(figure, [LARGE_IN_NOISE, end], [asked, asked], name, palette.LIMIT, dash="dash", width=1.6)
     figure.update_xaxes(type="log", tickvals=[0.2, 0.5, 1, 2, 5, 10, 20, 50, 100], hoverformat=".1f")
-    figure.update_yaxes(range=[-3, 103])
     return figure

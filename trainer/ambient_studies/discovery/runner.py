@@ -1,7 +1,7 @@
 """The benchmark: the circuit is trained once, then each case is diagnosed and scored, many at a time."""
 
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,8 +67,10 @@ def run(bench: Bench, cases: Sequence[Case], jobs: int) -> Generator[Done, None,
     Done
         A case as soon as it and those before it are done.
     """
+    parts = (cases[first : first + _AT_ONCE] for first in range(0, len(cases), _AT_ONCE))
+    runs = ((case, run) for part in parts for case, run in zip(part, simulated(part)))
     with workers(jobs) as parallel:
-        yield from results(parallel, (delayed(diagnosed)(bench, case, run) for case, run in _runs(cases)))
+        yield from results(parallel, (delayed(diagnosed)(bench, case, run) for case, run in runs))
 
 
 def diagnosed(bench: Bench, case: Case, run: Simulated) -> Done:
@@ -98,9 +100,3 @@ def _size(bench: Bench, run: Simulated, truth: Truth) -> float:
         return 0.0
     logged, clean = (known.simulated_degC(trace) for trace in (run.trace, run.clean))
     return float(np.max(np.sqrt(np.mean((logged - clean) ** 2, axis=1)) / known.noise_degC))
-
-
-def _runs(cases: Sequence[Case]) -> Iterator[tuple[Case, Simulated]]:
-    for first in range(0, len(cases), _AT_ONCE):
-        some = cases[first : first + _AT_ONCE]
-        yield from zip(some, simulated(some))

@@ -47,9 +47,13 @@ def score(
         onset_s = onset_error_s(truths[0], step, float(diagnosis.time_s[0]))
         onset_right = None if onset_s is None else abs(onset_s) <= ONSET_S
         size = magnitude_error_frac(truths[0], step)
-        magnitude_right = None if size is None else abs(size) <= MAGNITUDE_FRAC or _in_interval(truths[0], step)
+        low, high = step.magnitude.ci95 if step.magnitude else (math.nan, math.nan)
+        magnitude_right = None if size is None else abs(size) <= MAGNITUDE_FRAC or low <= truths[0].magnitude <= high
     sure = tuple(step.confidence for step in diagnosis.steps)
-    outcome = Outcome(true, size_in_noise, found, correct, size, onset_s, _gain(diagnosis), seconds, sure)
+    gain = diagnosis.steps[0].gain.ci95_degC if diagnosis.steps else None
+    if gain is not None and not all(math.isfinite(end) for end in gain):
+        gain = None  # of a simulation that ran away
+    outcome = Outcome(true, size_in_noise, found, correct, size, onset_s, gain, seconds, sure)
     return Scored(outcome, onset_right, magnitude_right)
 
 
@@ -93,13 +97,3 @@ def _by_column(cause: Cause) -> Cause:
     """With the logged column alone where the driver is a power of it: a truth names the column."""
     column, _, power = (cause.signal or "").partition("^")
     return replace(cause, signal=column) if power.isdigit() else cause
-
-
-def _gain(diagnosis: Diagnosis) -> tuple[float, float] | None:
-    """The first step's; None where a simulation that ran away has none."""
-    ends = diagnosis.steps[0].gain.ci95_degC if diagnosis.steps else (math.nan, math.nan)
-    return ends if all(math.isfinite(end) for end in ends) else None
-
-
-def _in_interval(truth: Truth, step: Step) -> bool:
-    return step.magnitude is not None and step.magnitude.ci95[0] <= truth.magnitude <= step.magnitude.ci95[1]

@@ -18,7 +18,13 @@ def report_of(model: Model, found: Sequence[Bound], seeds: Seeds) -> Report:
     """What the bounds of ``model`` show."""
     ratios = ", ".join(f"{each.ratio(each.filters[0]):.2f} in scenario {each.scenario}" for each in found)
     columns = ("scenario", "filter", "sensors", "weights", "RMSE", "ratio")
-    rows = [row for each in found for row in _rows(model, each)]
+    rows = []
+    for each in found:
+        inputs = str(len(model.main.inputs))
+        rows.append((each.scenario, model.name, inputs, "", f"{each.model_rmse_degC:.3f}", ""))
+        for one in each.filters:
+            figures = (f"{one.rmse_degC:.3f}", f"{each.ratio(one):.2f}")
+            rows.append(("", one.name, str(one.sensors), str(one.weights), *figures))
     return Report(
         subject="Linear lower bound, simulated",
         title=f"{model.name}: times the error of a linear filter fitted to the scenario itself, {ratios}",
@@ -35,13 +41,6 @@ def as_json(model: Model, found: Sequence[Bound], seeds: Seeds) -> dict[str, Any
         for each in found
     ]
     return {"simulated": True, "model": model.name, "seeds": asdict(seeds), "scenarios": scenarios}
-
-
-def _rows(model: Model, bound: Bound) -> Iterator[tuple[str, ...]]:
-    yield bound.scenario, model.name, str(len(model.main.inputs)), "", f"{bound.model_rmse_degC:.3f}", ""
-    for each in bound.filters:
-        ratio = f"{bound.ratio(each):.2f}"
-        yield "", each.name, str(each.sensors), str(each.weights), f"{each.rmse_degC:.3f}", ratio
 
 
 def _findings(found: Sequence[Bound]) -> Iterator[Finding]:

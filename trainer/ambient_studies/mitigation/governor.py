@@ -95,7 +95,10 @@ class Governor:
         """The next caps; ``drawn_W`` was drawn under the last ones. NaN: no reading of the sensor, no known ambient."""
         known = ~np.isnan(known_degC)
         self.ambient_degC = np.where(known, known_degC, self._assumed_degC)
-        silent = self._hold_last(sensor_degC)
+        silent = np.isnan(sensor_degC)
+        # in the place of a missing reading its last one, before the first one the ambient
+        last = np.where(np.isnan(self._sensor_degC), self.ambient_degC, self._sensor_degC)
+        self._sensor_degC = np.where(silent, last, sensor_degC)
         on_known = self._known_skin.predicted(self._sensor_degC, self.ambient_degC)
         on_assumed = self._assumed_skin.predicted(self._sensor_degC, self._assumed_degC)
         self.skin_degC = np.where(known, on_known, on_assumed)
@@ -108,13 +111,6 @@ class Governor:
         wanted_W = budget_W + self._gain * headroom_K + self._integral_W
         self._wanted_W = np.where(silent, np.inf, wanted_W)
         return np.where(silent, FLOOR_W, np.clip(wanted_W, FLOOR_W, self._top_W))
-
-    def _hold_last(self, sensor_degC: Array) -> NDArray[np.bool_]:
-        """Which sensors lack a reading: their last reading is used, before the first one the ambient."""
-        silent = np.isnan(sensor_degC)
-        last = np.where(np.isnan(self._sensor_degC), self.ambient_degC, self._sensor_degC)
-        self._sensor_degC = np.where(silent, last, sensor_degC)
-        return silent
 
     def _limited(self, drawn_W: Array) -> NDArray[np.bool_]:
         """Where the last cap lay between floor and top and limited the SoC."""

@@ -69,7 +69,9 @@ def closed_loop(
     kept = np.full((6, len(time_s), len(cases)), np.nan)
     drawn_W = np.zeros(len(cases))
     for k, now_s in enumerate(time_s.tolist()):
-        readings = _with_outage(plant.readings_degC, names, setting, now_s)
+        readings, outage = plant.readings_degC, setting.outage
+        if outage is not None and 60 * outage.from_min <= now_s < 60 * outage.to_min:
+            readings[:, names.index(outage.sensor)] = np.nan
         estimate, trusted = estimators.update(now_s, readings)
         known = np.where(trusted, estimate, np.where(knowing, plant.air_degC, np.nan))
         cap_W = np.where(free, np.inf, governor.cap_W(readings[:, sensor], known, drawn_W))
@@ -122,14 +124,6 @@ class _Estimators:
                 estimates[index] = estimate.ambient_degC
                 trusted[index] = estimate.status in TRUSTED
         return estimates, trusted
-
-
-def _with_outage(readings: Array, names: Sequence[str], setting: Setting, now_s: float) -> Array:
-    """``readings`` with NaN for a sensor in its outage."""
-    outage = setting.outage
-    if outage is not None and 60 * outage.from_min <= now_s < 60 * outage.to_min:
-        readings[:, names.index(outage.sensor)] = np.nan
-    return readings
 
 
 def _run(case: Case, setting: Setting) -> Run:

@@ -5,7 +5,7 @@ structure is shown with the printed parameters.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,10 +46,8 @@ def rise_system(p: Values, source: str) -> StateSpace:
 
 def free_cd_system(p: Values) -> StateSpace:
     """Equations 4.20, 4.21, 4.29 and 4.30: the same B."""
-    rise = rise_system(p, "display")
-    C = np.array([[p["w1"], p["w2"], p["w3"]]])
-    D = np.array([[p["w4"], p["w5"], p["w6"], p["w7"]]])
-    return StateSpace(rise.A, rise.B, C, D, rise.offset)
+    weights = np.array([[p[f"w{number}"] for number in range(1, 8)]])
+    return replace(rise_system(p, "display"), C=weights[:, :3], D=weights[:, 3:])
 
 
 def single_input_system(p: Values, source: str, exchange: float) -> StateSpace:
@@ -78,14 +76,6 @@ def combined_system(p: Values) -> StateSpace:
     return StateSpace(np.zeros((0, 0)), np.zeros((0, 3)), np.zeros((1, 0)), D, np.array([p["m"]]))
 
 
-def _model1_single_input(p: Values) -> StateSpace:
-    return single_input_system(p, "soc", -1 / (p["R_battery_usb"] * p["C_battery"]))
-
-
-def _model2_single_input(p: Values) -> StateSpace:
-    return single_input_system(p, "display", -1 / p["R_battery_usb"])
-
-
 _NODES = ("flash_degC", "battery_degC", "usb_degC")
 
 PRINTED: Mapping[str, Printed] = {
@@ -93,7 +83,9 @@ PRINTED: Mapping[str, Printed] = {
         lambda p: rise_system(p, "soc"), (*_NODES, "soc_degC"), "equation 4.9 with the sign of erratum 1"
     ),
     "model1_ss_single_input": Printed(
-        _model1_single_input, ("soc_degC",), "equations 4.14 and 4.16 with the sign and the order of errata 1 and 3"
+        lambda p: single_input_system(p, "soc", -1 / (p["R_battery_usb"] * p["C_battery"])),
+        ("soc_degC",),
+        "equations 4.14 and 4.16 with the sign and the order of errata 1 and 3",
     ),
     "model2_ss": Printed(
         lambda p: rise_system(p, "display"),
@@ -101,7 +93,7 @@ PRINTED: Mapping[str, Printed] = {
         "equation 4.21 and table 4.4 with the sign of erratum 1 and the w1 of erratum 6",
     ),
     "model2_ss_single_input": Printed(
-        _model2_single_input,
+        lambda p: single_input_system(p, "display", -1 / p["R_battery_usb"]),
         ("display_degC",),
         "equations 4.25 and 4.27 with the sign, the missing capacitance and the order of errata 1, 2 and 3",
     ),

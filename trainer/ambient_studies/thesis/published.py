@@ -75,7 +75,12 @@ def published_parameters() -> Mapping[str, Parameters]:
 @cache
 def published_results() -> Results:
     """Tables 5.1 to 5.12."""
-    return {(row["scenario"], row["model"]): _result(row) for row in _rows("results.csv")}
+    found = {}
+    for row in _rows("results.csv"):
+        bands = {each: (float(row[f"ci{each}_low_degC"]), float(row[f"ci{each}_high_degC"])) for each in LEVELS_PERCENT}
+        rmse, mae, mbe = (float(row[f"{name}_degC"]) for name in ("rmse", "mae", "mbe"))
+        found[row["scenario"], row["model"]] = Result(rmse, mae, mbe, bands)
+    return found
 
 
 @cache
@@ -88,11 +93,6 @@ def sensor_statistics() -> Mapping[tuple[str, str], SensorStatistics]:
         )
         for row in rows
     }
-
-
-def _result(row: Mapping[str, str]) -> Result:
-    bands = {level: (float(row[f"ci{level}_low_degC"]), float(row[f"ci{level}_high_degC"])) for level in LEVELS_PERCENT}
-    return Result(float(row["rmse_degC"]), float(row["mae_degC"]), float(row["mbe_degC"]), bands)
 
 
 def _rows(name: str) -> list[dict[str, str]]:

@@ -99,20 +99,17 @@ def spearman(rows: Sequence[Row]) -> float | None:
 def _row(scenario: str, method: Method, estimate: Array, reference: Array, published: Results) -> Row:
     error = reference - estimate
     known = np.isfinite(error)
-    samples = int(np.count_nonzero(known))
+    samples, reproduced = int(np.count_nonzero(known)), None
+    if samples >= 2:
+        found = score(error[known])
+        if all(map(math.isfinite, (found.rmse_degC, found.mae_degC, found.mbe_degC, found.sigma_degC))):
+            reproduced = Result(found.rmse_degC, found.mae_degC, found.mbe_degC, found.interval_degC)
     return Row(
         scenario=scenario,
         model=method.name,
         variant=method.variant,
         published=published.get((scenario, method.name)),
-        reproduced=_result(error[known]) if samples >= 2 else None,
+        reproduced=reproduced,
         samples=samples,
         without_estimate=int(np.count_nonzero(~np.isfinite(estimate))),
     )
-
-
-def _result(error_degC: Array) -> Result | None:
-    found = score(error_degC)
-    if not all(map(math.isfinite, (found.rmse_degC, found.mae_degC, found.mbe_degC, found.sigma_degC))):
-        return None
-    return Result(found.rmse_degC, found.mae_degC, found.mbe_degC, found.interval_degC)
