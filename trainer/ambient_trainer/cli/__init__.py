@@ -12,6 +12,7 @@ from ambient_trainer.cli.options import (
     period_option,
     sampling_option,
     seed_option,
+    sensors_option,
     starts_option,
     whole_numbers,
     window_options,

@@ -109,6 +109,11 @@ def starts_option(command: Callable[..., Any]) -> Callable[..., Any]:
     )
 
 
+def sensors_option(default: str = "every _degC column", meaning: str = "What free-N and observers read.") -> Decorator:
+    """Give a command --sensors, the names of columns."""
+    return click.option("--sensors", type=names, default="", metavar="A,B,...", show_default=default, help=meaning)
+
+
 def seed_option(meaning: str) -> Decorator:
     """Give a command --seed."""
     return click.option("--seed", type=click.IntRange(min=0), default=0, help=meaning)

@@ -41,12 +41,8 @@ class Trace:
     def column(self, name: str) -> Array:
         """The column ``name``; raises :class:`Refused` where the trace has none."""
         if name not in self.columns:
-            raise refuse(
-                self.path,
-                "line 1",
-                f"no column '{name}'",
-                f"it has {', '.join(self.columns)}; log it or map it on import",
-            )
+            hint = f"it has {', '.join(self.columns)}; log it or map it on import"
+            raise refuse(self.path, "line 1", f"no column '{name}'", hint)
         return self.columns[name]
 
     def to_frame(self) -> pd.DataFrame:
@@ -68,9 +64,8 @@ class Trace:
         stop = len(self.time_s) if to_s is None else int(np.searchsorted(self.time_s, to_s))
         if stop <= start:
             whole = f"{self.time_s[0]:.10g} to {self.time_s[-1]:.10g} s" if len(self.time_s) else "no samples"
-            raise refuse(
-                self.path, "", f"nothing lies between --from and --to (the trace has {whole})", "choose others"
-            )
+            problem = f"nothing lies between --from and --to (the trace has {whole})"
+            raise refuse(self.path, "", problem, "choose others")
         kept = {name: values[start:stop] for name, values in self.columns.items()}
         return replace(self, time_s=self.time_s[start:stop], columns=kept)
 

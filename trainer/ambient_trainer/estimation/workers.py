@@ -20,13 +20,13 @@ def workers(jobs: int) -> Parallel:
 
 def results(parallel: Parallel, tasks: Iterable[tuple[Callable[..., Any], Any, Any]]) -> Iterator[Any]:
     """What the delayed ``tasks`` return, in their order, each as soon as it and those before are done."""
-    with _uninterrupted():
+    with uninterrupted():
         found: Iterator[Any] = parallel(tasks)
     return found
 
 
 @contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
+def uninterrupted() -> Iterator[None]:
     """Processes that start in the block ignore Ctrl-C; to this one it comes when the block is done."""
     if threading.current_thread() is not threading.main_thread():
         yield  # Ctrl-C comes to the main thread alone

@@ -49,7 +49,11 @@ def correction(model: Model, trace: Trace) -> Correction:
     estimators = {MAIN: model.main} | {f"without {name}": each for name, each in model.fallbacks.items()}
     if model.secondary is not None:
         estimators[SECONDARY] = model.secondary.estimator
-    errors = {name: _errors_degC(model, each, trace) for name, each in estimators.items()}
+    errors: dict[str, Array] = {}
+    for name, each in estimators.items():
+        alone = model._replace(main=each, fallbacks={}, secondary=None, error_variance=None, provenance={})
+        error = evaluate_trace(alone, trace).error_degC
+        errors[name] = error[np.isfinite(error)]
     own = errors[MAIN]
     standard_error = float(np.std(own)) * math.sqrt(min(residual_memory(own), len(own)) / len(own))
     return Correction({name: float(np.mean(each)) for name, each in errors.items()}, standard_error, len(own))
@@ -85,12 +89,6 @@ def report_of(found: Correction) -> Report:
         sections=[Section("", [Table("", ("estimator", "offset in degC"), rows) if rows else None])],
         data=asdict(found),
     )
-
-
-def _errors_degC(model: Model, estimator: Estimator, trace: Trace) -> Array:
-    alone = model._replace(main=estimator, fallbacks={}, secondary=None, error_variance=None, provenance={})
-    error = evaluate_trace(alone, trace).error_degC
-    return error[np.isfinite(error)]
 
 
 def _moved(estimator: Estimator, degC: float) -> Estimator:

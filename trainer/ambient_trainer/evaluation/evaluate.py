@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_model.faults import Refused, refuse
+from ambient_model.faults import refuse
 from ambient_model.model import Discrete, Input, Model
 from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
@@ -124,17 +124,19 @@ def evaluate_run_in(model: Model, trace: Trace, from_s: float | None = None, to_
 
 def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
     """Run ``model`` over ``trace`` and score it; raises :class:`Refused` where a column or a score cannot be had."""
-    _require_columns(model, trace)
+    wanted = (*(each.column for each in model.main.inputs), REFERENCE)
+    if missing := [repr(name) for name in wanted if name not in trace.columns]:
+        there = ", ".join(trace.columns) or "none"
+        hint = f"it has {there}; log what the model reads and the reference, or map it on import"
+        raise refuse(trace.path, "line 1", f"no column {', '.join(missing)}", hint)
     trace_period_s = sampling_period_s(trace.time_s)
     discrete = nearest_discrete(model.main, trace_period_s)
     if trace_period_s > bridge_limit_s(discrete.period_s):
-        raise refuse(
-            trace.path,
-            "",
+        problem = (
             f"its samples lie {trace_period_s:g} s apart, and the model at {discrete.period_s:g} s bridges at most "
-            f"{bridge_limit_s(discrete.period_s):g} s",
-            "log more often, or fit the model to a trace with this period",
+            f"{bridge_limit_s(discrete.period_s):g} s"
         )
+        raise refuse(trace.path, "", problem, "log more often, or fit the model to a trace with this period")
     inputs = {each: trace.columns[each.column] for each in model.main.inputs}
     estimates, sigma_degC = _tracked(model, discrete, trace.time_s, np.column_stack(list(inputs.values())))
     estimate, low, high, used = (  # None becomes NaN
@@ -144,7 +146,13 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
     error = trace.reference - estimate
     scored = np.isfinite(error)
     if np.count_nonzero(scored) < 2:
-        raise _too_few(trace, estimate)
+        estimates_known, references = np.isfinite(estimate).sum(), np.isfinite(trace.reference).sum()
+        problem = (
+            f"too few samples to score: of {len(trace.time_s)} samples {estimates_known} have an estimate, "
+            f"{references} a reference and {scored.sum()} both"
+        )
+        hint = "fill the columns, and see that the sensors lie within the ranges of the model file"
+        raise refuse(trace.path, "", problem, f"two with both are wanted: {hint}")
     variance = model.error_variance
     published = (model.main.interval, 1.0) if variance is None else (variance.quantiles, sigma_degC[scored])
     return Evaluation(
@@ -168,30 +176,6 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
 def _with_overlap(evaluation: Evaluation, model: Model, scored: Trace) -> Evaluation:
     sha256 = scored.sha256 or sha256_of(scored.path)
     return replace(evaluation, overlaps_training=overlaps_training(model, scored, sha256))
-
-
-def _require_columns(model: Model, trace: Trace) -> None:
-    missing = [name for name in (*(each.column for each in model.main.inputs), REFERENCE) if name not in trace.columns]
-    if missing:
-        raise refuse(
-            trace.path,
-            "line 1",
-            f"no column {', '.join(repr(name) for name in missing)}",
-            f"it has {', '.join(trace.columns) or 'none'}; log what the model reads and the reference, "
-            "or map it on import",
-        )
-
-
-def _too_few(trace: Trace, estimate_degC: Array) -> Refused:
-    estimates = np.isfinite(estimate_degC)
-    references = np.isfinite(trace.reference)
-    return refuse(
-        trace.path,
-        "",
-        f"too few samples to score: of {len(trace.time_s)} samples {np.count_nonzero(estimates)} have an estimate, "
-        f"{np.count_nonzero(references)} a reference and {np.count_nonzero(estimates & references)} both",
-        "two with both are wanted: fill the columns, and see that the sensors lie within the ranges of the model file",
-    )
 
 
 def _tracked(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> tuple[list[Estimate], Array]:

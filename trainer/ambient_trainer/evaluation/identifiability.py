@@ -137,7 +137,10 @@ def identifiability(
 
     A fixed parameter's value is given, or None for the one of the fit. Raises :class:`Refused`.
     """
-    _check_names(circuit, fixed)
+    known = [each.name for each in circuit.parameters if each.free]
+    for name in fixed:
+        if name not in known:
+            raise refuse("--fix", "", f"{circuit.name} has no free parameter {name!r}", f"it has {', '.join(known)}")
     circuit = held(circuit, {name: value for name, value in fixed.items() if value is not None})
     progress("fitting", 0, effort.starts)
     fit = CircuitEstimator(circuit).fit(
@@ -152,7 +155,7 @@ def identifiability(
         subject = own_output(held_there, values, stretches, noise, fit.residual_memory_samples)
         structure = subject.structure()
         theta, beta = unknowns_at(structure, subject.values)
-        known = sensitivity(structure, theta, beta, effort.seed)
+        sensed = sensitivity(structure, theta, beta, effort.seed)
         return Identifiability(
             circuit=circuit.name,
             trace=trace.path,
@@ -161,10 +164,10 @@ def identifiability(
             at_bound=tuple(each.name for each in fit.parameters if each.at_bound and each.name not in fixed),
             rmse_degC=fit.rmse_degC,
             memory_samples=fit.residual_memory_samples,
-            reestimates=reestimates(subject, known, effort, progress),
-            sensitivity=known,
+            reestimates=reestimates(subject, sensed, effort, progress),
+            sensitivity=sensed,
             profiles=profiles(subject, progress),
-            recovered=recovered(subject, known, replicates, effort.seed, progress),
+            recovered=recovered(subject, sensed, replicates, effort.seed, progress),
         )
 
 
@@ -180,12 +183,8 @@ def own_output(
 
 def unknowns_at(structure: CircuitStructure, values: Values) -> tuple[Array, Array]:
     """theta and beta at ``values``; initial states as they fit best."""
-    theta = np.array(
-        [
-            math.log(values[name]) if name in structure.logarithmic_names else values[name]
-            for name in structure.search.names
-        ]
-    )
+    names, logarithmic = structure.search.names, structure.logarithmic_names
+    theta = np.array([math.log(values[name]) if name in logarithmic else values[name] for name in names])
     beta = np.array([values[each.name] for each in structure.linear_parameters])
     if len(structure.linear.names) > len(beta):
         starts = project(structure, theta).beta[len(beta) :]
@@ -267,10 +266,3 @@ def _moved(truth: float, found: float) -> float:
     if truth > 0 and found > 0:
         return max(truth / found, found / truth) - 1.0
     return abs(found - truth) / max(abs(truth), MOVED)
-
-
-def _check_names(circuit: Circuit, fixed: Mapping[str, float | None]) -> None:
-    known = [each.name for each in circuit.parameters if each.free]
-    for name in fixed:
-        if name not in known:
-            raise refuse("--fix", "", f"{circuit.name} has no free parameter {name!r}", f"it has {', '.join(known)}")

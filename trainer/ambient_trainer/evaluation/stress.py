@@ -12,13 +12,12 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.model import Model
 from ambient_model.tracking import TRACKING
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.evaluation.evaluate import Evaluation, evaluate_trace
+from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Figure, Section, Table
 from ambient_trainer.report.plots import panel_figure
 
@@ -74,10 +73,7 @@ def _stressed(condition: str, model: Model, trace: Trace, change: Change, seed: 
     readings = np.column_stack([trace.column(column) for column in columns])
     changed = change(readings.copy(), np.random.default_rng(seed))
     found = evaluate_trace(model, replace(trace, columns={**trace.columns, **dict(zip(columns, changed.T))}))
-    return _scored(condition, found, found.time_s >= (found.time_s[0] if from_s is None else from_s))
-
-
-def _scored(condition: str, found: Evaluation, counted: NDArray[np.bool_]) -> Stressed:
+    counted = found.time_s >= (found.time_s[0] if from_s is None else from_s)
     known = counted & np.isfinite(found.error_degC)
     error = np.abs(found.error_degC[known])
     inside = (found.low_degC <= found.reference_degC) & (found.reference_degC <= found.high_degC)

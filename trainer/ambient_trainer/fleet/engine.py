@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ambient_model.faults import refuse
+from ambient_trainer.estimation.workers import uninterrupted
 
 LOCAL, SERIAL = "local", "serial"
 _AHEAD = 3
@@ -91,7 +90,7 @@ class Dask(Engine):
         with contextlib.ExitStack() as stack:
             if self._engine == LOCAL:
                 stack.enter_context(dask.config.set(_SETTINGS))
-                with _without_interrupts():
+                with uninterrupted():
                     self._cluster = distributed.LocalCluster(
                         n_workers=self._wanted, threads_per_worker=1, dashboard_address="127.0.0.1:0", silence_logs=50
                     )
@@ -190,19 +189,6 @@ def _close(each: Any, timeout_s: float) -> None:
     if each is not None:
         with contextlib.suppress(Exception):
             each.close(timeout=timeout_s)
-
-
-@contextlib.contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Processes that are started meanwhile ignore Ctrl-C: the driver ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _connection_lost(error: Exception) -> bool:

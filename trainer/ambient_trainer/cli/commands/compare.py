@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 @cli.circuit_option("As in fit; repeat it.", multiple=True)
 @click.option("--split", "split_s", type=cli.Finite(), metavar="S", help="Train before this time_s, score after it.")
 @click.option("--held-out", "held_out", metavar="TRACE", help="Score on this trace instead.")
-@click.option(
-    "--sensors", type=cli.names, default="", metavar="A,B,...", show_default="every _degC column", help="As in fit."
-)
+@cli.sensors_option(meaning="As in fit.")
 @click.option("--models", metavar="DIR", help="Write each model into this folder, as CIRCUIT.json.")
 @cli.output_options()
 @cli.effort_options

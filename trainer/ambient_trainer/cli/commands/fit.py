@@ -19,14 +19,7 @@ STOPPED = 1
 @click.option("-o", "--output", "model_path", required=True, metavar="MODEL.json", help="Where the model goes.")
 @cli.window_options
 @cli.output_options("what the terminal shows")
-@click.option(
-    "--sensors",
-    type=cli.names,
-    default="",
-    metavar="A,B,...",
-    show_default="every _degC column",
-    help="What free-N and observers read.",
-)
+@cli.sensors_option()
 @click.option(
     "--zone",
     "zones",

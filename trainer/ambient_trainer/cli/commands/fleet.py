@@ -18,14 +18,7 @@ BROKEN = 1
 @cli.circuit_option("A shipped circuit or observer, a .yaml file, or free-1 to free-4.")
 @click.option("-o", "--output", "folder", required=True, metavar="DIR", help="Where table and models go.")
 @click.option("--within", type=cli.names, metavar="A,B,...", help="Columns of groups of units, one level more.")
-@click.option(
-    "--sensors",
-    type=cli.names,
-    default="",
-    metavar="A,B,...",
-    show_default="every _degC column of most units",
-    help="What free-N and observers read.",
-)
+@cli.sensors_option("every _degC column of most units")
 @click.option(
     "--engine",
     default="local",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from ambient_trainer import cli
 from ambient_trainer.report.files import made_folder
 
 if TYPE_CHECKING:
-    from ambient_trainer.selection.result import Options, SearchResult
+    from ambient_trainer.selection.result import SearchResult
 
 
 @click.command("search")
@@ -62,7 +61,7 @@ def command(
     A zone that is dead, constant, stuck or a double is left out, with the reason. With --state, Ctrl-C loses nothing:
     the same command goes on where it stopped.
     """
-    from ambient_trainer.data.trace import load_trace  # scipy: --help should not wait for it
+    from ambient_trainer.data.trace import load_trace, sha256_of  # scipy: --help should not wait for it
     from ambient_trainer.selection.report import left_out_lines, report_of
     from ambient_trainer.selection.result import Options
     from ambient_trainer.selection.resumable import ResumablePool
@@ -79,7 +78,9 @@ def command(
         click.echo(line)
     data = prepared(traces, zones, chosen)
     checks = [load_trace(path) for path in check_paths]
-    identity = _identity(trace_paths, from_s, to_s, chosen)
+    # what results depend on: who computes them, the data's bytes and the options
+    digests = [sha256_of(path) for path in trace_paths]
+    identity = {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(chosen)}
     try:
         with cli.counted_progress() as progress, ResumablePool(jobs, state_path, identity, progress) as pool:
             result = searched(
@@ -92,14 +93,6 @@ def command(
     output.show(report_of(result))
     if circuit_folder is not None:
         _write_circuits(circuit_folder, result)
-
-
-def _identity(paths: Sequence[str], from_s: float | None, to_s: float | None, options: Options) -> dict[str, Any]:
-    """What results depend on: who computes them, the data's bytes and the options."""
-    from ambient_trainer.data.trace import sha256_of
-
-    digests = [sha256_of(path) for path in paths]
-    return {"made_by": __version__, "traces": digests, "from_s": from_s, "to_s": to_s, **asdict(options)}
 
 
 def _write_circuits(folder: str, result: SearchResult) -> None:
