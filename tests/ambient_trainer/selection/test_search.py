@@ -10,7 +10,7 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
-from ambient_trainer.estimation.validation import Spending, refitted
+from ambient_trainer.estimation.validation import refitted
 from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
@@ -150,7 +150,7 @@ def pair(small):
 
 
 def test_squares_are_those_of_independent_fits(small, pair):
-    whole, squares = refitted(FreeFilter(1, pair), small.blocks, Spending(4, 400, 60))
+    whole, squares = refitted(FreeFilter(1, pair), small.blocks, 4, 400, 60)
     assert whole.sum_of_squares == pytest.approx(search(FreeFilter(1, pair), 4, 0).best.sum_of_squares)
     for block, square in zip(small.blocks, squares):
         alone = search(FreeFilter(1, masked(pair, block)), 4, 1).best
@@ -159,8 +159,8 @@ def test_squares_are_those_of_independent_fits(small, pair):
 
 
 def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
-    few, _ = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 5, 2))
-    many, _ = refitted(FreeFilter(2, pair), small.blocks, Spending(1, 100, 20))
+    few, _ = refitted(FreeFilter(2, pair), small.blocks, 1, 5, 2)
+    many, _ = refitted(FreeFilter(2, pair), small.blocks, 1, 100, 20)
     assert few.evaluations <= 5
     assert many.sum_of_squares <= few.sum_of_squares
 

@@ -14,7 +14,6 @@ from ambient_trainer.api.result import Result
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.write import save_circuit
 from ambient_trainer.data.spikes import without_spikes
-from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose as diagnose_traces
 from ambient_trainer.diagnosis.later import Later, later_errors
 from ambient_trainer.diagnosis.report import report_of
@@ -162,14 +161,12 @@ def diagnose(
     own, good = ([trace for trace, _ in each] for each in (clean, known))
     with parallel_config(n_jobs=jobs):
         found = diagnose_traces(thermal_circuit(circuit), own, good, progress, period_s)
-    notes = [_set_aside(trace, spikes) for trace, spikes in (*clean, *known) if spikes]
-    found = replace(found, notes=(*found.notes, *notes))
+    for trace, spikes in (*clean, *known):
+        if spikes:
+            counts = ", ".join(f"{count} of {name}" for name, count in spikes.items())
+            note = f"{trace.path}: readings that jump away and return at once were set aside: {counts}."
+            found = replace(found, notes=(*found.notes, note))
     if later_from_s is None or found.fitted is None:
         return DiagnosisResult(found)
     scored = [without_spikes(trace)[0] for trace in traces]
     return DiagnosisResult(found, later_errors(found.fitted, found.extended, scored, later_from_s))
-
-
-def _set_aside(trace: Trace, spikes: dict[str, int]) -> str:
-    counts = ", ".join(f"{count} of {name}" for name, count in spikes.items())
-    return f"{trace.path}: readings that jump away and return at once were set aside: {counts}."

@@ -19,7 +19,7 @@ def with_values(circuit: Circuit, values: Mapping[str, float]) -> Circuit:
 def with_source(circuit: Circuit, into: str, signal: str, share: float, unit: str) -> Circuit:
     """``circuit`` with heat of ``share`` (in ``unit``) times ``signal`` into one node, on top of what there is."""
     there = next((each for each in circuit.sources if (each.into, each.signal) == (into, signal)), None)
-    known = None if there is None else _parameter(circuit, there.share)
+    known = next((each for each in circuit.parameters if there and each.name == there.share), None)
     if known is not None and known.free and sum(each.share == known.name for each in circuit.sources) == 1:
         return _with(circuit, {known.name: _moved(known, known.initial + share)})
     name = _unused(circuit, f"k_{into}_{signal}")
@@ -48,10 +48,6 @@ def _with(circuit: Circuit, parameters: Mapping[str, Parameter]) -> Circuit:
     names = {each.name for each in circuit.parameters}
     kept = [parameters.get(each.name, each) for each in circuit.parameters]
     return replace(circuit, parameters=(*kept, *(each for name, each in parameters.items() if name not in names)))
-
-
-def _parameter(circuit: Circuit, name: str) -> Parameter:
-    return next(each for each in circuit.parameters if each.name == name)
 
 
 def _moved(parameter: Parameter, value: float) -> Parameter:

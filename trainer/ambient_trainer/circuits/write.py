@@ -24,7 +24,10 @@ def save_circuit(path: str, circuit: Circuit) -> None:
 
 def write_circuit(circuit: Circuit) -> str:
     """The YAML of ``circuit``."""
-    values = {each.name: _standing(each) for each in circuit.parameters}
+    named = [each for each in circuit.parameters if _NAME.fullmatch(each.name)]
+    # what the file gave as a bare number has no name that could stand for it
+    values: dict[str, str | float] = {each.name: each.initial for each in circuit.parameters}
+    values |= {each.name: each.name for each in named}
     data = {
         "format": "ambient-circuit",
         "version": 1,
@@ -38,16 +41,11 @@ def write_circuit(circuit: Circuit) -> str:
             _Line(into=source.into, signal=source.signal, share=values[source.share]) for source in circuit.sources
         ],
         "outputs": {output.name: _output(output, values) for output in circuit.outputs},
-        "parameters": {each.name: _parameter(each) for each in circuit.parameters if _NAME.fullmatch(each.name)},
+        "parameters": {each.name: _parameter(each) for each in named},
         "mechanisms": [_mechanism(each) for each in circuit.mechanisms],
     }
     filled = {key: value for key, value in data.items() if value not in ({}, [])}
     return yaml.dump(filled, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
-
-
-def _standing(parameter: Parameter) -> str | float:
-    """What stands where ``parameter`` is used: what the file gave as a bare number has no name that could."""
-    return parameter.name if _NAME.fullmatch(parameter.name) else parameter.initial
 
 
 def _node(node: Node, values: Mapping[str, str | float]) -> _Line:

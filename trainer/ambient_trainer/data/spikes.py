@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ambient_model.validation import SENTINELS_DEGC
 from ambient_trainer.data.trace import Trace
@@ -30,21 +29,15 @@ def without_spikes(trace: Trace) -> tuple[Trace, dict[str, int]]:
     for name, values in columns.items():
         row = pd.Series(values)
         median = row.rolling(_AROUND, center=True, min_periods=_AROUND // 2).median()
-        spikes = (_wild if name.endswith("_degC") else _huge)(row, (row - median).abs())
+        apart = (row - median).abs()
+        if name.endswith("_degC"):
+            low, high = row.quantile(_MOST), row.quantile(1.0 - _MOST)
+            beyond = (row < low - (high - low)) | (row > high + (high - low)) | row.isin(SENTINELS_DEGC)
+            spikes = beyond & (apart > max(_LEAST_DEGC, _TIMES * apart.quantile(1.0 - _MOST)))
+        else:  # ten times as large as the column is; one that is rarely anything has no size
+            size = row.abs().quantile(1.0 - _MOST)
+            spikes = (apart > _TIMES * size) & (size > 0)
         if spikes.any():
-            columns[name] = np.where(spikes, median.to_numpy(), values)
+            columns[name] = np.where(spikes.to_numpy(), median.to_numpy(), values)
             count[name] = int(spikes.sum())
     return (replace(trace, columns=columns), count) if count else (trace, count)
-
-
-def _wild(row: pd.Series[float], apart: pd.Series[float]) -> NDArray[np.bool_]:
-    """Temperatures that are ``apart`` from the local median and from where the column is, or codes of an error."""
-    low, high = row.quantile(_MOST), row.quantile(1.0 - _MOST)
-    beyond = (row < low - (high - low)) | (row > high + (high - low)) | row.isin(SENTINELS_DEGC)
-    return (beyond & (apart > max(_LEAST_DEGC, _TIMES * apart.quantile(1.0 - _MOST)))).to_numpy()
-
-
-def _huge(row: pd.Series[float], apart: pd.Series[float]) -> NDArray[np.bool_]:
-    """Readings ten times as large as a column is; one that is rarely anything has no size."""
-    size = row.abs().quantile(1.0 - _MOST)
-    return ((apart > _TIMES * size) & (size > 0)).to_numpy()

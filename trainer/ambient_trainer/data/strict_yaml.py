@@ -116,12 +116,9 @@ def _fault(model: type[BaseModel], detail: ErrorDetails) -> Fault:
     hint = detail.get("ctx", {}).get("hint")
     if hint:
         return Fault(place, message, str(hint))
-    return Fault(place, f"{_shown(detail['input'])}: {message[0].lower()}{message[1:]}", "correct it")
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+    text = repr(detail["input"])
+    shown = text if len(text) <= 40 else f"{text[:37]}..."
+    return Fault(place, f"{shown}: {message[0].lower()}{message[1:]}", "correct it")
 
 
 def _fields(model: type[BaseModel]) -> dict[str, Any]:

@@ -85,17 +85,14 @@ def held_out(
     return blocks
 
 
-class Spending(NamedTuple):
-    """How long to search: from how many places and evaluations for everything, and evaluations without a block."""
+def refitted(
+    structure: Structure, blocks: Sequence[Block], starts: int, whole: int, without_one: int
+) -> tuple[Solution, tuple[float, ...]]:
+    """Fit ``structure``, then without each block from where that ended: the fit, and each block's sum of squares.
 
-    starts: int
-    whole: int
-    without: int
-
-
-def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) -> tuple[Solution, tuple[float, ...]]:
-    """Fit ``structure``, then without each block from where that ended: the fit, and each block's sum of squares."""
-    best = search(structure, spending.starts, 0, budget=Budget(spending.whole)).best
+    From so many places and with so many evaluations the ``whole``, with ``without_one`` each without a block.
+    """
+    best = search(structure, starts, 0, budget=Budget(whole)).best
     squares = []
     for block in blocks:
         # its filters run over everything, and it is fitted to the samples outside the block
@@ -104,7 +101,7 @@ def refitted(structure: Structure, blocks: Sequence[Block], spending: Spending) 
         outputs[:, block.first : block.last] = np.nan
         segments[block.segment] = replace(segments[block.segment], outputs=outputs)
         part.segments, part.search = segments, replace(part.search, initial=best.theta)
-        without = search(part, 1, 0, budget=Budget(spending.without)).best
+        without = search(part, 1, 0, budget=Budget(without_one)).best
         errors = residuals(structure, without)[block.segment][0, block.start : block.stop]
         square = float(np.nansum(errors**2))
         squares.append(square if np.isfinite(square) else _WORST_DEGC2)

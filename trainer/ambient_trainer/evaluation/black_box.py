@@ -45,9 +45,11 @@ def black_box_residual_degC(
     column, never a sensor; their gaps are bridged by lines. ``outputs`` (m, N) are in degC, NaN where nothing was
     measured; so is the result, which is NaN outside the ``blocks`` of samples, too.
     """
-    stretches = _stretches(time_s)
+    steps_s = np.diff(time_s)
+    edges = [0, *(np.flatnonzero(steps_s > _GAP * np.median(steps_s)) + 1).tolist(), len(time_s)]
+    stretches = [slice(start, stop) for start, stop in itertools.pairwise(edges)]
     longest_s = max(time_s[each][-1] - time_s[each][0] for each in stretches)
-    step_s = float(np.median(np.diff(time_s)))
+    step_s = float(np.median(steps_s))
     constants_s = step_s * _LADDER ** np.arange(-0.5, max(1.0, np.log(max(longest_s / step_s, 1.0)) / np.log(_LADDER)))
     bridged = pd.DataFrame(inputs, dtype=float).interpolate(limit_direction="both").fillna(0.0)
     columns = _normal(bridged.to_numpy().T.reshape(-1, len(time_s)))
@@ -62,14 +64,6 @@ def black_box_residual_degC(
     rivals = [left, outputs - _ridge(every, outputs, blocks), left - _trees(linear, left, blocks)]
     best = np.argmin([np.nanmean(each**2, axis=1) for each in rivals], axis=0)
     return np.array([rivals[choice][sensor] for sensor, choice in enumerate(best)])
-
-
-def _stretches(time_s: Array) -> list[slice]:
-    """The parts of the time between its gaps."""
-    steps_s = np.diff(time_s)
-    cuts = np.flatnonzero(steps_s > _GAP * np.median(steps_s)) + 1
-    edges = [0, *cuts.tolist(), len(time_s)]
-    return [slice(start, stop) for start, stop in itertools.pairwise(edges)]
 
 
 def _normal(rows: Array) -> Array:

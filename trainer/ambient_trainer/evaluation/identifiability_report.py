@@ -105,7 +105,7 @@ def _parameter_table(found: Identifiability) -> Table:
                 _note(found, each.name),
                 f"{each.value:.4g}",
                 f"{found.sensitivity.effect_degC[each.name]:.2g}",
-                " to ".join(map(_end, each.interval95)),
+                " to ".join("open" if end is None else f"{end:.4g}" for end in each.interval95),
                 "-" if back is None else f"{back.mean:.4g} ({back.standard_errors_off:+.1f})",
             )
         )
@@ -178,7 +178,3 @@ def _power(name: str, exponent: float) -> str:
 
 def _times(share: float) -> str:
     return f"{share + 1:.3g}-fold" if share >= 1 else f"{100 * share:.2g} %"
-
-
-def _end(value: float | None) -> str:
-    return "open" if value is None else f"{value:.4g}"

@@ -110,12 +110,11 @@ def entries(path: str, source: Source) -> list[Entry]:
 def _files(path: str) -> Iterable[str]:
     if os.path.isfile(path):
         return [path]
-    found = [os.path.join(folder, name) for folder, _, names in os.walk(path) for name in names]
-    return sorted(each for each in found if each.endswith((*_CSV, _PARQUET)) and not _hidden(each, path))
-
-
-def _hidden(file: str, path: str) -> bool:
-    return any(part.startswith((".", "_")) for part in os.path.relpath(file, path).split(os.sep))
+    found = []
+    for folder, folders, names in os.walk(path):
+        folders[:] = [each for each in folders if not each.startswith((".", "_"))]
+        found += [os.path.join(folder, each) for each in names if not each.startswith((".", "_"))]
+    return sorted(each for each in found if each.endswith((*_CSV, _PARQUET)))
 
 
 def _entries_in(file: str, path: str, by: str) -> Iterator[Entry]:

@@ -94,7 +94,10 @@ def begin(
                 read.append(replace(log.trace, path=log.unit))
             if len(read) == enough:
                 break
-        columns = tuple(sensors) or (_common(read) if method.reads_any else ())
+        columns = tuple(sensors)
+        if method.reads_any and not columns:  # temperatures of more than half, in the order of the first that has them
+            counts = Counter(name for trace in read for name in trace.columns if name.endswith("_degC"))
+            columns = tuple(name for name, count in counts.items() if 2 * count > len(read) and name != REFERENCE)
         traces = []
         for trace in read:
             try:
@@ -115,12 +118,6 @@ def begin(
             name: space_of(each, [_thinned(trace, period_s) for trace in traces]) for name, each in members(fit).items()
         }
         return Start(fit, spaces, tuple(trace.path for trace in traces))
-
-
-def _common(traces: Sequence[Trace]) -> tuple[str, ...]:
-    """The temperatures that more than half of the traces have, in the order of the first that has them all."""
-    counts = Counter(name for trace in traces for name in trace.columns if name.endswith("_degC") and name != REFERENCE)
-    return tuple(name for name, count in counts.items() if 2 * count > len(traces))
 
 
 def _thinned(trace: Trace, period_s: float) -> Trace:

@@ -32,6 +32,9 @@ def report_of(fleet: FleetFit) -> Report:
     broken = Finding(f"{len(failed)} of {len(table)} units failed; the table has the reasons.", "warning")
     rows = [(way, *(f"{value:.2f}" for value in np.percentile(each, _SHARES))) for way, each in errors.items()]
     names = fleet.start.spaces[MAIN].parameters[0]
+    gains = [(name, *(f"{value:.3f}" for value in np.percentile(good[name], (5, 50, 95)))) for name in names]
+    lost = [(str(row["unit"]), str(row["reason"])) for _, row in failed.head(_SHOWN).iterrows()]
+    more = f"{len(failed) - _SHOWN} more in fleet.parquet" if len(failed) > _SHOWN else ""
     return Report(
         subject="A fleet",
         title=f"{fleet.circuit}, {len(good)} units: {median['partial']:.2f} degC on blocks held out (median)",
@@ -62,9 +65,7 @@ def report_of(fleet: FleetFit) -> Report:
                 "The population",
                 [
                     Table("", ("", "", ""), _hyperparameters(fleet, good)),
-                    Table(
-                        "DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), _parameters(good, names), 1
-                    ),
+                    Table("DC gains, and the offset", ("parameter", "5 %", "median", "95 %"), gains, 1),
                     Figure(
                         partial(_distributions, good, names),
                         "Units by parameter, about the median, over the interquartile range.",
@@ -72,8 +73,11 @@ def report_of(fleet: FleetFit) -> Report:
                     Figure(partial(_map, fleet, good, names), "Each unit; outliers are named."),
                 ],
             ),
-            Section("Units that fit least", [_outliers(fleet)]),
-            Section("Units that failed", [_failures(failed)] if len(failed) else []),
+            Section(
+                "Units that fit least",
+                [Table("", ("unit", "probability", "cause", "confidence"), list(map(_outlier, fleet.outliers)))],
+            ),
+            Section("Units that failed", [Table(more, ("unit", "reason"), lost, labels=2)] if len(failed) else []),
         ],
         data={
             "units": len(table),
@@ -104,25 +108,11 @@ def _hyperparameters(fleet: FleetFit, good: pd.DataFrame) -> list[tuple[str, str
     ]
 
 
-def _parameters(good: pd.DataFrame, names: tuple[str, ...]) -> list[tuple[str, ...]]:
-    return [(name, *(f"{value:.3f}" for value in np.percentile(good[name], (5, 50, 95)))) for name in names]
-
-
-def _outliers(fleet: FleetFit) -> Table:
-    rows = [(each.unit, f"10^-{each.improbability:.1f}", *_verdict(each)) for each in fleet.outliers]
-    return Table("", ("unit", "probability", "cause", "confidence"), rows)
-
-
-def _verdict(outlier: Outlier) -> tuple[str, str]:
-    named = " at ".join(each for each in (outlier.cause, outlier.location) if each)
-    sure = "" if outlier.confidence is None else f"{100 * outlier.confidence:.0f} %"
-    return f"{named}, or {outlier.rivals}" if outlier.rivals else named, sure
-
-
-def _failures(failed: pd.DataFrame) -> Table:
-    rows = [(str(row["unit"]), str(row["reason"])) for _, row in failed.head(_SHOWN).iterrows()]
-    more = f"{len(failed) - _SHOWN} more in fleet.parquet" if len(failed) > _SHOWN else ""
-    return Table(more, ("unit", "reason"), rows, labels=2)
+def _outlier(each: Outlier) -> tuple[str, str, str, str]:
+    named = " at ".join(part for part in (each.cause, each.location) if part)
+    sure = "" if each.confidence is None else f"{100 * each.confidence:.0f} %"
+    cause = f"{named}, or {each.rivals}" if each.rivals else named
+    return each.unit, f"10^-{each.improbability:.1f}", cause, sure
 
 
 def _errors(errors: dict[str, Any]) -> go.Figure:

@@ -10,6 +10,7 @@ import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 from urllib.parse import quote
 
@@ -94,13 +95,9 @@ def fit_fleet(
     parts.fill("look", "looking at units", len(chunks), Job(look, chunks.__getitem__, (source, start), _lost))
     learnt: Learnt = parts.kept("population", lambda: _learnt(parts, len(chunks), start, question.within))
 
-    def looked(number: int) -> list[Looked]:
-        return parts.load("look", number)
-
-    def unfitted(unit: Looked) -> Any:
-        return failed(unit, question.within, "its worker died")
-
-    parts.fill("fit", "fitting units", len(chunks), Job(fit_chunk, looked, (start, learnt, parts.created), unfitted))
+    rest = start, learnt, parts.created
+    died = partial(failed, within=question.within, reason="its worker died")
+    parts.fill("fit", "fitting units", len(chunks), Job(fit_chunk, partial(parts.load, "look"), rest, died))
     found = _written(parts, len(chunks), folder, question, start, learnt)
     if question.forward is not None:
         found = replace(found, outliers=_diagnosed(parts, found, question, listed))

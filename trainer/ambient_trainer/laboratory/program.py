@@ -26,9 +26,12 @@ class SteadyState:
         """Take in the temperatures at ``now_s``; without an ambient nothing is settled."""
         lacking = ambient_degC is None or (self._settle.drift_K is not None and not zones)
         near = ambient_degC is not None and abs(ambient_degC - self._near_degC) <= self._settle.within_K
+        # a zone without a reading may drift
+        most_K = math.inf if self._settle.drift_K is None else self._settle.drift_K
+        drifted = any(abs(zones.get(name, math.inf) - before) > most_K for name, before in self._zones.items())
         if lacking or not (near or self._set_degC is None):
             self._since_s = None
-        elif not near or self._since_s is None or self._drifted(zones):
+        elif not near or self._since_s is None or drifted:
             self._since_s, self._zones = now_s, dict(zones)
             if self._set_degC is None and ambient_degC is not None:
                 self._near_degC = ambient_degC
@@ -36,11 +39,6 @@ class SteadyState:
     def reached(self, now_s: float) -> bool:
         """Whether all has been steady for as long as asked."""
         return self._since_s is not None and now_s - self._since_s >= 60.0 * self._settle.for_min
-
-    def _drifted(self, zones: Mapping[str, float]) -> bool:
-        # a zone without a reading may drift
-        most_K = math.inf if self._settle.drift_K is None else self._settle.drift_K
-        return any(abs(zones.get(name, math.inf) - before) > most_K for name, before in self._zones.items())
 
 
 class Reached(NamedTuple):

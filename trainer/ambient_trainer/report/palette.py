@@ -51,9 +51,5 @@ def sensor_colours(names: Iterable[str]) -> dict[str, str]:
 
 def on_dark() -> list[tuple[str, str]]:
     """Pairs of a colour as a browser writes it in a style, ``rgb(29, 95, 191)``, and its counterpart."""
-    return [(_written(light), dark) for light, dark in _ON_DARK.items()]
-
-
-def _written(colour: str) -> str:
-    red, green, blue = (int(colour[start : start + 2], 16) for start in (1, 3, 5))
-    return f"rgb({red}, {green}, {blue})"
+    rgb = {light: [str(int(light[start : start + 2], 16)) for start in (1, 3, 5)] for light in _ON_DARK}
+    return [(f"rgb({', '.join(rgb[light])})", dark) for light, dark in _ON_DARK.items()]

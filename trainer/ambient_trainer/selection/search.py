@@ -16,7 +16,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.data import Segment, Trace, segments
 from ambient_trainer.estimation import CircuitStructure, FreeFilter, Structure
-from ambient_trainer.estimation.validation import Block, Spending, cut_in_blocks, refitted
+from ambient_trainer.estimation.validation import Block, cut_in_blocks, refitted
 from ambient_trainer.estimators.base import slowest_period_s, source_of
 from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
@@ -95,8 +95,8 @@ _POLES_BY_SENSORS = 3
 _SETS_AT_ONCE = 128
 _CIRCUIT_SAMPLES = 10_000
 _SLOWEST_SHARE = 1 / 40
-_FILTER = Spending(starts=2, whole=200, without=12)
-_CIRCUIT = Spending(starts=1, whole=60, without=5)
+_FILTER = {"starts": 2, "whole": 200, "without_one": 12}
+_CIRCUIT = {"starts": 1, "whole": 60, "without_one": 5}
 """Of hundreds: where a topology leaves a direction open a search would creep along it for long."""
 
 
@@ -299,10 +299,10 @@ def _pole_errors(gathering: partial[Grams], sensors: int, few: int, keys: Sequen
 
 
 def _fits(
-    structure_of: Callable[[Any], Structure], blocks: Sequence[Block], spending: Spending, keys: Sequence[Any]
+    structure_of: Callable[[Any], Structure], blocks: Sequence[Block], spending: dict[str, int], keys: Sequence[Any]
 ) -> list[dict[str, Any]]:
     """Per key the unknowns of its structure, and the sum of squares of each block that was left out."""
-    fits = [refitted(structure_of(key), blocks, spending) for key in keys]
+    fits = [refitted(structure_of(key), blocks, **spending) for key in keys]
     return [
         {"theta": best.theta.tolist(), "beta": best.beta.tolist(), "squares": list(squares)} for best, squares in fits
     ]

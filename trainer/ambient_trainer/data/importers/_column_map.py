@@ -190,13 +190,12 @@ def parse_map(data: Any, source: str, presets: dict[str, Any] | None = None) -> 
     Raises :class:`Refused` with every fault and its place in ``source``, such as ``columns.usb_degC.scale``.
     """
     if isinstance(data, dict):
-        both = {key: preset | data[key] for key, preset in (presets or {}).items() if _are_dicts(preset, data.get(key))}
+        both = {}
+        for key, preset in (presets or {}).items():
+            if isinstance(preset, dict) and isinstance(data.get(key), dict):
+                both[key] = preset | data[key]
         data = {**(presets or {}), **data, **both}
     return validated(ColumnMap, data, source, _target_faults(data))
-
-
-def _are_dicts(*values: Any) -> bool:
-    return all(isinstance(value, dict) for value in values)
 
 
 def _target_faults(data: Any) -> list[Fault]:

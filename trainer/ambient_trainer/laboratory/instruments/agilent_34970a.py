@@ -156,16 +156,12 @@ def _parsed(line: str) -> Reply | Malformed:
     if match := _ERROR.fullmatch(line):
         return ErrorText(int(match[1]), match[2])
     if _SCAN.fullmatch(line):
-        readings = tuple(_reading(field) for field in fields if "." in field)
+        values = [float(field) for field in fields if "." in field]
+        readings = tuple(None if abs(value) >= OPEN else value for value in values)
         return Scan(readings, tuple(int(field) for field in fields if "." not in field) or None)
     if _IDENTITY.fullmatch(line):
         return Identity(*[field.strip() for field in fields])
     return Malformed(_A_REPLY, repr(line))
-
-
-def _reading(text: str) -> float | None:
-    value = float(text)
-    return None if abs(value) >= OPEN else value
 
 
 decode = text_replies(b"\n", b"\r", _LONGEST, _parsed)
