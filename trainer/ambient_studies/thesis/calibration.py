@@ -56,7 +56,14 @@ class Recorded(NamedTuple):
 @cache
 def formulas() -> dict[str, Formula]:
     """The published formulas at steady state, errata applied."""
-    return {model: _steady_state(model) for model in FORMULAS}
+    found = {}
+    for model in FORMULAS:
+        circuit = load_circuit(model)
+        system = assemble(circuit, published_parameters()[model].corrected).value
+        gains = np.zeros(len(_SENSORS))
+        gains[[_SENSORS.index(column.removesuffix("_degC")) for column in circuit.inputs]] = dc_gain(system)[0]
+        found[model] = Formula(gains, float(system.offset[0]))
+    return found
 
 
 def record(candidates: Sequence[Mapping[str, float]], seed: int) -> list[dict[str, Recorded]]:
@@ -87,14 +94,6 @@ def formula_errors(recorded: Mapping[str, Recorded]) -> dict[tuple[str, str], Me
         for model, (gains, offset) in formulas().items()
         if (scenario, model) in published_results()
     }
-
-
-def _steady_state(model: str) -> Formula:
-    circuit = load_circuit(model)
-    system = assemble(circuit, published_parameters()[model].corrected).value
-    gains = np.zeros(len(_SENSORS))
-    gains[[_SENSORS.index(column.removesuffix("_degC")) for column in circuit.inputs]] = dc_gain(system)[0]
-    return Formula(gains, float(system.offset[0]))
 
 
 def _recorded(driven: Driven) -> Recorded:

@@ -75,7 +75,7 @@ def figure_sections(reproduction: Reproduction) -> list[Section]:
         _section(
             "5.9: Sensors while video is streamed",
             "Scenario 2.4, simulated: the load of the SoC varies, and the other sensors stay calm.",
-            partial(_sensors_figure, evaluated["2.4"]),
+            partial(_zones_figure, evaluated["2.4"], tuple(_SENSORS)),
         ),
     ]
 
@@ -122,8 +122,11 @@ def _section(title: str, note: str, draw: partial[go.Figure]) -> Section:
 
 
 def _loaded_figure(seed: int) -> go.Figure:
-    loaded = simulate(_LOADED, seed=seed, all_zones=True).trace
-    return _plot(loaded, [_line(loaded, zone) for zone in _ZONES if f"{zone}_degC" in loaded.columns])
+    return _zones_figure(simulate(_LOADED, seed=seed, all_zones=True).trace, tuple(_ZONES))
+
+
+def _zones_figure(trace: Trace, zones: Sequence[str]) -> go.Figure:
+    return _plot(trace, [_line(trace, zone) for zone in zones if f"{zone}_degC" in trace.columns])
 
 
 def _display_figure(seed: int) -> go.Figure:
@@ -136,10 +139,6 @@ def _display_figure(seed: int) -> go.Figure:
         plots.Line("display off", off.columns["display_degC"], palette.SENSOR_COLOURS[0]),
     ]
     return _plot(off, lines)
-
-
-def _sensors_figure(trace: Trace) -> go.Figure:
-    return _plot(trace, [_line(trace, sensor) for sensor in _SENSORS])
 
 
 def _estimates_figure(trace: Trace, estimates: dict[str, Array]) -> go.Figure:

@@ -61,7 +61,8 @@ def fit_with_moving_ambient(training: Trace) -> StateSpace:
     )
 
     def error_degC(theta: Array) -> Array:
-        if not _stable(theta):
+        stable = 1 + theta[3:].sum() >= _SMALLEST_K
+        if not stable or np.linalg.eigvals(_closed(theta, np.zeros(8)).A).real.max() >= -_SMALLEST_DECAY_PER_S:
             return np.full(len(reference), _DIVERGED_DEGC)
         responses = _responses(theta, stretches)
         error = reference - _solved(responses, reference) @ responses
@@ -74,12 +75,6 @@ def fit_with_moving_ambient(training: Trace) -> StateSpace:
         ]
         best = min(ends, key=lambda end: float(end.cost)).x
         return _closed(best, _solved(_responses(best, stretches), reference))
-
-
-def _stable(theta: Array) -> bool:
-    if 1 + theta[3:].sum() < _SMALLEST_K:
-        return False
-    return bool(np.linalg.eigvals(_closed(theta, np.zeros(8)).A).real.max() < -_SMALLEST_DECAY_PER_S)
 
 
 def _responses(theta: Array, stretches: Sequence[Segment]) -> Array:

@@ -1,6 +1,6 @@
 """The thesis's tables 5.1 to 5.12, each figure as published and as found on the simulated phone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from ambient_model.model import LEVELS_PERCENT
@@ -43,14 +43,11 @@ def overview_table(rows: Sequence[Row]) -> Table:
         for variant in VARIANTS
         if any((model, variant, scenario) in by_place for scenario in scenarios)
     ]
-    shown = [
-        (
-            method_name(model),
-            VARIANTS[variant],
-            *(_figure(by_place.get((model, variant, scenario)), lambda each: each.rmse_degC) for scenario in scenarios),
-        )
-        for model, variant in methods
-    ]
+    shown = []
+    for model, variant in methods:
+        found = [by_place.get((model, variant, scenario)) for scenario in scenarios]
+        figures = (_number(row.reproduced.rmse_degC if row and row.reproduced else None) for row in found)
+        shown.append((method_name(model), VARIANTS[variant], *figures))
     caption = (
         "RMSE in degC by scenario, simulated. Corrected: the equations without their errata, fitted to simulated "
         "scenario 5. Non-causal: with an offset that is fitted to the scenario under evaluation. Published "
@@ -65,12 +62,13 @@ def _pair(scenario: str, rows: Sequence[Row]) -> ScenarioTables:
     beside = [row for group in (RELATED, OURS) for row in rows if row.model in group]
     errors, intervals = TABLES.get(scenario, (None, None))
     known = errors is not None
+    sources = ("publ.", "sim.") if known else ("sim.",)
     return ScenarioTables(
         scenario,
         f"{SCENARIOS[scenario]} ({SIMULATED})",
         Table(
             _caption(errors, "RMSE, MAE and MBE in degC, true minus estimate"),
-            ("model", *(f"{each} {source}" for each in ("RMSE", "MAE", "MBE") for source in _sources(known))),
+            ("model", *(f"{each} {source}" for each in ("RMSE", "MAE", "MBE") for source in sources)),
             tuple((_label(row), *_errors(row, known)) for row in [*compared, *beside]),
         ),
         Table(
@@ -88,10 +86,6 @@ def _caption(number: int | None, what: str) -> str:
     return f"Table 5.{number}: {what}."
 
 
-def _sources(known: bool) -> tuple[str, ...]:
-    return ("publ.", "sim.") if known else ("sim.",)
-
-
 def _label(row: Row) -> str:
     if row.variant == "noncausal":
         return f"{method_name(row.model)}, non-causal"
@@ -101,13 +95,9 @@ def _label(row: Row) -> str:
 
 
 def _errors(row: Row, known: bool) -> list[str]:
-    parts: list[Callable[[Result], float]] = [
-        lambda each: each.rmse_degC,
-        lambda each: each.mae_degC,
-        lambda each: each.mbe_degC,
-    ]
     sources = (row.published, row.reproduced) if known else (row.reproduced,)
-    return [_number(None if figures is None else part(figures)) for part in parts for figures in sources]
+    names = ("rmse_degC", "mae_degC", "mbe_degC")
+    return [_number(getattr(figures, name) if figures else None) for name in names for figures in sources]
 
 
 def _intervals(row: Row) -> list[tuple[str, ...]]:
@@ -120,10 +110,6 @@ def _bands(figures: Result | None) -> list[str]:
         return [_NONE for _ in LEVELS_PERCENT]
     bands = (figures.interval_degC[level] for level in LEVELS_PERCENT)
     return [f"{_number(low)} to {_number(high)}" for low, high in bands]
-
-
-def _figure(row: Row | None, part: Callable[[Result], float]) -> str:
-    return _NONE if row is None or row.reproduced is None else _number(part(row.reproduced))
 
 
 def _number(value: float | None) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -100,7 +99,16 @@ def scatter(study: Study, group: int, name: str) -> Scatter:
 def units_table(study: Study) -> Table:
     """How the units scatter, two rows a group."""
     columns = ("scenario", "phone", "model", "trained unit", "median", "95 %", "worst", "bias", "in 90 %")
-    return Table(_CAPTION.format(len(study.units)), columns, list(_rows(study)), labels=3)
+    rows = []
+    for index, (scenario, cased) in enumerate(groups(study)):
+        for way, prefix in WAYS.items():
+            off, bias, inside = (
+                scatter(study, index, prefix + name) for name in ("rmse_degC", "bias_degC", "inside90_percent")
+            )
+            where = ("", "") if prefix else (scenario, _dress(cased))
+            errors = (f"{value:.2f}" for value in (off.nominal, off.median, off.p95, off.worst))
+            rows.append((*where, way, *errors, f"{bias.mean:+.2f} ± {bias.deviation:.2f}", f"{inside.mean:.0f}"))
+    return Table(_CAPTION.format(len(study.units)), columns, rows, labels=3)
 
 
 def sentences(study: Study) -> list[str]:
@@ -163,21 +171,6 @@ def _facts(study: Study) -> list[tuple[str, str]]:
 
 def _dress(cased: bool) -> str:
     return "in its case" if cased else "bare"
-
-
-def _rows(study: Study) -> Iterator[tuple[str, ...]]:
-    for index, (scenario, cased) in enumerate(groups(study)):
-        for way, prefix in WAYS.items():
-            off, bias, inside = (
-                scatter(study, index, prefix + name) for name in ("rmse_degC", "bias_degC", "inside90_percent")
-            )
-            yield (
-                *(("", "") if prefix else (scenario, _dress(cased))),
-                way,
-                *(f"{value:.2f}" for value in (off.nominal, off.median, off.p95, off.worst)),
-                f"{bias.mean:+.2f} ± {bias.deviation:.2f}",
-                f"{inside.mean:.0f}",
-            )
 
 
 def _rmse_figure(study: Study, group: int) -> go.Figure:
