@@ -3,7 +3,6 @@
 import math
 import os
 import queue
-import time
 
 import pytest
 from hypothesis import given
@@ -23,8 +22,9 @@ SHIPPED = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
 class Controlled:
     """A simulated chamber, or a device, under control."""
 
-    def __init__(self):
+    def __init__(self, until):
         self.posted: queue.Queue = queue.Queue()
+        self.until = until
 
     def chamber(self, target, gradients=False):
         self.clock = Clock(100.0)
@@ -45,12 +45,6 @@ class Controlled:
         self.next(LoadState)
         return self
 
-    def until(self, condition):
-        deadline = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < deadline, "it never came to that"
-            time.sleep(0.005)
-
     def next(self, kind):
         while not isinstance(message := self.posted.get(timeout=20.0), kind):
             pass
@@ -65,11 +59,11 @@ class Controlled:
 
 
 @pytest.fixture
-def kept():
+def kept(until):
     made = []
 
     def make():
-        made.append(Controlled())
+        made.append(Controlled(until))
         return made[-1]
 
     yield make

@@ -195,15 +195,12 @@ def test_a_terminal_that_echoes_is_not_taken_for_an_answer(tmp_path):
     shell.close()
 
 
-def test_a_shell_s_children_end_with_it(shell, tmp_path):
+def test_a_shell_s_children_end_with_it(shell, tmp_path, until):
     shell.run(f"sleep 1000 & echo $! >{tmp_path}/pid")
     pid = int((tmp_path / "pid").read_text())
     os.kill(pid, 0)
     shell.close()
-    deadline = time.monotonic() + 10.0
-    while not _ended(pid):
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(lambda: _ended(pid))
 
 
 def _ended(pid):

@@ -73,13 +73,10 @@ def test_it_takes_over_where_it_is_asked_to_or_after_an_error(chamber, error, ta
     assert chamber.held_degC == held_degC
 
 
-def test_a_chamber_that_hears_and_does_not_answer_is_sent_to_safety(chamber, process):
+def test_a_chamber_that_hears_and_does_not_answer_is_sent_to_safety(chamber, process, until):
     chamber.muted = True
     process.stdin.close()
-    deadline = time.monotonic() + 30.0
-    while chamber.held_degC != SAFE_DEGC:
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+    until(lambda: chamber.held_degC == SAFE_DEGC)
 
 
 def test_a_collector_that_was_started_again_has_the_chamber(chamber, process):

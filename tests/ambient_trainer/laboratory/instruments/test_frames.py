@@ -128,31 +128,9 @@ def test_noise_in_between_is_malformed_and_changes_nothing(protocol, data, reply
     assert rest == b""
 
 
-@each_frame
-def test_the_simulated_instruments_send_the_documented_bytes(protocol, data, reply):
-    if protocol is easybus:
-        faulty = reply.code == easybus.VALUE and easybus.value_of(reply.body).value is None
-        assert easybus.reply(1, reply.code, reply.body, faulty) == data
-    else:
-        assert protocol.encode(reply) == data.replace(b"-9.90000000E+37", b"+9.90000000E+37")
-
-
-def test_the_documented_commands():
-    """Those that no driver's test has seen."""
-    assert voetsch.set_gradients(2.0, 1.5) == b"U 0002.0 0001.5 0000.0 0000.0"
-    assert easybus.request(1, easybus.VALUE) == bytes.fromhex("FE 00 3D")
-
-
 @pytest.mark.parametrize(("body", "value"), VALUES.items())
 def test_the_value_in_a_body(body, value):
     assert easybus.value_of(body) == value
-
-
-@given(hundredths=st.integers(-20000, 99999))
-def test_a_simulated_value_is_read_back(hundredths):
-    (reply,), _ = easybus.decode(easybus.reply(7, 0, easybus.body_of_value(hundredths / 100, 2)))
-    assert reply.address == 7
-    assert easybus.value_of(reply.body).value == hundredths / 100
 
 
 @pytest.mark.parametrize(

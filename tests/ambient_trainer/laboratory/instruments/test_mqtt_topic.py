@@ -23,34 +23,30 @@ TOPIC = "home/desk"
 class Broker:
     """A broker that can be stopped and started at the same address, and what publishes to it."""
 
-    def __init__(self, folder):
+    def __init__(self, folder, until):
         with socket.create_server(("127.0.0.1", 0)) as free:
             self.number = free.getsockname()[1]
         self.port, self.file = f"mqtt://127.0.0.1:{self.number}", folder / "mosquitto.conf"
         self.log = folder / "mosquitto.log"
         keys = (f"listener {self.number} 127.0.0.1", "allow_anonymous true", "persistence false", "user root")
         self.file.write_text("\n".join((*keys, f"log_dest file {self.log}", "log_type subscribe\n")))
+        self.until = until
         self.start()
 
     def start(self):
         self.process = subprocess.Popen([MOSQUITTO, "-c", str(self.file)], stderr=subprocess.DEVNULL)
-        deadline = time.monotonic() + 10.0
-        while True:
-            try:
-                return socket.create_connection(("127.0.0.1", self.number)).close()
-            except OSError:
-                assert time.monotonic() < deadline
-                time.sleep(0.02)
+        self.until(self._answers)
+
+    def _answers(self):
+        with socket.socket() as asked:
+            return not asked.connect_ex(("127.0.0.1", self.number))
 
     def subscriptions(self):
         return self.log.read_text().count(f" {TOPIC}") if self.log.exists() else 0
 
     def until_subscribed(self, before):
         """What is published earlier, nobody hears."""
-        deadline = time.monotonic() + 20.0
-        while self.subscriptions() == before:
-            assert time.monotonic() < deadline
-            time.sleep(0.01)
+        self.until(lambda: self.subscriptions() != before)
 
     def stop(self):
         self.process.kill()
@@ -64,8 +60,8 @@ class Broker:
 
 
 @pytest.fixture
-def broker(tmp_path):
-    made = Broker(tmp_path)
+def broker(tmp_path, until):
+    made = Broker(tmp_path, until)
     yield made
     made.stop()
 

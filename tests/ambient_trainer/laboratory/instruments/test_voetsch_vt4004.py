@@ -1,5 +1,4 @@
 import math
-import time
 
 import pytest
 from hypothesis import given
@@ -9,13 +8,6 @@ from ambient_model.faults import Refused
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
-
-
-def became(condition) -> None:
-    deadline = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < deadline, "it did not come to that"
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -103,7 +95,7 @@ def test_an_alarm_stops_it_until_it_is_repaired_and_acknowledged(bench):
     assert (reading.values[RUNNING], reading.note) == (1.0, None)
 
 
-def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench):
+def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench, until):
     bench = bench("chamber")
     bench.driver.set_point(50.0)
     bench.simulated.muted = True
@@ -111,10 +103,10 @@ def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench):
         bench.driver.read()
     with pytest.raises(NoResponse):
         bench.driver.set_point(20.0)
-    became(lambda: bench.simulated.held_degC == 20.0)
+    until(lambda: bench.simulated.held_degC == 20.0)
     with pytest.raises(NoResponse):
         bench.driver.stop()
-    became(lambda: bench.simulated.held_degC is None)
+    until(lambda: bench.simulated.held_degC is None)
 
 
 def test_noise_does_not_keep_a_set_point_from_being_sent(bench):
