@@ -1,5 +1,4 @@
 import errno
-import gzip
 import os
 import shutil
 import stat
@@ -32,14 +31,6 @@ def test_the_new_content_appears_with_the_end_of_the_block(old: Path) -> None:
         assert old.read_text() == "old"
     assert old.read_bytes() == "new °C\r\n".encode()
     assert os.listdir(old.parent) == [old.name]
-
-
-def test_gz_is_gzip(tmp_path: Path) -> None:
-    path = tmp_path / "trace.csv.gz"
-    with replacing(str(path), "gz") as stream:
-        stream.write("time_s\n")
-    assert gzip.decompress(path.read_bytes()) == b"time_s\n"
-    assert os.listdir(tmp_path) == [path.name]
 
 
 @pytest.mark.parametrize("mode", ["w", "gz"])

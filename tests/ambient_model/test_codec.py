@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ambient_model.codec import decode, encode, load_model, save_model
 from ambient_model.conformance import worst_difference_degC
-from ambient_model.faults import Fault, Refused, refuse
+from ambient_model.faults import Fault, Refused
 from ambient_model.model import Discrete, ErrorVariance, Input, Model, Term
 
 FROZEN = Path(__file__).parents[1] / "data" / "model-v1.json"
@@ -328,13 +328,3 @@ def test_a_document_with_anything_anywhere_is_a_model_or_refused(data: st.DataOb
         str(refused)
     else:
         assert decode(encode(model).encode(), "m.json") == model
-
-
-def test_one_fault_is_one_line() -> None:
-    assert str(refuse("a.csv", "line 2", "is empty", "fill it")) == "a.csv: line 2: is empty; fill it"
-    assert str(refuse("a.csv", "", "is empty", "fill it")) == "a.csv: is empty; fill it"
-
-
-def test_several_faults_stand_under_their_file() -> None:
-    refused = Refused("m.json", [Fault("name", "missing", "add it"), Fault("", "is odd", "mend it")])
-    assert str(refused) == "m.json: 2 faults\n  name: missing; add it\n  is odd; mend it"

@@ -26,14 +26,6 @@ def test_the_pieces_are_the_matrix_products(estimator: Estimator, data: st.DataO
     )
 
 
-def test_without_states_the_inputs_pass_through() -> None:
-    discrete = Discrete(1.0, (), (), ((),), ((0.5, 0.25),))
-    assert output(discrete, 1.0, equilibrium((), (4.0, 8.0)), (4.0, 8.0)) == 5.0
-    assert advance(discrete, [], (4.0, 8.0)) == []
-    assert is_stable(())
-    assert settling_steps((), 0.05) == 0
-
-
 def with_eigenvalues(*eigenvalues: complex, transform: np.ndarray | None = None) -> tuple[tuple[float, ...], ...]:
     """A real matrix; a complex eigenvalue stands for its pair."""
     blocks = [
@@ -107,8 +99,10 @@ def test_settling_against_matrix_powers(slowest: float, remainder: float) -> Non
     assert steps == 1 or norms[1] > remainder * (1 - 1e-9)
 
 
-def test_what_never_settles_takes_for_ever() -> None:
+def test_what_never_settles_takes_for_ever_and_without_states_no_time() -> None:
     assert settling_steps(((1.0,),), 0.05) == 2**40
+    assert settling_steps((), 0.05) == 0
+    assert is_stable(())
 
 
 def test_products_are_added_from_left_to_right_on_every_interpreter() -> None:

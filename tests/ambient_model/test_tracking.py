@@ -59,13 +59,6 @@ def wander(steps: int, inputs: int = 3) -> np.ndarray:
 ESTIMATOR = random_estimator()
 
 
-@pytest.mark.parametrize(("level", "low", "high"), [(50, -0.25, 0.25), (90, -0.5, 0.75), (98, -1.0, 1.25)])
-def test_the_band_is_that_of_the_level(level: int, low: float, high: float) -> None:
-    estimate = Tracker(ESTIMATOR, ESTIMATOR.discrete[0], level).update(0.0, (20.0, 21.0, 22.0))
-    assert estimate.ambient_degC is not None
-    assert (estimate.low_degC, estimate.high_degC) == (estimate.ambient_degC + low, estimate.ambient_degC + high)
-
-
 def test_an_input_that_stays_away_is_held_and_bridged_when_it_is_back() -> None:
     path = wander(60)
     away = range(20, 36)

@@ -53,14 +53,6 @@ def test_it_prints_the_model_and_reads_its_sensors(check, make_model, saved, pho
     assert text[-2:] == [f"usb, {zones}10/temp: 30 degC", f"battery, {zones}3/temp: 25 degC"]
 
 
-def test_it_prints_the_secondary_estimator_and_the_error_variance(check, make_model, saved):
-    status, printed, _ = check("--model", saved(make_model(fallbacks=True, guarded=True)))
-    assert status == 0
-    assert re.match(r"-0.75 to \+1 degC .* 90 %; wider with movement, guard", dict(printed)["interval"])
-    assert "1 degC" in dict(printed)["secondary"]
-    assert [text for subject, text in printed if not subject and "secondary" in text]
-
-
 def test_on_a_host_missing_sensors_are_only_reported(check, model_file):
     status, printed, refused = check("--model", model_file)
     assert (status, refused) == (0, "")

@@ -96,13 +96,6 @@ def test_an_input_that_comes_and_goes_leaves_the_voice_where_it_is(tracker):
     assert {(each.status, each.used) for each in said} == {("degraded", (None, 25.0))}
 
 
-def test_the_interval_holds_both_ends_of_the_bridge(tracker):
-    feed(tracker, [REST] * 200)
-    lost = feed(tracker, [(None, 25.0)], start=200)[0]
-    # the fallback's own 18 to 22 around 20, and the same around 23
-    assert (lost.low_degC, lost.high_degC) == pytest.approx((18.0, 25.0))
-
-
 def test_used_values_stand_at_the_places_of_the_models_inputs(tracker):
     feed(tracker, [REST] * 10)
     assert feed(tracker, [(None, 25.5)], start=10)[0].used == (None, 25.5)

@@ -247,8 +247,10 @@ def assert_sound(model, tracker, drawn):
         now_s += passed_s
         raw = [values[index % len(values)] for index in range(len(inputs))]
         estimate = tracker.update(now_s, raw)
-        trusted = all(value is not None and each.min <= value <= each.max for each, value in zip(inputs, raw))
+        each_trusted = [value is not None and each.min <= value <= each.max for each, value in zip(inputs, raw)]
+        trusted = all(each_trusted)
         lost = lost or not trusted
+        assert estimate.status != DEGRADED or any(each_trusted)
         # after a loss, a fallback that has settled is active until the main estimator has
         well = (WARMING_UP, TRACKING, DEGRADED) if lost and model.fallbacks else (WARMING_UP, TRACKING)
         assert estimate.status in well or not trusted or estimate.status == FAULTED

@@ -47,7 +47,3 @@ def test_absolute_zero_itself_is_a_temperature():
     assert degC_from_millidegrees(b"-273150\n") == -273.15
     assert degC_from_tenths(b"-2731\n") == -273.1
     assert (degC_from_millidegrees(b"-273151\n"), degC_from_tenths(b"-2732\n")) == (None, None)
-
-
-def test_a_current_may_be_as_negative_as_it_likes():
-    assert from_micro(b"-2500000\n") == -2.5

@@ -29,8 +29,12 @@ def test_zones_are_found_by_type_in_the_order_of_their_numbers(sysfs):
     }
 
 
-def test_no_thermal_class_is_no_zones(tmp_path):
-    assert find_zones(str(tmp_path)) == {}
+def test_where_there_is_no_such_class_nothing_is_found(tmp_path):
+    root = str(tmp_path)
+    assert find_zones(root) == find_hwmon(root) == {}
+    for source in (HwmonTemperature(Hwmon("nvme", "Composite"), root), IioTemperature(Iio("hts221", "in_temp"), root)):
+        assert source.find() == []
+        assert "none" in source.hint()
 
 
 @pytest.fixture
@@ -99,14 +103,6 @@ def test_what_is_no_temperature_or_has_no_name_is_passed_over(chips):
     assert find_hwmon(str(chips)) == before
 
 
-def test_no_hwmon_class_is_no_temperatures(tmp_path):
-    assert find_hwmon(str(tmp_path)) == {}
-    source = HwmonTemperature(Hwmon("nvme", "Composite"), str(tmp_path))
-    assert source.find() == []
-    assert source.absent == "no hwmon chip 'nvme' with a temperature labelled 'Composite'"
-    assert source.hint() == "temperatures here are none: name one of them under 'sensors'"
-
-
 @pytest.fixture
 def devices(tmp_path):
     """The sensors of a Sense HAT, a BME280 as on Enviro+, and a light sensor, as their drivers show them."""
@@ -154,12 +150,6 @@ def test_only_temperatures_of_named_iio_devices_are_found(devices):
 def test_what_is_no_number_is_no_iio_value(devices, attribute, content):
     (devices / "bus/iio/devices/iio:device2" / f"in_temp_{attribute}").write_text(f"{content}\n")
     assert value_of(IioTemperature(Iio("hts221", "in_temp"), str(devices))) is None
-
-
-def test_no_iio_device_is_here(tmp_path):
-    source = IioTemperature(Iio("hts221", "in_temp"), str(tmp_path))
-    assert source.find() == []
-    assert "none" in source.hint()
 
 
 def test_each_property_of_a_supply_in_its_unit(make_supply):

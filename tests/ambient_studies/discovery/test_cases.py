@@ -79,7 +79,7 @@ def test_a_trace_has_its_own_signals_only(runs):
     assert runs[1].clean.columns.keys() == runs[1].trace.columns.keys()
 
 
-def test_the_trace_is_that_of_its_run(runs):
+def test_the_trace_is_that_of_its_run_and_called_what_it_would_be_without(runs):
     (alone,) = simulate_many([("2.1", 5, ())], 5.0)
     for name, values in alone.trace.columns.items():
         np.testing.assert_array_equal(runs[0].trace.columns[name], values)
@@ -87,8 +87,4 @@ def test_the_trace_is_that_of_its_run(runs):
     assert runs[1].truths[0].size_degC == pytest.approx(
         np.sqrt(np.mean(changed[runs[1].trace.columns["radio_on"] > 0] ** 2)), rel=0.1
     )
-
-
-def test_the_trace_is_called_what_it_would_be_without(runs):
-    (alone,) = simulate_many([("2.1", 5, ())], 5.0)
     assert [(run.trace.path, run.trace.notes) for run in runs] == 2 * [(alone.trace.path, alone.trace.notes)]
