@@ -9,6 +9,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from ambient_trainer.data.trace import load_trace
+from ambient_trainer.laboratory.campaign import load_campaign
+from ambient_trainer.laboratory.collect import Job, collect
+from ambient_trainer.laboratory.messages import Clock
+from ambient_trainer.laboratory.run import Supervision
+from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
 
 SHELLS = [path for name in ("dash", "bash", "mksh", "busybox") if (path := shutil.which(name))]
@@ -116,3 +122,61 @@ def campaign_file(tmp_path, laboratory_data):
         return str(path)
 
     return write
+
+
+class Night:
+    """A campaign in a simulated laboratory, in fast time."""
+
+    def __init__(self, path, output, speed=150.0) -> None:
+        self.loaded, self.speed = load_campaign(path, ports=False), speed
+        self.output, self.part = str(output), Path(f"{output}.part")
+        self.stop = self.held_degC = None
+
+    def run(
+        self, deeds=(), work=collect, giving_up=False, before=lambda there: None, monitor=None, event=None, own=None
+    ):
+        """What it said; deeds are done when their time has come, ``own`` instruments replace the simulated ones."""
+        deeds, events, self.stop = list(deeds), [], None
+
+        def update(run):
+            while deeds and run.clock.now_s() >= deeds[0][0]:
+                deeds.pop(0)[1](there)
+            if monitor:
+                monitor(run)
+
+        with simulated_laboratory(self.loaded, Clock(self.speed), seed=3) as there:
+            before(there)
+            laboratory = there.loaded.campaign.laboratory
+            instruments = laboratory.instruments.model_copy(update=own or {})
+            laboratory = laboratory.model_copy(update={"instruments": instruments})
+            loaded = there.loaded._replace(campaign=there.loaded.campaign.model_copy(update={"laboratory": laboratory}))
+            self.job = Job(loaded, self.output, self.speed, True, there.environment)
+            say = event or (lambda at_s, text: events.append(text))
+            supervision = Supervision(update, say, lambda: self.stop, lambda: giving_up and bool(self.stop))
+            try:
+                self.outcome = work(self.job, supervision).outcome
+            finally:
+                self.held_degC = there.chamber and there.chamber.held_degC
+                self.activity = (Path(there.phone.root) / "activity").read_text().strip()
+        return events
+
+    @property
+    def trace(self):
+        return load_trace(self.output)
+
+
+@pytest.fixture
+def night(campaign_file, tmp_path):
+    """Makes the night of some steps; a machine that is loaded stalls for some of a fast clock's minutes."""
+
+    def make(steps, changes=None, speed=150.0, **further) -> Night:
+        patient = {"safety.ambient_lost_s": 1200, "safety.confirm_s": 1200}
+        return Night(campaign_file(steps, {**patient, **(changes or {})}, **further), tmp_path / "trace.csv", speed)
+
+    return make
+
+
+@pytest.fixture
+def night_of():
+    """Makes the night of a campaign's file."""
+    return Night

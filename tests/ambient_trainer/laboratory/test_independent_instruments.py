@@ -29,17 +29,14 @@ import tty
 import numpy as np
 import pytest
 
-from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import run as run_module
 from ambient_trainer.laboratory import workers
-from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.collect import Job, collect, resume
+from ambient_trainer.laboratory.collect import resume
 from ambient_trainer.laboratory.instruments import ChamberLimits, agilent_34970a, greisinger_easybus, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Clock, InstrumentError
 from ambient_trainer.laboratory.run import Ending, Supervision
-from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.laboratory.watchdog import Watchdog
 
 SPEED = 120.0
@@ -482,46 +479,32 @@ def test_a_thermometer_is_asked_for_its_unit(chamber, unit, given_unit):
     driver.close()
 
 
-class Night:
-    """A run with such a chamber, and such ``others`` by role, beside a simulated phone; ``stop_s`` is when it stops."""
+@pytest.fixture
+def night_with(night):
+    """Runs a night with such a chamber, and such ``others`` by role, that are ``faulty`` from the run's begin."""
 
-    def __init__(
-        self, campaign_file, tmp_path, made, steps, stop_s=None, chamber=None, others=None, speed=SPEED, **safety
-    ):
+    def run(made, steps, stop_s=None, chamber=None, others=None, speed=SPEED, faulty=(), **safety):
         changes = {f"safety.{key}": value for key, value in {"ambient_lost_s": 1e5, **safety}.items()}
         changes["device.timeout_s"] = 5.0 * speed  # what runs beside is a shell of this machine
-        loaded = load_campaign(campaign_file(steps, changes), ports=False)
-        self.events, self.stopped, self.stop_s, self.began, self.over_s = [], None, stop_s, (), 0.0
-        self.output = str(tmp_path / "trace.csv")
-        with simulated_laboratory(loaded, Clock(speed)) as there:
-            laboratory = there.loaded.campaign.laboratory
-            mine = laboratory.instruments.model_copy(
-                update={"chamber": given(made.port, period_s=20.0, **(chamber or {})), **(others or {})}
-            )
-            campaign = there.loaded.campaign.model_copy(
-                update={"laboratory": laboratory.model_copy(update={"instruments": mine})}
-            )
-            self.job = Job(there.loaded._replace(campaign=campaign), self.output, speed, True, there.environment)
-            self.outcome = collect(
-                self.job, Supervision(self.update, self.event, lambda: self.stopped, lambda: False)
-            ).outcome
-        self.complete = load_trace(self.output).notes["complete"]
+        lab = night(steps, changes, speed)
+        lab.began, lab.over_s, lab.kept = (), 0.0, lab.part.with_name("kept")
 
-    def update(self, run):
-        if not os.path.exists(kept := os.path.join(os.path.dirname(self.output), "kept")):
-            os.link(run.journal.path, kept)
-        self.began = self.began or at_once(run.clock)
-        if run.program.over:
-            self.over_s = self.over_s or time.monotonic()
-        if self.stop_s is not None and run.clock.now_s() > self.stop_s:
-            self.stopped = "stopped by SIGINT"
+        def watch(run):
+            if not lab.began:
+                os.link(run.journal.path, lab.kept)
+                lab.began = at_once(run.clock)
+            if run.program.over:
+                lab.over_s = lab.over_s or time.monotonic()
+            for each in faulty:
+                each.faulty = 0.1
 
-    def event(self, at_s, text):
-        self.events.append(text)
+        own = {"chamber": given(made.port, period_s=20.0, **(chamber or {})), **(others or {})}
+        stop = [(stop_s, lambda there: setattr(lab, "stop", "stopped by SIGINT"))] if stop_s else []
+        lab.events = lab.run(stop, monitor=watch, own=own)
+        lab.complete = lab.trace.notes["complete"]
+        return lab
 
-    def wall_s(self, at_s):
-        """The machine's time of a time of the run."""
-        return self.began[1] + (at_s - self.began[0]) / self.job.speed
+    return run
 
 
 def at_once(clock):
@@ -536,63 +519,59 @@ def minutes(*steps):
 
 
 @in_real_time
-def test_a_set_point_does_not_wait_for_a_gradient_that_is_refused(chamber, campaign_file, tmp_path):
+def test_a_set_point_does_not_wait_for_a_gradient_that_is_refused(chamber, night_with):
     made = chamber(slopes="refused")
-    night = Night(campaign_file, tmp_path, made, minutes((4, 35.0, 2.0), (2, 30.0)))
+    night = night_with(made, minutes((4, 35.0, 2.0), (2, 30.0)))
     assert [degC for _, degC in made.set_points()] == [35.0, 30.0, 20.0]
     assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
     assert night.complete.startswith("no: ")
     assert "gradient 2.0 K/min" in night.complete
-    assert not os.path.exists(night.output + ".part")
-    os.rename(tmp_path / "kept", night.output + ".part")
-    again = resume(night.job, Supervision(night.update, night.event, lambda: None, lambda: False)).outcome
+    assert not night.part.exists()
+    os.rename(night.kept, night.part)
+    again = resume(
+        night.job, Supervision(lambda run: None, lambda at_s, text: None, lambda: None, lambda: False)
+    ).outcome
     assert (again.ending, again.why) == (Ending.DEVIATED, night.outcome.why)
 
 
 @in_real_time
-def test_a_gradient_is_followed_and_lifted_at_the_end(chamber, campaign_file, tmp_path):
+def test_a_gradient_is_followed_and_lifted_at_the_end(chamber, night_with):
     made = chamber(speed=SPEED)
-    night = Night(campaign_file, tmp_path, made, minutes((8, 35.0, 2.5)), chamber={"gradient": "needed"}, confirm_s=60)
+    night = night_with(made, minutes((8, 35.0, 2.5)), chamber={"gradient": "needed"}, confirm_s=60)
     assert (night.outcome.ending, night.complete) == (Ending.FINISHED, "yes")
     assert (made.slope, made.wanted) == (0.0, 20.0)
 
 
-WAYS = {
-    "go-on": (Ending.DEVIATED, None),
-    "wait": (Ending.LIMIT, None),
-    "end": (Ending.LIMIT, None),
-    "stopped": (Ending.STOPPED, 480.0),
-}
+WAYS = {"go-on": Ending.DEVIATED, "wait": Ending.LIMIT, "end": Ending.LIMIT, "stopped": Ending.STOPPED}
 
 
 @in_real_time
 @pytest.mark.parametrize("way", WAYS)
-def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, campaign_file, tmp_path, monkeypatch, way):
+def test_what_a_chamber_reports_instead_is_said_and_the_run_ends(chamber, night_with, monkeypatch, way):
     """It shows 31.5 for 25, and never the safe set point either."""
     monkeypatch.setattr(run_module, "_SAFE_S", 2.0)
     monkeypatch.setattr(run_module, "_LONGEST_WAIT_S", 120.0)
     made = chamber()
     made.shown_K = 6.5
-    ending, stop_s = WAYS[way]
-    wanted = {"unconfirmed": way} if way in ("go-on", "wait", "end") else {}
-    night = Night(campaign_file, tmp_path, made, minutes((10, 25.0)), stop_s, confirm_s=60, **wanted)
+    wanted = {"unconfirmed": way} if way != "stopped" else {}
+    night = night_with(made, minutes((10, 25.0)), 480.0 if way == "stopped" else None, confirm_s=60, **wanted)
     (said,) = {text for text in night.events if "31.5" in text}
     assert "25.0 degC within 60 s" in said
-    assert (night.outcome.ending, night.outcome.safe) == (ending, False)
+    assert (night.outcome.ending, night.outcome.safe) == (WAYS[way], False)
     assert night.complete.startswith("no: ")
-    rows = len(load_trace(night.output).time_s)
+    rows = len(night.trace.time_s)
     assert (rows < 600) == (way in ("end", "stopped", "wait"))
-    assert os.path.exists(night.output + ".part") == (way != "go-on")
+    assert night.part.exists() == (way != "go-on")
 
 
 @in_real_time
-def test_a_program_waits_for_its_set_point_and_goes_on(chamber, campaign_file, tmp_path):
+def test_a_program_waits_for_its_set_point_and_goes_on(chamber, night_with):
     made = chamber()
     made.shown_K = 6.5
     threading.Timer(540 / SPEED, lambda: setattr(made, "shown_K", 0.0)).start()
-    night = Night(campaign_file, tmp_path, made, minutes((6, 25.0)), confirm_s=30, unconfirmed="wait")
+    night = night_with(made, minutes((6, 25.0)), confirm_s=30, unconfirmed="wait")
     assert (night.outcome.ending, night.outcome.safe) == (Ending.DEVIATED, True)
-    assert len(load_trace(night.output).time_s) > 420
+    assert len(night.trace.time_s) > 420
 
 
 @pytest.mark.parametrize("slopes", ["pair", "refused"])
@@ -621,18 +600,10 @@ def swinging(at_s):
     return -40.0 + abs((at_s * NIGHT_SPEED) % 360.0 - 180.0)
 
 
-class FaultyNight(Night):
-    """The faults begin with the run."""
-
-    def update(self, run):
-        super().update(run)
-        for each in self.far:
-            each.faulty = 0.1
-
-
 def held(night, begin_s, end_s):
     """The least and the largest air between two times of the run."""
-    at_s = np.linspace(night.wall_s(begin_s), night.wall_s(end_s), 200)
+    run_s, wall_s = night.began
+    at_s = wall_s + (np.linspace(begin_s, end_s, 200) - run_s) / NIGHT_SPEED
     air_degC = swinging(at_s)
     slack_K = NIGHT_SPEED * (at_s[1] - at_s[0])
     return air_degC.min() - slack_K, air_degC.max() + slack_K
@@ -640,9 +611,7 @@ def held(night, begin_s, end_s):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(int(os.environ.get("AMBIENT_NIGHTS", "2"))))
-def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_safe(
-    chamber, campaign_file, tmp_path, seed
-):
+def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_safe(chamber, night_with, seed):
     draw = random.Random(seed)
     there, campaign, _ = draw.choice(list(ROWS.values()))
     made = chamber(speed=NIGHT_SPEED, seed=seed, **there)
@@ -661,10 +630,9 @@ def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_sa
         "multiplexer": settings("agilent-34970a", port=multiplexer.port, period_s=4.0, probes=probes),
         "thermometer": settings("greisinger-easybus", port=thermometer.port, period_s=6.0),
     }
-    FaultyNight.far = far
     steps = minutes((2, draw.choice((35.0, -5.0)), draw.choice((None, 4.0))), (2, 28.0))
     limits = {"chamber.low_degC": -45, "chamber.high_degC": 150, "confirm_s": 400}
-    night = FaultyNight(campaign_file, tmp_path, made, steps, None, campaign, others, NIGHT_SPEED, **limits)
+    night = night_with(made, steps, None, campaign, others, NIGHT_SPEED, far, **limits)
     assert (night.outcome.safe, made.wanted, made.slope) == (True, 20.0, 0.0)
     assert time.monotonic() - night.over_s < 60.0
     assert night.outcome.finished == (night.complete == "yes")
@@ -673,16 +641,17 @@ def test_whatever_instruments_answer_no_reading_is_wrong_and_the_chamber_ends_sa
     named = given(made.port, **campaign)
     columns |= {"thermometer_degC": 0, **({"chamber_degC": 0} if named.alarms or named.marker else {})}
     checked = dict.fromkeys(columns, 0)
-    for sample in read_journal(str(tmp_path / "kept")).samples:
+    samples = read_journal(str(night.kept)).samples
+    for sample in samples:
         low_degC, high_degC = held(night, sample.asked_s, sample.answered_s)
         for name in columns.keys() & sample.values.keys():
             value = sample.values[name] - columns[name]
             assert low_degC - 0.06 <= value <= high_degC + 0.06, (sample, low_degC, high_degC)
             checked[name] += 1
     assert min(checked.values()) > 3
-    trace = load_trace(night.output)
+    trace = night.trace
     rows = np.flatnonzero(np.isfinite(trace.reference))
-    scans = [each for each in read_journal(str(tmp_path / "kept")).samples if each.source == MULTIPLEXER]
+    scans = [each for each in samples if each.source == MULTIPLEXER]
     known = {int(each.at_s + 1e-6) for each in scans if each.answered_s - each.asked_s <= 2.0}
     assert set(rows) == {second for second in known if second < len(trace.time_s)}, "gaps are empty cells"
     assert len(rows) > 0

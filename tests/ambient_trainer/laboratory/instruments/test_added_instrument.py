@@ -8,10 +8,7 @@ from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory import instruments
 from ambient_trainer.laboratory.campaign import load_campaign
-from ambient_trainer.laboratory.collect import Job, collect, laboratory_path
-from ambient_trainer.laboratory.messages import Clock
-from ambient_trainer.laboratory.run import Supervision
-from ambient_trainer.laboratory.simulation import simulated_laboratory
+from ambient_trainer.laboratory.collect import laboratory_path
 
 METER = '''
 """A meter that answers T? by a number of kelvin."""
@@ -57,14 +54,6 @@ class Simulated(SimulatedInstrument):
 '''
 
 
-class NoMonitor:
-    def update(self, run):
-        """Show nothing."""
-
-    def event(self, at_s, text):
-        """Show nothing."""
-
-
 @pytest.fixture
 def meter(tmp_path, monkeypatch):
     folder = tmp_path / "plug-ins"
@@ -76,21 +65,16 @@ def meter(tmp_path, monkeypatch):
     plugin_names.cache_clear()
 
 
-def test_one_file_adds_an_instrument(meter, campaign_file, tmp_path):
+def test_one_file_adds_an_instrument(meter, night):
     link = {"kind": "kelvin-meter", "port": "/dev/ttyUSB9", "period_s": 2, "baud": 19200}
-    changes = {"instruments.thermometer": link, "safety.ambient_lost_s": 1200}
-    loaded = load_campaign(campaign_file([{"duration_min": 4, "chamber_degC": 22}], changes), ports=False)
-    assert loaded.campaign.laboratory.instruments.thermometer.baud == 19200
-    output = str(tmp_path / "trace.csv")
-    with simulated_laboratory(loaded, Clock(100.0)) as there:
-        job = Job(there.loaded, output, 100.0, True, there.environment)
-        assert collect(
-            job, Supervision(NoMonitor().update, NoMonitor().event, lambda: None, lambda: False)
-        ).outcome.finished
-    assert load_trace(output).notes["thermometer"] == "KELVIN 1"
-    reading = load_trace(laboratory_path(output)).column("thermometer_degC")
+    lab = night([{"duration_min": 4, "chamber_degC": 22}], {"instruments.thermometer": link}, speed=100.0)
+    assert lab.loaded.campaign.laboratory.instruments.thermometer.baud == 19200
+    lab.run()
+    assert lab.outcome.finished
+    assert lab.trace.notes["thermometer"] == "KELVIN 1"
+    reading = load_trace(laboratory_path(lab.output)).column("thermometer_degC")
     assert np.isfinite(reading).sum() > 20
-    assert np.nanmean(reading) == pytest.approx(np.nanmean(load_trace(output).reference), abs=1.0)
+    assert np.nanmean(reading) == pytest.approx(np.nanmean(lab.trace.reference), abs=1.0)
 
 
 def test_its_settings_are_checked_and_it_is_known_by_its_file_only(campaign_file, meter):
