@@ -42,11 +42,6 @@ def test_wilsons_ends_are_where_the_score_test_just_rejects(hits, cases):
     assert high == pytest.approx(1.0 if hits == cases else brentq(score, middle + 1e-9, 1 - 1e-12))
 
 
-def test_no_cases_is_no_share():
-    assert math.isnan(Share(0, 0).value)
-    assert str(Share(0, 0)) == "no cases"
-
-
 def test_the_confusion_counts_first_causes_of_single_cases():
     matrix = confusion(
         [
@@ -98,7 +93,8 @@ def test_confidence_is_held_against_the_share_that_is_right():
     assert [right for _, _, right in cases[2].named] == [True, False]
 
 
-def test_the_median_is_of_what_there_is():
+def test_a_share_and_a_median_of_nothing_are_none():
+    assert math.isnan(Share(0, 0).value)
     assert median_of([None, -3.0, 1.0, math.nan, 2.0]) == 2.0
     assert math.isnan(median_of([None]))
 

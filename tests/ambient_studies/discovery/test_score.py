@@ -60,21 +60,22 @@ def test_cause_location_and_signal_have_to_agree(scored, cause):
     assert (found.outcome.magnitude_error_frac, found.magnitude_right, found.onset_right) == (None, None, None)
 
 
-def test_a_power_of_the_hidden_column_is_that_column(scored):
-    assert scored([HEAT], step(Cause("heat_source", "board2", "charger_on^2"))).outcome.correct
-
-
-def test_nothing_hidden_and_nothing_found(scored):
-    assert scored([]).outcome.correct
+@pytest.mark.parametrize(
+    ("truths", "found", "correct"),
+    [
+        ([HEAT], [Cause("heat_source", "board2", "charger_on^2")], True),
+        ([PATH], [Cause("path", "flash-usb")], True),
+        ([], [], True),
+        ([], [Cause(UNKNOWN)], False),
+        ([BIAS], [], False),
+        ([HEAT, BIAS], [FOUND_BIAS, FOUND_HEAT], True),
+        ([HEAT, BIAS], [FOUND_BIAS, Cause("contact", "cell"), FOUND_HEAT], True),
+        ([HEAT, BIAS], [FOUND_HEAT, Cause("sensor_bias", "usb")], False),
+    ],
+)
+def test_of_several_all_have_to_be_there_in_any_order(scored, truths, found, correct):
+    assert scored(truths, *map(step, found)).outcome.correct is correct
     assert scored([]).outcome.gain_ci is None
-    assert not scored([], step(Cause(UNKNOWN))).outcome.correct
-    assert not scored([BIAS]).outcome.correct
-
-
-def test_of_two_both_have_to_be_there_in_any_order(scored):
-    assert scored([HEAT, BIAS], step(FOUND_BIAS), step(FOUND_HEAT)).outcome.correct
-    assert scored([HEAT, BIAS], step(FOUND_BIAS), step(Cause("contact", "cell")), step(FOUND_HEAT)).outcome.correct
-    assert not scored([HEAT, BIAS], step(FOUND_HEAT), step(Cause("sensor_bias", "usb"))).outcome.correct
 
 
 @pytest.mark.parametrize(("found_s", "right"), [(380.0, True), (620.0, True), (379.0, False), (621.0, False)])
@@ -92,46 +93,26 @@ def test_since_ever_is_since_the_trace_began(scored):
 
 
 @pytest.mark.parametrize(
-    ("value", "ci95", "right"),
-    [(2.5, (2.4, 2.6), True), (1.49, (1.4, 1.6), False), (3.0, (1.9, 4.1), True), (-2.0, (-2.1, -1.9), False)],
+    ("true", "value", "ci95", "unit", "error", "right"),
+    [
+        (2.0, 2.5, (2.4, 2.6), "degC", 0.25, True),
+        (2.0, 1.49, (1.4, 1.6), "degC", -0.255, False),
+        (2.0, 3.0, (1.9, 4.1), "degC", 0.5, True),
+        (2.0, -2.0, (-2.1, -1.9), "degC", -2.0, False),
+        (-2.0, -1.0, (0.0, 0.0), "degC", 0.5, False),  # by its size
+        (2.0, 2.0, (1.9, 2.1), "K/s", None, None),
+        (2.0, float("nan"), (1.9, 2.1), "degC", None, None),
+    ],
 )
-def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(scored, value, ci95, right):
-    found = scored([BIAS], step(FOUND_BIAS, 500.0, value, "degC", ci95))
-    assert found.outcome.magnitude_error_frac == pytest.approx(value / 2.0 - 1.0)
-    assert found.magnitude_right is right
-
-
-def test_magnitudes_in_other_units_are_not_compared(scored):
-    found = scored([BIAS], step(FOUND_BIAS, 500.0, 2.0, "K/s"))
-    assert (found.outcome.magnitude_error_frac, found.magnitude_right) == (None, None)
-
-
-def test_a_negative_magnitude_is_compared_by_its_size(scored):
-    found = scored([replace(BIAS, magnitude=-2.0)], step(FOUND_BIAS, 500.0, -1.0, "degC"))
-    assert found.outcome.magnitude_error_frac == 0.5
-
-
-def test_a_path_has_two_ends_and_no_direction(scored):
-    assert scored([PATH], step(Cause("path", "flash-usb"))).outcome.correct
+def test_a_magnitude_may_be_off_by_a_quarter_or_by_its_interval(scored, true, value, ci95, unit, error, right):
+    found = scored([replace(BIAS, magnitude=true)], step(FOUND_BIAS, 500.0, value, unit, ci95, (0.1, float("inf"))))
+    assert (found.outcome.magnitude_error_frac, found.magnitude_right) == (pytest.approx(error), right)
+    assert (found.outcome.correct, found.outcome.gain_ci) == (True, None)
 
 
 def test_places_by_the_circuits_names():
     named = {node: place_in(PHONE, node) for node in load_device().nodes}
-    assert {node: name for node, name in named.items() if name != node} == {
-        "battery": "cell",
-        "back": "case",
-        "frame": "case",
-    }
-    thesis = load_circuit("model2_ss")
-    assert [place_in(thesis, node) for node in ("board2", "battery", "usb", "soc")] == [
-        "battery",
-        "battery",
-        "usb",
-        "soc",
-    ]
-
-
-def test_what_is_no_number_is_none(scored):
-    found = scored([BIAS], step(FOUND_BIAS, 500.0, float("nan"), "degC", gain=(0.1, float("inf"))))
-    assert found.outcome.correct
-    assert (found.outcome.magnitude_error_frac, found.outcome.gain_ci) == (None, None)
+    others = {node: name for node, name in named.items() if name != node}
+    assert others == {"battery": "cell", "back": "case", "frame": "case"}
+    places = [place_in(load_circuit("model2_ss"), node) for node in ("board2", "battery", "usb", "soc")]
+    assert places == ["battery", "battery", "usb", "soc"]
