@@ -62,13 +62,6 @@ def value_file(tmp_path):
     return write
 
 
-@pytest.mark.parametrize(
-    ("content", "degC"), [(b"23400\n", 23.4), (b"-5001\n", -5.001), (b"0\n", 0.0), (b"5000\n\n\n", 5.0)]
-)
-def test_a_file_is_read_in_degrees(value_file, content, degC):
-    assert read_file_degC(value_file(content), 60) == degC
-
-
 def test_a_files_offset_is_subtracted_and_not_from_its_poison(value_file):
     path = value_file(b"95000\n")
     assert read_file_degC(path, 60, offset_millidegC=100_000) == -5.0
@@ -105,6 +98,7 @@ def test_what_is_not_there_or_no_file_neither_gives_a_value_nor_hangs(tmp_path):
 
 @given(content=st.binary(max_size=20) | st.from_regex(rb"\A-?[0-9]{1,14}\n{0,3}\Z"))
 @example(content=b"-273150\n")
+@example(content=b"5000\n\n\n")
 def test_whatever_a_file_holds_it_is_a_value_or_none(content, tmp_path_factory):
     path = tmp_path_factory.mktemp("values") / "file"
     path.write_bytes(content)

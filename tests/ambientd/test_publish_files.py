@@ -95,16 +95,6 @@ def test_what_is_not_trusted_is_removed_or_poisoned_from_the_first_tick(kind, pa
         assert os.listdir(path.parent) == []
 
 
-@pytest.mark.parametrize(("kind", "same"), [(RenamedFile, False), (InPlaceFile, True)])
-def test_renamed_is_a_new_file_and_in_place_the_same(kind, same, path):
-    publisher = kind(spec(path))
-    publisher.publish(report(20.0))
-    with open(path, "rb") as reader:
-        publisher.publish(report(21.0))
-        assert (reader.read() == b"21000\n") is same
-    publisher.close()
-
-
 def test_in_place_continues_a_file_that_is_there(path):
     path.write_text("-1234567890\n")
     with open(path, "rb", buffering=0) as reader:

@@ -69,9 +69,7 @@ def test_one_that_no_publication_names_is_told_of(daemon, until, ended, path, tm
     process = daemon("init", f"status:{tmp_path}/status")
     until((tmp_path / "status").exists)
     _, _, log = ended(process)
-    assert log.splitlines()[0] == (
-        f"ambientd: {path}: was handed over and is not served; publish 'socket:{path}', or do not make it"
-    )
+    assert log.startswith(f"ambientd: {path}: was handed over and is not served")
 
 
 def test_the_path_says_which_is_meant(made, path, tmp_path):
@@ -110,8 +108,5 @@ def test_what_is_no_socket_or_meant_for_another_process_is_left_alone(environmen
 def test_a_datagram_socket_is_refused(path):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as made:
         made.bind(path)
-        with pytest.raises(Refused) as refused:
+        with pytest.raises(Refused, match="no stream socket"):
             SocketServer(Spec("socket", path), {"ANDROID_SOCKET_ambientd": str(made.fileno())})
-        assert str(refused.value) == (
-            f"{path}: was handed over, and is no stream socket; make it 'stream' in the .rc or .socket file"
-        )

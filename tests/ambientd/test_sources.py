@@ -48,12 +48,6 @@ def found(phone, by_name, kind):
     return ZoneTemperature(Zone(kind), str(phone.root), str(by_name)).find()
 
 
-def test_a_link_by_name_is_followed(phone, by_name):
-    phone.zone(11, "usb-therm", "31000\n")
-    (by_name / "usb-therm").symlink_to(phone.root / "class/thermal/thermal_zone11")
-    assert found(phone, by_name, "usb-therm") == [f"{phone.root}/class/thermal/thermal_zone11/temp"]
-
-
 def test_a_link_by_name_makes_no_look_through_all_zones(phone, by_name, monkeypatch):
     (by_name / "battery").symlink_to(phone.root / "class/thermal/thermal_zone3")
     monkeypatch.setattr("ambientd.sources.zone.find_zones", lambda root: pytest.fail("looked through"))

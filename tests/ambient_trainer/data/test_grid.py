@@ -75,12 +75,8 @@ def test_a_longer_gap_may_be_bridged_as_are_ten_long_periods_and_nothing_is_comp
 
 def test_what_is_too_short_is_refused():
     trace = _trace([0, 100, 200], a=range(3), ambient=range(3))
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Refused, match=r"made.csv: columns a_degC: no 3 samples in a row"):
         segments(trace, ["a_degC"], ["ambient_degC"], 1.0)
-    assert str(refused.value) == (
-        "made.csv: columns a_degC: no 3 samples in a row, one every 1 s, hold them all;"
-        " leave out the column that is empty, or log again"
-    )
 
 
 @pytest.mark.parametrize(
