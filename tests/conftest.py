@@ -58,13 +58,17 @@ def trainer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 
 @pytest.fixture
 def interrupted(tmp_path: Path) -> Callable[..., tuple[int, str, str]]:
-    """Runs a command on a terminal, where bars show, with Ctrl-C once that shows a word: status, output, messages."""
+    """Runs a command on a terminal, where bars show, with Ctrl-C once that shows a word: status, output, messages.
 
-    def run(word: str, *arguments: object) -> tuple[int, str, str]:
+    With ``view``, the terminal shows its standard output, and the messages are what is printed elsewhere.
+    """
+
+    def run(word: str, *arguments: object, view: bool = False) -> tuple[int, str, str]:
         terminal, end = pty.openpty()
         command = [sys.executable, "-m", "ambient_trainer", *map(str, arguments)]
         with open(tmp_path / "printed", "w+") as printed:
-            process = subprocess.Popen(command, stdout=printed, stderr=end, start_new_session=True)
+            streams = {"stdout": end, "stderr": printed} if view else {"stdout": printed, "stderr": end}
+            process = subprocess.Popen(command, **streams, start_new_session=True)
             os.close(end)
             shown, sent, limit_s = b"", False, time.monotonic() + 100
             try:

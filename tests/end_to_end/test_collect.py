@@ -2,13 +2,9 @@
 
 import json
 import os
-import pty
 import re
-import signal
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -102,28 +98,12 @@ def test_a_simulated_run_prints_lines_and_a_summary(short, tmp_path):
     assert len(load_trace(str(output)).time_s) == 360
 
 
-def test_ctrl_c_comes_to_safety_and_resume_goes_on(short, tmp_path):
+def test_ctrl_c_comes_to_safety_and_resume_goes_on(interrupted, short, tmp_path):
     """On a terminal, with the live view; then a resumption without one."""
     output = tmp_path / "t.csv"
-    terminal, end = pty.openpty()
-    run = subprocess.Popen(
-        collector(short, "--simulate", "--speed", 50, "-o", output), stdout=end, stderr=subprocess.PIPE, text=True
-    )
-    os.close(end)
-    shown = []
-    reader = threading.Thread(target=_read, args=(terminal, shown))
-    reader.start()
-    deadline = time.monotonic() + 30.0
-    while "battery_degC" not in "".join(shown):
-        assert time.monotonic() < deadline, "".join(shown)
-        time.sleep(0.05)
-    run.send_signal(signal.SIGINT)
-    said = run.stderr.read()
-    run.stderr.close()
-    assert run.wait(timeout=30) == 1
-    reader.join()
-    os.close(terminal)
-    picture = "".join(shown)
+    run = ("collect", short, "--simulate", "--speed", 50, "-o", output)
+    status, said, picture = interrupted("battery_degC", *run, view=True)
+    assert status == 1
     for part in ("short, simulated at 50 times real time: step 1 of 2", "samples on disk", "left", "ambient_degC"):
         assert part in picture
     assert all(part in said for part in ("SIGINT", "20 degC", "--resume"))
@@ -142,17 +122,6 @@ def test_ctrl_c_comes_to_safety_and_resume_goes_on(short, tmp_path):
     trace = load_trace(str(output))
     assert len(trace.time_s) > 360
     assert trace.notes["complete"] == "yes"
-
-
-def _read(terminal, shown):
-    while True:
-        try:
-            data = os.read(terminal, 4096)
-        except OSError:
-            return
-        if not data:
-            return
-        shown.append(data.decode("utf-8", "replace"))
 
 
 IDENTIFIABLE = ("free-2", "linear_combined")

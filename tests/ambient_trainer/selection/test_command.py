@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -62,43 +61,38 @@ def test_its_circuits_are_what_fit_takes(whole, trace):
     assert (folder / "page" / "index.html").exists()
 
 
+def reached(state, size, process):
+    assert process.poll() is None, "it ended first"
+    return state.exists() and state.stat().st_size >= size
+
+
 @pytest.mark.slow
-def test_killed_and_started_again_it_finds_the_same(whole, trace, tmp_path):
+def test_killed_and_started_again_it_finds_the_same(whole, trace, tmp_path, until):
     state = tmp_path / "state"
     arguments = [*COMMAND, trace, *OPTIONS, "--jobs", "1", "--state", str(state), "--json", "out.json"]
     for size in (12_000, 16_000):
         with subprocess.Popen(arguments, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-            _until(lambda size=size: state.exists() and state.stat().st_size >= size, process)
+            until(lambda size=size: reached(state, size, process), seconds=60)
             process.kill()
     subprocess.run(arguments, cwd=tmp_path, capture_output=True, timeout=120, check=True)
     assert (tmp_path / "out.json").read_bytes() == (whole[1] / "out.json").read_bytes()
 
 
 @pytest.mark.parametrize("jobs", ["1", pytest.param("2", marks=pytest.mark.slow)])
-def test_ctrl_c_keeps_what_is_done_and_leaves_no_process(trace, tmp_path, jobs):
+def test_ctrl_c_keeps_what_is_done_and_leaves_no_process(trace, tmp_path, until, jobs):
     state = tmp_path / "state"
     process = subprocess.Popen(
         [*COMMAND, trace, *OPTIONS, "--jobs", jobs, "--state", str(state)],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    _until(lambda: state.exists() and state.stat().st_size >= 16_000, process)
+    until(lambda: reached(state, 16_000, process), seconds=60)
     os.killpg(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 1
     assert errors.startswith("Error: stopped; ")
     assert str(state) in errors
     assert "Traceback" not in errors
-    _until(lambda: not _is_group(process.pid))
-
-
-def _until(holds, process=None):
-    """Wait until it holds, at most a minute."""
-    for _ in range(600):
-        if holds():
-            return
-        assert process is None or process.poll() is None, "it ended first"
-        time.sleep(0.1)
-    pytest.fail("waited in vain")
+    until(lambda: not _is_group(process.pid), seconds=60)
 
 
 def _is_group(group):
