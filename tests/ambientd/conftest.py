@@ -106,14 +106,12 @@ def sysfs(tmp_path: Path) -> FakeSysfs:
     return FakeSysfs(tmp_path / "sys")
 
 
-class FakeHwmon:
-    """hwmon chips as files: number, name, and temperatures (number, label or None, content)."""
+@pytest.fixture
+def make_hwmon(sysfs: FakeSysfs) -> Callable[..., Path]:
+    """A hwmon chip as files: number, name, and temperatures (number, label or None, content)."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = root
-
-    def __call__(self, number: int, chip: str, *temperatures: tuple[int, str | None, str]) -> Path:
-        folder = self.root / "class" / "hwmon" / f"hwmon{number}"
+    def make(number: int, chip: str, *temperatures: tuple[int, str | None, str]) -> Path:
+        folder = sysfs.root / "class" / "hwmon" / f"hwmon{number}"
         folder.mkdir(parents=True)
         (folder / "name").write_text(f"{chip}\n")
         for index, label, content in temperatures:
@@ -122,10 +120,7 @@ class FakeHwmon:
                 (folder / f"temp{index}_label").write_text(f"{label}\n")
         return folder
 
-
-@pytest.fixture
-def make_hwmon(sysfs: FakeSysfs) -> FakeHwmon:
-    return FakeHwmon(sysfs.root)
+    return make
 
 
 @pytest.fixture

@@ -68,12 +68,12 @@ def test_a_type_that_is_no_file_name_is_only_looked_for(phone, by_name, kind):
 
 
 @pytest.fixture
-def chips(make_hwmon):
+def chips(make_hwmon, sysfs):
     """Two chips, one of them twice."""
     make_hwmon(10, "nct6775", (1, "SYSTIN", "41000\n"), (2, "CPUTIN", "52500\n"), (10, "PECI", "60000\n"))
     make_hwmon(2, "nvme", (1, "Composite", "38850\n"), (3, None, "40850\n"))
     make_hwmon(3, "nvme", (1, "Composite", "29850\n"))
-    return make_hwmon.root
+    return sysfs.root
 
 
 def test_chips_and_labels_are_found_in_the_order_of_their_numbers(chips):

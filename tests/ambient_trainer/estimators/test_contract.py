@@ -1,7 +1,6 @@
 """Every estimator keeps one contract; what a user calls a circuit becomes what fits it, or is refused."""
 
 import json
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,7 @@ from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.check import check_estimator
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
-from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names, thermal_circuit
+from ambient_trainer.estimators.registry import estimator, estimator_names, thermal_circuit
 from ambient_trainer.estimators.report import report_of
 
 ANY = [name for name in estimator_names() if estimator(name).reads_any and estimator(name).name == name]
@@ -58,13 +57,6 @@ class Peeking(FreeFilterEstimator):
 def test_a_breach_is_named():
     with pytest.raises(AssertionError, match="causal"):
         check_estimator(Peeking(1), [made(1, 160)], made(2, 80))
-
-
-def test_a_new_recipe_is_one_file(tmp_path):
-    shipped = resources.files(LIBRARY) / "phone_observer.yaml"
-    path = tmp_path / "mine.yaml"
-    path.write_text(shipped.read_text().replace("name: phone_observer", "name: mine"))
-    assert estimator(str(path)).name == "mine"
 
 
 ONE = Effort(starts=1)

@@ -60,14 +60,10 @@ def test_every_search_calls_the_progress(fitted):
 
 
 def test_the_report_has_the_figures(fitted):
-    report = report_of(fitted[0])
-    data = json.loads(json.dumps(report.data, allow_nan=False))
+    data = json.loads(json.dumps(report_of(fitted[0]).data, allow_nan=False))
     assert data["threshold_degC"] > 0
     assert data["declared"]["unlogged"]["patterns"]["charge"]["watts"] == [{"board": 1.0}, {"board": 0.7, "shell": 0.3}]
     assert set(data["forward_circuit"]["misfit_degC"]) == {"chip", "board", "shell"}
-    shown = " ".join(each.text for each in report.sections[1].blocks)
-    assert f"{fitted[0].details['main']['noise_gain']:.2f}" in shown
-    assert f"{fitted[0].secondary.threshold_degC:.2f} degC" in shown
 
 
 @pytest.fixture(scope="session")
