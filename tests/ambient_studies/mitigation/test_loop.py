@@ -34,6 +34,11 @@ def working(record, values):
     return values[record.time_s >= 0]
 
 
+def mine_and_cautious(records):
+    by_knowledge = {each.case.knowledge: each for each in records}
+    return by_knowledge[Knowledge.ESTIMATE], by_knowledge[Knowledge.HOTTEST]
+
+
 def mean_W(record):
     return working(record, record.soc_W).mean()
 
@@ -121,14 +126,6 @@ def test_the_estimate_is_the_devices_recursion_on_the_open_loop_simulation(of, m
     assert record.estimate_degC == pytest.approx(np.array(estimates), abs=1e-6)
 
 
-def test_the_governor_uses_the_estimate_and_not_the_air(constant, identified):
-    records = closed_loop(constant(17.0), identified, BRIEF, [Room((5.0,)), Room((35.0,))], [1])
-    for record in records:
-        if record.case.knowledge is Knowledge.ESTIMATE:
-            assert record.trusted.all()
-            assert (record.used_degC == 17.0).all()
-
-
 @pytest.mark.parametrize(("secondary_degC", "used_degC"), [(18.5, 17.0), (20.0, 18.5), (14.0, 15.5), (25.0, 25.0)])
 def test_the_secondary_estimator_is_blended_as_on_a_device(constant, identified, secondary_degC, used_degC):
     """Up to 2 degC apart the main estimator is used, 3 degC apart half of each, from 4 degC on the secondary one."""
@@ -142,10 +139,7 @@ def test_the_secondary_estimator_is_blended_as_on_a_device(constant, identified,
 
 def test_what_still_warms_up_is_not_trusted(model, identified):
     records = closed_loop(model, identified, BRIEF, [Room((35.0,))], [1])
-    mine, cautious = (
-        next(each for each in records if each.case.knowledge is kind)
-        for kind in (Knowledge.ESTIMATE, Knowledge.HOTTEST)
-    )
+    mine, cautious = mine_and_cautious(records)
     assert np.isfinite(mine.estimate_degC).all()
     assert not mine.trusted.any()
     assert np.array_equal(mine.soc_W, cautious.soc_W)
@@ -155,10 +149,7 @@ def test_a_faulted_estimate_is_the_hottest_room(constant, identified):
     """30 s after its sensor is lost the estimate of 17 degC is replaced by the hottest room, until it returns."""
     setting = replace(BRIEF, outage=Outage("usb", 5.0, 11.0))
     records = closed_loop(constant(17.0), identified, setting, [Room((35.0,))], [1])
-    mine, cautious = (
-        next(each for each in records if each.case.knowledge is kind)
-        for kind in (Knowledge.ESTIMATE, Knowledge.HOTTEST)
-    )
+    mine, cautious = mine_and_cautious(records)
     out = (mine.time_s >= 300 + 31) & (mine.time_s < 660)
     assert np.isnan(mine.estimate_degC[out]).all()
     assert (mine.used_degC[out] == setting.hottest_degC).all()

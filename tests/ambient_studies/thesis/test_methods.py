@@ -38,15 +38,6 @@ def test_a_fit_recovers_the_output_of_the_same_model(runs, model):
     np.testing.assert_allclose(fitted_method(again).estimate(training), own, atol=0.1)
 
 
-def test_kirchhoff_is_equation_4_4(runs):
-    unseen = runs.evaluated["3"]
-    p = published_parameters()["model1_kirchhoff"].printed
-    G = {name: 1 / p[f"R_{name}_ambient"] for name in ("flash", "battery", "usb")}
-    heat = sum(G[name] * unseen.columns[f"{name}_degC"] for name in G) + p["q_e"]
-    found = published_method("model1_kirchhoff").estimate(unseen)
-    np.testing.assert_allclose(found, heat / sum(G.values()), rtol=1e-12)
-
-
 def test_published_model_2_by_another_simulation(runs):
     """Table 4.6 with the corrected equations, by scipy's simulation along the lines between the samples."""
     p = published_parameters()["model2_ss_free_cd"].printed
