@@ -1,6 +1,8 @@
 """Property tests that draw the same examples every time; the command line and model files."""
 
 import contextlib
+import functools
+import importlib
 import os
 import pty
 import select
@@ -41,19 +43,28 @@ def pytest_xdist_auto_num_workers() -> int:
     return max(1, len(os.sched_getaffinity(0)) * 3 // 2)
 
 
+MAINS = {"ambient-trainer": "ambient_trainer.cli.main", "ambientd": "ambientd.__main__"}
+
+
 @pytest.fixture
-def trainer(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[Any, str, str]]:
-    """Runs ``ambient-trainer`` with arguments and returns its status, its output and its messages."""
+def call(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[Any, str, str]]:
+    """Runs a command line in this process and returns its status, its output and its messages."""
 
-    from ambient_trainer.cli.main import main  # the device's tests should not wait for it
-
-    def run(*arguments: object) -> tuple[Any, str, str]:
-        monkeypatch.setattr(sys, "argv", ["ambient-trainer", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stopped:
-            main()
-        return (stopped.value.code, *capsys.readouterr())
+    def run(program: str, *arguments: object) -> tuple[Any, str, str]:
+        monkeypatch.setattr(sys, "argv", [program, *map(str, arguments)])
+        try:
+            status = importlib.import_module(MAINS[program]).main() or 0
+        except SystemExit as left:
+            status = left.code or 0
+        return (status, *capsys.readouterr())
 
     return run
+
+
+@pytest.fixture
+def trainer(call: Callable[..., tuple[Any, str, str]]) -> Callable[..., tuple[Any, str, str]]:
+    """As ``call``, of ``ambient-trainer``."""
+    return functools.partial(call, "ambient-trainer")
 
 
 @pytest.fixture

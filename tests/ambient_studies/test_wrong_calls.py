@@ -12,7 +12,7 @@ LOADS = "'idle' is not one of 'cpu_100', 'cpu_50', 'camera_1080p', 'camera_4k', 
 
 
 @pytest.mark.parametrize(
-    ("call", "status", "message"),
+    ("words", "status", "message"),
     [
         ("limit --seeds '3;4'", 2, "'--seeds': '3;4'"),
         ("limit --seeds ''", 2, "'--seeds': ''"),
@@ -34,9 +34,9 @@ LOADS = "'idle' is not one of 'cpu_100', 'cpu_50', 'camera_1080p', 'camera_4k', 
         ("units --scenarios 9", 1, "'9'"),
     ],
 )
-def test_a_wrong_call(trainer, saved, constant, monkeypatch, call, status, message):
+def test_a_wrong_call(trainer, saved, constant, monkeypatch, words, status, message):
     monkeypatch.setattr("ambient_studies.mitigation.comparison.training_trace", None)
-    command, *options = shlex.split(call)
+    command, *options = shlex.split(words)
     code, out, err = trainer(command, saved(constant(20.0)), *options)
     assert (code, out) == (status, "")
     assert message in err

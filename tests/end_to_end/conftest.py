@@ -8,29 +8,8 @@ from pathlib import Path
 
 import pytest
 
-import ambient_trainer.cli.main
-import ambientd.__main__
-
 ROOT = Path(__file__).resolve().parents[2]
 MEASURED = ROOT.parent / "shared" / "measured"
-
-
-@pytest.fixture
-def call(capsys, monkeypatch):
-    """Run a command line in this process: (status, what it printed, what it said on standard error)."""
-
-    def run(program, *arguments):
-        main = {"ambient-trainer": ambient_trainer.cli.main.main, "ambientd": ambientd.__main__.main}[program]
-        monkeypatch.setattr(sys, "argv", [program, *map(str, arguments)])
-        status = 0
-        try:
-            status = main() or 0
-        except SystemExit as left:
-            status = left.code or 0
-        printed = capsys.readouterr()
-        return status, printed.out, printed.err
-
-    return run
 
 
 @pytest.fixture
