@@ -9,6 +9,7 @@ import pytest
 from ambient_studies.mitigation.report import report_of, score_table, verdict
 from ambient_studies.mitigation.score import scores
 from ambient_studies.mitigation.setting import Knowledge
+from ambient_trainer.report import Facts
 
 from .sample_report import SETTING, STANDBY_W, comparison, record_of, runs
 
@@ -74,3 +75,8 @@ def test_the_verdict_names_gain_excess_and_trust(changes, facts, absent):
     assert sentence.startswith("20 degC:")
     assert all(each in sentence for each in facts)
     assert not any(each in sentence for each in absent)
+
+
+def test_a_change_of_air_stands_among_the_facts():
+    [facts] = [each for each in report_of(comparison(convection_W_m2_K125=2.8)).lead if isinstance(each, Facts)]
+    assert "2.8" in dict(facts.pairs)["air"]
