@@ -20,6 +20,8 @@ from ambient_trainer.evaluation.evaluate import evaluate_cold, evaluate_trace
 from ambient_trainer.evaluation.provenance import TrainingSpan
 from ambient_trainer.evaluation.report import report_of
 
+from .conftest import sensor_trace, two_sensor_model
+
 BASELINE = {"kind": "static linear", "gains": {"usb": 1.25, "battery": -0.3}, "offset": 0.5}
 
 
@@ -210,6 +212,14 @@ def test_the_title_counts_every_sample_once(files, trace_of, tmp_path):
     title = result.output.splitlines()[0]
     assert "600 samples" in title
     assert "2 traces" in title
+
+
+@pytest.mark.parametrize(("inside", "status"), [(0.65, "warning"), (0.88, "plain")])
+def test_an_interval_that_is_too_narrow_is_a_warning(inside, status):
+    model = two_sensor_model({})
+    evaluation = replace(evaluate_trace(model, sensor_trace(500)), coverage={50: 0.5, 90: inside, 98: 0.98})
+    stated = [each for each in report_of(model, [evaluation]).lead if "90 %" in getattr(each, "text", "")]
+    assert [each.status for each in stated] == [status]
 
 
 def test_figures_on_training_data_are_called_so(files, trace_of, tmp_path):

@@ -43,6 +43,8 @@ _CAPTION = (
 )
 _AS_THEY_ARE = "unscored", "without_estimate", "without_reference", "trace_period_s", "period_s", "overlaps_training"
 """Of an evaluation, in its JSON."""
+_TOO_FEW = 0.8
+"""Of the errors, in an interval that is meant to hold 0.9 of them."""
 _SHADES = {WARMING_UP: AMBER, DEGRADED: TEAL, COASTING: VIOLET, FAULTED: RED}
 
 
@@ -88,7 +90,11 @@ def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Findi
     if baselines := [each.baseline.metrics for each in evaluations if each.baseline]:
         yield Finding(f"A static linear formula is {_pooled_rmse(baselines):.2f} degC off.")
     inside = sum(each.coverage[90] * each.scored for each in evaluations) / samples
-    yield Finding(f"The model's published 90 % interval holds {100 * inside:.1f} % of the errors.")
+    holds = f"The model's published 90 % interval holds {100 * inside:.1f} % of the errors"
+    if inside < _TOO_FEW:
+        yield Finding(f"{holds}: it is too narrow here. Train on logs that are as long and as varied.", "warning")
+    else:
+        yield Finding(f"{holds}.")
     # a model without an estimate where it would be wrong must not look good
     if without := sum(each.without_estimate for each in evaluations):
         yield Finding(f"{without:,} more samples have no estimate.")
