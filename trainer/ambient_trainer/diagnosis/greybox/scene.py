@@ -62,11 +62,6 @@ class Scene:
         """The longest record."""
         return max(record.samples for record in self.records) * self.period_s
 
-    @property
-    def begin_s(self) -> float:
-        """The first time."""
-        return float(self.records[0].time_s[0])
-
     @cached_property
     def network(self) -> Network:
         """Of the first record, one lane."""
@@ -124,9 +119,9 @@ class Scene:
 
     @cached_property
     def drivers(self) -> list[Expression]:
-        """Simplest first: columns, squares of currents and speeds, rates, then products with known drivers of heat."""
+        """Simplest first: columns, squares of what heats or stirs by them, rates, then products with known drivers."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
-        found = [*plain, *(f"{each}^2" for each in plain if each.endswith(_SQUARED))]
+        found = [*plain, *(f"{each}^2" for each in plain if each.endswith((*_SQUARED, "_V")))]
         metered = [each for each in plain if not each.endswith((*_WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]
         found += [f"{each} - {rest:.4g}" for each in metered if (rest := self._rest(each)) is not None]
         heats = [each for each in self.known_heat if each.endswith("_frac")]
@@ -195,9 +190,6 @@ class Scene:
         """Whether the reference moves by more than a degree."""
         return any(np.ptp(record.signals[REFERENCE]) > 1.0 for record in self.records if REFERENCE in record.signals)
 
-    def _switches(self, name: str) -> bool:
-        return all(len(np.unique(record.signals[name])) <= 2 for record in self.records)
-
     def _usable(self, driver: Expression) -> bool:
         row = self._row(driver)
         return bool(np.isfinite(row).all() and np.std(row) > 1e-9 * max(np.abs(row).max(), 1e-300))
@@ -219,7 +211,7 @@ class Scene:
         text = driver.columns[0] if driver.level is not None else driver.text
         if "*" in text or text.startswith("d("):
             return False
-        return text.endswith(_WARMING) or text.endswith("_A^2")
+        return text.endswith((*_WARMING, "_A^2", "_V^2"))
 
     @cached_property
     def ambient_zones(self) -> list[Expression]:

@@ -183,7 +183,9 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
     single = error if step.chosen is None else step.chosen.rmse_degC
     chosen = None if step.chosen is None else step.chosen.mechanism
     enough = single < min(_LITTLE * error, _ABOVE_FLOOR * limits.floor_degC)
-    if chosen is not None and (chosen.evident or (enough and chosen.driver is not None)):
+    # as long as a mass is missing a driver may do better than its square
+    squared = chosen is not None and f"{chosen.key[2]}^2" in {each.mechanism.key[2] for each in step.trials}
+    if chosen is not None and (chosen.evident or (enough and chosen.driver is not None and not squared)):
         return []
     # heat that nothing logged drives may stand for a driver and for what is there without it, or hide it
     unlogged = chosen is None or (chosen.cause == "heat_source" and chosen.driver is None)
@@ -213,6 +215,8 @@ def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[
                 number.at_bound for each in second.fitted.model.mechanisms[before:] for number in each.numbers
             )
             sound = free and not second.at_bounds and second.identified and identified(second.fitted, before)
+            # what only seems to gain, as a window in what wanders by itself, is not followed
+            sound = sound and gains(first.fitted, second, limits.least_degC)
             if sound and first is step.chosen:
                 # it is followed anyway
                 alone = min(alone, score)

@@ -240,7 +240,8 @@ def complexity(mechanism: Mechanism) -> float:
         + 1.5 * text.count("*")
         + 0.5 * text.count("/dt")
         + 2.5 * mechanism.tuned
-        + 0.5 * (text.count("^") - joule)
+        # a voltage may be a meter's
+        + 0.5 * (text.count("^") - joule + 2 * text.endswith("_V^2"))
     )
     electric = 3.0 * (mechanism.cause == "ambient_coupling" and bool(_ELECTRIC.search(text)))
     bounds = 2.5 * ((mechanism.onset_s is not None) + (mechanism.end_s is not None))

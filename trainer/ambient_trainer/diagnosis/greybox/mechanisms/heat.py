@@ -18,6 +18,8 @@ from ambient_trainer.diagnosis.words import share
 _REFERENCE_DEGC, _GROWTH_PER_K = 25.0, 0.02
 _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 """A metal's resistance grows by 0.4 % per K, a cell's falls by several."""
+_SPEEDS = "_m_s", "_km_h"
+"""What moves air heats nothing."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +104,10 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
 
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node, and all that have sensors together, by every driver and by none."""
+    drivers = [each for each in scene.drivers if not any(name.endswith(_SPEEDS) for name in each.columns)]
     for places in scene.groups(scene.nodes):
         yield _heat(scene, places, None)
-        for driver in scene.drivers:
+        for driver in drivers:
             yield _heat(scene, places, driver)
             if driver.text.endswith("_A^2") and len(places) == 1:
                 plain = _heat(scene, places, driver)
@@ -113,11 +116,11 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 )
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
     for node in scene.nodes:
-        for driver in scene.tuned_drivers:
+        for driver in (each for each in scene.tuned_drivers if not each.columns[0].endswith(_SPEEDS)):
             yield _heat(scene, (node,), driver)
     for node in scene.hidden_nodes:
         # the rate of what heats a slow body is what heats a fast one
-        for driver in (each for each in scene.drivers if not each.text.startswith("d(")):
+        for driver in (each for each in drivers if not each.text.startswith("d(")):
             yield _heat(scene, (node,), driver)
 
 

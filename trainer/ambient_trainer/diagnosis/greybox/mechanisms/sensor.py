@@ -156,7 +156,7 @@ def _bias(sensors: tuple[str, ...]) -> Bias:
 
 def _drift(scene: Scene, sensor: str) -> Mechanism:
     number = Number(f"drift_{sensor}", "K/h", 0.0, scale=_HOUR_S / scene.duration_s)
-    return Drift((sensor,), (number,), begin_s=scene.begin_s)
+    return Drift((sensor,), (number,), begin_s=float(scene.records[0].time_s[0]))
 
 
 def _slow_faults(scene: Scene, sensor: str) -> Iterator[Mechanism]:
