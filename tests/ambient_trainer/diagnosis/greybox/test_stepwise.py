@@ -268,6 +268,14 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
 
 
+def test_a_search_ends_where_nothing_is_left(circuit, recorded):
+    still = np.full(600, 25.0)
+    trace = Trace("still.csv", 30.0 * np.arange(600), {"board_degC": still, "ambient_degC": still})
+    bare = bare_fit(GreyBox.of(circuit), recorded(trace))
+    assert bare.held_out_rmse_degC == 0
+    assert [each.chosen for each in stepwise(bare, offered=lambda *given: iter(())).steps] == [None]
+
+
 def test_what_moves_air_heats_nothing(circuit, simulated, recorded):
     """Heat that nothing logs, and that comes and goes with the wind."""
     bare = bare_fit(GreyBox.of(circuit), recorded(simulated(3, heat_W=lambda now, degC: 0.5 * now["wind_m_s"])))

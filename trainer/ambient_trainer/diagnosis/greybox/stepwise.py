@@ -93,7 +93,7 @@ def stepwise(
             fitted = pruned(last.fitted, given)
             continue
         coarse_degC, fitted = fitted.held_out_rmse_degC, _retuned(fitted, given)
-        if np.log(coarse_degC / fitted.held_out_rmse_degC) < LEAST_GAIN:
+        if not fitted.held_out_rmse_degC < np.exp(-LEAST_GAIN) * coarse_degC:
             break
         # a delay or a level on its grid may have hidden something
         steps.pop()
