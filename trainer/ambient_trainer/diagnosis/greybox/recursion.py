@@ -52,7 +52,10 @@ def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @_compiled
 def filtered(drive, kept, before, now, first):  # type: ignore[no-untyped-def]
-    """Modes x (P, n, N) from ``first`` (P, n), in place of u: x[i] = kept x[i-1] + before u[i-1] + now u[i]."""
+    """Modes x (P, n, N) from ``first`` (P, n), in place of their ``drive`` u.
+
+    x[i] = kept x[i-1] + before u[i-1] + now u[i].
+    """
     lanes, count, samples = drive.shape
     state, last = np.empty(count), np.empty(count)
     for lane in range(lanes):

@@ -119,7 +119,7 @@ class Scene:
 
     @cached_property
     def drivers(self) -> list[Expression]:
-        """Simplest first: columns, squares of what heats or stirs by them, rates, then products with known drivers."""
+        """Simplest first: columns, squares of currents, voltages, speeds, rates, then products with known drivers."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith((*_SQUARED, "_V")))]
         metered = [each for each in plain if not each.endswith((*_WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]

@@ -1,6 +1,6 @@
 """Heat into nodes, proportional to a driver, or constant."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,8 @@ from ambient_trainer.diagnosis.words import share
 _REFERENCE_DEGC, _GROWTH_PER_K = 25.0, 0.02
 _LEAST_PER_K, _MOST_PER_K = -0.008, 0.2
 """A metal's resistance grows by 0.4 % per K, a cell's falls by several."""
-_SPEEDS = "_m_s", "_km_h"
-"""What moves air heats nothing."""
+_SPEED = "_m_s"
+"""Of air, which heats nothing."""
 
 
 @dataclass(frozen=True)
@@ -102,9 +102,13 @@ def windowed(scene: Scene) -> Iterator[Mechanism]:
     return (_heat(scene, (each,), None) for each in scene.nodes)
 
 
+def _heating(drivers: Iterable[Expression]) -> list[Expression]:
+    return [each for each in drivers if not any(name.endswith(_SPEED) for name in each.columns)]
+
+
 def candidates(scene: Scene) -> Iterator[Mechanism]:
     """Every node, and all that have sensors together, by every driver and by none."""
-    drivers = [each for each in scene.drivers if not any(name.endswith(_SPEEDS) for name in each.columns)]
+    drivers = _heating(scene.drivers)
     for places in scene.groups(scene.nodes):
         yield _heat(scene, places, None)
         for driver in drivers:
@@ -116,7 +120,7 @@ def candidates(scene: Scene) -> Iterator[Mechanism]:
                 )
                 yield HeatInTheCold(places, (*plain.numbers, growth), driver)
     for node in scene.nodes:
-        for driver in (each for each in scene.tuned_drivers if not each.columns[0].endswith(_SPEEDS)):
+        for driver in _heating(scene.tuned_drivers):
             yield _heat(scene, (node,), driver)
     for node in scene.hidden_nodes:
         # the rate of what heats a slow body is what heats a fast one
