@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import ambient_trainer as at
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.later import later_errors
@@ -42,6 +43,14 @@ def test_no_reading_of_the_scored_time_enters_the_simulation_and_there_must_be_o
     assert later_errors(HEATED, None, [trace], FROM_S).bare_rmse_degC == pytest.approx(7.0, abs=1e-6)
     with pytest.raises(Refused, match="--later"):
         later_errors(HEATED, None, [trace], 1e6)
+
+
+def test_a_time_after_the_end_is_refused_before_the_search(trace):
+    def never(*given):
+        raise AssertionError(given)
+
+    with pytest.raises(Refused, match="--later"):
+        at.diagnose(trace, HEATED, later_from_s=1e6, progress=never)
 
 
 def test_a_stretch_after_a_gap_starts_from_its_first_reading(trace):

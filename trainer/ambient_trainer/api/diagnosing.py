@@ -15,7 +15,7 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.write import save_circuit
 from ambient_trainer.data.spikes import without_spikes
 from ambient_trainer.diagnosis.diagnose import diagnose as diagnose_traces
-from ambient_trainer.diagnosis.later import Later, later_errors
+from ambient_trainer.diagnosis.later import Later, later_errors, require_later
 from ambient_trainer.diagnosis.report import report_of
 from ambient_trainer.diagnosis.result import Diagnosis
 from ambient_trainer.estimators.registry import thermal_circuit
@@ -155,7 +155,10 @@ def diagnose(
     ('heat_source', 'board2')
     """
     traces = [trace.cut(from_s, to_s) for trace in traces_of(data)]
-    seen = traces if later_from_s is None else [trace.cut(None, later_from_s) for trace in traces]
+    seen = traces
+    if later_from_s is not None:
+        require_later(traces, later_from_s)
+        seen = [trace.cut(None, later_from_s) for trace in traces]
     clean = [without_spikes(trace) for trace in seen]
     known = [without_spikes(trace) for trace in traces_of(baselines)]
     own, good = ([trace for trace, _ in each] for each in (clean, known))

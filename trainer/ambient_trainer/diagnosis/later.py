@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ambient_model.faults import refuse
+from ambient_model.faults import Refused, refuse
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
@@ -59,11 +59,21 @@ def later_errors(bare: Circuit, extended: Circuit | None, traces: Sequence[Trace
     before = _residual_degC(bare, traces, from_s)
     scored = np.isfinite(before)
     if not scored.any():
-        problem = f"no sensor is read from {from_s:.10g} s on"
-        raise refuse("--later", ", ".join(trace.path for trace in traces), problem, "choose an earlier time")
+        raise _nothing_later(traces, from_s)
     after = before if extended is None else _residual_degC(_read_again(extended), traces, from_s)
     samples = int(scored.any(axis=0).sum())
     return Later(from_s, _rmse(before), _rmse(after), samples)
+
+
+def require_later(traces: Sequence[Trace], from_s: float) -> None:
+    """Refuse traces of which none goes on to ``from_s``, before anything is computed."""
+    if all(trace.time_s[-1] < from_s for trace in traces):
+        raise _nothing_later(traces, from_s)
+
+
+def _nothing_later(traces: Sequence[Trace], from_s: float) -> Refused:
+    problem = f"no sensor is read from {from_s:.10g} s on"
+    return refuse("--later", ", ".join(trace.path for trace in traces), problem, "choose an earlier time")
 
 
 def _read_again(circuit: Circuit) -> Circuit:
