@@ -214,11 +214,12 @@ def test_the_title_counts_every_sample_once(files, trace_of, tmp_path):
     assert "2 traces" in title
 
 
-@pytest.mark.parametrize(("inside", "status"), [(0.65, "warning"), (0.88, "plain")])
-def test_an_interval_that_is_too_narrow_is_a_warning(inside, status):
+@pytest.mark.parametrize(("apart_degC", "status"), [(1.0, "warning"), (-1.0, "plain")])
+def test_an_interval_that_is_too_narrow_as_it_was_published_is_a_warning(apart_degC, status):
     model = two_sensor_model({})
-    evaluation = replace(evaluate_trace(model, sensor_trace(500)), coverage={50: 0.5, 90: inside, 98: 0.98})
-    stated = [each for each in report_of(model, [evaluation]).lead if "90 %" in getattr(each, "text", "")]
+    found = evaluate_trace(model, sensor_trace(500))
+    found = replace(found, low_degC=found.reference_degC + apart_degC, high_degC=found.reference_degC + 2.0)
+    stated = [each for each in report_of(model, [found]).lead if "90 %" in getattr(each, "text", "")]
     assert [each.status for each in stated] == [status]
 
 

@@ -90,11 +90,15 @@ def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Findi
     if baselines := [each.baseline.metrics for each in evaluations if each.baseline]:
         yield Finding(f"A static linear formula is {_pooled_rmse(baselines):.2f} degC off.")
     inside = sum(each.coverage[90] * each.scored for each in evaluations) / samples
-    holds = f"The model's published 90 % interval holds {100 * inside:.1f} % of the errors"
-    if inside < _TOO_FEW:
-        yield Finding(f"{holds}: it is too narrow here. Train on logs that are as long and as varied.", "warning")
+    within = ((each.low_degC <= each.reference_degC) & (each.reference_degC <= each.high_degC) for each in evaluations)
+    widened = sum(int(each.sum()) for each in within) / samples
+    shown = f"The model's published 90 % interval holds {100 * inside:.1f} % of the errors"
+    if f"{100 * widened:.1f}" != f"{100 * inside:.1f}":
+        shown += f", {100 * widened:.1f} % as it is widened where readings are refused, missing or coarse"
+    if widened < _TOO_FEW:
+        yield Finding(f"{shown}: it is too narrow here. Train on logs that are as long and as varied.", "warning")
     else:
-        yield Finding(f"{holds}.")
+        yield Finding(f"{shown}.")
     # a model without an estimate where it would be wrong must not look good
     if without := sum(each.without_estimate for each in evaluations):
         yield Finding(f"{without:,} more samples have no estimate.")
