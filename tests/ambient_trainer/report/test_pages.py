@@ -77,11 +77,12 @@ addEventListener("load", () => setTimeout(() => parent.postMessage(JSON.stringif
     ...all(".js-plotly-plot text").map((each) => contrast(getComputedStyle(each).fill, each))),
 }), "*"), 3000));
 </script>"""
-FRAME = """<html><body><pre id="told"></pre>{frames}<script>const told = {{}};
+# It listens before the first page begins: a page that is done while the frame is still read would be missed.
+FRAME = """<html><body><pre id="told"></pre><script>const told = {{}};
 addEventListener("message", (event) => {{
   const each = JSON.parse(event.data); told[each.name] = each;
   document.getElementById("told").textContent = JSON.stringify(told);
-}});</script></body></html>"""
+}});</script>{frames}</body></html>"""
 
 
 def samples(place: str) -> dict[str, Report]:
@@ -126,7 +127,7 @@ def _measure(frame: Path, scheme: str, profile: Path) -> dict[str, Any]:
     """What each page measures of itself, by name and width."""
     shown = subprocess.run(
         ["chromium", *QUIET, scheme, f"--user-data-dir={profile}", "--window-size=1400,1000",
-         "--virtual-time-budget=20000", "--dump-dom", frame.as_uri()],
+         "--virtual-time-budget=60000", "--dump-dom", frame.as_uri()],
         capture_output=True, text=True, timeout=600, check=True,
     ).stdout  # fmt: skip
     found = re.search(r'<pre id="told">(.*?)</pre>', shown, re.DOTALL)
