@@ -13,7 +13,7 @@ from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Lag
 from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.later import Later
@@ -53,6 +53,18 @@ def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_
     assert _confidence(step, chosen, final(chosen)) < 0.5
     assert _confidence(step, chosen, final(chosen, load)) > 0.9
     assert [each.mechanism.driver.text for each in step.trials if _rival(each, chosen)] == ["fan_rpm^2", "twin_rpm"]
+
+
+@pytest.mark.parametrize("heated", ["board", "lid"])
+def test_a_sensor_that_lags_where_something_logged_heats_may_be_the_heaters_own_body(heated):
+    network = SimpleNamespace(sensors=("top",), nodes=["lid", "board"], reads=np.array([1]))
+    lag = Lag(("top",), (Number("lag", "s", 40.0),))
+    model = SimpleNamespace(mechanisms=(heat("load_frac", **{heated: (1, 1)}), lag), z=lambda: np.zeros(2))
+    model.network = lambda record, z: network
+    chosen = Trial(lag, SimpleNamespace(model=model, records=[None]), 0.2, False)
+    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
+    sure = _confidence(step, chosen, SimpleNamespace(model=model, records=[]))
+    assert sure < 0.61 if heated == "board" else sure > 0.9
 
 
 @pytest.mark.parametrize(("onset_s", "sure"), [(55.0, True), (10.0, False)])

@@ -28,7 +28,7 @@ _CENTRE, _SLOPE = 0.05, 8.0
 _EITHER = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
 heater, and in a measured box one sensor's drift and heat that creeps read the same; another box, which had come to
-rest at 30 degC, seemed to melt there."""
+rest at 30 degC, seemed to melt there. Six sensors of measured sets seemed to lag: their heaters did."""
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
@@ -72,7 +72,7 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
                 magnitude=magnitude,
                 confidence=confidence,
                 gain=gain,
-                indistinguishable_from=tuple(dict.fromkeys([*rivals, *_or_creeping_heat(chosen)])),
+                indistinguishable_from=tuple(dict.fromkeys([*rivals, *_or_physics(chosen)])),
                 sentence=sentence,
                 parameters=parameters,
                 residual_degC=chosen.fitted.residual_degC(longest),
@@ -179,7 +179,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), needed)
-    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_creeping_heat(chosen)
+    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_physics(chosen)
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
@@ -198,15 +198,20 @@ def _needed(final: Fitted, index: int) -> float:
     return math.log(without.combed.sum() / final.combed.sum()) / 2
 
 
-def _or_creeping_heat(trial: Trial) -> tuple[Cause, ...]:
-    """Heat that grows with time, where a sensor seems to drift whose node exchanges heat with no other sensor's."""
-    if trial.mechanism.cause != "sensor_drift":
+def _or_physics(trial: Trial) -> tuple[Cause, ...]:
+    """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
+    no other sensor's, and a body of the heater's own, where something logged heats the node."""
+    cause, fitted = trial.mechanism.cause, trial.fitted
+    if cause not in ("sensor_drift", "sensor_lag"):
         return ()
-    fitted, place = trial.fitted, trial.mechanism.places[0]
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
-    node = int(network.reads[network.sensors.index(place)])
-    others = [int(each) for each in network.reads if each != node]
-    return () if network.between[0, node, others].any() else (Cause("heat_source", network.nodes[node], "time_s"),)
+    index = int(network.reads[network.sensors.index(trial.mechanism.places[0])])
+    node = network.nodes[index]
+    if cause == "sensor_lag":
+        heats = [each for each in fitted.model.mechanisms if each.cause == "heat_source" and each.driver is not None]
+        return (Cause("thermal_mass", node, None),) if any(node in each.places for each in heats) else ()
+    others = [int(each) for each in network.reads if each != index]
+    return () if network.between[0, index, others].any() else (Cause("heat_source", node, "time_s"),)
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

@@ -12,7 +12,7 @@ from ambient_trainer.diagnosis.greybox.mechanisms import mass
 from ambient_trainer.diagnosis.greybox.mechanisms.latent import Latent
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import screen, shortlist
+from ambient_trainer.diagnosis.greybox.screening import every_candidate, screen, shortlist
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 from ambient_trainer.diagnosis.greybox.trials import compared
 from ambient_trainer.diagnosis.record import records
@@ -91,6 +91,37 @@ def test_no_constant_reference_is_wrong_by_40_degC(circuit, warm_K, named):
     assert diagnose(circuit, [trace]).verdict_cause.name == named
 
 
+def test_where_one_of_several_places_shows_nothing_the_others_are_compared(pair):
+    """One body stands at the temperature of air that never moves: no change of its loss shows."""
+    time_s, still = 10.0 * np.arange(400), np.full(400, 21.0)
+    heater = np.repeat(np.random.default_rng(5).random(10), 40)
+    fast = 21.0 + lsim(([-1 / 300], [0.1], [1], [0]), heater, time_s)[1]
+    columns = {"fast_degC": fast, "slow_degC": still, "ambient_degC": still, "heater_frac": heater}
+    held = records(Trace("pair", time_s, columns), pair.inputs, ["fast_degC", "slow_degC"], 10.0)
+    screened = screen(Scene(bare_fit(GreyBox.of(pair), held)), every_candidate)
+    assert (screened[0].mechanism.cause, screened[0].mechanism.driver.text) == ("heat_source", "heater_frac")
+
+
 @pytest.mark.parametrize(("melting_degC", "doubtful"), [(0.0, False), (30.0, True)])
 def test_only_water_melts_without_a_doubt(melting_degC, doubtful):
     assert Latent(("fast",), (), melting_degC=melting_degC).doubtful == doubtful
+
+
+@pytest.mark.slow
+def test_two_that_gain_only_together_are_found_after_a_first_one(pair):
+    """A heater that acts through a body of its own for three minutes, and a fan's constant heat that is left of it."""
+    draw = np.random.default_rng(1)
+    time_s = 3.0 * np.arange(920)
+    heater = (time_s < draw.uniform(120, 220)).astype(float)
+    lag_s, loss = draw.uniform(35, 60), draw.uniform(0.28, 0.36, 2)
+    A = np.diag([-1 / lag_s, -loss[0] / 100, -loss[1] / 100])
+    A[1:, 0] = draw.uniform(18, 22) / 100, draw.uniform(15, 19) / 100
+    inputs = np.array([[1 / lag_s, 0.0], [0.0, loss[0] * 1.7 / 100], [0.0, loss[1] * 1.6 / 100]])
+    drives = np.column_stack([heater, np.ones_like(heater)])
+    rise = lsim((A, inputs, np.eye(3), np.zeros((3, 2))), drives, time_s, [0, 11, 10.5])[1]
+    read = np.round((24 + rise[:, 1:] + draw.normal(0, 0.02, (920, 2))) * 16) / 16
+    columns = {"fast_degC": read[:, 0], "slow_degC": read[:, 1], "heater_on": heater}
+    air = {"ambient_degC": 24 + 0.06 * np.sin(time_s / 900)}
+    steps = diagnose(pair, [Trace("box", time_s, {**columns, **air})]).steps
+    assert ("heat_source", None) in {(each.cause.name, each.cause.signal) for each in steps}
+    assert {each.cause.name for each in steps if each.confidence > 0.9} == {"heat_source"}

@@ -81,7 +81,8 @@ def screen(scene: Scene, offered: Offered) -> list[Screened]:
     result = []
     for each in offered(scene, columns_of):
         columns = columns_of(each)
-        if not columns.any():
+        # where one of several places shows nothing, the others are offered without it
+        if not columns.any(axis=0).all():
             continue
         amounts, squares = _scored(fitted, parts[each.lasts], columns, each.lasts)
         started = each.started([float(amount) for amount in amounts])

@@ -85,7 +85,8 @@ def stepwise(
         points = [fitted] if steps else [fitted, *beside]
         step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
         alone = alone or step
-        pair = _pair(step, limits, offered, partial(_numbered, said, 1)) if beside and not steps else []
+        paired = beside and (not steps or _stuck(step, limits))
+        pair = _pair(step, limits, offered, partial(_numbered, said, len(steps) + 1)) if paired else []
         steps += pair or [_compact(step) if steps else step]
         last = steps[-1].chosen
         if last is not None:
@@ -101,6 +102,11 @@ def stepwise(
         fitted = _retuned(fitted, given)
     assert alone is not None
     return Selection(bare, fitted, tuple(_logged_first(steps)), alone)
+
+
+def _stuck(step: Step, limits: Limits) -> bool:
+    """Whether nothing by itself gains, though a black box with the same inputs leaves much less."""
+    return step.chosen is None and step.before.held_out_rmse_degC > _ABOVE_FLOOR * limits.floor_degC
 
 
 def _retuned(fitted: Fitted, given: int) -> Fitted:
