@@ -7,12 +7,14 @@ import os
 import pty
 import select
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import pytest
 from hypothesis import settings
@@ -122,6 +124,50 @@ def until() -> Callable[..., None]:
             time.sleep(0.01)
 
     return wait
+
+
+@pytest.fixture
+def public() -> Iterator[str]:
+    """A folder that everyone may enter; pytest's own are closed to others. It is to outlive who publishes there."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.chmod(folder, 0o755)
+        yield folder
+
+
+Spawn = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def spawn() -> Iterator[Spawn]:
+    """Start a process with its standard error in its output; what still runs at the end of the test is killed."""
+    running: list[subprocess.Popen[str]] = []
+
+    def started(words: Sequence[object], **options: Any) -> "subprocess.Popen[str]":
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
+        running.append(subprocess.Popen([*map(str, words)], text=True, **{**streams, **options}))
+        return running[-1]
+
+    yield started
+    for process in running:
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout, process.stderr):
+            if stream:
+                stream.close()
+
+
+@pytest.fixture
+def listen() -> Iterator[Callable[[object], TextIO]]:
+    """Connects to a daemon's socket and returns its lines."""
+    with contextlib.ExitStack() as stack:
+
+        def connected(path: object) -> TextIO:
+            reader = stack.enter_context(socket.socket(socket.AF_UNIX))
+            reader.connect(str(path))  # with a timeout, it would not wait where the kernel's queue is full
+            reader.settimeout(8)
+            return stack.enter_context(reader.makefile())
+
+        yield connected
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from ambient_model.model import (
     Secondary,
     Term,
 )
+from documents import anything
 
 PERIODS_S = (0.1, 0.25, 1.0, 2.5, 10.0)
 
@@ -81,12 +82,8 @@ def spreads(draw: st.DrawFn, known: tuple[str, ...]) -> ErrorVariance:
     return ErrorVariance(draw(st.floats(0, 100)), terms, draw(quantiles()))
 
 
+documents = anything(allow_nan=False, allow_infinity=False)
 periods = st.lists(st.sampled_from(PERIODS_S), min_size=1, max_size=3, unique=True)
-documents = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=8,
-)
 
 
 @st.composite

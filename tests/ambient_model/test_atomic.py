@@ -78,8 +78,11 @@ def test_what_cannot_be_written_is_refused_before_the_block_runs(tmp_path: Path,
 
 WRITE = """
 import os, resource, signal, sys
+from resource import setrlimit
 from ambient_model.atomic import replacing
 from ambient_model.faults import Refused
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
 def attempt(mode):
     try:
@@ -91,48 +94,40 @@ def attempt(mode):
 """
 
 
-def attempts(folder: Path, script: str, *prefix: str) -> list[str]:
-    """The lines that a child prints; it starts in ``folder`` with ``attempt(mode)`` defined."""
-    command = [*prefix, sys.executable, "-W", "error", "-c", WRITE + script]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=60)
-    assert done.stderr == ""
-    return done.stdout.splitlines()
+OWN_MOUNTS = (["unshare", "--mount"], ["unshare", "--user", "--map-root-user", "--mount"])
+"""Command prefixes that run another in mounts of its own, which vanish with it."""
 
 
-def own_mounts() -> list[str]:
-    """A command prefix that runs another in mounts of its own, which vanish with it."""
-    for prefix in (["unshare", "--mount"], ["unshare", "--user", "--map-root-user", "--mount"]):
+def on_disk(options: str) -> list[str]:
+    """A command prefix that runs another on a small file system of its own, which holds an old model."""
+    for prefix in OWN_MOUNTS:
         probe = [*prefix, "mount", "-t", "tmpfs", "none", "/mnt"]
         if shutil.which("unshare") and subprocess.run(probe, capture_output=True).returncode == 0:
-            return prefix
+            mount = 'mount -t tmpfs -o size=64k none . && cd "$PWD" && echo old > model.json'
+            return [*prefix, "sh", "-c", f'{mount} && mount -o remount,{options} . && "$@"; cat model.json; ls', "sh"]
     pytest.skip("no right to mount a small file system here")
-
-
-def test_a_full_or_a_read_only_disk(old: Path) -> None:
-    mount = 'mount -t tmpfs -o size=64k none . && cd "$PWD" && echo old > model.json && "$@"; cat model.json; ls'
-    lines = attempts(old.parent, "attempt('w'); attempt('gz')", *own_mounts(), "sh", "-c", mount, "sh")
-    assert ["(No space left on device)" in line for line in lines[:2]] == [True, True]
-    assert lines[2:] == ["old", "model.json"]
-    mount = 'mount -t tmpfs -o ro none . && cd "$PWD" && "$@"'
-    [line] = attempts(old.parent, "attempt('w')", *own_mounts(), "sh", "-c", mount, "sh")
-    assert "(Read-only file system)" in line
-
-
-LIMIT = "signal.signal(signal.SIGXFSZ, signal.SIG_IGN); resource.setrlimit(resource.RLIMIT_FSIZE, (50000, 50000))"
 
 
 @pytest.mark.parametrize(
     ("limit", "reason"),
     [
-        (LIMIT, "(File too large)"),
+        ("size=64k", "(No space left on device)"),
+        ("ro", "(Read-only file system)"),
+        ("setrlimit(resource.RLIMIT_FSIZE, (50000, 50000))", "(File too large)"),
         ("import gzip; os.getuid() or os.seteuid(65534)", "(Permission denied)"),  # permissions do not stop root
     ],
 )
-def test_a_size_limit_or_a_missing_right(old: Path, limit: str, reason: str) -> None:
+def test_a_full_a_read_only_a_limited_and_a_closed_disk(old: Path, limit: str, reason: str) -> None:
+    mounted = limit in ("size=64k", "ro")
+    script = WRITE + ("" if mounted else f"{limit}\n") + "attempt('w')\nattempt('gz')"
+    command = [*(on_disk(limit) if mounted else []), sys.executable, "-W", "error", "-c", script]
     old.parent.chmod(0o555 if "Permission" in reason else 0o755)
     try:
-        lines = attempts(old.parent, f"{limit}\nattempt('w')\nattempt('gz')")
+        done = subprocess.run(command, cwd=old.parent, capture_output=True, text=True, timeout=60)
     finally:
         old.parent.chmod(0o755)
-    assert [line.startswith("model.json: ") and reason in line for line in lines] == [True, True]
+    assert done.stderr == ""
+    lines = done.stdout.splitlines()
+    assert [line.startswith("model.json: ") and reason in line for line in lines[:2]] == [True, True]
+    assert lines[2:] == (["old", "model.json"] if mounted else [])
     assert_untouched(old)

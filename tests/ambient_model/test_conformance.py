@@ -66,11 +66,16 @@ def with_fallback(*discrete: Discrete, initial: tuple = ((1.0, 0.0), (0.5, 0.5))
 FINE = tuple(lagging(period_s) for period_s in (1.0, 0.1, 0.25, 10.0))
 
 
-def test_a_right_fallback_contradicts_itself_by_rounding_only() -> None:
-    worst = worst_contradictions(with_fallback(*FINE))
+@pytest.mark.parametrize(
+    "discrete",
+    # of periods that are no multiples, the equilibrium alone is compared
+    [FINE, (lagging(1.0), lagging(2.5, tau_s=41.0)), (lagging(0.001), lagging(10.0))],
+)
+def test_a_right_fallback_contradicts_itself_by_rounding_only(discrete: tuple[Discrete, ...]) -> None:
+    worst = worst_contradictions(with_fallback(*discrete))
     assert worst.keys() == {"cpu"}
     assert worst["cpu"] < 1e-13
-    assert worst_contradictions(with_fallback(*FINE)._replace(fallbacks={})) == {}
+    assert worst_contradictions(with_fallback(*discrete)._replace(fallbacks={})) == {}
 
 
 @pytest.mark.parametrize("index", range(len(FINE)))
@@ -83,22 +88,17 @@ def test_a_perturbed_coefficient_of_a_fallback_is_seen(index: int, name: str, ro
     assert worst_contradictions(with_fallback(*FINE[:index], wrong, *FINE[index + 1 :]))["cpu"] > TOLERANCE
 
 
-@pytest.mark.parametrize("name", ["C", "D"])
-def test_a_perturbed_gain_at_rest_of_one_period_is_seen(name: str) -> None:
-    wrong = FINE[2]._replace(**{name: ((0.5, 0.251),)})
-    assert worst_contradictions(with_fallback(*FINE[:2], wrong, FINE[3]))["cpu"] > 1e-4
-
-
-def test_a_fallback_that_contradicts_itself_is_seen() -> None:
-    # each period is sound by itself: the equilibrium is one, and so is the gain at rest
-    another_lag = with_fallback(*FINE[:3], lagging(10.0, tau_s=41.0))
-    assert worst_contradictions(another_lag)["cpu"] > 1e-3
-    no_equilibrium = with_fallback(*FINE, initial=((1.0, 0.0), (0.5, 0.51)))
-    assert worst_contradictions(no_equilibrium)["cpu"] > 1e-4
-    overflowing = with_fallback(*(each._replace(B=((1e308, 0.0), (0.0, 1e308))) for each in FINE))
-    assert worst_contradictions(overflowing)["cpu"] == math.inf
-
-
-def test_periods_that_are_no_multiples_are_held_against_their_equilibrium() -> None:
-    assert worst_contradictions(with_fallback(lagging(1.0), lagging(2.5, tau_s=41.0)))["cpu"] < 1e-13
-    assert worst_contradictions(with_fallback(lagging(0.001), lagging(10.0)))["cpu"] < 1e-13
+@pytest.mark.parametrize(
+    ("model", "least"),
+    [
+        # each period is sound by itself: the equilibrium is one, and so is the gain at rest
+        (with_fallback(*FINE[:3], lagging(10.0, tau_s=41.0)), 1e-3),
+        (with_fallback(*FINE, initial=((1.0, 0.0), (0.5, 0.51))), 1e-4),
+        (with_fallback(*FINE[:2], FINE[2]._replace(C=((0.5, 0.251),)), FINE[3]), 1e-4),
+        (with_fallback(*FINE[:2], FINE[2]._replace(D=((0.5, 0.251),)), FINE[3]), 1e-4),
+        (with_fallback(*(each._replace(B=((1e308, 0.0), (0.0, 1e308))) for each in FINE)), 1e300),
+    ],
+    ids=["another lag", "no equilibrium", "gain at rest, C", "gain at rest, D", "overflow"],
+)
+def test_a_fallback_that_contradicts_itself_is_seen(model: Model, least: float) -> None:
+    assert worst_contradictions(model)["cpu"] > least

@@ -112,23 +112,6 @@ def test_what_replaces_missing_readings_is_their_conditional_mean(model: Model, 
     assert validation.is_degraded
 
 
-def test_what_is_missing_for_a_sample_moves_as_the_others_and_its_own_past_predict(model):
-    validation = Validation(model.readings, model.main, 1.0)
-    u = np.array([25.0, 25.1, 24.9, 25.0]) + np.outer(np.arange(6), [0.02, 0.03, 0.01, 0.04])
-    lows, before = np.tile(u[0], len(model.readings.lags_s)), None
-    a = -np.expm1(-1.0 / np.repeat(model.readings.lags_s, 4))
-    for k, row in enumerate(u):
-        z = np.append(row, lows)
-        used = validation.update(float(k), [None if (k, i) == (5, 2) else each for i, each in enumerate(row.tolist())])
-        if k < 5:
-            before, lows = z, lows + a * (np.tile(row, len(lows) // 4) - lows)
-    # of a normal distribution of precision P: E[z_i | the others] = mean - P_ii^-1 sum_j P_ij (z_j - mean_j)
-    P = np.array(model.readings.precision)
-    others = np.arange(len(z)) != 2
-    assert used[2] == pytest.approx(before[2] - P[2, others] @ (z - before)[others] / P[2, 2], abs=1e-9)
-    assert [used[i] for i in (0, 1, 3)] == [u[5, i] for i in (0, 1, 3)]
-
-
 def test_short_gaps_leave_the_estimate_as_it_is(model: Model, observer: Observer) -> None:
     random = np.random.default_rng(1)
     gaps = fed(observer, 600, lambda k, u: [None if random.random() < 0.1 and k else value for value in u])

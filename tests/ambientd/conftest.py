@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ import pytest
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
+from device import add_zone
 
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 INTERVAL = {50: (-0.2, 0.3), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
@@ -87,18 +88,14 @@ def model_file(saved: Callable[[Model], str]) -> str:
 
 
 class FakeSysfs:
-    """Thermal zones as files; a zone is written in place, as a kernel attribute appears to be."""
+    """Thermal zones as files."""
 
     def __init__(self, root: Path) -> None:
         self.root = root
         (root / "class" / "thermal").mkdir(parents=True)
 
     def zone(self, number: int, kind: str, temp: str) -> Path:
-        folder = self.root / "class" / "thermal" / f"thermal_zone{number}"
-        folder.mkdir()
-        (folder / "type").write_text(f"{kind}\n")
-        (folder / "temp").write_text(temp)
-        return folder / "temp"
+        return add_zone(self.root, number, kind, temp) / "temp"
 
 
 @pytest.fixture
@@ -210,20 +207,11 @@ Start = Callable[..., "subprocess.Popen[str]"]
 
 
 @pytest.fixture
-def start() -> Iterator[Start]:
-    """Start the command and leave it running; what still runs at the end of the test is killed."""
-    running: list[subprocess.Popen[str]] = []
-
-    def started(*arguments: object, by: tuple[str, ...] = AMBIENTD, **options: object) -> "subprocess.Popen[str]":
-        words = [sys.executable, *by, *map(str, arguments)]
-        options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
-        running.append(subprocess.Popen(words, text=True, **options))
-        return running[-1]
-
-    yield started
-    for process in running:
-        process.kill()
-        process.communicate()
+def start(spawn: Start) -> Start:
+    """Start the command and leave it running."""
+    return lambda *arguments, by=AMBIENTD, **options: spawn(
+        [sys.executable, *by, *arguments], **{"stderr": subprocess.PIPE, **options}
+    )
 
 
 @pytest.fixture

@@ -5,8 +5,6 @@ process whose address space and processor time end where a device's would, and w
 configuration, a model's coefficients, a zone or a trace hold.
 """
 
-import copy
-import functools
 import json
 import math
 import os
@@ -29,6 +27,7 @@ from ambientd.fallback import FallbackTracker
 from ambientd.publish.prometheus import exposition
 from ambientd.report import Report, as_json
 from ambientd.state import StateFile
+from documents import anything, at, damaged, ways, with_value
 
 MEMORY = 96 * 2**20
 """Address space, of which a bare interpreter takes a third; the unit allows 64 MiB of memory."""
@@ -198,30 +197,10 @@ def test_the_limits_are_those_of_a_working_command(model_file):
 DATA = json.loads((Path(__file__).parents[1] / "data" / "model-v1.json").read_text())
 
 
-def ways(data, way=()):
-    """The path of every value in a document."""
-    if way:
-        yield way
-    for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
-        yield from ways(value, (*way, key))
-
-
-def with_value(document, *way, value):
-    """A copy of ``document`` with another value at one place."""
-    data = copy.deepcopy(document)
-    place = data
-    for step in way[:-1]:
-        place = place[step]
-    place[way[-1]] = value
-    return data
-
-
 COEFFICIENTS = [
     way
     for way in ways(DATA)
-    if way[0] in ("discrete", "initial", "fallbacks")
-    and isinstance(way[-1], int)
-    and isinstance(functools.reduce(lambda place, step: place[step], way, DATA), float)
+    if way[0] in ("discrete", "initial", "fallbacks") and isinstance(way[-1], int) and isinstance(at(DATA, way), float)
 ]
 
 
@@ -235,8 +214,9 @@ def retuned(draw):
     return data
 
 
-readings = st.none() | st.floats(-30, 90) | st.sampled_from([-1e30, 1e30, 1e12, -1e12, 59.9, 60.0, 80.0])
-moments_s = st.floats(0, 5) | st.sampled_from([0.05, 1.0, 29.0, 31.0, 1e9, 1e30])
+finite = st.floats(allow_nan=False, allow_infinity=False)
+readings = st.none() | st.floats(-30, 90) | finite | st.sampled_from([-1e30, 1e12, -1e12, 59.9, 60.0, 80.0])
+moments_s = st.floats(0, 5) | st.sampled_from([0.05, 1.0, 29.0, 31.0, 1e9, 1e30, -3.0])
 samples = st.lists(st.tuples(moments_s, st.lists(readings, min_size=1, max_size=3)), min_size=1, max_size=12)
 
 
@@ -305,21 +285,8 @@ WHOLE = {
     "access": {"mode": "0640", "owner": 0, "group": "0"},
     "publish": ["stdout", "socket:s", {**FILE, "offset_millidegC": 7}],
 }
-numbers = st.floats() | st.integers() | st.sampled_from([0, -0.0, 1, 1e-320, 0.999999, 1e12, -1e12, 1e300, 10**400])
-anything = st.recursive(
-    st.none() | st.booleans() | numbers | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=6,
-)
-
-
-@st.composite
-def mutated(draw):
-    """The whole configuration with one to three of its values replaced, as YAML, or JSON, which is YAML, too."""
-    data = WHOLE
-    for _ in range(draw(st.integers(1, 3))):
-        data = with_value(data, *draw(st.sampled_from(list(ways(data)))), value=draw(anything))
-    return json.dumps(data)
+numbers = st.sampled_from([0, -0.0, 1, 1e-320, 0.999999, 1e12, -1e12, 1e300, 10**400])
+"""As YAML, or JSON, which is YAML, too."""
 
 
 WORDS = "model zones publish rate_hz &a *a << !!float !!int !!set !!omap !!binary !!timestamp !x !!python/tuple no"
@@ -328,7 +295,10 @@ SIGNS = [*"{}[]|#\n\t", ": ", "- ", "? ", "\n  ", ", ", ">-\n", "---\n", "...\n"
 tokens = st.sampled_from([*[f"{word} " for word in WORDS.split()], *VALUES.split(" "), *SIGNS])
 
 
-@given(mutated() | st.lists(tokens, max_size=25).map("".join) | st.text(max_size=60), st.sampled_from(["json", "yaml"]))
+texts = damaged(WHOLE, anything(numbers)).map(json.dumps) | st.lists(tokens, max_size=25).map("".join)
+
+
+@given(texts | st.text(max_size=60), st.sampled_from(["json", "yaml"]))
 @example("model: m\nzones: {? [a, b] : c}", "yaml")
 @example("!!omap [a: 1]", "yaml")
 @example("!!pairs {a: 1}", "yaml")

@@ -116,25 +116,22 @@ def accesses(folder, names=NAMES):
 
 @as_root
 def test_everything_is_created_as_configured_and_a_reload_changes_it_without_a_gap(
-    start, until, ended, configured, out, tmp_path
+    start, until, ended, configured, listen, out, tmp_path
 ):
     daemon = start("run", "--config", configured({"mode": "0640", "owner": 4711, "group": 4712}))
     until(lambda: {*os.listdir(out)} >= {*NAMES})
     assert accesses(out) == [(0o660 if name == "s" else 0o640, 4711, 4712) for name in NAMES]
     assert accesses(tmp_path, ["own"]) == [(0o640, os.getuid(), os.getgid())]
     inode = (out / "same").stat().st_ino
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-        reader.settimeout(10)
-        reader.connect(f"{out}/s")
-        lines = reader.makefile()
-        configured({"mode": "0644", "group": 4713})
-        os.kill(daemon.pid, 1)
+    lines = listen(out / "s")
+    configured({"mode": "0644", "group": 4713})
+    os.kill(daemon.pid, 1)
 
-        def changed():
-            lines.readline()  # the reader stays
-            return {(mode, group) for mode, _, group in accesses(out, NAMES[:4])} == {(0o644, 4713)}
+    def changed():
+        lines.readline()  # the reader stays
+        return {(mode, group) for mode, _, group in accesses(out, NAMES[:4])} == {(0o644, 4713)}
 
-        until(changed)
+    until(changed)
     assert (out / "same").stat().st_ino == inode
     assert ended(daemon)[0] == 0
     assert os.listdir(out) == ["state"]

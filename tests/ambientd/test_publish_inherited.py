@@ -46,18 +46,15 @@ def daemon(start, made, on_phone):
 
 
 @pytest.mark.parametrize("manager", ["init", "systemd"])
-def test_a_socket_that_was_handed_over_is_served_and_left(daemon, until, ended, made, path, tmp_path, manager):
+def test_a_socket_that_was_handed_over_is_served_and_left(daemon, until, ended, listen, made, path, tmp_path, manager):
     if manager == "systemd":
         made.listen()
     process = daemon(manager, f"socket:{path}", f"status:{tmp_path}/status")
     inode = os.stat(path).st_ino
     until((tmp_path / "status").exists)
     for _ in range(2):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-            reader.settimeout(10)
-            reader.connect(path)
-            lines = reader.makefile()
-            assert json.loads(lines.readline())["ambient_degC"] == pytest.approx(23.0)
+        lines = listen(path)
+        for _ in range(2):
             assert json.loads(lines.readline())["ambient_degC"] == pytest.approx(23.0)
     status, _, log = ended(process)
     assert (status, len(log.splitlines())) == (0, 1)

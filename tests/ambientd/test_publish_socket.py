@@ -1,6 +1,5 @@
 """Real sockets: the newest line at once, whole lines only, and no reader delays the daemon."""
 
-import contextlib
 import json
 import os
 import select
@@ -9,8 +8,6 @@ import socket
 import stat
 import subprocess
 import sys
-import tempfile
-from pathlib import Path
 
 import pytest
 
@@ -125,10 +122,9 @@ def test_where_a_users_places_are_taken_who_reads_least_makes_room(server, path)
 HOLD = """
 import os, socket, sys
 os.setuid(65534)
-held = []
-for _ in range(300):
-    held.append(socket.socket(socket.AF_UNIX))
-    held[-1].connect(sys.argv[1])
+held = [socket.socket(socket.AF_UNIX) for _ in range(300)]
+for each in held:
+    each.connect(sys.argv[1])
 print("held", flush=True)
 sys.stdin.read()
 """
@@ -136,28 +132,18 @@ sys.stdin.read()
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
 @pytest.mark.parametrize("limit", [1024, 32])
-def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, on_phone, until):
+def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, public, on_phone, spawn, listen, until):
     """``nobody`` holds what it gets; the next five find a place at once, and the file is still renewed."""
-    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
-        os.chmod(folder, 0o755)  # pytest's own are closed to others
-        path, file = f"{folder}/s", f"{folder}/temp"
-        run = [sys.executable, "-m", "ambientd", *on_phone(f"file:{file}", f"socket:{path}")]
-        daemon = subprocess.Popen(["sh", "-c", f'ulimit -n {limit}; exec "$@"', "sh", *run])
-        stack.callback(daemon.wait)
-        stack.callback(daemon.kill)
-        until(lambda: os.path.exists(file))
-        hold = [sys.executable, "-I", "-S", "-c", HOLD, path]
-        crowd = stack.enter_context(subprocess.Popen(hold, stdin=subprocess.PIPE, stdout=subprocess.PIPE))
-        assert crowd.stdout.readline() == b"held\n"
-        mine = [stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in range(5)]
-        for reader in mine:
-            reader.connect(path)  # with a timeout, it would not wait where the kernel's queue is full
-            reader.settimeout(10)
-        for reader in mine:
-            assert len(times(reader.makefile().readline())) == 1
-        before = os.stat(file).st_ino, os.stat(file).st_mtime_ns
-        until(lambda: (os.stat(file).st_ino, os.stat(file).st_mtime_ns) != before)
-        crowd.stdin.close()
+    path, file = f"{public}/s", f"{public}/temp"
+    run = [sys.executable, "-m", "ambientd", *on_phone(f"file:{file}", f"socket:{path}")]
+    spawn(["sh", "-c", f'ulimit -n {limit}; exec "$@"', "sh", *run], stdout=None)
+    until(lambda: os.path.exists(file))
+    crowd = spawn([sys.executable, "-I", "-S", "-c", HOLD, path], stdin=subprocess.PIPE)
+    assert crowd.stdout.readline() == "held\n"
+    for _ in range(5):
+        assert len(times(listen(path).readline())) == 1
+    before = os.stat(file).st_ino, os.stat(file).st_mtime_ns
+    until(lambda: (os.stat(file).st_ino, os.stat(file).st_mtime_ns) != before)
 
 
 def test_when_its_folder_was_gone_it_is_made_anew_and_its_readers_stay(tmp_path):
@@ -215,19 +201,6 @@ def test_no_one_enters_before_it_is_settled_who_may(path, monkeypatch):
     server.close()
 
 
-def test_a_live_daemons_socket_is_refused_and_left(server, path):
-    with pytest.raises(Refused, match="another daemon listens there"):
-        SocketServer(Spec("socket", path))
-    connected(server, path).close()
-
-
-def test_what_is_no_socket_is_refused_and_left(path):
-    Path(path).write_text("mine")
-    with pytest.raises(Refused, match="is no socket"):
-        SocketServer(Spec("socket", path))
-    assert Path(path).read_text() == "mine"
-
-
 def test_a_socket_that_another_put_in_its_place_is_left(path):
     server = SocketServer(Spec("socket", path))
     os.unlink(path)
@@ -237,7 +210,20 @@ def test_a_socket_that_another_put_in_its_place_is_left(path):
         assert os.path.exists(path)
 
 
-@pytest.mark.parametrize("name", ["missing/s", "x" * 120])
-def test_a_path_that_cannot_be_bound_is_refused(tmp_path, name):
-    with pytest.raises(Refused, match="cannot be listened on"):
-        SocketServer(Spec("socket", str(tmp_path / name)))
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("live", "another daemon listens there"),
+        ("file", "is no socket"),
+        ("missing/s", "cannot be listened on"),
+        ("x" * 120, "cannot be listened on"),
+    ],
+)
+def test_a_path_that_cannot_be_bound_is_refused_and_left(tmp_path, name, reason):
+    (tmp_path / "file").write_text("mine")
+    live = SocketServer(Spec("socket", f"{tmp_path}/live"))
+    with pytest.raises(Refused, match=reason):
+        SocketServer(Spec("socket", f"{tmp_path}/{name}"))
+    connected(live, f"{tmp_path}/live").close()
+    live.close()
+    assert (tmp_path / "file").read_text() == "mine"

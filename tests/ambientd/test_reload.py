@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import threading
 import time
 from pathlib import Path
@@ -62,7 +61,7 @@ def put(path, content):
     os.replace(f"{path}.new", path)
 
 
-def test_a_new_model_takes_over_without_a_gap(running, reload, until, ended, status, make_model, model_file, tmp_path):
+def test_a_new_model_takes_over_without_a_gap(running, reload, listen, ended, make_model, model_file, tmp_path):
     daemon = running()
     missed, stop = [], threading.Event()
 
@@ -73,22 +72,19 @@ def test_a_new_model_takes_over_without_a_gap(running, reload, until, ended, sta
                 if not path.exists() or not path.read_text().endswith("\n"):
                     missed.append(name)
 
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-        reader.settimeout(10)
-        reader.connect(f"{tmp_path}/s")
-        lines = reader.makefile()
-        looker = threading.Thread(target=look)
-        looker.start()
-        try:
-            model = make_model()
-            put(model_file, encode(model._replace(name="new", main=model.main._replace(offset=-1.0))))
-            reload(daemon, 0)
-            heard = [json.loads(lines.readline())]
-            while heard[-1]["model"] != "new":
-                heard.append(json.loads(lines.readline()))
-        finally:
-            stop.set()
-            looker.join()
+    lines = listen(tmp_path / "s")
+    looker = threading.Thread(target=look)
+    looker.start()
+    try:
+        model = make_model()
+        put(model_file, encode(model._replace(name="new", main=model.main._replace(offset=-1.0))))
+        reload(daemon, 0)
+        heard = [json.loads(lines.readline())]
+        while heard[-1]["model"] != "new":
+            heard.append(json.loads(lines.readline()))
+    finally:
+        stop.set()
+        looker.join()
     assert missed == []
     assert (heard[0]["ambient_degC"], heard[-1]["ambient_degC"]) == pytest.approx((23.0, 25.0))
     assert heard[-1]["status"] == "warming_up"
@@ -137,7 +133,7 @@ def filled(value, folder):
 
 
 def test_a_fault_in_any_part_changes_nothing_and_is_said_once(
-    running, reload, until, ended, configure, content, status, model_file, tmp_path
+    running, reload, until, ended, configure, content, status, model_file, listen, tmp_path
 ):
     """Neither what is published, nor what lies beside it."""
     (tmp_path / "mine").write_text("mine")
@@ -156,19 +152,17 @@ def test_a_fault_in_any_part_changes_nothing_and_is_said_once(
         said.append((content(), status()["model"], status()["status"]))
         assert {path.name for path in tmp_path.iterdir() if not path.name.endswith(".part")} == before
 
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-        reader.settimeout(10)
-        reader.connect(f"{tmp_path}/s")
-        for broken in BAD_MODELS.values():
-            put(model_file, broken(good))
-            refused()
-        put(model_file, good)
-        for keys, _ in BAD_KEYS.values():
-            configure(**filled(keys, tmp_path))
-            refused()
-        configure()
-        reload(daemon)
-        assert len(reader.makefile().readline()) > 1, "a reader of the socket was sent away"
+    lines = listen(tmp_path / "s")
+    for broken in BAD_MODELS.values():
+        put(model_file, broken(good))
+        refused()
+    put(model_file, good)
+    for keys, _ in BAD_KEYS.values():
+        configure(**filled(keys, tmp_path))
+        refused()
+    configure()
+    reload(daemon)
+    assert len(lines.readline()) > 1, "a reader of the socket was sent away"
     claims.keep([])
     _, _, log = ended(daemon)
     assert {each[:2] for each in said} == {("23000\n", "bench")}
@@ -179,21 +173,20 @@ def test_a_fault_in_any_part_changes_nothing_and_is_said_once(
     assert (tmp_path / "mine").read_text() == "mine"
 
 
-def test_publishers_come_and_go_and_those_that_stay_are_not_touched(running, reload, until, ended, configure, tmp_path):
+def test_publishers_come_and_go_and_those_that_stay_are_not_touched(
+    running, reload, until, ended, configure, listen, tmp_path
+):
     daemon = running()
     stay = [f"status:{tmp_path}/status", f"socket:{tmp_path}/s"]
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-        reader.settimeout(10)
-        reader.connect(f"{tmp_path}/s")
-        lines = reader.makefile()
-        configure(publish=[*stay, f"prometheus:{tmp_path}/a.prom"])
-        reload(daemon, 0)
-        until(lambda: (tmp_path / "a.prom").exists())
-        assert not (tmp_path / "temp").exists()
-        assert [json.loads(lines.readline())["model"] for _ in range(5)] == ["bench"] * 5
-        configure(publish=stay[:1])
-        reload(daemon, 0)
-        until(lambda: not (tmp_path / "s").exists())
+    lines = listen(tmp_path / "s")
+    configure(publish=[*stay, f"prometheus:{tmp_path}/a.prom"])
+    reload(daemon, 0)
+    until(lambda: (tmp_path / "a.prom").exists())
+    assert not (tmp_path / "temp").exists()
+    assert [json.loads(lines.readline())["model"] for _ in range(5)] == ["bench"] * 5
+    configure(publish=stay[:1])
+    reload(daemon, 0)
+    until(lambda: not (tmp_path / "s").exists())
     assert ended(daemon)[0] == 0
 
 

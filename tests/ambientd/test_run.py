@@ -4,14 +4,13 @@ import contextlib
 import json
 import os
 import signal
-import socket
 import threading
 
 import pytest
 
 from ambient_model.faults import Refused
 from ambientd.fallback import FallbackTracker
-from ambientd.schedule import Ticks, Waiter
+from ambientd.schedule import Waiter
 from ambientd.service import Service
 
 
@@ -127,14 +126,11 @@ def test_a_trace_with_a_fault_ends_with_1_and_leaves_nothing_behind(ambientd, mo
     assert not (tmp_path / "s").exists()
 
 
-def test_who_connects_between_two_ticks_is_served_before_the_next(start, until, on_phone, status, tmp_path):
+def test_who_connects_between_two_ticks_is_served_before_the_next(start, until, on_phone, status, listen, tmp_path):
     """Ten seconds lie between two ticks; the line that is there is told long before."""
     start(*on_phone(f"socket:{tmp_path}/s", f"status:{tmp_path}/status"), "--rate", "0.1")
     until(status)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as reader:
-        reader.settimeout(8)
-        reader.connect(f"{tmp_path}/s")
-        assert json.loads(reader.makefile().readline()) == status()
+    assert json.loads(listen(tmp_path / "s").readline()) == status()
 
 
 def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, model_file, tmp_path):
@@ -148,24 +144,6 @@ def test_a_configuration_runs_it_and_the_call_overrides_it(start, ended, phone, 
     assert [line[key] for key in ("level_percent", "low_degC", "high_degC")] == pytest.approx([98, 22.0, 24.5])
     assert not (tmp_path / "temp").exists()
     assert ended(daemon)[0] == 0
-
-
-def test_ticks_come_at_absolute_times_through_work_and_suspend():
-    now = [50.0]
-    work = iter([0.3, 0.3, 2.5, 0.0, 3600.0, 0.1, 0.1])
-
-    def until(due_s, start_s):
-        now[0] = max(start_s, due_s)
-        return now[0]
-
-    seen = []
-    for tick_s in Ticks(1.0, until, lambda: now[0]):
-        seen.append(tick_s)
-        lasting = next(work, None)
-        if lasting is None:
-            break
-        now[0] += lasting
-    assert seen == [50.0, 51.0, 52.0, 55.0, 56.0, 3657.0, 3658.0, 3659.0]
 
 
 def none_left(*_):

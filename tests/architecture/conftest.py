@@ -23,6 +23,8 @@ class Import(NamedTuple):
     importer: str
     line: int
     imported: str
+    name: str
+    """What is taken from it; empty for all of it."""
     in_function: bool
 
     @property
@@ -55,22 +57,23 @@ class Sources:
     def imports(self, package: str) -> list[Import]:
         """Everything that the modules of ``package`` import, wherever it stands."""
         return [
-            Import(str(path.relative_to(ROOT)), line, name or package, inside)
+            Import(str(path.relative_to(ROOT)), line, module or package, name, inside)
             for path, tree in self.trees[package].items()
-            for line, name, inside in _imports(tree, False)
+            for line, module, name, inside in _imports(tree, False)
         ]
 
 
-def _imports(node: ast.AST, in_function: bool) -> Iterator[tuple[int, str, bool]]:
-    """Line, module and whether inside a function; an empty name is the package's own (a relative import)."""
+def _imports(node: ast.AST, in_function: bool) -> Iterator[tuple[int, str, str, bool]]:
+    """Line, module, name and whether inside a function; an empty module is the package's own (a relative import)."""
     if isinstance(node, ast.Import):
-        yield from ((node.lineno, each.name, in_function) for each in node.names)
+        yield from ((node.lineno, each.name, "", in_function) for each in node.names)
     elif isinstance(node, ast.ImportFrom):
-        yield node.lineno, "" if node.level else node.module or "", in_function
+        module = "" if node.level else node.module or ""
+        yield from ((node.lineno, module, each.name, in_function) for each in node.names)
     elif isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
         called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if called in ("import_module", "__import__"):
-            yield node.lineno, str(node.args[0].value), in_function
+            yield node.lineno, str(node.args[0].value), "", in_function
     inside = in_function or isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
     for child in ast.iter_child_nodes(node):
         yield from _imports(child, inside)

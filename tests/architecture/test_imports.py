@@ -19,25 +19,20 @@ def test_there_is_something_to_look_at(sources) -> None:
         assert sources.imports(package)
 
 
-def test_the_model_package_needs_only_the_standard_library(sources) -> None:
-    allowed = {"ambient_model", *sys.stdlib_module_names}
-    assert [str(each) for each in sources.imports("ambient_model") if each.top not in allowed] == []
-
-
-def test_the_daemon_needs_only_the_standard_library_and_the_model(sources) -> None:
-    allowed = {"ambientd", "ambient_model", "yaml", "paho", *sys.stdlib_module_names}
-    assert [str(each) for each in sources.imports("ambientd") if each.top not in allowed] == []
+@pytest.mark.parametrize(
+    ("package", "others"), [("ambient_model", ()), ("ambientd", ("ambient_model", "yaml", "paho"))]
+)
+def test_what_the_device_needs_beside_the_standard_library(sources, package: str, others: tuple[str, ...]) -> None:
+    allowed = {package, *others, *sys.stdlib_module_names}
+    imports = sources.imports(package)
+    assert [str(each) for each in imports if each.top not in allowed] == []
+    assert [str(each) for each in imports if each.top in HEAVY] == [], COST
 
 
 def test_yaml_is_imported_late_and_by_the_configuration_alone(sources) -> None:
     found = [each for each in sources.imports("ambientd") if each.top == "yaml"]
     wrong = [str(each) for each in found if not each.in_function or not each.importer.startswith(CONFIG)]
     assert wrong == [], "a device with a JSON configuration has no PyYAML, and does not pay for it"
-
-
-@pytest.mark.parametrize("package", ["ambient_model", "ambientd"])
-def test_no_heavy_import_on_the_device(sources, package: str) -> None:
-    assert [str(each) for each in sources.imports(package) if each.top in HEAVY] == [], COST
 
 
 def test_no_package_exports_the_name_of_a_folder_in_it(sources) -> None:

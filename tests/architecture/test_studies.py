@@ -4,12 +4,10 @@ import ast
 import importlib
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
 
-TRAINER = Path(__file__).parents[2] / "trainer"
 WITHOUT = """
 import sys
 class Gone:
@@ -28,19 +26,6 @@ EXPORTING = (
     "circuits", "cli", "data", "diagnosis", "estimation", "estimators", "evaluation", "lti", "report", "simulator",
 )  # fmt: skip
 """Packages of which the studies import exported names only."""
-
-
-@cache
-def _imports(folder: str) -> list[tuple[Path, str, str]]:
-    """File, module and name of every ``from module import name`` under ``folder``; the name is empty for ``import``."""
-    found = []
-    for path in sorted((TRAINER / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.ImportFrom):
-                found += [(path, node.module or "", each.name) for each in node.names]
-            elif isinstance(node, ast.Import):
-                found += [(path, each.name, "") for each in node.names]
-    return found
 
 
 def _run(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -62,10 +47,10 @@ def test_the_product_works_without_the_studies(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("package", EXPORTING)
-def test_the_studies_import_what_a_package_exports(package: str) -> None:
+def test_the_studies_import_what_a_package_exports(sources, package: str) -> None:
     whole = f"ambient_trainer.{package}"
     exports = ast.walk(ast.parse(Path(str(importlib.import_module(whole).__file__)).read_text()))
     public = [each.asname or each.name for node in exports if isinstance(node, ast.ImportFrom) for each in node.names]
-    used = [each for each in _imports("ambient_studies") if each[1] == whole or each[1].startswith(f"{whole}.")]
+    used = [each for each in sources.imports("ambient_studies") if f"{each.imported}.".startswith(f"{whole}.")]
     assert used
-    assert [each for each in used if each[1] != whole or each[2] not in public] == []
+    assert [str(each) for each in used if each.imported != whole or each.name not in public] == []

@@ -23,6 +23,7 @@ import pytest
 from ambient_model.codec import save_model
 from ambient_model.model import ErrorVariance, Model, Secondary, Term
 from ambient_trainer.simulator.simulate import simulate
+from device import add_zone
 
 ROOT = Path(__file__).parents[2]
 BARE = Path(__file__).parent / "bare_loop.py"
@@ -53,12 +54,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(scope="module")
 def subjects(model: Model, folder: Path) -> dict[str, Command]:
     """The bare loop and the daemon in its builds, on a fake sysfs with what the model reads."""
-    zones = []
-    for index, each in enumerate(model.main.inputs):
-        zone = folder / "sys" / "class" / "thermal" / f"thermal_zone{index}"
-        zone.mkdir(parents=True)
-        (zone / "type").write_text(f"{each.zone}\n")
-        zones.append(str(zone / "temp"))
+    inputs = enumerate(model.main.inputs)
+    zones = [str(add_zone(folder / "sys", index, each.zone) / "temp") for index, each in inputs]
     # a secondary estimator as large as the main one, which never takes precedence: what it costs is the same
     variance = ErrorVariance(0.25, (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25)), model.main.interval)
     readings = model.readings._replace(starts=model.readings.starts[:1] * 2)

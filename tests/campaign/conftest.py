@@ -24,6 +24,7 @@ import pytest
 
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
+from device import add_zone
 
 HERE = Path(__file__).parent
 POISON_MILLIDEGC = 99000
@@ -117,10 +118,7 @@ class Zones:
         self._known: dict[str, Path] = {}
 
     def add(self, number: int, kind: str, millidegC: int) -> None:
-        folder = self.folder / f"thermal_zone{number}"
-        folder.mkdir()
-        (folder / "type").write_text(f"{kind}\n")
-        (folder / "temp").write_text(f"{millidegC}\n")
+        add_zone(self.root, number, kind, f"{millidegC}\n")
 
     def find(self, kind: str) -> Path:
         known = self._known.get(kind)

@@ -1,12 +1,9 @@
 """A flood of connections by an unprivileged user costs no one else a tick."""
 
-import contextlib
 import json
 import os
 import socket
-import subprocess
 import sys
-import tempfile
 
 import pytest
 
@@ -44,38 +41,24 @@ def listens(path):
 @pytest.mark.slow
 @pytest.mark.skipif(os.getuid() != 0, reason="only root becomes another user")
 @pytest.mark.parametrize("flood", FLOODS)
-def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, model_file, zones, until):
-    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
-        os.chmod(folder, 0o755)  # pytest's own are closed to others
-
-        def started(*words):
-            process = stack.enter_context(subprocess.Popen(words, stdout=subprocess.PIPE, text=True))
-            stack.callback(process.kill)
-            return process
-
-        def reader():
-            made = stack.enter_context(socket.socket(socket.AF_UNIX))
-            made.connect(path)  # with a timeout, it would not wait where the kernel's queue is full
-            made.settimeout(10)
-            return made.makefile()
-
-        path, status = f"{folder}/s", f"{folder}/status.json"
-        run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish")
-        for output in (f"socket:{path}", f"status:{status}"):  # the other one nobody floods
-            started(sys.executable, "-m", "ambientd", *map(str, run), output)
-        until(lambda: listens(path) and os.path.exists(status))
-        readers = [reader() for _ in range(5)]
-        assert started(sys.executable, "-I", "-S", "-c", FLOOD.format(FLOODS[flood]), path).stdout.readline()
-        readers += [reader() for _ in range(5)]  # they come during the flood
-        heard = [[] for _ in readers]
-        first_s = None
-        while first_s is None or heard[-1][-1] < first_s + FOR_S:
-            for lines, times_s in zip(readers, heard):
-                report = json.loads(lines.readline())
-                times_s.append(report["time_s"])
-            first_s = first_s or heard[-1][0]
-        with open(status) as stream:
-            beside = json.load(stream)["missed_ticks"]
+def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, public, model_file, zones, spawn, listen, until):
+    path, status = f"{public}/s", f"{public}/status.json"
+    run = ("run", "--model", model_file, "--sysfs-root", zones.root, "--rate", "10", "--publish")
+    for output in (f"socket:{path}", f"status:{status}"):  # the other one nobody floods
+        spawn([sys.executable, "-m", "ambientd", *run, output], stderr=None)
+    until(lambda: listens(path) and os.path.exists(status))
+    readers = [listen(path) for _ in range(5)]
+    assert spawn([sys.executable, "-I", "-S", "-c", FLOOD.format(FLOODS[flood]), path]).stdout.readline()
+    readers += [listen(path) for _ in range(5)]  # they come during the flood
+    heard = [[] for _ in readers]
+    first_s = None
+    while first_s is None or heard[-1][-1] < first_s + FOR_S:
+        for lines, times_s in zip(readers, heard):
+            report = json.loads(lines.readline())
+            times_s.append(report["time_s"])
+        first_s = first_s or heard[-1][0]
+    with open(status) as stream:
+        beside = json.load(stream)["missed_ticks"]
     everyone = [times_s[times_s.index(first_s) :] for times_s in heard]
     count = min(map(len, everyone))
     assert count > 10

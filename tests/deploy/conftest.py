@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from device import add_zone
+
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
 
@@ -60,25 +62,6 @@ def deployed(zipapp: Path) -> Callable[..., list[str]]:
 
 
 Spawn = Callable[..., "subprocess.Popen[str]"]
-
-
-@pytest.fixture
-def spawn() -> "Iterator[Spawn]":
-    """Start a process with its standard error in its output; what still runs at the end of the test is killed."""
-    running: list[subprocess.Popen[str]] = []
-
-    def started(words: list[str], **options: object) -> "subprocess.Popen[str]":
-        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
-        process: subprocess.Popen[str] = subprocess.Popen(words, text=True, **{**streams, **options})
-        running.append(process)
-        return process
-
-    yield started
-    for process in running:
-        process.kill()
-        process.wait()
-        if process.stdout:
-            process.stdout.close()
 
 
 class Weather:
@@ -136,10 +119,7 @@ def at_rest() -> Callable[[Path], Path]:
 
     def make(root: Path) -> Path:
         for number, kind in enumerate(["cpu-0-0", "battery", "usb-therm"]):
-            folder = root / "class" / "thermal" / f"thermal_zone{number}"
-            folder.mkdir(parents=True)
-            (folder / "type").write_text(f"{kind}\n")
-            (folder / "temp").write_text("24500\n")
+            add_zone(root, number, kind, "24500\n")
         return root
 
     return make

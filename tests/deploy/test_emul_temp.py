@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from device import add_zone
+
 SCRIPT = Path(__file__).resolve().parents[2] / "deploy" / "qualcomm" / "emul_temp.sh"
 
 
@@ -15,9 +17,7 @@ class Zone:
 
     def __init__(self, sysfs: Path) -> None:
         for number, kind in enumerate(["battery", "xo-therm", "quiet-therm"]):
-            folder = sysfs / f"class/thermal/thermal_zone{number}"
-            folder.mkdir(parents=True)
-            (folder / "type").write_text(f"{kind}\n")
+            folder = add_zone(sysfs, number, kind)
         os.mkfifo(folder / "emul_temp")
         self.descriptor = os.open(folder / "emul_temp", os.O_RDWR | os.O_NONBLOCK)
         self.heard: list[str] = []

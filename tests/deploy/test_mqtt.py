@@ -69,7 +69,7 @@ def states(broker):
 
 
 def test_it_follows_the_daemon_over_restarts_of_either_side(
-    broker, retained, states, spawn, until, deployed, model_file, phone
+    broker, retained, states, spawn, until, listen, deployed, model_file, phone
 ):
     port, start_broker = broker
     path = str(phone.parent / "s")
@@ -92,16 +92,14 @@ def test_it_follows_the_daemon_over_restarts_of_either_side(
     )
     heard = states()
     until(lambda: heard, "the state is not retained")
-    with socket.socket(socket.AF_UNIX) as beside:
-        beside.connect(path)
-        ticks = map(json.loads, beside.makefile())
-        for kind in ("thermal_zone1", "thermal_zone2"):
-            (phone / "class/thermal" / kind / "temp").write_text("31500\n")
-        changed = next(each for each in ticks if each["ambient_degC"] != pytest.approx(23.0))
-        until(lambda: heard[-1]["ambient_degC"] != pytest.approx(23.0), "it does not follow")
-        # on the clock of the ticks: which of them the broker has
-        first = next(each for each in heard if each["ambient_degC"] != pytest.approx(23.0))
-        following = [changed, *itertools.islice(ticks, 19)]
+    ticks = map(json.loads, listen(path))
+    for kind in ("thermal_zone1", "thermal_zone2"):
+        (phone / "class/thermal" / kind / "temp").write_text("31500\n")
+    changed = next(each for each in ticks if each["ambient_degC"] != pytest.approx(23.0))
+    until(lambda: heard[-1]["ambient_degC"] != pytest.approx(23.0), "it does not follow")
+    # on the clock of the ticks: which of them the broker has
+    first = next(each for each in heard if each["ambient_degC"] != pytest.approx(23.0))
+    following = [changed, *itertools.islice(ticks, 19)]
     assert first["ambient_degC"] in [each["ambient_degC"] for each in following], "it follows more than 2 s later"
 
     daemon.send_signal(signal.SIGTERM)

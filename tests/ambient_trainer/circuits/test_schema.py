@@ -13,6 +13,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.circuits import schema
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
+from documents import anything, damaged
 
 DOCS = Path(__file__).parents[3] / "trainer" / "docs" / "reference"
 EXAMPLE = re.search(r"```yaml\n(.*?)```", schema.__doc__, re.DOTALL)[1]
@@ -188,58 +189,23 @@ def test_a_file_gives_the_circuit_that_its_text_does_or_is_refused(tmp_path):
     assert load_circuit(str(path)) == parse_circuit(EXAMPLE, "two.yaml")
 
 
-def _taken_or_refused(text):
+_WORDS = st.sampled_from(["board", "chip", "ambient", "C_board", "w", "parallel", "sensors", "1e3", "1e999", "{mend}"])
+_ANYTHING = anything(st.integers(10**400, 10**401), _WORDS, st.dictionaries(st.just("board"), _WORDS))
+
+
+_TEXTS = st.sampled_from([{}, {"outputs": "sensors"}]).flatmap(
+    lambda changes: damaged({**yaml.safe_load(EXAMPLE), **changes}, _ANYTHING).map(yaml.safe_dump)
+)
+_DAMAGED = st.builds(
+    lambda at, cut, put: EXAMPLE[:at] + put + EXAMPLE[at + cut :],
+    st.integers(0, len(EXAMPLE) - 1),
+    st.integers(0, 12),
+    st.text("{}[]:,-#&*!|>'\"%@`\t\n\x00 a1", max_size=4),
+)
+
+
+@given(_TEXTS | _DAMAGED)
+@settings(max_examples=160)
+def test_anything_in_any_place_and_any_damage_is_taken_or_refused(text):
     with contextlib.suppress(Refused):
         assert isinstance(parse_circuit(text, "any.yaml"), Circuit)
-
-
-_SCALARS = st.one_of(
-    st.none(),
-    st.booleans(),
-    st.integers(),
-    st.integers(10**400, 10**401),
-    st.floats(),
-    st.text(max_size=5),
-    st.sampled_from(["board", "chip", "ambient", "C_board", "w", "parallel", "sensors", "1e3", "1e999", "{mend}"]),
-)
-_ANYTHING = st.recursive(
-    _SCALARS,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=3) | st.just("board"), inner),
-    max_leaves=4,
-)
-
-
-def _places(value, path=()):
-    yield path
-    for key, inner in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
-        yield from _places(inner, (*path, key))
-
-
-_PLACES = [path for path in _places(yaml.safe_load(EXAMPLE)) if path]
-
-
-@given(st.lists(st.tuples(st.sampled_from(_PLACES), _ANYTHING), min_size=1, max_size=3), st.booleans())
-@settings(max_examples=80)
-def test_anything_in_any_place_is_taken_or_refused(changes, every_sensor):
-    data = yaml.safe_load(EXAMPLE)
-    if every_sensor:
-        data["outputs"] = "sensors"
-    for path, value in changes:
-        at = data
-        for key in path[:-1]:
-            at = at[key] if isinstance(at, (dict, list)) and path[-1] is not None and _has(at, key) else None
-            if at is None:
-                break
-        if isinstance(at, dict) or (isinstance(at, list) and isinstance(path[-1], int) and path[-1] < len(at)):
-            at[path[-1]] = value
-    _taken_or_refused(yaml.safe_dump(data))
-
-
-def _has(container, key):
-    return key in container if isinstance(container, dict) else isinstance(key, int) and key < len(container)
-
-
-@given(st.integers(0, len(EXAMPLE) - 1), st.integers(0, 12), st.text("{}[]:,-#&*!|>'\"%@`\t\n\x00 a1", max_size=4))
-@settings(max_examples=80)
-def test_any_damage_is_taken_or_refused(at, cut, put):
-    _taken_or_refused(EXAMPLE[:at] + put + EXAMPLE[at + cut :])
