@@ -24,7 +24,7 @@ from ambient_model.tracking import (
     bridge_limit_s,
     nearest_discrete,
 )
-from ambientd.health import MAIN, decide, has_all_inputs
+from ambientd.health import ALL_INPUTS, MAIN, decide
 
 if TYPE_CHECKING:
     from types import CodeType
@@ -183,7 +183,7 @@ class FallbackTracker:
         main = self._update_usual(time_s, readings) or self._update_main(time_s, readings)
         if not self._fallbacks:
             return main
-        if has_all_inputs(main.status) and (self._active is self._main or self._settled):
+        if main.status in ALL_INPUTS and (self._active is self._main or self._settled):
             self._batch.append((time_s, self._main.tracker.last))
             if len(self._batch) >= _MOST_BEHIND:
                 self._catch_up()
@@ -214,7 +214,7 @@ class FallbackTracker:
 
     def _choose(self, main: Estimate, others: list[tuple[_Member, Estimate]]) -> tuple[_Member, Estimate]:
         """The active estimator where the main one lacks an input, or lacked one and has not settled since."""
-        own = WARMING_UP if has_all_inputs(main.status) else main.status
+        own = WARMING_UP if main.status in ALL_INPUTS else main.status
         active = self._members.index(self._active)
         number, status = decide(own, [estimate.status for _, estimate in others], active)
         if number == MAIN:

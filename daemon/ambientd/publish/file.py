@@ -73,11 +73,6 @@ def configured(spec: Spec, place: str, data: dict[str, Any], fault: NoteFault) -
     return spec if options == Options() else spec._replace(options=options)
 
 
-def options_of(spec: Spec) -> Options:
-    """The options of ``spec``, or the defaults."""
-    return Options() if spec.options is None else spec.options
-
-
 def content(report: Report, spec: Spec) -> bytes | None:
     """The file's content for ``report``, or None where there is to be no file."""
     ambient_degC = report.estimate.ambient_degC
@@ -88,8 +83,13 @@ def content(report: Report, spec: Spec) -> bytes | None:
 
 def poison(spec: Spec) -> bytes | None:
     """The configured poison, if any."""
-    millidegC = options_of(spec).poison_millidegC
+    millidegC = None if spec.options is None else spec.options.poison_millidegC
     return None if millidegC is None else b"%d\n" % millidegC
+
+
+def poison_at_exit(spec: Spec) -> bytes | None:
+    """The poison that stays when the daemon ends, if any."""
+    return poison(spec) if spec.options is not None and spec.options.at_exit == "poison" else None
 
 
 def overwrite(descriptor: int, content: bytes, length: int) -> None:
@@ -120,21 +120,25 @@ class RenamedFile(Quiet):
         """Use ``spec`` from the next value on."""
         self._spec = spec
 
-    def publish(self, report: Report) -> None:
-        """Put the value, the poison or nothing in place; raises OSError."""
-        self._become(self._content(report, self._spec))
-
-    def _become(self, value: bytes | None) -> None:
+    def publish(self, report: Report | None) -> None:
+        """Put the value, the poison or nothing in place; None stands for the daemon's end. Raises OSError."""
+        value = poison_at_exit(self._spec) if report is None else self._content(report, self._spec)
         if value is None:
-            return remove(self._spec.path)
+            return self._remove()
         try:
-            os.close(put(self._spec.path, value, self._spec.access))
+            self._put(value)
         except OSError:
             try:
                 self._withdraw()
             except OSError:
                 pass
             raise
+
+    def _put(self, value: bytes) -> None:
+        os.close(put(self._spec.path, value, self._spec.access))
+
+    def _remove(self) -> None:
+        remove(self._spec.path)
 
     def _withdraw(self) -> None:
         """Remove the value that is there. Even a full disk has room for the poison in its place."""
@@ -153,4 +157,4 @@ class RenamedFile(Quiet):
     def close(self) -> None:
         """Remove the file, or leave the poison in it; raises OSError."""
         give_up(self._spec.path)
-        self._become(poison(self._spec) if options_of(self._spec).at_exit == "poison" else None)
+        self.publish(None)

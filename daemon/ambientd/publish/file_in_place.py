@@ -2,13 +2,11 @@
 
 import os
 
-from ambientd.publish import Quiet
 from ambientd.publish.access import grant
 from ambientd.publish.claims import open_own
-from ambientd.publish.file import KEYS, configured, content, options_of, overwrite, poison
+from ambientd.publish.file import KEYS, RenamedFile, configured, overwrite, poison
 from ambientd.publish.spec import Spec
-from ambientd.publish.swap import put, remove, sweep
-from ambientd.report import Report
+from ambientd.publish.swap import put
 
 __all__ = ["KEYS", "InPlaceFile", "configured", "publisher"]
 
@@ -18,39 +16,22 @@ def publisher(spec: Spec, patience_ms: int | None) -> "InPlaceFile":
     return InPlaceFile(spec)
 
 
-class InPlaceFile(Quiet):
+class InPlaceFile(RenamedFile):
     """One file, written in place."""
 
     def __init__(self, spec: Spec) -> None:
-        self._spec = spec
+        super().__init__(spec)
         self._descriptor = -1
         self._identity = (0, 0)
         self._length = 0
         self._granted = True
-        sweep(spec.path)
 
     def adapt(self, spec: Spec) -> None:
         """Use ``spec`` from the next value on."""
         self._spec = spec
         self._granted = False
 
-    def publish(self, report: Report) -> None:
-        """Write the value or the poison, or remove the file; raises OSError."""
-        self._become(content(report, self._spec))
-
-    def _become(self, value: bytes | None) -> None:
-        if value is None:
-            return self._remove()
-        try:
-            self._write(value)
-        except OSError:
-            try:
-                self._remove()
-            except OSError:
-                pass
-            raise
-
-    def _write(self, value: bytes) -> None:
+    def _put(self, value: bytes) -> None:
         if self._descriptor >= 0 and not self._in_place():
             self._write_poison()
             self._release()
@@ -104,12 +85,12 @@ class InPlaceFile(Quiet):
 
     def _remove(self) -> None:
         self._release()
-        remove(self._spec.path)
+        super()._remove()
+
+    _withdraw = _remove
 
     def close(self) -> None:
         """Leave the poison in the file, or remove it; a reader that keeps it open reads the poison, if any."""
         self._write_poison()
-        if options_of(self._spec).at_exit != "poison":
-            return self._remove()
-        self._become(poison(self._spec))
+        self.publish(None)
         self._release()
