@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from device import add_zone
+from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
@@ -23,8 +24,7 @@ def build() -> "Callable[..., subprocess.CompletedProcess[str]]":
 
     def run(script: str, *arguments: object) -> "subprocess.CompletedProcess[str]":
         # as someone would who has nothing but this checkout
-        call = [sys.executable, str(DEPLOY / script), *map(str, arguments)]
-        return subprocess.run(call, env={"PYTHONDONTWRITEBYTECODE": "1"}, capture_output=True, text=True, timeout=60)
+        return ran(sys.executable, DEPLOY / script, *arguments, env={"PYTHONDONTWRITEBYTECODE": "1"}, status=None)
 
     return run
 
@@ -157,9 +157,7 @@ class Machine:
         """What a command says inside."""
         path = "PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
         enter = ["nsenter", "-t", str(self._init), "-m", "-p", "-u", "-i", "-C", "env", "-i", path]
-        done = subprocess.run([*enter, *map(str, words)], capture_output=True, text=True, timeout=60)
-        assert done.returncode == 0 or not check, (words, done.stdout, done.stderr)
-        return done.stdout
+        return ran(*enter, *words, status=0 if check else None).stdout
 
     def show(self, name: str) -> str:
         """A property of the unit."""

@@ -6,12 +6,13 @@ import re
 import shutil
 import signal
 import stat
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 ANDROID = DEPLOY / "android"
@@ -48,21 +49,12 @@ sid kernel u:r:init:s0
 """
 
 
-@pytest.fixture
-def policy(program, tmp_path):
-    """The daemon's policy, compiled with what Android's gives it."""
+def test_the_policy_compiles_and_the_labels_are_its_types(program, tmp_path):
     source, compiled = tmp_path / "policy.conf", tmp_path / "policy"
     source.write_text(BEFORE + (ANDROID / "ambientd.te").read_text() + AFTER)
-    call = [program("checkpolicy"), "-M", "-E", "-o", compiled, source]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    return compiled
-
-
-def test_the_labels_are_types_of_the_policy(policy, program, tmp_path):
-    call = [program("sefcontext_compile"), "-p", policy, "-o", tmp_path / "bin", ANDROID / "file_contexts"]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stderr) == (0, "")
+    ran(program("checkpolicy"), "-M", "-E", "-o", compiled, source)
+    compile_labels = program("sefcontext_compile"), "-p", compiled, "-o", tmp_path / "bin"
+    assert ran(*compile_labels, ANDROID / "file_contexts").stderr == ""
 
 
 def service():
@@ -121,6 +113,17 @@ def module(build, tmp_path_factory):
 
 
 @pytest.fixture
+def keeper(installed, spawn, program, tmp_path):
+    """The module's service, started by a shell in folders of the test's own, with settings in a folder."""
+
+    def start(settings, shell="sh"):
+        moved = {"AMBIENTD_SETTINGS": str(settings), "AMBIENTD_RUN": str(tmp_path / "run"), "AMBIENTD_PAUSE_S": "0.1"}
+        return spawn([program(shell), installed / "service.sh"], env={"PATH": os.environ["PATH"], **moved})
+
+    return start
+
+
+@pytest.fixture
 def installed(module, tmp_path):
     """The module, unpacked."""
     with zipfile.ZipFile(module) as archive:
@@ -156,7 +159,7 @@ def test_its_properties_are_as_magisk_wants_them(module):
 
 @pytest.mark.parametrize("shell", ["sh", "mksh"])
 def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
-    shell, installed, model_file, phone, program, spawn, until, children, tmp_path
+    shell, installed, model_file, phone, keeper, until, children, tmp_path
 ):
     """Unpacked and started as Magisk does, by Debian's shell and by Android's; the daemon is killed once."""
     settings, run = tmp_path / "settings", tmp_path / "run"
@@ -165,8 +168,7 @@ def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
         (settings / "python" / name).rename(settings / name)
     configuration = json.loads((settings / "ambientd.json").read_text())
     (settings / "ambientd.json").write_text(json.dumps({**configuration, "sysfs_root": str(phone)}))
-    moved = {"AMBIENTD_SETTINGS": str(settings), "AMBIENTD_RUN": str(run), "AMBIENTD_PAUSE_S": "0.1"}
-    keeper = spawn([program(shell), str(installed / "service.sh")], env={"PATH": os.environ["PATH"], **moved})
+    keeper = keeper(settings, shell)
     published = run / "ambient_temp"
     until(published.exists)
     assert published.read_text() == "23000\n"
@@ -187,9 +189,8 @@ def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
     assert published.read_text() == "60000\n"
 
 
-def test_the_module_without_a_python_says_so(installed, spawn, until, tmp_path):
-    moved = {"AMBIENTD_SETTINGS": str(tmp_path), "AMBIENTD_RUN": str(tmp_path / "run"), "AMBIENTD_PAUSE_S": "0.1"}
-    keeper = spawn(["sh", str(installed / "service.sh")], env={"PATH": os.environ["PATH"], **moved})
+def test_the_module_without_a_python_says_so(installed, keeper, until, tmp_path):
+    keeper = keeper(tmp_path)
     log = tmp_path / "run" / "log"
     until(lambda: log.exists() and log.read_text())
     said = f"no Python in {tmp_path}/python/bin/python3 nor in Termux; looking again in 0.1 s\n"
@@ -202,20 +203,18 @@ def test_the_installation_keeps_the_settings_that_are_there(installed, tmp_path)
     """customize.sh, sourced as Magisk does, with its folder moved: an update changes nothing that is the user's."""
     script = (installed / "customize.sh").read_text().replace("/data/adb/ambientd", f"{tmp_path}/settings")
     call = ["sh", "-euc", f'ui_print() {{ echo "$1"; }}; MODPATH={installed}\n{script}']
-    first = subprocess.run(call, capture_output=True, text=True, timeout=20)
-    assert (first.returncode, first.stderr) == (0, "")
+    first = ran(*call)
+    assert first.stderr == ""
     assert first.stdout == f"- copy your model to {tmp_path}/settings/model.json, then restart\n"
     kept = tmp_path / "settings" / "ambientd.json"
     assert kept.read_text() == (ANDROID / "ambientd.json").read_text()
     kept.write_text("mine")
     (tmp_path / "settings" / "model.json").write_text("mine")
-    second = subprocess.run(call, capture_output=True, text=True, timeout=20)
-    assert (second.returncode, second.stdout, kept.read_text()) == (0, "", "mine")
+    assert (ran(*call).stdout, kept.read_text()) == ("", "mine")
 
 
 def test_shellcheck_has_nothing_to_say(program):
     scripts = [*sorted(DEPLOY.rglob("*.sh")), DEPLOY / "magisk/META-INF/com/google/android/update-binary"]
     scripts += [DEPLOY / "debian" / name for name in ("postinst", "prerm", "postrm")]
     assert {"emul_temp.sh", "service.sh", "customize.sh"} <= {script.name for script in scripts}
-    done = subprocess.run([program("shellcheck"), *scripts], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout) == (0, "")
+    assert ran(program("shellcheck"), *scripts).stdout == ""

@@ -5,11 +5,12 @@ import io
 import os
 import re
 import shutil
-import subprocess
 import tarfile
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
@@ -84,8 +85,7 @@ def test_a_maintainer_without_an_address_is_refused(build, tmp_path):
 
 def test_dpkg_understands_it(program, deb, data):
     def dpkg_deb(*words):
-        call = [program("dpkg-deb"), *words]
-        return subprocess.run(call, capture_output=True, text=True, timeout=60, check=True).stdout
+        return ran(program("dpkg-deb"), *words).stdout
 
     fields = dict(line.split(": ", 1) for line in dpkg_deb("-f", deb).splitlines() if not line.startswith(" "))
     version = re.search(r'__version__ = "(.+)"', (ROOT / "shared/ambient_model/__init__.py").read_text())[1]
@@ -99,15 +99,14 @@ def test_dpkg_understands_it(program, deb, data):
 
 @pytest.mark.slow
 def test_lintian_finds_nothing(program, deb):
-    done = subprocess.run([program("lintian"), "--allow-root", deb], capture_output=True, text=True, timeout=120)
+    done = ran(program("lintian"), "--allow-root", deb, status=None, timeout=120)
     mine = "bogus-mail-host"  # example.com
     assert not [line for line in done.stdout.splitlines() if line[:2] in ("E:", "W:") and mine not in line]
 
 
 def test_it_is_installed_started_upgraded_removed_and_purged(boot, program, at_rest, deb, tmp_path, model_file):
     for package in ("python3", "python3-yaml"):
-        call = [program("dpkg-query"), "-W", "-f", "${Status}", package]
-        asked = subprocess.run(call, capture_output=True, text=True)
+        asked = ran(program("dpkg-query"), "-W", "-f", "${Status}", package, status=None)
         if not asked.stdout.startswith("install ok installed"):
             pytest.skip(f"{package}, which the package depends on, is not installed")
     etc = tmp_path / "files/etc/ambientd"

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from processes import ran
+
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SNIPPET = DEPLOY / "pixel" / "thermal_info_config.json"
 OF_THE_DEVICE = ("skin_therm", "spare_therm")
@@ -56,28 +58,26 @@ def parser(program, tmp_path_factory):
     """The HAL's parser and the beginning of its start, with kernel zones: gives exit status and what it says."""
     if not (PARSER / "harness.cpp").is_file():
         pytest.skip("the HAL's parser is not in AMBIENTD_PIXEL_HAL")
+    built = tmp_path_factory.mktemp("parser") / "harness"
+    compiled(program, PARSER / "harness.cpp", built, f"-I{PARSER}", f"-I{PARSER / 'inc'}")
+    return lambda *zones: ran(built, SNIPPET, *zones, status=None)
+
+
+def compiled(program, source, target, *options):
     if not Path("/usr/include/jsoncpp").is_dir():
         pytest.skip("libjsoncpp-dev is not installed")
-    built = tmp_path_factory.mktemp("parser") / "harness"
-    folders = [f"-I{PARSER}", f"-I{PARSER / 'inc'}", "-I/usr/include/jsoncpp"]
-    call = [program("g++"), "-std=c++20", "-w", *folders, PARSER / "harness.cpp", "-ljsoncpp", "-o", built]
-    subprocess.run(call, check=True, timeout=300)
-
-    def run(*zones):
-        done = subprocess.run([built, SNIPPET, *zones], capture_output=True, text=True, timeout=30)
-        return done.returncode, done.stderr
-
-    return run
+    flags = ["-std=c++20", "-w", *options, "-I/usr/include/jsoncpp"]
+    ran(program("g++"), *flags, source, "-ljsoncpp", "-o", target, timeout=300)
 
 
 def test_the_parser_watches_both_sensors_where_the_kernel_has_the_zones(parser):
-    status, said = parser(*OF_THE_DEVICE)
-    assert status == 0, said
-    assert "spare_therm is_watch=1 path=/dev/ambientd/ambient_temp" in said
-    assert "VIRTUAL-SKIN-AMBIENT is_watch=1" in said
-    status, said = parser("skin_therm")
-    assert status != 0
-    assert "Could not find spare_therm in sysfs" in said
+    done = parser(*OF_THE_DEVICE)
+    assert done.returncode == 0, done.stderr
+    assert "spare_therm is_watch=1 path=/dev/ambientd/ambient_temp" in done.stderr
+    assert "VIRTUAL-SKIN-AMBIENT is_watch=1" in done.stderr
+    done = parser("skin_therm")
+    assert done.returncode != 0
+    assert "Could not find spare_therm in sysfs" in done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -85,8 +85,6 @@ def harness(program, tmp_path_factory):
     """``pixel/harness.cpp`` and the HAL in one program."""
     if not (HAL / PARTS[0]).is_file():
         pytest.skip("the HAL's sources are not in AMBIENTD_PIXEL_HAL_SOURCE")
-    if not Path("/usr/include/jsoncpp").is_dir():
-        pytest.skip("libjsoncpp-dev is not installed")
     folder = tmp_path_factory.mktemp("hal")
     sources = [*(HAL / part for part in PARTS), STAND_INS / "harness.cpp"]
     (folder / "all.cpp").write_text("".join(f'#include "{each}"\n' for each in sources))
@@ -95,10 +93,8 @@ def harness(program, tmp_path_factory):
             header = folder / "empty" / name  # aosp.h, included first, stands in for them all
             header.parent.mkdir(parents=True, exist_ok=True)
             header.touch()
-    folders = [f"-I{folder / 'empty'}", f"-I{HAL}", "-I/usr/include/jsoncpp", "-include", STAND_INS / "aosp.h"]
-    call = [program("g++"), "-std=c++20", "-w", *folders, folder / "all.cpp", "-ljsoncpp", "-o", folder / "harness"]
-    built = subprocess.run(call, capture_output=True, text=True, timeout=300)
-    assert built.returncode == 0, built.stderr[:2000]
+    options = [f"-I{folder / 'empty'}", f"-I{HAL}", "-include", STAND_INS / "aosp.h"]
+    compiled(program, folder / "all.cpp", folder / "harness", *options)
     return folder / "harness"
 
 
@@ -190,7 +186,7 @@ def test_throttling_starts_and_ends_with_the_published_value_and_starts_at_a_fau
     weather.say(23.0, rows=600)
     assert seen_at(23000) == ("NONE", "NONE", 0)
     weather.kill()
-    subprocess.run(deployed("withdraw", "--config", written), check=True, timeout=60)
+    ran(*deployed("withdraw", "--config", written))
     assert seen_at(60000) == ("CRITICAL", "SEVERE", 3)
 
 

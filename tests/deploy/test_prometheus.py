@@ -1,10 +1,11 @@
 """The shipped alerts fire on what the daemon publishes and on its absence, as the real promtool evaluates them."""
 
 import json
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 RULES = Path(__file__).resolve().parents[2] / "deploy" / "node-exporter" / "ambientd.rules.yml"
 ONE, FILE = '{instance="a"}', '{instance="a",file="/var/lib/prometheus/node-exporter/ambientd.prom"}'
@@ -25,14 +26,7 @@ SERIES["AmbientdGone"][f"ambientd_missed_ticks{ONE}"] = "3x40"
 
 @pytest.fixture
 def promtool(program, tmp_path):
-
-    def run(*words):
-        done = subprocess.run(
-            [program("promtool"), *map(str, words)], cwd=tmp_path, capture_output=True, text=True, timeout=60
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-
-    return run
+    return lambda *words: ran(program("promtool"), *words, cwd=tmp_path)
 
 
 def test_each_rule_is_valid_and_has_a_case(promtool):

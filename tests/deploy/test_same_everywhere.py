@@ -6,7 +6,6 @@ import json
 import math
 import os
 import shutil
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -17,6 +16,7 @@ import pytest
 from ambient_model.codec import encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
+from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
 NOBODY = 65534
@@ -72,16 +72,13 @@ def case(zipapp):
 
 def outputs(words, case, out, **options):
     """The bytes of a replay into a file, and of a run into a pipe."""
-    options = {"cwd": "/", "env": {}, **options}
-    paths = [str(case / "model.json"), str(case / "trace.csv")]
-    done = subprocess.run([*words, "replay", *paths, "-o", str(out)], capture_output=True, timeout=60, **options)
-    assert done.returncode == 0, done.stderr.decode()
-    arguments = ["run", "--model", paths[0], "--replay", paths[1], "--speed", "0"]
-    ran = subprocess.run([*words, *arguments], capture_output=True, timeout=60, **options)
-    assert ran.returncode == 0, ran.stderr.decode()
+    options = {"cwd": "/", "env": {}, "text": False, **options}
+    model, trace = case / "model.json", case / "trace.csv"
+    ran(*words, "replay", model, trace, "-o", out, **options)
+    said = ran(*words, "run", "--model", model, "--replay", trace, "--speed", "0", **options).stdout
     content = out.read_bytes()
     out.unlink()
-    return content, ran.stdout
+    return content, said
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +124,7 @@ def test_every_environment_says_the_same(name, case, reference):
     env = {**SOURCES, **ENVIRONMENTS[name]}
     words = [sys.executable, "-m", "ambientd"]
     assert outputs(words, case, case / "environment.csv", env=env) == reference
-    done = subprocess.run([*words, "check", "--model", case / "model.json"], env=env, capture_output=True, timeout=60)
+    done = ran(*words, "check", "--model", case / "model.json", env=env, text=False)
     assert b"Tastentelefon" in done.stdout
     assert b"Traceback" not in done.stderr
 
@@ -139,7 +136,7 @@ def test_every_folder_says_the_same(case, reference, tmp_path):
     words = [sys.executable, "-I", "-S", str(case / "ambientd.pyz")]
     assert outputs(words, case, case / "folder.csv", cwd=tmp_path) == reference
     relative = [sys.executable, "-I", "-S", "ambientd.pyz", "replay", "model.json", "trace.csv", "-o", "relative.csv"]
-    assert subprocess.run(relative, cwd=case, env={}, capture_output=True, timeout=60).returncode == 0
+    ran(*relative, cwd=case, env={})
     assert (case / "relative.csv").read_bytes() == reference[0]
 
 
@@ -155,13 +152,13 @@ def test_nobody_says_the_same_as_root(case, reference):
     options = {"user": NOBODY, "group": NOBODY, "extra_groups": []}
     words = [python, "-I", "-S", str(case / "ambientd.pyz")]
     assert outputs(words, case, own / "out.csv", **options) == reference
-    done = subprocess.run([python, "-c", "import os; print(os.getuid())"], capture_output=True, text=True, **options)
-    assert done.stdout == f"{NOBODY}\n", "it was root all the time"
+    said = ran(python, "-c", "import os; print(os.getuid())", **options).stdout
+    assert said == f"{NOBODY}\n", "it was root all the time"
 
 
-def pip(*arguments):
-    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *map(str, arguments)]
-    return subprocess.run(words, capture_output=True, text=True, timeout=300)
+def pip(*arguments, **options):
+    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *arguments]
+    return ran(*words, timeout=300, **options)
 
 
 @pytest.fixture(scope="module")
@@ -170,15 +167,12 @@ def wheel(tmp_path_factory):
     folder = tmp_path_factory.mktemp("wheel")
     backend = []
     if importlib.util.find_spec("hatchling") is None:
-        done = pip("install", "--target", folder / "backend", "hatchling")
+        done = pip("install", "--target", folder / "backend", "hatchling", status=None)
         if done.returncode != 0:
             pytest.skip(f"hatchling, which builds the wheel, cannot be had: {done.stderr.strip()[-200:]}")
         backend = [str(folder / "backend")]
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(backend)}
-    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "wheel", "-q", "--no-deps"]
-    words += ["--no-build-isolation", "-w", str(folder), str(ROOT)]
-    done = subprocess.run(words, env=env, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    pip("wheel", "--no-deps", "--no-build-isolation", "-w", folder, ROOT, env=env)
     [path] = folder.glob("*.whl")
     return path
 
@@ -195,8 +189,6 @@ def test_the_wheel_holds_the_packages_and_asks_the_device_for_nothing(wheel):
 
 @pytest.mark.slow
 def test_the_wheel_in_a_fresh_environment_says_the_same(wheel, case, reference, tmp_path):
-    made = subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(tmp_path / "venv")], timeout=60)
-    assert made.returncode == 0
-    done = pip("--python", tmp_path / "venv" / "bin" / "python", "install", "--no-deps", "--no-index", wheel)
-    assert done.returncode == 0, done.stderr
+    ran(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv")
+    pip("--python", tmp_path / "venv" / "bin" / "python", "install", "--no-deps", "--no-index", wheel)
     assert outputs([str(tmp_path / "venv" / "bin" / "ambientd")], case, case / "wheel.csv") == reference

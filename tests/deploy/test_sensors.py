@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from processes import ran
+
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SENSORS = DEPLOY / "android" / "sensors"
 STAND_INS = Path(__file__).with_name("sensors")
@@ -50,9 +52,7 @@ def compiled(request, tmp_path_factory):
         (hal, SENSORS / "AmbientSubHal.cpp", library),
         (["-rdynamic"], STAND_INS / "harness.cpp", harness),
     ):
-        call = ["g++", *flags, *options, str(source), "-o", str(target), "-ldl", "-pthread"]
-        built = subprocess.run(call, capture_output=True, text=True, timeout=300)
-        assert built.returncode == 0, built.stderr
+        ran("g++", *flags, *options, source, "-o", target, "-ldl", "-pthread", timeout=300)
     return harness, library, place
 
 

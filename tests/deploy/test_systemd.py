@@ -1,10 +1,11 @@
 """The unit: valid, closed as far as systemd can measure, and no tighter than what the daemon does."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 UNIT = DEPLOY / "ambientd.service"
@@ -16,8 +17,7 @@ def analyze(program):
     """Run systemd-analyze; no running systemd is needed."""
 
     def run(*arguments):
-        call = [program("systemd-analyze"), "--no-pager", *map(str, arguments)]
-        return subprocess.run(call, capture_output=True, text=True, timeout=30)
+        return ran(program("systemd-analyze"), "--no-pager", *arguments, status=None)
 
     return run
 
@@ -85,8 +85,7 @@ def test_the_daemon_makes_no_system_call_that_the_unit_forbids(analyze, program,
     kinds = ("file", "file-in-place", "status", "prometheus", "socket")
     publish = [part for kind in kinds for part in ("--publish", f"{kind}:{tmp_path}/{kind}")]
     words = deployed("run", "--model", model_file, "--replay", trace, "--rate", "20", *publish)
-    call = [program("strace"), "-f", "-o", tmp_path / "calls", *words]
-    done = subprocess.run(call, env={}, capture_output=True, text=True, timeout=60)
+    done = ran(program("strace"), "-f", "-o", tmp_path / "calls", *words, env={}, status=None)
     if "ptrace" in done.stderr:
         pytest.skip(f"strace may not trace here: {done.stderr.strip()}")
     assert done.returncode == 0, done.stderr

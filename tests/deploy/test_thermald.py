@@ -6,13 +6,13 @@ It runs in the foreground, on files of the test's own.
 import contextlib
 import json
 import os
-import subprocess
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 
 from ambientd.config import load_settings
+from processes import ran
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 SHIPPED = DEPLOY / "thermald" / "thermal-conf.xml"
@@ -100,7 +100,7 @@ def test_the_cooling_device_follows_the_published_ambient_and_cools_after_a_faul
     until(lambda: level() == 0, "it is 26 degC, and the cooling goes on")
     weather.kill()
     # what the unit does after the end, however that came
-    assert subprocess.run(deployed("withdraw", "--config", config), capture_output=True, timeout=30).returncode == 0
+    ran(*deployed("withdraw", "--config", config))
     until(lambda: level() > 0, "the daemon was killed, and nothing cools")
     assert os.listdir(published.parent).count("ambient_temp") == 1
     assert consumer.poll() is None, "thermald ended on its own"

@@ -3,18 +3,19 @@
 import importlib.util
 import os
 import stat
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
 
+from processes import ran
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def run(words, **options):
-    return subprocess.run(words, capture_output=True, text=True, timeout=30, **{"env": {}, **options})
+    return ran(*words, status=None, **{"env": {}, **options})
 
 
 def test_two_builds_are_the_same_bytes_whatever_the_clock_the_mask_and_the_folder(build, tmp_path, zipapp):

@@ -1,0 +1,16 @@
+"""Commands that run to their end."""
+
+import subprocess
+from typing import Any
+
+Done = subprocess.CompletedProcess[str]
+
+
+def ran(
+    *words: object, status: int | None = 0, timeout: float = 60, **options: Any
+) -> "subprocess.CompletedProcess[str]":
+    """What a command did; the test fails where its status is another than ``status``, None for any."""
+    options = {"capture_output": True, "text": True, **options}
+    done = subprocess.run([*map(str, words)], timeout=timeout, **options)
+    assert status in (None, done.returncode), (done.stdout or "")[-2000:] + (done.stderr or "")[-2000:]
+    return done
