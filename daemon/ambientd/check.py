@@ -105,14 +105,14 @@ def check_sensors(settings: Settings) -> None:
     for sensor, value in zip(sensors, values):
         place = f"sensor {sensor.name}"
         if value is None:
-            faults.append(Fault(place, sensor.trouble, sensor.source.hint()))
+            faults.append(Fault(place, sensor.trouble, sensor.hint()))
         elif sensor.given.unit == "degC" and (doubt := wrong_unit(value, temperatures)):
             faults.append(Fault(place, f"{sensor.paths[0]}: {doubt}", "name another sensor, or correct its driver"))
         elif doubt := outside(sensor.given, value):
             faults.append(Fault(place, f"{sensor.paths[0]}: {doubt}", "name the right sensor, or fit the model to it"))
         else:
             others = f", the first of {len(sensor.paths)} by this name" if len(sensor.paths) > 1 else ""
-            _print("sensor", f"{sensor.name}, {sensor.paths[0]}: {value:g} {sensor.source.unit}{others}")
+            _print("sensor", f"{sensor.name}, {sensor.paths[0]}: {value:g} {sensor.given.unit}{others}")
     if faults:
         raise Refused(settings.sysfs_root, faults)
 

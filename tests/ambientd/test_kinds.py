@@ -52,16 +52,13 @@ class Constant(NamedTuple):
     unit = "degC"
     absent = "never"
 
-    def source(self, settings):
-        return self
-
-    def find(self):
+    def find(self, settings):
         return ["/dev/null"]
 
-    def value(self, content):
-        return self.degC
+    def conversion(self, path):
+        return lambda content: self.degC
 
-    def hint(self):
+    def hint(self, settings):
         return "-"
 """
 

@@ -5,11 +5,12 @@ import os
 import pytest
 
 from ambient_model.model import Input
+from ambientd.config import settings_for_model
 from ambientd.notices import Notice
 from ambientd.sources.sensor import Sensor
 from ambientd.sources.sensors import Sensors
 from ambientd.sources.supervision import Rules
-from ambientd.sources.zone import Zone, ZoneTemperature
+from ambientd.sources.zone import Zone
 
 USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
 BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
@@ -20,17 +21,14 @@ def notes():
     return []
 
 
-def zone_sensor(given, root):
-    return Sensor(given, ZoneTemperature(Zone(given.zone), str(root), "/nowhere"))
-
-
 @pytest.fixture
 def make_sensors(phone, notes):
     """The two zones of the phone, under rules."""
     opened = []
 
     def make(rules=Rules(), inputs=(USB, BATTERY)):  # noqa: B008
-        opened.append(Sensors([zone_sensor(each, phone.root) for each in inputs], rules, notes.append))
+        settings = settings_for_model("m")._replace(sysfs_root=str(phone.root), zones_by_name="/nowhere")
+        opened.append(Sensors([Sensor(each, Zone(each.zone), settings) for each in inputs], rules, notes.append))
         return opened[-1]
 
     yield make

@@ -5,15 +5,20 @@ from pathlib import Path
 
 import pytest
 
-from ambientd.sources.hwmon import Hwmon, HwmonTemperature, find_hwmon
-from ambientd.sources.iio import Iio, IioTemperature, find_iio
-from ambientd.sources.power_supply import PowerSupply, PowerSupplyProperty
-from ambientd.sources.zone import Zone, ZoneTemperature, find_zones
+from ambientd.config import settings_for_model
+from ambientd.sources.hwmon import Hwmon, find_hwmon
+from ambientd.sources.iio import Iio, find_iio
+from ambientd.sources.power_supply import PowerSupply
+from ambientd.sources.zone import Zone, find_zones
 
 
-def value_of(source):
-    (path,) = source.find()
-    return source.value(Path(path).read_bytes())
+def on(root, **more):
+    return settings_for_model("m")._replace(sysfs_root=str(root), **more)
+
+
+def value_of(location, root):
+    (path,) = location.find(on(root))
+    return location.conversion(path)(Path(path).read_bytes())
 
 
 def test_zones_are_found_by_type_in_the_order_of_their_numbers(sysfs):
@@ -32,9 +37,9 @@ def test_zones_are_found_by_type_in_the_order_of_their_numbers(sysfs):
 def test_where_there_is_no_such_class_nothing_is_found(tmp_path):
     root = str(tmp_path)
     assert find_zones(root) == find_hwmon(root) == {}
-    for source in (HwmonTemperature(Hwmon("nvme", "Composite"), root), IioTemperature(Iio("hts221", "in_temp"), root)):
-        assert source.find() == []
-        assert "none" in source.hint()
+    for location in (Hwmon("nvme", "Composite"), Iio("hts221", "in_temp")):
+        assert location.find(on(root)) == []
+        assert "none" in location.hint(on(root))
 
 
 @pytest.fixture
@@ -45,7 +50,7 @@ def by_name(phone, tmp_path):
 
 
 def found(phone, by_name, kind):
-    return ZoneTemperature(Zone(kind), str(phone.root), str(by_name)).find()
+    return Zone(kind).find(on(phone.root, zones_by_name=str(by_name)))
 
 
 def test_a_link_by_name_makes_no_look_through_all_zones(phone, by_name, monkeypatch):
@@ -127,7 +132,7 @@ def devices(tmp_path):
     ],
 )
 def test_each_iio_driver_s_form_is_read_in_degC(devices, device, channel, degC):
-    assert value_of(IioTemperature(Iio(device, channel), str(devices))) == pytest.approx(degC)
+    assert value_of(Iio(device, channel), devices) == pytest.approx(degC)
 
 
 def test_only_temperatures_of_named_iio_devices_are_found(devices):
@@ -143,21 +148,21 @@ def test_only_temperatures_of_named_iio_devices_are_found(devices):
 @pytest.mark.parametrize(("attribute", "content"), [("scale", "x"), ("offset", "inf"), ("raw", "-"), ("raw", "1e3")])
 def test_what_is_no_number_is_no_iio_value(devices, attribute, content):
     (devices / "bus/iio/devices/iio:device2" / f"in_temp_{attribute}").write_text(f"{content}\n")
-    assert value_of(IioTemperature(Iio("hts221", "in_temp"), str(devices))) is None
+    assert value_of(Iio("hts221", "in_temp"), devices) is None
 
 
 def test_each_property_of_a_supply_in_its_unit(make_supply):
     root = make_supply("battery", temp="-53\n", current_now="-1500000\n", voltage_now="3912500\n")
     expected = {"temp": (-5.3, "degC"), "current_now": (-1.5, "A"), "voltage_now": (3.9125, "V")}
     for name, (number, unit) in expected.items():
-        source = PowerSupplyProperty(PowerSupply("battery", name), str(root))
-        assert (value_of(source), source.unit) == (number, unit)
+        location = PowerSupply("battery", name)
+        assert (value_of(location, root), location.unit) == (number, unit)
 
 
 @pytest.mark.parametrize(("content", "current_A"), [("-1500000\n", 1.5), ("0\n", 0.0)])
 def test_a_vendor_that_counts_the_other_way(make_supply, content, current_A):
     root = make_supply("battery", current_now=content)
-    found = value_of(PowerSupplyProperty(PowerSupply("battery", "current_now", -1), str(root)))
+    found = value_of(PowerSupply("battery", "current_now", -1), root)
     assert (found, math.copysign(1.0, found)) == (current_A, 1.0), "no current is no negative zero"
 
 
@@ -165,9 +170,12 @@ def test_what_supply_is_not_here_is_said_with_what_is(make_supply):
     make_supply("usb", voltage_now="5000000\n")
     make_supply("bms", current_now="1\n", voltage_now="1\n")
     root = make_supply("ac", online="1\n")
-    source = PowerSupplyProperty(PowerSupply("battery", "voltage_now"), str(root))
-    assert source.find() == []
-    assert source.absent == "no property 'voltage_now' of a power supply 'battery'"
-    assert source.hint() == "supplies here with it are bms, usb: name one of them under 'sensors'"
-    bare = PowerSupplyProperty(PowerSupply("battery", "temp"), "/nowhere")
-    assert (bare.find(), bare.hint()) == ([], "supplies here with it are none: name one of them under 'sensors'")
+    location = PowerSupply("battery", "voltage_now")
+    assert location.find(on(root)) == []
+    assert location.absent == "no property 'voltage_now' of a power supply 'battery'"
+    assert location.hint(on(root)) == "supplies here with it are bms, usb: name one of them under 'sensors'"
+    bare, nowhere = PowerSupply("battery", "temp"), on("/nowhere")
+    assert (bare.find(nowhere), bare.hint(nowhere)) == (
+        [],
+        "supplies here with it are none: name one of them under 'sensors'",
+    )

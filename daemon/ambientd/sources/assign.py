@@ -48,7 +48,7 @@ def assigned_sensors(settings: Settings, model: Model) -> list[Sensor]:
     ]
     if unread:
         raise Refused(settings.model, unread)
-    return [Sensor(each, location_of(settings, each).source(settings)) for each in model.main.inputs]
+    return [Sensor(each, location_of(settings, each), settings) for each in model.main.inputs]
 
 
 def location_of(settings: Settings, given: Input) -> Location:

@@ -3,8 +3,8 @@
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ambientd.sources.listing import first_line, numbered
-from ambientd.sources.quantities import degC_from_millidegrees
+from ambientd.sources.listing import first_line, numbered, offered
+from ambientd.sources.quantities import Conversion, degC_from_millidegrees
 from ambientd.sources.spec import NoteFault, read_texts
 
 if TYPE_CHECKING:
@@ -24,12 +24,26 @@ class Hwmon(NamedTuple):
         """The unit of its values."""
         return "degC"
 
+    @property
+    def absent(self) -> str:
+        """The message where it is not found."""
+        return f"no hwmon chip '{self.chip}' with a temperature labelled '{self.label}'"
+
     def __str__(self) -> str:
         return f"hwmon {self.chip} {self.label}"
 
-    def source(self, settings: "Settings") -> "HwmonTemperature":
-        """The source that reads it."""
-        return HwmonTemperature(self, settings.sysfs_root)
+    def find(self, settings: "Settings") -> list[str]:
+        """The paths of the attributes with its name, the one to read first."""
+        return find_hwmon(settings.sysfs_root).get(self, [])
+
+    def conversion(self, path: str) -> Conversion:
+        """From the attribute's bytes to its value."""
+        return degC_from_millidegrees
+
+    def hint(self, settings: "Settings") -> str:
+        """What to name instead, of what is here."""
+        found = find_hwmon(settings.sysfs_root)
+        return offered("temperatures here", [f"{{hwmon: {chip}, label: {label}}}" for chip, label in found])
 
 
 def location(place: str, value: dict[str, Any], fault: NoteFault) -> Hwmon | None:
@@ -52,27 +66,3 @@ def find_hwmon(root: str) -> dict[tuple[str, str], list[str]]:
             if chip:
                 found.setdefault((chip, label), []).append(path)
     return found
-
-
-class HwmonTemperature:
-    """The temperature at ``hwmon``, in degC."""
-
-    unit = "degC"
-
-    def __init__(self, hwmon: Hwmon, root: str) -> None:
-        self._hwmon = hwmon
-        self._root = root
-        self.absent = f"no hwmon chip '{hwmon.chip}' with a temperature labelled '{hwmon.label}'"
-
-    def find(self) -> list[str]:
-        """The paths of the attributes with its name, the one to read first."""
-        return find_hwmon(self._root).get(self._hwmon, [])
-
-    def value(self, content: bytes) -> float | None:
-        """The temperature in degC, or None."""
-        return degC_from_millidegrees(content)
-
-    def hint(self) -> str:
-        """What to name instead, of what is here."""
-        names = sorted(f"{{hwmon: {chip}, label: {label}}}" for chip, label in find_hwmon(self._root))
-        return f"temperatures here are {', '.join(names) or 'none'}: name one of them under 'sensors'"

@@ -7,8 +7,8 @@ The kernel gives it in millidegrees as ``CHANNEL_input``, or as ``CHANNEL_raw`` 
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ambientd.sources.listing import first_line, numbered
-from ambientd.sources.quantities import degC_from_raw
+from ambientd.sources.listing import first_line, numbered, offered
+from ambientd.sources.quantities import Conversion, degC_from_raw
 from ambientd.sources.spec import NoteFault, read_texts
 
 if TYPE_CHECKING:
@@ -28,12 +28,30 @@ class Iio(NamedTuple):
         """The unit of its values."""
         return "degC"
 
+    @property
+    def absent(self) -> str:
+        """The message where it is not found."""
+        return f"no iio device '{self.device}' with a temperature '{self.channel}'"
+
     def __str__(self) -> str:
         return f"iio {self.device} {self.channel}"
 
-    def source(self, settings: "Settings") -> "IioTemperature":
-        """The source that reads it."""
-        return IioTemperature(self, settings.sysfs_root)
+    def find(self, settings: "Settings") -> list[str]:
+        """The paths of the attributes with its name, the one to read first."""
+        return find_iio(settings.sysfs_root).get(self, [])
+
+    def conversion(self, path: str) -> Conversion:
+        """From the attribute's bytes to its value, by the scale that is beside it now."""
+        offset, scale = 0.0, 1.0
+        if path.endswith("_raw"):
+            stem = path.removesuffix("raw")
+            offset, scale = _number(f"{stem}offset", 0), _number(f"{stem}scale", 1)
+        return lambda content: degC_from_raw(content, offset, scale)
+
+    def hint(self, settings: "Settings") -> str:
+        """What to name instead, of what is here."""
+        found = find_iio(settings.sysfs_root)
+        return offered("temperatures here", [f"{{iio: {device}, channel: {channel}}}" for device, channel in found])
 
 
 def location(place: str, value: dict[str, Any], fault: NoteFault) -> Iio | None:
@@ -64,38 +82,6 @@ def _names(folder: str) -> list[str]:
         return os.listdir(folder)
     except OSError:
         return []  # it goes away while it is looked at
-
-
-class IioTemperature:
-    """The temperature of ``channel``, in degC."""
-
-    unit = "degC"
-
-    def __init__(self, channel: Iio, root: str) -> None:
-        self._channel = channel
-        self._root = root
-        self._offset, self._scale = 0.0, 1.0
-        self.absent = f"no iio device '{channel.device}' with a temperature '{channel.channel}'"
-
-    def find(self) -> list[str]:
-        """The paths of the attributes with its name, the one to read first, whose scale is read here, too."""
-        paths = find_iio(self._root).get(self._channel, [])
-        self._offset, self._scale = 0.0, 1.0
-        if paths and paths[0].endswith("_raw"):
-            stem = paths[0].removesuffix("raw")
-            self._offset, self._scale = (
-                _number(f"{stem}{each}", usual) for each, usual in (("offset", 0), ("scale", 1))
-            )
-        return paths
-
-    def value(self, content: bytes) -> float | None:
-        """The temperature in degC, or None."""
-        return degC_from_raw(content, self._offset, self._scale)
-
-    def hint(self) -> str:
-        """What to name instead, of what is here."""
-        names = [f"{{iio: {device}, channel: {channel}}}" for device, channel in sorted(find_iio(self._root))]
-        return f"temperatures here are {', '.join(names) or 'none'}: name one of them under 'sensors'"
 
 
 def _number(path: str, usual: float) -> float:

@@ -1,6 +1,7 @@
 """What a folder of sysfs lists: its numbered entries in order, and the one line that an attribute holds."""
 
 import os
+from collections.abc import Iterable
 
 
 def numbered(folder: str, prefix: str, suffix: str) -> list[str]:
@@ -24,3 +25,8 @@ def first_line(path: str) -> str:
             return stream.readline(256).strip()
     except OSError:
         return ""  # what goes away while it is looked at
+
+
+def offered(what: str, names: Iterable[str], where: str = "'sensors'") -> str:
+    """A hint that lists what could be named instead."""
+    return f"{what} are {', '.join(sorted(names)) or 'none'}: name one of them under {where}"

@@ -3,7 +3,8 @@
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ambientd.sources.quantities import degC_from_tenths, from_micro
+from ambientd.sources.listing import offered
+from ambientd.sources.quantities import Conversion, degC_from_tenths, from_micro
 from ambientd.sources.spec import NoteFault, read_texts
 
 if TYPE_CHECKING:
@@ -25,12 +26,34 @@ class PowerSupply(NamedTuple):
         """The unit of its values."""
         return _UNITS[self.attribute]
 
+    @property
+    def absent(self) -> str:
+        """The message where it is not found."""
+        return f"no property '{self.attribute}' of a power supply '{self.supply}'"
+
     def __str__(self) -> str:
         return f"power_supply {self.supply} {self.attribute}"
 
-    def source(self, settings: "Settings") -> "PowerSupplyProperty":
-        """The source that reads it."""
-        return PowerSupplyProperty(self, settings.sysfs_root)
+    def find(self, settings: "Settings") -> list[str]:
+        """The path of the attribute, if it is there."""
+        path = os.path.join(_folder(settings), self.supply, self.attribute)
+        return [path] if os.path.exists(path) else []
+
+    def conversion(self, path: str) -> Conversion:
+        """From the attribute's bytes to its value."""
+        return degC_from_tenths if self.attribute == "temp" else self._signed
+
+    def _signed(self, content: bytes) -> float | None:
+        value = from_micro(content)
+        return None if value is None else self.sign * value + 0.0  # which makes 0 of -0
+
+    def hint(self, settings: "Settings") -> str:
+        """What to name instead, of what is here."""
+        try:
+            names = os.listdir(_folder(settings))
+        except OSError:
+            names = []
+        return offered("supplies here with it", [name for name in names if self._replace(supply=name).find(settings)])
 
 
 def location(place: str, value: dict[str, Any], fault: NoteFault) -> PowerSupply | None:
@@ -52,32 +75,5 @@ def location(place: str, value: dict[str, Any], fault: NoteFault) -> PowerSupply
     return PowerSupply(supply, attribute, sign) if supply and attribute else None
 
 
-class PowerSupplyProperty:
-    """The property at ``location``, in degC, A or V; a current with the location's sign."""
-
-    def __init__(self, location: PowerSupply, root: str) -> None:
-        self._location = location
-        self._folder = os.path.join(root, "class", "power_supply")
-        self.unit = location.unit
-        self.absent = f"no property '{location.attribute}' of a power supply '{location.supply}'"
-
-    def find(self) -> list[str]:
-        """The path of the attribute, if it is there."""
-        path = os.path.join(self._folder, self._location.supply, self._location.attribute)
-        return [path] if os.path.exists(path) else []
-
-    def value(self, content: bytes) -> float | None:
-        """The value in the property's unit, or None."""
-        if self._location.attribute == "temp":
-            return degC_from_tenths(content)
-        value = from_micro(content)
-        return None if value is None else self._location.sign * value + 0.0  # which makes 0 of -0
-
-    def hint(self) -> str:
-        """What to name instead, of what is here."""
-        try:
-            names = sorted(os.listdir(self._folder))
-        except OSError:
-            names = []
-        here = [name for name in names if os.path.exists(os.path.join(self._folder, name, self._location.attribute))]
-        return f"supplies here with it are {', '.join(here) or 'none'}: name one of them under 'sensors'"
+def _folder(settings: "Settings") -> str:
+    return os.path.join(settings.sysfs_root, "class", "power_supply")

@@ -1,7 +1,10 @@
 """Conversion of the kernel's integers to degC, A and V, here and nowhere else; what is no number is missing."""
 
 import math
+from collections.abc import Callable
 
+Conversion = Callable[[bytes], float | None]
+"""From an attribute's bytes to its value in its unit; None where they hold none."""
 BUFFER_BYTES = 32
 """More than any attribute that holds one number; what fills it holds something else."""
 _DECIMALS = frozenset(b"-.0123456789")

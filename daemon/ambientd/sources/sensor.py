@@ -1,46 +1,34 @@
 """An input and the attribute of sysfs that carries it: the descriptor is kept open, and a failure is a missing value.
 
-Its :class:`Source` knows what the attribute means and where it lies.
+Its :class:`~ambientd.sources.spec.Location` knows what the attribute means and where it lies.
 """
 
 import errno
 import os
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from ambient_model.model import Input
 from ambientd.sources import reader
 from ambientd.sources.reader import Content
 from ambientd.sources.trial import Trial, open_attribute
 
+if TYPE_CHECKING:
+    from ambientd.settings import Settings
+    from ambientd.sources.quantities import Conversion
+    from ambientd.sources.spec import Location
+
 _PASSING = (errno.EAGAIN, errno.EINTR, errno.ENODATA, errno.EBUSY)
 """The driver has no value now; the same descriptor will have one."""
 
 
-class Source(Protocol):
-    """One kind of sensor."""
-
-    unit: str
-    """The unit of its values."""
-    absent: str
-    """The message where it is not found."""
-
-    def find(self) -> list[str]:
-        """The paths of the attributes with its name, the one to read first."""
-
-    def value(self, content: bytes) -> float | None:
-        """The value in the bytes of the attribute, or None."""
-
-    def hint(self) -> str:
-        """What to name instead, of what is here."""
-
-
 class Sensor:
-    """One input of the model and the source that carries it."""
+    """One input of the model and where it is read on the device of ``settings``."""
 
-    def __init__(self, given: Input, source: Source) -> None:
+    def __init__(self, given: Input, location: "Location", settings: "Settings") -> None:
         self.given = given
         self.name = given.name
-        self.source = source
+        self._location, self._settings = location, settings
+        self._convert: Conversion
         self.paths: list[str] = []
         """What was found when it was last opened; the first is read."""
         self.trouble = ""
@@ -61,10 +49,11 @@ class Sensor:
         if self._slow and not self._is_quick():
             return
         self.close()
-        self.paths = self.source.find()
+        self.paths = self._location.find(self._settings)
         if not self.paths:
-            self.trouble = self.source.absent
+            self.trouble = self._location.absent
             return
+        self._convert = self._location.conversion(self.paths[0])
         try:
             self.descriptor = open_attribute(self.paths[0])
         except OSError as error:
@@ -81,7 +70,7 @@ class Sensor:
         return False
 
     def take(self, content: Content) -> float | None:
-        """The value in the source's unit from what was read of ``descriptor``, or None where there is none now."""
+        """The value in its unit from what was read of ``descriptor``, or None where there is none now."""
         if content is not None and content == self._content:
             return self._value
         if self.descriptor < 0:
@@ -96,12 +85,16 @@ class Sensor:
             if content.errno not in _PASSING:
                 self.close()
             return None
-        value = self.source.value(content)
+        value = self._convert(content)
         if value is None:
             self.trouble = f"its content is {content!r}"
         else:
             self._content, self._value = content, value
         return value
+
+    def hint(self) -> str:
+        """What to name instead, of what is here."""
+        return self._location.hint(self._settings)
 
     def close(self) -> None:
         """Let the descriptor go."""

@@ -82,7 +82,7 @@ class Sensors:
         """What is wrong with those of ``names`` that give no value now."""
         sensors = [each for each in self._sensors if each.name in names]
         return [
-            Fault(f"sensor {sensor.name}", sensor.trouble, sensor.source.hint())
+            Fault(f"sensor {sensor.name}", sensor.trouble, sensor.hint())
             for sensor, value in zip(sensors, values_of(sensors))
             if value is None
         ]

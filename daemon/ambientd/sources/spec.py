@@ -9,11 +9,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ambientd.kinds import known, module_of
+from ambientd.sources.quantities import Conversion
 from ambientd.sources.supervision import Rules
 
 if TYPE_CHECKING:
     from ambientd.settings import Settings
-    from ambientd.sources.sensor import Source
 
 _PACKAGE, _FUNCTION = "ambientd.sources", "location"
 _MOST_KEYS = 8
@@ -30,8 +30,18 @@ class Location(Protocol):
     def unit(self) -> str:
         """The unit of its values."""
 
-    def source(self, settings: "Settings") -> "Source":
-        """The source that reads it on the device of ``settings``."""
+    @property
+    def absent(self) -> str:
+        """The message where it is not found."""
+
+    def find(self, settings: "Settings") -> list[str]:
+        """The paths of the attributes with its name on the device of ``settings``, the one to read first."""
+
+    def conversion(self, path: str) -> Conversion:
+        """From the bytes of the attribute at ``path`` to its value; asked for whenever that is opened."""
+
+    def hint(self, settings: "Settings") -> str:
+        """What to name instead, of what is here."""
 
 
 def read_location(place: str, value: Any, fault: NoteFault) -> Location | None:

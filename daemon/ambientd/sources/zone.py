@@ -3,8 +3,8 @@
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ambientd.sources.listing import first_line, numbered
-from ambientd.sources.quantities import degC_from_millidegrees
+from ambientd.sources.listing import first_line, numbered, offered
+from ambientd.sources.quantities import Conversion, degC_from_millidegrees
 from ambientd.sources.spec import NoteFault, read_texts
 
 if TYPE_CHECKING:
@@ -14,7 +14,11 @@ FORM = "{zone: TYPE}"
 
 
 class Zone(NamedTuple):
-    """The thermal zone of a type."""
+    """The temperature of the thermal zone of a type.
+
+    ``zones_by_name`` is a folder with links from types to zones, as Android keeps one. A link is followed only where it
+    leads to a zone of the type under the root; else all zones are searched.
+    """
 
     type: str
 
@@ -23,12 +27,34 @@ class Zone(NamedTuple):
         """The unit of its values."""
         return "degC"
 
+    @property
+    def absent(self) -> str:
+        """The message where it is not found."""
+        return f"no thermal zone of type '{self.type}'"
+
     def __str__(self) -> str:
         return f"zone {self.type}"
 
-    def source(self, settings: "Settings") -> "ZoneTemperature":
-        """The source that reads it."""
-        return ZoneTemperature(self, settings.sysfs_root, settings.zones_by_name)
+    def find(self, settings: "Settings") -> list[str]:
+        """The paths of the attributes with its name, the one to read first."""
+        linked = self._linked(settings)
+        folders = [linked] if linked else find_zones(settings.sysfs_root).get(self.type, [])
+        return [os.path.join(folder, "temp") for folder in folders]
+
+    def _linked(self, settings: "Settings") -> str:
+        if "/" in self.type or not self.type.isprintable():
+            return ""  # no name of a file
+        folder = os.path.realpath(os.path.join(settings.zones_by_name, self.type))
+        inside = folder.startswith(os.path.join(os.path.realpath(settings.sysfs_root), ""))
+        return folder if inside and first_line(os.path.join(folder, "type")) == self.type else ""
+
+    def conversion(self, path: str) -> Conversion:
+        """From the attribute's bytes to its value."""
+        return degC_from_millidegrees
+
+    def hint(self, settings: "Settings") -> str:
+        """What to name instead, of what is here."""
+        return offered("types here", find_zones(settings.sysfs_root), "'zones' in a configuration")
 
 
 def location(place: str, value: dict[str, Any], fault: NoteFault) -> Zone | None:
@@ -45,39 +71,3 @@ def find_zones(root: str) -> dict[str, list[str]]:
         if kind:
             zones.setdefault(kind, []).append(folder)
     return zones
-
-
-class ZoneTemperature:
-    """The temperature of the thermal zone ``zone`` under ``root``, in degC.
-
-    ``by_name`` is a folder with links from types to zones, as Android keeps one. A link is followed only where it
-    leads to a zone of the type under ``root``; else all zones are searched.
-    """
-
-    unit = "degC"
-    value = staticmethod(degC_from_millidegrees)
-
-    def __init__(self, zone: Zone, root: str, by_name: str) -> None:
-        self._zone = zone
-        self._root = root
-        self._by_name = by_name
-        self.absent = f"no thermal zone of type '{zone.type}'"
-
-    def find(self) -> list[str]:
-        """The paths of the attributes with its name, the one to read first."""
-        linked = self._linked()
-        folders = [linked] if linked else find_zones(self._root).get(self._zone.type, [])
-        return [os.path.join(folder, "temp") for folder in folders]
-
-    def _linked(self) -> str:
-        kind = self._zone.type
-        if "/" in kind or not kind.isprintable():
-            return ""  # no name of a file
-        folder = os.path.realpath(os.path.join(self._by_name, kind))
-        inside = folder.startswith(os.path.join(os.path.realpath(self._root), ""))
-        return folder if inside and first_line(os.path.join(folder, "type")) == kind else ""
-
-    def hint(self) -> str:
-        """What to name instead, of what is here."""
-        types = ", ".join(sorted(find_zones(self._root))) or "none"
-        return f"types here are {types}: name one of them under 'zones' in a configuration"
