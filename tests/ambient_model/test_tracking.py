@@ -236,15 +236,3 @@ def test_what_settles_at_once_never_warms_up() -> None:
     assert tracker.update(0.0, (20.0,)) == Estimate(18.0, 17.5, 18.75, TRACKING, (20.0,))
     assert tracker.update(1.0, (None,)) == Estimate(18.0, 17.5, 18.75, COASTING, (20.0,))
     assert tracker.update(2.0, (30.0,)) == Estimate(28.0, 27.5, 28.75, TRACKING, (30.0,))
-
-
-@given(st.lists(st.floats(0, 40) | st.sampled_from([1.0, 1.0, 1.0, -3.0, 1e9]), max_size=30))
-def test_to_follow_is_to_update_without_an_estimate(steps_s: list[float]) -> None:
-    updated, followed = tracker_of(ESTIMATOR), tracker_of(ESTIMATOR)
-    time_s = 0.0
-    for step_s, u in zip(steps_s, wander(30).tolist()):
-        time_s += step_s
-        updated.update(time_s, u)
-        followed.follow(time_s, u)
-        assert followed.snapshot() == updated.snapshot()
-        assert followed.last == u

@@ -8,8 +8,6 @@ from itertools import pairwise
 
 import pytest
 
-from ambientd.sources.replay import TraceSource
-
 
 def rows_of(path):
     with open(path, newline="") as stream:
@@ -74,17 +72,6 @@ def test_compressed_traces_are_read_and_written(ambientd, model_file, trace_file
     assert ambientd("replay", model_file, packed, "-o", tmp_path / "o.csv.gz").returncode == 0
     with gzip.open(tmp_path / "o.csv.gz") as stream:
         assert stream.read() == (tmp_path / "plain.csv").read_bytes()
-
-
-@pytest.mark.parametrize("period_s", [0.1, 0.5, 1.0, 10.0])
-def test_the_period_is_learned_through_jitter_gaps_and_a_late_start(make_model, write_trace, period_s):
-    rng = random.Random(3)
-    times = [0.0]
-    for k in range(500):
-        times.append(times[-1] + period_s * (40 if k % 50 == 3 else 1) * rng.uniform(0.99, 1.01))
-    with TraceSource(write_trace([(t, 30.0, 25.0) for t in times]), make_model().main.inputs) as source:
-        assert source.period_s == pytest.approx(period_s, rel=2e-3)
-        assert [time_s for time_s, _ in source] == times  # none of the rows that were read first is lost
 
 
 def test_a_slow_trace_with_jitter_keeps_its_time(ambientd, model_file, write_trace, tmp_path):

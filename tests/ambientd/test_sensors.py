@@ -23,12 +23,12 @@ def notes():
 
 @pytest.fixture
 def make_sensors(phone, notes):
-    """The two zones of the phone, under rules."""
+    """The two zones of the phone."""
     opened = []
 
-    def make(rules=Rules(), inputs=(USB, BATTERY)):  # noqa: B008
+    def make(inputs=(USB, BATTERY)):
         settings = settings_for_model("m")._replace(sysfs_root=str(phone.root), zones_by_name="/nowhere")
-        opened.append(Sensors([Sensor(each, Zone(each.zone), settings) for each in inputs], rules, notes.append))
+        opened.append(Sensors([Sensor(each, Zone(each.zone), settings) for each in inputs], Rules(), notes.append))
         return opened[-1]
 
     yield make
@@ -36,35 +36,32 @@ def make_sensors(phone, notes):
         each.close()
 
 
-@pytest.fixture
-def sensors(make_sensors):
-    return make_sensors()
-
-
 def temp(phone, number):
     return phone.root / f"class/thermal/thermal_zone{number}/temp"
 
 
-def test_one_that_goes_and_returns_is_told_once_each_and_leaves_the_other_alone(sensors, phone, notes):
-    temp(phone, 3).write_text("\x1b[2J\n")
-    assert [sensors.read(float(k)) for k in range(3)] == [[30.0, None]] * 3
-    temp(phone, 3).write_text("26000\n")
-    assert sensors.read(3.0) == [30.0, 26.0]
-    assert notes == ["sensor battery: no value (its content is b'\\x1b[2J\\n')", "sensor battery: is back"]
+@pytest.mark.parametrize(
+    ("number", "content", "read", "note"),
+    [
+        (3, "\x1b[2J\n", [30.0, None], "sensor battery: no value (its content is b'\\x1b[2J\\n')"),
+        (10, "125000\n", [125.0, 25.0], "sensor usb: set aside (125 degC is outside -20 to 90)"),
+    ],
+)
+def test_one_that_is_wrong_and_returns_is_told_once_each_and_leaves_the_other_alone(
+    make_sensors, phone, notes, number, content, read, note
+):
+    sensors, right = make_sensors(), temp(phone, number).read_text()
+    temp(phone, number).write_text(content)
+    assert [sensors.read(float(k)) for k in range(3)] == [read] * 3
+    temp(phone, number).write_text(right)
+    assert sensors.read(3.0) == [30.0, 25.0]
+    assert notes == [note, f"{note.split(': ')[0]}: is back"]
 
 
 def test_doubles_are_noted_and_the_lowest_number_is_taken(phone, make_sensors, notes):
     phone.zone(11, "usb-therm", "99000\n")
     assert make_sensors(inputs=[USB]).read(0.0) == [30.0]
     assert notes == [f"sensor usb: 2 have this name, reading {temp(phone, 10)}"]
-
-
-def test_a_value_outside_its_range_is_told_once_and_shown(sensors, phone, notes):
-    temp(phone, 10).write_text("125000\n")
-    assert [sensors.read(float(k)) for k in range(3)] == [[125.0, 25.0]] * 3
-    temp(phone, 10).write_text("31000\n")
-    sensors.read(3.0)
-    assert notes == ["sensor usb: set aside (125 degC is outside -20 to 90)", "sensor usb: is back"]
 
 
 def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, make_sensors, notes):
