@@ -126,6 +126,13 @@ def until() -> Callable[..., None]:
     return wait
 
 
+@pytest.fixture(scope="module")
+def memory() -> Iterator[Path]:
+    """A folder in memory, as /run and sysfs are, where there is one: a disk takes an hour for a million renames."""
+    with tempfile.TemporaryDirectory(dir="/dev/shm" if os.access("/dev/shm", os.W_OK) else None) as folder:
+        yield Path(folder)
+
+
 @pytest.fixture
 def public() -> Iterator[str]:
     """A folder that everyone may enter; pytest's own are closed to others. It is to outlive who publishes there."""

@@ -220,62 +220,58 @@ def test_a_zone_in_another_unit_is_named(check, model_file, sysfs, content, unit
     assert unit is None or ("sensor usb" in str(refused) and unit in str(refused))
 
 
+CONSUMERS = {
+    "thermald": ("etc/thermald/thermal-conf.xml", "thermald/thermal-conf.xml"),
+    "pixel-hal": ("vendor/etc/thermal_info_config.json", "pixel/thermal_info_config.json"),
+}
+"""Where each looks on a device, and what is shipped for it."""
+
+
 @pytest.fixture
 def followed(tmp_path):
-    """The chain from a file, published with some options, to what reads it on a device whose root is a folder."""
+    """The chain from a file, published with some options, to consumers with the shipped configuration or an edited one,
+    on a device whose root is a folder."""
     run, root = tmp_path / "run", tmp_path / "root"
     run.mkdir()
 
-    def follow(options, **configurations):
-        for path, text in configurations.items():
-            where = root / path.replace("__", "/").replace("_dot_", ".").replace("_", "-")
-            where.parent.mkdir(parents=True, exist_ok=True)
-            where.write_text(text.replace("/run/ambientd", str(run)))
+    def follow(options, consumer=None, *edit):
+        if consumer is not None:
+            where, shipped = (root / CONSUMERS[consumer][0], DEPLOY / CONSUMERS[consumer][1])
+            where.parent.mkdir(parents=True)
+            text = re.sub("/(run|dev)/ambientd", str(run), shipped.read_text())
+            where.write_text(text.replace(*edit) if edit else text)
         spec = Spec("file", f"{run}/ambient_temp", options=Options(**options))
-        prom = Spec("prometheus", f"{run}/ambient.prom")
-        found, faults = consumers.followed((spec, prom), str(root))
+        found, faults = consumers.followed((spec, Spec("prometheus", f"{run}/ambient.prom")), str(root))
         return found, [(fault.place, fault.problem) for fault in faults]
 
     return follow
 
 
-THERMALD = (DEPLOY / "thermald" / "thermal-conf.xml").read_text()
 SAFE = {"poison_millidegC": 60000, "at_exit": "poison"}
+SHUTS_DOWN = ('42.0, "NAN", "NAN"', '42.0, "NAN", 60.0')
 
 
 @pytest.mark.parametrize(
-    ("options", "problem"),
+    ("consumer", "options", "edit", "reads", "problem"),
     [
-        (SAFE, None),
-        ({}, "takes a missing file for 0 degC"),
-        ({"poison_millidegC": 60000}, "takes a missing file for 0 degC"),
-        ({**SAFE, "poison_millidegC": 25000}, "does not act on 25000"),
+        ("thermald", SAFE, (), "from 30000", None),
+        ("thermald", {}, (), "from 30000", "takes a missing file for 0 degC"),
+        ("thermald", {"poison_millidegC": 60000}, (), "from 30000", "takes a missing file for 0 degC"),
+        ("thermald", {**SAFE, "poison_millidegC": 25000}, (), "from 30000", "does not act on 25000"),
+        ("thermald", SAFE, ("ambient_temp", "ambient_tmp"), None, "ambient_tmp"),
+        ("pixel-hal", SAFE, (), "", None),
+        ("pixel-hal", {**SAFE, "poison_millidegC": 40000}, (), "", "does not act"),
+        ("pixel-hal", {}, (), "", "keeps its last"),
+        ("pixel-hal", SAFE, SHUTS_DOWN, "", "shuts the device down"),
+        ("pixel-hal", {**SAFE, "poison_millidegC": 40000}, SHUTS_DOWN, "", "does not act"),
     ],
 )
-def test_it_reports_what_thermald_does_after_a_fault(followed, options, problem):
-    found, faults = followed(options, etc__thermald__thermal_conf_dot_xml=THERMALD)
-    assert ["thermald reads file:" in each and "from 30000" in each for each in found] == [True]
-    assert [(place, problem in text) for place, text in faults] == ([("consumer thermald", True)] if problem else [])
-
-
-def test_it_reports_a_file_that_is_read_where_none_is_published(followed):
-    typo = THERMALD.replace("ambient_temp", "ambient_tmp")
-    found, [(place, problem)] = followed(SAFE, etc__thermald__thermal_conf_dot_xml=typo)
-    assert (found, place, "ambient_tmp" in problem) == ([], "consumer thermald", True)
-
-
-@pytest.mark.parametrize(("poison", "problem"), [(60000, None), (40000, "does not act"), (None, "keeps its last")])
-def test_it_reports_what_the_pixel_hal_does_after_a_fault(followed, tmp_path, poison, problem):
-    snippet = (DEPLOY / "pixel" / "thermal_info_config.json").read_text().replace("/dev/ambientd", "/run/ambientd")
-    where = tmp_path / "root/vendor/etc/thermal_info_config.json"
-    where.parent.mkdir(parents=True)
-    where.write_text(snippet.replace("/run/ambientd", f"{tmp_path}/run"))
-    options = {} if poison is None else {**SAFE, "poison_millidegC": poison}
-    found, faults = followed(options)
-    assert ["pixel-hal reads" in each for each in found] == [True]
-    assert [problem in text for _, text in faults] == ([True] if problem else [])
-    where.write_text(where.read_text().replace('42.0, "NAN", "NAN"', '42.0, "NAN", 60.0'))
-    assert ("shuts the device down" in str(followed(options)[1])) is (poison == 60000)
+def test_it_reports_what_a_consumer_does_after_a_fault(followed, consumer, options, edit, reads, problem):
+    found, faults = followed(options, consumer, *edit)
+    assert [each.startswith(f"{consumer} reads file:") and reads in each for each in found] == [True] * (
+        reads is not None
+    )
+    assert [(place, problem in text) for place, text in faults] == [(f"consumer {consumer}", True)] * bool(problem)
 
 
 def test_it_reports_a_reader_that_may_not_read(followed, tmp_path):

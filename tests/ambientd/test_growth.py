@@ -4,16 +4,16 @@ import itertools
 import json
 import math
 import os
-import shutil
 import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from processes import resident_kB
 
 TICKS = 1_000_000
 LOOK = 50_000
@@ -35,19 +35,6 @@ def long_trace(tmp_path: Path) -> Path:
             cells = ("" if gone else f"{value:.2f}" for gone, value in zip(away, values))
             stream.write(f"{k},{','.join(cells)}\n")
     return path
-
-
-def rss_KB(pid: int) -> int:
-    return int(Path(f"/proc/{pid}/status").read_text().partition("VmRSS:")[2].split()[0])
-
-
-@pytest.fixture
-def memory(tmp_path: Path) -> Iterator[Path]:
-    """A folder in memory, as /run is, where there is one: a disk takes an hour for a million renames."""
-    folder = Path(f"/dev/shm/ambientd-growth-{os.getpid()}") if os.access("/dev/shm", os.W_OK) else tmp_path / "run"
-    folder.mkdir()
-    yield folder
-    shutil.rmtree(folder)
 
 
 def read_all(path: str) -> None:
@@ -72,7 +59,7 @@ def test_neither_memory_nor_descriptors_grow(make_model, saved, long_trace, memo
         lines = process.stdout
         for _ in range(TICKS // LOOK - 1):
             *_, line = itertools.islice(lines, LOOK)
-            found.append((rss_KB(process.pid), len(os.listdir(f"/proc/{process.pid}/fd"))))
+            found.append((resident_kB(process.pid), len(os.listdir(f"/proc/{process.pid}/fd"))))
         *_, line = lines
     assert process.returncode == 0
     assert json.loads(line)["time_s"] == TICKS - 1

@@ -24,6 +24,7 @@ from ambient_model.codec import save_model
 from ambient_model.model import ErrorVariance, Model, Secondary, Term
 from ambient_trainer.simulator.simulate import simulate
 from device import add_zone
+from processes import resident_kB
 
 ROOT = Path(__file__).parents[2]
 BARE = Path(__file__).parent / "bare_loop.py"
@@ -42,20 +43,10 @@ Command = Callable[[float, str], list[str]]
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """In memory, where sysfs and /run are, too."""
-    memory = Path("/dev/shm")
-    made = memory / f"ambientd-cost-{os.getpid()}" if os.access(memory, os.W_OK) else tmp_path_factory.mktemp("device")
-    made.mkdir(exist_ok=True)
-    yield made
-    shutil.rmtree(made)
-
-
-@pytest.fixture(scope="module")
-def subjects(model: Model, folder: Path) -> dict[str, Command]:
+def subjects(model: Model, memory: Path) -> dict[str, Command]:
     """The bare loop and the daemon in its builds, on a fake sysfs with what the model reads."""
     inputs = enumerate(model.main.inputs)
-    zones = [str(add_zone(folder / "sys", index, each.zone) / "temp") for index, each in inputs]
+    zones = [str(add_zone(memory / "sys", index, each.zone) / "temp") for index, each in inputs]
     # a secondary estimator as large as the main one, which never takes precedence: what it costs is the same
     variance = ErrorVariance(0.25, (Term("movement", 300.0, 0.5), Term("guard", 60.0, 0.25)), model.main.interval)
     readings = model.readings._replace(starts=model.readings.starts[:1] * 2)
@@ -64,22 +55,22 @@ def subjects(model: Model, folder: Path) -> dict[str, Command]:
     fallbacks = model._replace(readings=None)
     named = {"plain": fallbacks._replace(fallbacks={}), "fallbacks": fallbacks, "validated": validated}
     for name, model_ in named.items():
-        save_model(str(folder / f"{name}.json"), model_)
-    packed, compiled = ([sys.executable, "-I", "-S", str(folder / name)] for name in ("ambientd.pyz", "compiled.pyz"))
+        save_model(str(memory / f"{name}.json"), model_)
+    packed, compiled = ([sys.executable, "-I", "-S", str(memory / name)] for name in ("ambientd.pyz", "compiled.pyz"))
     build = [sys.executable, str(ROOT / "deploy" / "build_zipapp.py"), "-o"]
     subprocess.run([*build, packed[-1]], check=True, capture_output=True)
     subprocess.run([*build, compiled[-1], "--compiled"], check=True, capture_output=True)
     installed = [str(Path(sys.executable).parent / "ambientd")]
 
     def daemon(program: list[str], name: str) -> Command:
-        rest = ["run", "--model", str(folder / f"{name}.json"), "--sysfs-root", str(folder / "sys")]
+        rest = ["run", "--model", str(memory / f"{name}.json"), "--sysfs-root", str(memory / "sys")]
         return lambda rate_hz, target: [*program, *rest, "--rate", str(rate_hz), "--publish", f"file:{target}"]
 
-    (folder / "room").write_text("21.5 0.5\n")
+    (memory / "room").write_text("21.5 0.5\n")
 
     def with_all(rate_hz: float, target: str, **more: object) -> list[str]:
         outputs = more.pop("publish", [f"file:{target}", f"status:{target}.json", f"socket:{target}.socket"])
-        values = {"model": str(folder / "validated.json"), "sysfs_root": str(folder / "sys"), "rate_hz": rate_hz}
+        values = {"model": str(memory / "validated.json"), "sysfs_root": str(memory / "sys"), "rate_hz": rate_hz}
         config = Path(f"{target}.config.json")
         config.write_text(json.dumps({**values, "publish": outputs, "state": {"path": f"{target}.state"}, **more}))
         return [*compiled, "run", "--config", str(config)]
@@ -92,19 +83,19 @@ def subjects(model: Model, folder: Path) -> dict[str, Command]:
         "the same, one file of sources": daemon(packed, "validated"),
         "the same, installed": daemon(installed, "validated"),
         "the same, learning from a reference": lambda rate_hz, target: with_all(
-            rate_hz, target, publish=[f"file:{target}"], reference={"path": str(folder / "room")}
+            rate_hz, target, publish=[f"file:{target}"], reference={"path": str(memory / "room")}
         ),
         "the same with status, socket and state": with_all,
-        "all of these": lambda rate_hz, target: with_all(rate_hz, target, reference={"path": str(folder / "room")}),
+        "all of these": lambda rate_hz, target: with_all(rate_hz, target, reference={"path": str(memory / "room")}),
     }
 
 
 @pytest.fixture
-def living_zones(model: Model, folder: Path) -> Iterator[None]:
+def living_zones(model: Model, memory: Path) -> Iterator[None]:
     """The zones follow half an hour of a simulated phone."""
     trace = simulate("5", seed=1).trace
     rows = np.round(np.column_stack([trace.column(each.column) for each in model.main.inputs]) * 10).astype(int) * 100
-    paths = [folder / f"sys/class/thermal/thermal_zone{index}/temp" for index in range(rows.shape[1])]
+    paths = [memory / f"sys/class/thermal/thermal_zone{index}/temp" for index in range(rows.shape[1])]
     descriptors = [os.open(path, os.O_WRONLY | os.O_CREAT) for path in paths]
     ended = threading.Event()
 
@@ -140,11 +131,6 @@ def _cpu_s(process: subprocess.Popen[bytes]) -> float:
     return time.clock_gettime((~process.pid << 3) | 2)
 
 
-def _rss_MB(process: subprocess.Popen[bytes]) -> float:
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    return int(status.partition("VmRSS:")[2].split()[0]) / 1024
-
-
 def _first_value_s(command: list[str], target: Path) -> float:
     """From the start of the process to the file that it publishes."""
     target.unlink(missing_ok=True)
@@ -178,25 +164,25 @@ def _ticks_s(processes: list[subprocess.Popen[bytes]], rate_hz: float, for_s: fl
 
 @pytest.mark.benchmark(group="daemon")
 @pytest.mark.parametrize("rate_hz", MEASURED_S)
-def test_a_device_s_hour(rate_hz, subjects, living_zones, folder, benchmark, noted):
+def test_a_device_s_hour(rate_hz, subjects, living_zones, memory, benchmark, noted):
     def measured() -> tuple[list[list[float]], list[float]]:
         with contextlib.ExitStack() as stack:
             processes = []
             for index, command in enumerate(subjects.values()):
-                target = str(folder / f"out{index}")
+                target = str(memory / f"out{index}")
                 processes.append(stack.enter_context(_running(command(rate_hz, target))))
                 time.sleep(1.237 / rate_hz)  # not all at the same moment
             time.sleep(1)
-            return _ticks_s(processes, rate_hz, MEASURED_S[rate_hz]), [_rss_MB(each) for each in processes]
+            return _ticks_s(processes, rate_hz, MEASURED_S[rate_hz]), [resident_kB(each.pid) for each in processes]
 
-    ticks, rss_MB = benchmark.pedantic(measured, rounds=1)
+    ticks, held_kB = benchmark.pedantic(measured, rounds=1)
     hours_s = [sum(each) / MEASURED_S[rate_hz] * 3600 for each in ticks]
-    for name, hour_s, each, MB in zip(subjects, hours_s, ticks, rss_MB):
+    for name, hour_s, each, kB in zip(subjects, hours_s, ticks, held_kB):
         p50, p99 = np.percentile(each, [50, 99]) * 1e6
         result = (
             f"{hour_s:.2f} CPU s an hour ({hour_s / hours_s[0]:.2f} x bare), tick p50 {p50:.0f} us, p99 {p99:.0f} us"
         )
-        noted(f"{rate_hz:g} Hz, 4 zones to 1 file", name, MEASURED_S[rate_hz], f"{result}, VmRSS {MB:.1f} MB")
+        noted(f"{rate_hz:g} Hz, 4 zones to 1 file", name, MEASURED_S[rate_hz], f"{result}, VmRSS {kB / 1024:.1f} MB")
     for each in ticks:
         assert len(each) == pytest.approx(rate_hz * MEASURED_S[rate_hz], rel=0.1, abs=2)
 
@@ -205,8 +191,8 @@ def test_a_device_s_hour(rate_hz, subjects, living_zones, folder, benchmark, not
 @pytest.mark.parametrize(
     "name", ["bare loop", "validated readings", "the same, one file of sources", "the same, installed"]
 )
-def test_the_first_estimate(name, subjects, living_zones, folder, benchmark, noted):
-    target = folder / "first"
+def test_the_first_estimate(name, subjects, living_zones, memory, benchmark, noted):
+    target = memory / "first"
     found = []
     benchmark.pedantic(
         lambda: found.append(_first_value_s(subjects[name](1.0, str(target)), target)), rounds=STARTS, iterations=1
@@ -266,13 +252,13 @@ def _instructions(command: list[str], target: Path) -> float:
 @pytest.mark.timeout(900)
 @pytest.mark.benchmark(group="daemon")
 @pytest.mark.parametrize(("count", "program"), [(_system_calls, "strace"), (_instructions, "valgrind")])
-def test_what_a_tick_counts(count, program, subjects, living_zones, folder, benchmark, noted):
+def test_what_a_tick_counts(count, program, subjects, living_zones, memory, benchmark, noted):
     if shutil.which(program) is None:
         pytest.skip(f"{program} is not installed")
     counted = ["bare loop", "recursion alone", "validated readings", "the same, learning from a reference"]
     counted += ["the same with status, socket and state", "all of these"]
     found = benchmark.pedantic(
-        lambda: [count(subjects[name](COUNTED_HZ, str(folder / "counted")), folder / "counted") for name in counted],
+        lambda: [count(subjects[name](COUNTED_HZ, str(memory / "counted")), memory / "counted") for name in counted],
         rounds=1,
     )
     for name, each in zip(counted, found):

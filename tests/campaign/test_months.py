@@ -4,9 +4,10 @@ import random
 import shutil
 import signal
 import socket
-from pathlib import Path
 
 import pytest
+
+from processes import resident_kB
 
 KINDS = ("usb-therm", "battery", "cpu-0-0")
 ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV")
@@ -97,10 +98,6 @@ class Months:
         assert self.daemon.steps(150)[-1]["status"] == "tracking"
         return self.daemon.descriptors, self.daemon.threads
 
-    def resident_kB(self):
-        lines = Path(f"/proc/{self.daemon.process.pid}/status").read_text().splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
-
 
 @pytest.mark.slow
 def test_whatever_happens_it_says_the_same_everywhere_and_keeps_nothing(start, zones):
@@ -110,15 +107,15 @@ def test_whatever_happens_it_says_the_same_everywhere_and_keeps_nothing(start, z
     quick += [months.suspend, months.set_clock, months.lose_folder]
     rare = [months.reload, months.block, months.heal]
     held = months.rest()
-    resident_kB = []
+    held_kB = []
     try:
         for _ in range(ROUNDS):
             months.pass_by(quick, 600)
             months.pass_by(rare, 30)
             assert months.rest() == held
-            resident_kB.append(months.resident_kB())
+            held_kB.append(resident_kB(months.daemon.process.pid))
     finally:
         for reader in months.readers:
             reader.close()
-    assert resident_kB[-1] - resident_kB[len(resident_kB) // 3] < 1024
+    assert held_kB[-1] - held_kB[len(held_kB) // 3] < 1024
     months.daemon.end()
