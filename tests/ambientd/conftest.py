@@ -15,6 +15,7 @@ from ambient_model.codec import decode, encode
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, ErrorVariance, Estimator, Input, Model, Secondary, Term
 from device import add_zone
+from processes import Done, ran
 
 PERIODS_S = (0.1, 0.2, 0.5, 1.0)
 INTERVAL = {50: (-0.2, 0.3), 90: (-0.5, 0.75), 98: (-1.0, 1.5)}
@@ -196,11 +197,9 @@ AMBIENTD = ("-m", "ambientd")
 
 
 @pytest.fixture
-def ambientd() -> "Callable[..., subprocess.CompletedProcess[str]]":
+def ambientd() -> Callable[..., Done]:
     """Run the command to its end, or what Python takes ``by``."""
-    return lambda *arguments, by=AMBIENTD: subprocess.run(
-        [sys.executable, *by, *map(str, arguments)], capture_output=True, text=True, timeout=30
-    )
+    return lambda *arguments, by=AMBIENTD: ran(sys.executable, *by, *arguments, status=None)
 
 
 Start = Callable[..., "subprocess.Popen[str]"]

@@ -9,7 +9,6 @@ import json
 import math
 import os
 import resource
-import subprocess
 import sys
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from ambientd.publish.prometheus import exposition
 from ambientd.report import Report, as_json
 from ambientd.state import StateFile
 from documents import anything, at, damaged, ways, with_value
+from processes import ran
 
 MEMORY = 96 * 2**20
 """Address space, of which a bare interpreter takes a third; the unit allows 64 MiB of memory."""
@@ -41,8 +41,8 @@ def limited():
 
 
 def ambientd(*arguments):
-    words = [sys.executable, "-m", "ambientd", *map(str, arguments)]
-    return subprocess.run(words, capture_output=True, text=True, timeout=120, preexec_fn=limited)
+    words = [sys.executable, "-m", "ambientd", *arguments]
+    return ran(*words, status=None, timeout=120, preexec_fn=limited)
 
 
 def refusal(*arguments):

@@ -4,13 +4,13 @@ changes."""
 import json
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 import ambientd
+from processes import ran
 
 PUBLISHER = """
 from ambientd.publish import Quiet
@@ -76,9 +76,8 @@ def copied(tmp_path):
         assert {path: (folder / path).read_bytes() for path in before} == before
         (tmp_path / "c.json").write_text(json.dumps(configuration))
         paths = [str(folder), *(each for each in sys.path if each.endswith("shared"))]
-        call = [sys.executable, "-m", "ambientd", *arguments, "--config", str(tmp_path / "c.json")]
-        env = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
-        return subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, timeout=30)
+        call = [sys.executable, "-m", "ambientd", *arguments, "--config", tmp_path / "c.json"]
+        return ran(*call, cwd=tmp_path, env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)}, status=None)
 
     return run
 

@@ -2,13 +2,13 @@
 
 import os
 import signal
-import subprocess
 import sys
 
 import pytest
 
 from ambientd.client import Reading, Sensor
 from ambientd.watch import as_text
+from processes import ran
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_it_ends_with_1_where_no_one_listens(ambientd, path):
 def test_a_reader_of_it_that_has_enough_ends_it(daemon, path):
     daemon()
     command = f"{sys.executable} -m ambientd watch {path} | head -n 2"
-    done = subprocess.run(["/bin/sh", "-c", command], capture_output=True, text=True, timeout=30)
+    done = ran("/bin/sh", "-c", command)
     assert (len(done.stdout.splitlines()), done.stderr) == (2, "")
 
 

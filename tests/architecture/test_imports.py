@@ -1,8 +1,9 @@
 import ast
-import subprocess
 import sys
 
 import pytest
+
+from processes import ran
 
 HEAVY = {"asyncio", "dataclasses", "logging", "pathlib", "subprocess", "tempfile"}
 COST = "on the device every import costs start-up time and memory (asyncio 10 MB, dataclasses 27 ms): do without"
@@ -72,9 +73,7 @@ def imported_by(sources, *packages: str) -> set[str]:
         path=[str(sources.root / "shared"), str(sources.root / "daemon")],
         modules=[name for package in packages for name in sources.modules(package) if not name.endswith("__main__")],
     )
-    done = subprocess.run([sys.executable, "-I", "-S", "-c", script], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0, done.stderr
-    return set(done.stdout.split())
+    return set(ran(sys.executable, "-I", "-S", "-c", script).stdout.split())
 
 
 @pytest.mark.parametrize("packages", [("ambient_model",), ("ambient_model", "ambientd")])

@@ -2,11 +2,12 @@
 
 import ast
 import importlib
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 WITHOUT = """
 import sys
@@ -28,21 +29,18 @@ EXPORTING = (
 """Packages of which the studies import exported names only."""
 
 
-def _run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", WITHOUT, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=220)
+def _run(*arguments: object, status: int = 0) -> str:
+    return ran(sys.executable, "-c", WITHOUT, *arguments, status=status, timeout=220).stdout
 
 
 def test_the_product_works_without_the_studies(tmp_path: Path) -> None:
     shown = _run("--help")
-    assert shown.returncode == 0, shown.stderr
-    assert "Studies" not in shown.stdout
-    assert "fit" in shown.stdout
-    assert _run("reproduce").returncode == 2
+    assert "Studies" not in shown
+    assert "fit" in shown
+    _run("reproduce", status=2)
     trace, model = tmp_path / "trace.csv", tmp_path / "model.json"
     trace.write_text("time_s,usb_degC,ambient_degC\n" + "".join(f"{k},{20 + k % 7},{18 + k % 5}\n" for k in range(60)))
-    fitted = _run("fit", trace, "--circuit", "linear_usb", "-o", model)
-    assert fitted.returncode == 0, fitted.stderr
+    _run("fit", trace, "--circuit", "linear_usb", "-o", model)
     assert model.exists()
 
 

@@ -25,6 +25,7 @@ import pytest
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 from device import add_zone
+from processes import ran
 
 HERE = Path(__file__).parent
 POISON_MILLIDEGC = 99000
@@ -294,8 +295,8 @@ def device_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if compiler is None:
         pytest.skip("no C compiler: sensors that fail and a clock that moves need device.c")
     built = tmp_path_factory.mktemp("device") / "device.so"
-    call = [compiler, "-O1", "-Wall", "-shared", "-fPIC", str(HERE / "device.c"), "-o", str(built), "-ldl"]
-    done = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    flags = ["-O1", "-Wall", "-shared", "-fPIC"]
+    done = ran(compiler, *flags, HERE / "device.c", "-o", built, "-ldl", status=None)
     if done.returncode:
         pytest.skip(f"device.c does not compile here: {done.stderr.splitlines()[:1]}")
     return built
@@ -333,9 +334,9 @@ def config(tmp_path: Path, model_file: str, zones: Zones) -> Callable[..., Path]
 
 
 @pytest.fixture
-def patience_s() -> float:
-    """How long the daemon waits for a sensor: long, so that a loaded machine fails no reading; see test_blocking."""
-    return 30.0
+def patience_s(request: pytest.FixtureRequest) -> float:
+    """How long the daemon waits for a sensor: long, so that a loaded machine fails no reading; or a module's own."""
+    return getattr(request.module, "PATIENCE_S", 30.0)
 
 
 @pytest.fixture

@@ -5,15 +5,11 @@ import signal
 import subprocess
 import sys
 
-import pytest
+from processes import ran
 
 FOR_EVER_S = 1e6
-
-
-@pytest.fixture
-def patience_s():
-    """The daemon's own."""
-    return 0.25
+PATIENCE_S = 0.25
+"""The daemon's own."""
 
 
 def test_one_that_blocks_is_done_without_until_it_answers(tracking, zones):
@@ -47,10 +43,8 @@ def test_it_ends_and_reloads_while_one_blocks(tracking, zones):
 
 def test_check_names_one_that_blocks(device_library, config, make_outputs, clock, zones, tmp_path):
     zones.fail("battery", block_s=FOR_EVER_S)
-    call = [sys.executable, "-m", "ambientd", "check", "--config", str(config(make_outputs(tmp_path / "out")))]
-    env = {"LD_PRELOAD": str(device_library), "CAMPAIGN_CLOCK": str(clock.path)}
-    done = subprocess.run(call, capture_output=True, text=True, timeout=60, env=env)
-    assert done.returncode == 1
+    call = [sys.executable, "-m", "ambientd", "check", "--config", config(make_outputs(tmp_path / "out"))]
+    done = ran(*call, status=1, env={"LD_PRELOAD": str(device_library), "CAMPAIGN_CLOCK": str(clock.path)})
     assert "sensor battery: a reading takes more than 0.25 s" in done.stderr
     assert "usb, " in done.stdout
 

@@ -12,13 +12,9 @@ from processes import resident_kB
 KINDS = ("usb-therm", "battery", "cpu-0-0")
 ERRORS = ("EAGAIN", "ENODATA", "ENXIO", "EIO", "ETIMEDOUT", "ENODEV")
 ROUNDS = 15
+PATIENCE_S = 0.25
+"""The daemon's own."""
 GARBAGE = (b"", b"-32768000\n", b"nan\n", b"125000\n", b"\xff" * 50)
-
-
-@pytest.fixture
-def patience_s():
-    """The daemon's own."""
-    return 0.25
 
 
 class Months:
@@ -31,25 +27,15 @@ class Months:
         self.readers = []
         self.numbers = iter(range(100, 100_000))
 
-    def healed(self, kind):
+    def kind(self):
+        return self.dice.choice(KINDS)
+
+    def heal(self, kind):
         if (self.zones.find(kind) / "temp.fault").exists():
             self.zones.heal(kind)
         self.zones.say(kind, self.dice.randrange(20000, 40000))
 
-    def heal(self):
-        self.healed(self.dice.choice(KINDS))
-
-    def fail(self):
-        self.zones.fail(self.dice.choice(KINDS), self.dice.choice(ERRORS))
-
-    def garble(self):
-        self.zones.say(self.dice.choice(KINDS), self.dice.choice(GARBAGE))
-
-    def warm(self):
-        self.zones.say(self.dice.choice(KINDS), self.dice.randrange(-10000, 60000))
-
-    def renumber(self):
-        kind = self.dice.choice(KINDS)
+    def renumber(self, kind):
         self.zones.unplug(kind)
         self.zones.add(next(self.numbers), kind, 30000)
 
@@ -63,10 +49,7 @@ class Months:
 
     def suspend(self):
         with self.daemon.suspended(float(2 ** self.dice.randrange(13))):
-            self.healed(self.dice.choice(KINDS))
-
-    def set_clock(self):
-        self.daemon.clock.set_wall_back_s(self.dice.uniform(-1e6, 1e6))
+            self.heal(self.kind())
 
     def lose_folder(self):
         folder = self.daemon.outputs.folder
@@ -76,22 +59,16 @@ class Months:
         folder.mkdir()
         self.daemon.tick()
 
-    def reload(self):
-        self.daemon.process.send_signal(signal.SIGHUP)
-
-    def block(self):
-        self.zones.fail(self.dice.choice(KINDS), block_s=0.3)
-
     def pass_by(self, events, steps):
         for _ in range(steps):
             if self.dice.random() < 0.1:
-                self.dice.choice(events)()
+                self.dice.choice(events)(self)
             self.daemon.step()
 
     def rest(self):
         """All is well again, and quiet; what of the daemon is then to be seen."""
         for kind in KINDS:
-            self.healed(kind)
+            self.heal(kind)
         for reader in self.readers:
             reader.close()
         self.readers = []
@@ -99,19 +76,32 @@ class Months:
         return self.daemon.descriptors, self.daemon.threads
 
 
+QUICK = [
+    *(Months.connect, Months.leave, Months.suspend, Months.lose_folder),
+    lambda it: it.heal(it.kind()),
+    lambda it: it.renumber(it.kind()),
+    lambda it: it.zones.fail(it.kind(), it.dice.choice(ERRORS)),
+    lambda it: it.zones.say(it.kind(), it.dice.choice(GARBAGE)),
+    lambda it: it.zones.say(it.kind(), it.dice.randrange(-10000, 60000)),
+    lambda it: it.daemon.clock.set_wall_back_s(it.dice.uniform(-1e6, 1e6)),
+]
+RARE = [
+    lambda it: it.daemon.process.send_signal(signal.SIGHUP),
+    lambda it: it.zones.fail(it.kind(), block_s=0.3),
+    lambda it: it.heal(it.kind()),
+]
+
+
 @pytest.mark.slow
 def test_whatever_happens_it_says_the_same_everywhere_and_keeps_nothing(start, zones):
     """At each tick all that is published agrees; after each round it holds what it held before, and not more."""
     months = Months(start(supervision={"jump_K_per_s": 20, "stuck_after_s": 600}), zones, seed=4)
-    quick = [months.heal, months.fail, months.garble, months.warm, months.renumber, months.connect, months.leave]
-    quick += [months.suspend, months.set_clock, months.lose_folder]
-    rare = [months.reload, months.block, months.heal]
     held = months.rest()
     held_kB = []
     try:
         for _ in range(ROUNDS):
-            months.pass_by(quick, 600)
-            months.pass_by(rare, 30)
+            months.pass_by(QUICK, 600)
+            months.pass_by(RARE, 30)
             assert months.rest() == held
             held_kB.append(resident_kB(months.daemon.process.pid))
     finally:

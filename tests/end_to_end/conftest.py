@@ -2,11 +2,12 @@
 
 import itertools
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
 MEASURED = ROOT.parent / "shared" / "measured"
@@ -29,9 +30,7 @@ def process():
     """Run a command line as a process of its own; fails the test where it does."""
 
     def run(module, *arguments):
-        done = subprocess.run([sys.executable, "-m", module, *map(str, arguments)], capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        return ran(sys.executable, "-m", module, *arguments, timeout=None).stdout
 
     return run
 

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,12 +14,13 @@ from ambient_trainer.data.trace import load_trace
 from ambient_trainer.laboratory.simulation import room_air
 from ambient_trainer.simulator import run as simulator_run
 from ambient_trainer.simulator.scenario import scenario_path
+from processes import ran
 
 SPEED = 200
 
 
-def collector(*arguments):
-    return [sys.executable, "-m", "ambient_trainer", "collect", *map(str, arguments)]
+def collected(*arguments, status=0):
+    return ran(sys.executable, "-m", "ambient_trainer", "collect", *arguments, status=status, timeout=None)
 
 
 def test_a_dry_run_prints_the_schedule_and_the_length(call):
@@ -84,10 +84,8 @@ def short(tmp_path):
 
 def test_a_simulated_run_prints_lines_and_a_summary(short, tmp_path):
     output = tmp_path / "t.csv"
-    done = subprocess.run(
-        collector(short, "--simulate", "--speed", 100, "-o", output), capture_output=True, text=True, timeout=60
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    done = collected(short, "--simulate", "--speed", 100, "-o", output)
+    assert done.stderr == ""
     assert re.search(
         r"0:00:0\d  step 1 of 2: 25 degC, ambient (-|[\d.]+) degC, 0:0\d:\d\d left, \d+ samples on disk", done.stdout
     )
@@ -110,13 +108,10 @@ def test_ctrl_c_comes_to_safety_and_resume_goes_on(interrupted, short, tmp_path)
     assert (tmp_path / "t.csv.part").exists()
 
     for options, remedy in ((("--speed", 50), "--resume"), (("--resume",), "--simulate --speed 50")):
-        again = subprocess.run(collector(short, "--simulate", *options, "-o", output), capture_output=True, text=True)
-        assert again.returncode == 1
+        again = collected(short, "--simulate", *options, "-o", output, status=1)
         assert all(part in again.stderr for part in ("t.csv.part", remedy))
-    done = subprocess.run(
-        collector(short, "--simulate", "--speed", 50, "--resume", "-o", output), capture_output=True, text=True
-    )
-    assert (done.returncode, done.stderr) == (0, "")
+    done = collected(short, "--simulate", "--speed", 50, "--resume", "-o", output)
+    assert done.stderr == ""
     assert re.search(r"resumed after \d+ s", done.stdout)
     assert not (tmp_path / "t.csv.part").exists()
     trace = load_trace(str(output))

@@ -7,7 +7,7 @@ from typing import Any
 Done = subprocess.CompletedProcess[str]
 
 
-def ran(*words: object, status: int | None = 0, timeout: float = 60, **options: Any) -> Done:
+def ran(*words: object, status: int | None = 0, timeout: float | None = 60, **options: Any) -> Done:
     """What a command did; the test fails where its status is another than ``status``, None for any."""
     options = {"capture_output": True, "text": True, **options}
     done = subprocess.run([*map(str, words)], timeout=timeout, **options)
