@@ -22,19 +22,8 @@ MAX_AGE_RANGE_S = (1.0, 3600.0)
 COAST_RANGE_S = (0.0, 600.0)
 """All readings since the loss are kept: at 20 Hz ten minutes are some megabytes."""
 _KEYS = (
-    "model",
-    "rate_hz",
-    "sysfs_root",
-    "publish",
-    "level_percent",
-    "zones",
-    "coast_s",
-    "state",
-    "zones_by_name",
-    "sensors",
-    "supervision",
-    "access",
-    "reference",
+    *("model", "rate_hz", "sysfs_root", "publish", "level_percent", "zones", "coast_s", "state", "zones_by_name"),
+    *("sensors", "supervision", "access", "reference"),
 )
 _LARGEST_BYTES = 2**16
 _LONGEST_TEXT = 1000
@@ -177,20 +166,22 @@ class _Reading:
         settings = settings._replace(access=self.common_access)
         readers: dict[str, Callable[[str, Any], Any]] = {
             "model": self.file,
-            "rate_hz": self.rate,
+            "rate_hz": lambda place, value: self.number(place, value, RATE_RANGE_HZ),
             "sysfs_root": self.file,
             "publish": self.publish,
             "level_percent": self.level,
             "zones": self.zones,
-            "coast_s": self.coast,
+            "coast_s": lambda place, value: self.number(place, value, COAST_RANGE_S),
             "state": self.state,
             "zones_by_name": self.file,
             "sensors": self.sensors,
             "supervision": lambda place, value: read_rules(place, value, self.fault),
             "reference": self.reference,
         }
-        for name in self.named_twice(data.get("zones"), data.get("sensors")):
-            self.fault(f"sensors.{name}", "stands under 'zones', too", "name it once")
+        zones, sensors = data.get("zones"), data.get("sensors")
+        if isinstance(zones, dict) and isinstance(sensors, dict):
+            for name in filter(sensors.__contains__, zones):
+                self.fault(f"sensors.{name}", "stands under 'zones', too", "name it once")
         if "reference" in data and "state" not in data:
             self.fault("reference", "needs 'state', where what is learnt is kept", "add 'state: {path: FILE}'")
         if "model" not in data:
@@ -221,12 +212,6 @@ class _Reading:
             self.fault(place, f"is {value!r}", f"a number between {low:g} and {high:g} is wanted")
             return low
         return float(value)
-
-    def rate(self, place: str, value: Any) -> float:
-        return self.number(place, value, RATE_RANGE_HZ)
-
-    def coast(self, place: str, value: Any) -> float:
-        return self.number(place, value, COAST_RANGE_S)
 
     def state(self, place: str, value: Any) -> StateSpec | None:
         if not isinstance(value, dict):
@@ -280,10 +265,6 @@ class _Reading:
             return {}
         read = {str(name): read_location(f"{place}.{name}", each, self.fault) for name, each in value.items()}
         return {name: location for name, location in read.items() if location}
-
-    def named_twice(self, zones: Any, sensors: Any) -> list[str]:
-        both = isinstance(zones, dict) and isinstance(sensors, dict)
-        return [str(name) for name in zones if name in sensors] if both else []
 
     def publish(self, place: str, value: Any) -> tuple[Spec, ...]:
         if not isinstance(value, list) or not value:

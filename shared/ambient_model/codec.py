@@ -456,18 +456,11 @@ class _Reading:
         )
 
     def limits(self, place: str, value: Any) -> SensorLimits:
-        data = self.record(place, value, SensorLimits._fields[:-2], SensorLimits._fields[-2:])
-        return SensorLimits(
-            step=self.not_negative(f"{place}.step", data.get("step")),
-            jump=self.positive(f"{place}.jump", data.get("jump")),
-            gate=self.positive(f"{place}.gate", data.get("gate")),
-            slow_gate=self.positive(f"{place}.slow_gate", data.get("slow_gate")),
-            still_s=self.positive(f"{place}.still_s", data.get("still_s")),
-            memory_s=self.positive(f"{place}.memory_s", data.get("memory_s")),
-            effect_degC=self.not_negative(f"{place}.effect_degC", data.get("effect_degC")),
-            turn=self.not_negative(f"{place}.turn", data.get("turn", 0.0)),
-            start=self.not_negative(f"{place}.start", data.get("start", 0.0)),
-        )
+        needed, later = SensorLimits._fields[:-2], SensorLimits._fields[-2:]
+        data = {**dict.fromkeys(later, 0.0), **self.record(place, value, needed, later)}
+        may_be_zero = ("step", "effect_degC", "turn", "start")
+        readers = {key: self.not_negative if key in may_be_zero else self.positive for key in SensorLimits._fields}
+        return SensorLimits(*[read(f"{place}.{key}", data.get(key)) for key, read in readers.items()])
 
     def conformance(self, value: Any) -> Conformance:
         data = self.record("conformance", value, Conformance._fields)
