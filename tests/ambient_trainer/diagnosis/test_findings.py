@@ -14,7 +14,7 @@ from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Lag
-from ambient_trainer.diagnosis.greybox.model import Mechanism, Number
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.later import Later
 from ambient_trainer.diagnosis.result import Cause
@@ -28,7 +28,7 @@ def heat(driver: str | None, **amounts: tuple[float, float]) -> Heat:
 
 def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scale():
     mechanism = heat("load_frac", coil=(40.0, 20.0), controller=(5.0, 0.1))
-    final = SimpleNamespace(model=SimpleNamespace(own=(), mechanisms=(mechanism,)), covariance=np.eye(2))
+    final = SimpleNamespace(model=GreyBox(None, (), (mechanism,)), covariance=np.eye(2))
     magnitude, _ = _numbers(final, 0)
     assert (magnitude.value, magnitude.meaning) == (40.0, "heat into coil")
 

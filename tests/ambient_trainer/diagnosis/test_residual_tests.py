@@ -6,15 +6,10 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from ambient_trainer.diagnosis.residual_tests import residual_tests
-from ambient_trainer.diagnosis.residual_tests.dependence import Dependence, thresholds
-from ambient_trainer.diagnosis.residual_tests.grid import Grid
-from ambient_trainer.diagnosis.residual_tests.noise import PAST, autoregression_of, filters_of, past, whitened
-from ambient_trainer.diagnosis.residual_tests.whiteness import (
-    autocorrelation,
-    autocorrelation_time,
-    cumulated_periodogram,
-    ljung_box,
-)
+from ambient_trainer.diagnosis.residual_tests.all_tests import residual_memory_s
+from ambient_trainer.diagnosis.residual_tests.dependence import thresholds
+from ambient_trainer.diagnosis.residual_tests.memory import PAST, past, remembered, simulated, whitening
+from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation, cumulated_periodogram, ljung_box
 
 WHITENESS = {"whiteness", "periodogram", "memory"}
 SENSORS = ("soc", "flash")
@@ -177,7 +172,7 @@ def test_ljung_and_box_by_hand():
 def test_the_autocorrelation_skips_gaps():
     series = np.random.default_rng(2).standard_normal(60)
     series[[5, 6, 30]] = np.nan
-    rho, pairs = autocorrelation(series, 5)
+    rho, pairs = autocorrelation(series)
     centred = series - np.nanmean(series)
     for lag in range(6):
         products = centred[lag:] * centred[: 60 - lag]
@@ -197,51 +192,40 @@ def test_the_periodogram_is_kolmogorovs(samples):
     oracle = stats.ks_1samp(np.cumsum(power)[:-1] / np.sum(power), stats.uniform.cdf)
     assert said.statistic == pytest.approx(oracle.statistic)
     assert said.significant == (oracle.pvalue < 0.05)
+    assert "swings slower than" in said.sentence
 
 
 def test_memory_is_the_time_to_one_over_e_whitens_and_simulates_alike():
     series = remembering(np.exp(-1 / 20), (200_000,), np.random.default_rng(4))
-    assert autocorrelation_time(series, "soc", 5.0).statistic == pytest.approx(100.0, rel=0.05)
+    assert residual_memory_s(5.0 * np.arange(1200), series[:1200]) == pytest.approx(100.0, rel=0.2)
     random = np.random.default_rng(5)
     series = remembering(0.97, (1200,), random) + 0.5 * random.standard_normal(1200)
-    memory = autoregression_of(series)
-    innovations = whitened(series[None], filters_of(series[None], memory.order, memory.rows), memory.rows)[0]
+    rows = remembered(series)
+    innovations = past(series[None], rows)[0] @ whitening(series[None], rows)[0]
     assert not ljung_box(innovations, "", 0.01).significant
-    again = memory.simulated(200, 1200, random)
-    rho = np.mean([autocorrelation(each, 40)[0] for each in again], axis=0)
-    assert rho[1:] == pytest.approx(autocorrelation(series, 40)[0][1:], abs=0.08)
+    again = simulated(series, rows, 200, random)
+    rho = np.mean([autocorrelation(each)[0] for each in again], axis=0)
+    assert rho[1:41] == pytest.approx(autocorrelation(series)[0][1:41], abs=0.08)
 
 
 def test_the_past_is_made_of_means():
-    series = np.arange(40.0) ** 2
-    rows = np.array([33, 39])
-    found = past(series[None], len(PAST), rows)[0]
-    for row, at in zip(found, rows):
-        assert row == pytest.approx([series[at], *(np.mean(series[at - b : at - a + 1]) for a, b in PAST)])
+    series = np.random.default_rng(6).standard_normal(400)
+    series[[3, 70]] = np.nan
+    rows = remembered(series)
+    assert rows.tolist() == [*range(36, 70), *range(103, 400)]
+    known = np.array([[series[at], *(series[at - b : at - a + 1].mean() for a, b in PAST)] for at in rows])
+    assert past(series[None], rows)[0] == pytest.approx(known - known.mean(axis=0))
 
 
-def test_the_grid_takes_means_and_bridges_gaps():
+def test_a_long_residual_is_tested_by_means():
     time_s = np.arange(5000.0)
-    grid = Grid.over(time_s)
-    assert grid.samples <= 1200
     values = np.sin(time_s / 300)
-    values[1000:1100] = np.nan
-    means = grid.means(values)
-    middle = int((1050 + grid.step_s / 2) / grid.step_s)
-    assert np.isnan(means[middle])
-    known = np.isfinite(means)
-    assert means[known] == pytest.approx(np.sin(grid.time_s / 300)[known], abs=0.01)
-    assert grid.filled(values)[~known] == pytest.approx(np.sin(grid.time_s / 300)[~known], abs=0.02)
-    assert grid.filled(np.full(5000, np.nan)) is None
-    even = Grid.over(10.0 * np.arange(100))
-    assert even.means(np.arange(100.0)).tolist() == list(range(100))
+    assert residual_memory_s(time_s, values) == pytest.approx(residual_memory_s(time_s[::5], values[::5]), rel=0.01)
 
 
 def test_the_thresholds_hold_for_all_subjects_together():
     random = np.random.default_rng(6)
-    found = [Dependence("drift", "soc", str(k), 0.0, scale * np.abs(random.standard_normal(4000)), 0.0, 0.0)
-             for k, scale in enumerate((1.0, 3.0, 0.2, 1.0))]  # fmt: skip
-    limits = np.array(thresholds(found, 0.05))
+    scales = np.array([1.0, 3.0, 0.2, 1.0])
+    limits = np.array(thresholds([scale * np.abs(random.standard_normal(4000)) for scale in scales], 0.05))
     # of four independent normal ones: the two-sided quantile of the Sidak level
-    expected = stats.norm.isf((1 - 0.95**0.25) / 2)
-    assert limits / [1.0, 3.0, 0.2, 1.0] == pytest.approx(expected, rel=0.06)
+    assert limits / scales == pytest.approx(stats.norm.isf((1 - 0.95**0.25) / 2), rel=0.06)

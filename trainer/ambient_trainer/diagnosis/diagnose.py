@@ -3,7 +3,7 @@
 Without known-good records the question is what the circuit lacks, with them what has changed since.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,8 +14,8 @@ from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.diagnosis.findings import ranking_of, steps_of, unknown_step
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.diagnosis.findings import left_degC, ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
@@ -167,7 +167,7 @@ def _diagnosis(
         steps, share = (unknown_step(bare, longest),), None
     elif much_left and share is not None:
         steps = tuple(replace(each, confidence=share * each.confidence) for each in steps)
-    fitted = extended_circuit(circuit, bare.model) if bare.model.mechanisms else _fitted(circuit, bare)
+    fitted = with_values(forward(circuit), {each.name: each.value for each in bare.model.own})
     record = bare.records[longest]
     own = bare.model.network(record, bare.model.z()[None])
     simulated = record.sensors - bare.residual_degC(longest)
@@ -177,7 +177,7 @@ def _diagnosis(
         circuit=circuit.name,
         baselines=tuple(baselines),
         time_s=record.time_s,
-        signals={name: row for name, row in record.signals.items() if _shown(name)},
+        signals={name: row for name, row in record.signals.items() if name == REFERENCE or name[-5:] != "_degC"},
         misfit=misfit_of(bare.model.circuit, own, record, simulated),
         steps=steps,
         verdict=steps[0] if steps else None,
@@ -185,19 +185,11 @@ def _diagnosis(
         next_experiment=next_experiment(selection, steps),
         extended=extended_circuit(circuit, final.model) if named else None,
         candidates_tried=selection.compared.tried,
-        fitted=fitted,
+        fitted=extended_circuit(circuit, bare.model) if bare.model.mechanisms else fitted,
         floor_degC=floor_degC,
         explained_share=share,
         notes=(f"{final.rmse_degC:.2f} degC is left: something else is missing, too.",) if named and much_left else (),
     )
-
-
-def _shown(name: str) -> bool:
-    return name == REFERENCE or not name.endswith("_degC")
-
-
-def _fitted(circuit: Circuit, bare: Fitted) -> Circuit:
-    return with_values(forward(circuit), {each.name: each.value for each in bare.model.own})
 
 
 def _share(before: float, after: float, floor: float) -> float | None:
@@ -249,32 +241,28 @@ def _much_left(fitted: Fitted, share: float | None) -> bool:
 def _left(fitted: Fitted) -> tuple[float, float]:
     """What is left beside the deviation of what was read: at the worst sensor, and of all together."""
     read = np.concatenate([record.sensors for record in fitted.records], axis=1)
-    left = np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
-    square, variance = np.nanmean(left**2, axis=1), np.nanvar(read, axis=1)
+    square, variance = np.nanmean(left_degC(fitted) ** 2, axis=1), np.nanvar(read, axis=1)
     worst = np.sqrt(np.max(square / np.maximum(variance, _SMALL_DEGC**2)))
     return float(worst), float(np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2)))
 
 
 def _halved_by_a_log(steps: Sequence[Step]) -> bool:
     """Whether heat by a logged driver, named first, takes more than half of the error: that holds whatever is left."""
-    if not steps or steps[0].cause.name != "heat_source" or steps[0].cause.signal is None:
-        return False
-    return steps[0].gain.rmse_after_degC < _HALF * steps[0].gain.rmse_before_degC
+    heat = bool(steps) and steps[0].cause.name == "heat_source" and steps[0].cause.signal is not None
+    return heat and steps[0].gain.rmse_after_degC < _HALF * steps[0].gain.rmse_before_degC
 
 
 def _confounded(selection: Selection) -> bool:
     """Whether the first step is heat that nothing logged drives, or a body slower than the record, beside a reference
     that never moves: a warmer ambient does the same, within reason."""
-    given, final = len(selection.bare.model.mechanisms), selection.final
-    if any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
+    added, final = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :], selection.final
+    if not added or any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
         return False
     longest_s = max(record.samples * record.period_s for record in final.records)
-    first = next(iter(final.model.mechanisms[given:]), None)
-    if first is None:
-        return False
-    slow = first.cause == "thermal_mass" and _settles_in_s(first, final) > _SLOW * longest_s
-    constant = first.cause == "heat_source" and first.driver is None
-    return slow or (constant and _rise_degC(first, final) < _NO_ROOM_DEGC)
+    if added[0].cause == "thermal_mass":
+        return _settles_in_s(added[0], final) > _SLOW * longest_s
+    constant = added[0].cause == "heat_source" and added[0].driver is None
+    return constant and _rise_degC(added[0], final) < _NO_ROOM_DEGC
 
 
 def _rise_degC(heat: Mechanism, fitted: Fitted) -> float:
@@ -298,39 +286,23 @@ def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
-    circuit, faults = forward(circuit), []
-    for trace in traces:
-        if len(trace.time_s) < FEWEST_SAMPLES:
-            problem = f"{len(trace.time_s)} samples are too few for a diagnosis"
-            hint = f"at least {FEWEST_SAMPLES} are needed: leave out less (--from, --to, --later), or log longer"
-            faults.append(Fault(trace.path, problem, hint))
-            continue
-        faults.extend(_empty(circuit, trace))
-        for name in circuit.inputs:
-            faults.extend(_same_as_a_sensor(circuit, trace, name))
+    faults = [each for trace in traces for each in _faults(forward(circuit), trace)]
     if faults:
         raise Refused("diagnose", faults)
 
 
-def _empty(circuit: Circuit, trace: Trace) -> list[Fault]:
-    wanted = (*circuit.inputs, *(output.column for output in circuit.outputs))
-    return [
-        Fault(trace.path, f"{name} holds no value", "log it, or take a circuit without it")
-        for name in wanted
-        if np.isnan(trace.column(name)).all()
-    ]
-
-
-def _same_as_a_sensor(circuit: Circuit, trace: Trace, name: str) -> list[Fault]:
-    if not name.endswith("_degC"):
-        return []
-    return [
-        Fault(trace.path, f"{name} is {output.column}, value by value", "log what it stands for")
-        for output in circuit.outputs
-        if _alike(trace.column(output.column), trace.column(name))
-    ]
-
-
-def _alike(one: Array, other: Array) -> bool:
-    apart = np.abs(one - other)
-    return bool((apart[~np.isnan(apart)] <= _ROUNDING_DEGC).all()) and not np.isnan(apart).all()
+def _faults(circuit: Circuit, trace: Trace) -> Iterator[Fault]:
+    """What keeps a trace from being diagnosed: too few samples, a column without values, one that copies a sensor."""
+    if (samples := len(trace.time_s)) < FEWEST_SAMPLES:
+        hint = f"at least {FEWEST_SAMPLES} are needed: leave out less (--from, --to, --later), or log longer"
+        yield Fault(trace.path, f"{samples} samples are too few for a diagnosis", hint)
+        return
+    sensors = [output.column for output in circuit.outputs]
+    for name in (*circuit.inputs, *sensors):
+        if np.isnan(trace.column(name)).all():
+            yield Fault(trace.path, f"{name} holds no value", "log it, or take a circuit without it")
+    for name in (each for each in circuit.inputs if each.endswith("_degC")):
+        for sensor in sensors:
+            apart = np.abs(trace.column(sensor) - trace.column(name))
+            if (apart[~np.isnan(apart)] <= _ROUNDING_DEGC).all() and not np.isnan(apart).all():
+                yield Fault(trace.path, f"{name} is {sensor}, value by value", "log what it stands for")

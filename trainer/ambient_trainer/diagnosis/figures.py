@@ -51,13 +51,11 @@ def _shades(diagnosis: Diagnosis) -> list[Shade]:
 def simulated(diagnosis: Diagnosis) -> go.Figure:
     """A panel a sensor: measured, simulated by the circuit as given, and by the circuit with every step."""
     misfit = diagnosis.misfit
-    last = diagnosis.explained[-1] if diagnosis.explained else None
     panels = []
-    for number, (sensor, measured, given) in enumerate(
-        zip(misfit.sensors, misfit.measured_degC, misfit.simulated_degC)
-    ):
+    for number, sensor in enumerate(misfit.sensors):
+        measured, given = misfit.measured_degC[number], misfit.simulated_degC[number]
         lines = [Line("measured", measured, MEASURED, 1.4), Line("simulated, circuit as given", given, SIMULATED, 1.4)]
-        if last is not None:
+        for last in diagnosis.explained[-1:]:
             lines.append(Line("simulated with the causes", measured - last.residual_degC[number], EXTENDED, 1.4))
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=170))
     return stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
@@ -65,16 +63,15 @@ def simulated(diagnosis: Diagnosis) -> go.Figure:
 
 def heat(diagnosis: Diagnosis) -> go.Figure:
     """The residual heat of each node, the first step's on top; beneath it the signals that drive the steps, or all."""
-    misfit = diagnosis.misfit
+    misfit, flows = diagnosis.misfit, _heat(diagnosis)
     located = [_sensor_of(step, misfit.sensors) for step in diagnosis.explained]
     order = dict.fromkeys([*(each for each in located if each), *misfit.sensors])
     window_samples = max(1, round(len(diagnosis.time_s) * _SMOOTH_FRAC))
     panels = []
     for sensor in order:
-        flow = misfit.heat[misfit.sensors.index(sensor)]
         lines = [
-            Line("as it is", flow, SKY, 0.8),
-            Line(f"mean of {window_samples} samples", _running_mean(flow, window_samples), BLUE, 1.8),
+            Line("as it is", flows[sensor], SKY, 0.8),
+            Line(f"mean of {window_samples} samples", _running_mean(flows[sensor], window_samples), BLUE, 1.8),
         ]
         panels.append(Panel(f"{sensor} [{misfit.heat_unit}]", lines, height_px=170 if sensor in located else 120))
     signals = driving(diagnosis) or [name for name, row in diagnosis.signals.items() if _varies(name, row)]
@@ -82,10 +79,9 @@ def heat(diagnosis: Diagnosis) -> go.Figure:
         panels.append(Panel(_label(name), [Line(name, diagnosis.signals[name], colour)], height_px=110))
     figure = stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
     for row, sensor in enumerate(order, start=1):
-        flow = misfit.heat[misfit.sensors.index(sensor)]
-        if np.isfinite(flow).any():
+        if np.isfinite(flows[sensor]).any():
             # a few spikes must not flatten what lasts
-            figure.update_yaxes(range=_range(flow, window_samples), row=row, col=1)
+            figure.update_yaxes(range=_range(flows[sensor], window_samples), row=row, col=1)
     return figure
 
 
@@ -94,26 +90,29 @@ def heat_by_driver(diagnosis: Diagnosis) -> tuple[str, str] | None:
     for step in diagnosis.explained:
         text, sensor = step.cause.signal, _sensor_of(step, diagnosis.misfit.sensors)
         if step.cause.name == "heat_source" and text is not None and sensor is not None:
-            flow = diagnosis.misfit.heat[diagnosis.misfit.sensors.index(sensor)]
-            if np.isfinite(flow).any() and set(Expression(text).columns) <= set(diagnosis.signals):
+            known = np.isfinite(_heat(diagnosis)[sensor]).any()
+            if known and set(Expression(text).columns) <= set(diagnosis.signals):
                 return text, sensor
     return None
 
 
 def against_driver(diagnosis: Diagnosis, text: str, sensor: str) -> go.Figure:
     """The residual heat at a sensor's node over its driver, by means of stretches, and a straight line through them."""
-    misfit, driver = diagnosis.misfit, Expression(text)
-    weight = driver.value(Samples(diagnosis.signals, float(np.median(np.diff(diagnosis.time_s)))))
-    flow = misfit.heat[misfit.sensors.index(sensor)]
+    samples = Samples(diagnosis.signals, float(np.median(np.diff(diagnosis.time_s))))
+    weight, flow = Expression(text).value(samples), _heat(diagnosis)[sensor]
     known = np.flatnonzero(np.isfinite(flow) & np.isfinite(weight))
     stretches = np.array_split(known, min(_POINTS, len(known)))
     x, y = (np.array([row[each].mean() for each in stretches]) for row in (weight, flow))
     slope, level = np.polyfit(x, y, 1)
     ends = np.array([x.min(), x.max()])
-    figure = panel_figure(text, f"heat at {sensor} [{misfit.heat_unit}]", height_px=300)
+    figure = panel_figure(text, f"heat at {sensor} [{diagnosis.misfit.heat_unit}]", height_px=300)
     figure.add_scatter(x=x, y=y, mode="markers", name="mean of a stretch", marker_color=BLUE)
     figure.add_scatter(x=ends, y=level + slope * ends, mode="lines", name="straight line", line_color=EXTENDED)
     return figure
+
+
+def _heat(diagnosis: Diagnosis) -> dict[str, Array]:
+    return dict(zip(diagnosis.misfit.sensors, diagnosis.misfit.heat))
 
 
 def driving(diagnosis: Diagnosis) -> list[str]:

@@ -57,28 +57,23 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
             windows.append((mechanism, confidence))
         magnitude, parameters = _numbers(final, index)
         rivals = [cause_of(each.mechanism, final.model.circuit) for each in step.trials if _rival(each, chosen)]
-        name = cause_of(mechanism, final.model.circuit)
+        cause, when = cause_of(mechanism, final.model.circuit), (mechanism.onset_s, mechanism.end_s)
+        size = f"{magnitude.meaning} {digits(magnitude.value)} {magnitude.unit}"
+        interval = " to ".join(map(digits, magnitude.ci95))
+        qualifier = f"{magnitude.qualifier}, " if magnitude.qualifier else ""
         sentence = (
-            f"{name}: {magnitude.meaning} {digits(magnitude.value)} {magnitude.unit} ({digits(magnitude.ci95[0])} to"
-            f" {digits(magnitude.ci95[1])}), {''.join(f'{each}, ' for each in [magnitude.qualifier] if each)}"
-            f"{window(mechanism.onset_s, mechanism.end_s)}; on held-out data"
+            f"{cause}: {size} ({interval}), {qualifier}{window(*when)}; on held-out data"
             f" {gain.rmse_before_degC:.2f} becomes {gain.rmse_after_degC:.2f} degC."
         )
-        result.append(
-            Step(
-                cause=cause_of(mechanism, final.model.circuit),
-                onset_s=mechanism.onset_s,
-                end_s=mechanism.end_s,
-                magnitude=magnitude,
-                confidence=confidence,
-                gain=gain,
-                indistinguishable_from=tuple(dict.fromkeys([*rivals, *_or_physics(chosen)])),
-                sentence=sentence,
-                parameters=parameters,
-                residual_degC=chosen.fitted.residual_degC(longest),
-            )
-        )
+        alike = tuple(dict.fromkeys([*rivals, *_or_physics(chosen)]))
+        residual_degC = chosen.fitted.residual_degC(longest)
+        result.append(Step(cause, *when, magnitude, confidence, gain, alike, sentence, parameters, residual_degC))
     return tuple(result)
+
+
+def left_degC(fitted: Fitted) -> Array:
+    """Measured minus simulated of all records, (s, samples); NaN where nothing was measured."""
+    return np.concatenate([fitted.residual_degC(index) for index in range(len(fitted.records))], axis=1)
 
 
 def _is(final: Mechanism, chosen: Mechanism) -> bool:
@@ -98,28 +93,26 @@ def cause_of(mechanism: Mechanism, circuit: Circuit) -> Cause:
 
 
 def _numbers(final: Fitted, index: int) -> tuple[Magnitude, dict[str, tuple[float, str]]]:
-    mechanism = final.model.mechanisms[index]
-    first = len(final.model.own) + sum(len(each.numbers) for each in final.model.mechanisms[:index])
-    parameters = {}
+    mechanism, span = final.model.mechanisms[index], final.model.span(index)
+    covariance = final.covariance[span, span]
     intervals = []
-    for offset, number in enumerate(mechanism.numbers):
-        error = 1.96 * math.sqrt(max(final.covariance[first + offset, first + offset], 0.0))
+    for number, variance in zip(mechanism.numbers, np.diag(covariance)):
+        error = 1.96 * math.sqrt(max(variance, 0.0))
         ends = (float(number.natural(np.float64(number.z + sign * error))) for sign in (-1.0, 1.0))
         low, high = sorted(mechanism.stated(each) for each in ends)
-        parameters[number.name] = (number.value, number.unit)
         intervals.append((low, high))
+    parameters = {number.name: (number.value, number.unit) for number in mechanism.numbers}
     if (whole := mechanism.product()) is not None:
-        magnitude = _product(mechanism, whole, final.covariance[first:, first:])
+        magnitude = _product(mechanism, whole, covariance)
         parameters[magnitude.meaning.replace(" ", "_")] = (magnitude.value, magnitude.unit)
         return magnitude, parameters
     # amounts in one unit by their size, others by their coordinates
     same = len({number.unit for number in mechanism.numbers}) == 1
     size = [abs(n.value if same else n.z) * (not n.log) for n in mechanism.numbers]
     largest = size.index(max(size))
-    main = mechanism.numbers[largest]
-    value = mechanism.stated(main.value)
-    magnitude = Magnitude(value, main.unit, mechanism.meaning(main), intervals[largest], mechanism.sentence_tail())
-    return magnitude, parameters
+    main, tail = mechanism.numbers[largest], mechanism.sentence_tail()
+    value, meaning = mechanism.stated(main.value), mechanism.meaning(main)
+    return Magnitude(value, main.unit, meaning, intervals[largest], tail), parameters
 
 
 def _product(mechanism: Mechanism, whole: tuple[str, str, tuple[int, int]], covariance: Array) -> Magnitude:
@@ -263,9 +256,8 @@ def ranking_of(selection: Selection, named: bool) -> tuple[Ranked, ...]:
 
 
 def _ranked(step: Chosen, trial: Trial, taken: bool) -> Ranked:
-    mechanism = trial.mechanism
+    mechanism, gain = trial.mechanism, _gain(step, trial)
     magnitude, _ = _numbers(trial.fitted, len(trial.fitted.model.mechanisms) - 1)
-    gain = _gain(step, trial)
     if taken:
         remark = "taken"
     elif trial.at_bounds:
@@ -280,9 +272,8 @@ def _ranked(step: Chosen, trial: Trial, taken: bool) -> Ranked:
         remark = "an instrument, where physics does about as well"
     else:
         remark = "gains less on held-out data" if step.chosen else "gains too little to matter"
-    return Ranked(
-        cause_of(mechanism, trial.fitted.model.circuit), mechanism.onset_s, mechanism.end_s, magnitude, gain, remark
-    )
+    cause = cause_of(mechanism, trial.fitted.model.circuit)
+    return Ranked(cause, mechanism.onset_s, mechanism.end_s, magnitude, gain, remark)
 
 
 def unknown_step(bare: Fitted, longest: int) -> Step:

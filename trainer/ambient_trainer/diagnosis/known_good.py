@@ -11,6 +11,7 @@ import numpy as np
 
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.diagnosis.findings import left_degC
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, expected_start, fit, simulate
@@ -64,6 +65,5 @@ def train_on_baselines(
     good = [each for trace in traces for each in records_of(circuit, trace, period_s)]
     bare = bare_fit(greybox_of(circuit), good)
     final = stepwise(bare, progress=progress, offered=lasting_candidates).final
-    left = np.concatenate([final.residual_degC(index) for index in range(len(good))], axis=1)
-    noise = np.maximum(np.sqrt(np.nanmean(left**2, axis=1)), _FINEST_DEGC)
+    noise = np.maximum(np.sqrt(np.nanmean(left_degC(final) ** 2, axis=1)), _FINEST_DEGC)
     return KnownGood(final.model, Prior.trained(final), period_s, noise, final.held_out_rmse_degC)

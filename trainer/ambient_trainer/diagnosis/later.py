@@ -4,11 +4,10 @@ Both are simulated forward from the beginning of the trace and run on, without a
 scored: their start is fitted to what lies before it. The extended circuit is the one in its file.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ambient_model.faults import Refused, refuse
 from ambient_trainer.circuits.circuit import Circuit
@@ -19,7 +18,7 @@ from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.regression import fitted_start, simulate
-from ambient_trainer.diagnosis.record import Record, records
+from ambient_trainer.diagnosis.record import records_of
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,9 @@ def later_errors(bare: Circuit, extended: Circuit | None, traces: Sequence[Trace
     scored = np.isfinite(before)
     if not scored.any():
         raise _nothing_later(traces, from_s)
-    after = before if extended is None else _residual_degC(_read_again(extended), traces, from_s)
+    after = before
+    if extended is not None:
+        after = _residual_degC(parse_circuit(write_circuit(extended), extended.name), traces, from_s)
     samples = int(scored.any(axis=0).sum())
     return Later(from_s, _rmse(before), _rmse(after), samples)
 
@@ -76,29 +77,18 @@ def _nothing_later(traces: Sequence[Trace], from_s: float) -> Refused:
     return refuse("--later", ", ".join(trace.path for trace in traces), problem, "choose an earlier time")
 
 
-def _read_again(circuit: Circuit) -> Circuit:
-    return parse_circuit(write_circuit(circuit), circuit.name)
-
-
 def _rmse(residual_degC: Array) -> float:
     return float(np.sqrt(np.nanmean(residual_degC**2)))
 
 
 def _residual_degC(circuit: Circuit, traces: Sequence[Trace], from_s: float) -> Array:
-    """Measured less simulated from ``from_s`` on, (s, samples), NaN where nothing was measured."""
-    return np.concatenate([each for trace in traces for each in _residuals(forward(circuit), trace, from_s)], axis=1)
-
-
-def _residuals(circuit: Circuit, trace: Trace, from_s: float) -> Iterator[Array]:
-    sensors = [output.column for output in circuit.outputs]
-    for record in records(trace, circuit.inputs, sensors, sampling_period_s(trace.time_s), circuit.hold):
+    """Measured less simulated from ``from_s`` on, (s, samples), NaN where nothing was measured; the start is fitted to
+    the samples before."""
+    plain = forward(circuit)
+    model, left = greybox_of(plain), []
+    for record in (each for trace in traces for each in records_of(plain, trace, sampling_period_s(trace.time_s))):
         later = record.time_s >= from_s
-        yield (record.sensors - _simulated_degC(circuit, record, ~later))[:, later]
-
-
-def _simulated_degC(circuit: Circuit, record: Record, training: NDArray[np.bool_]) -> Array:
-    """What the sensors would read, (s, N); the start is fitted to the samples of ``training`` alone."""
-    model = greybox_of(circuit)
-    known = replace(record, sensors=np.where(training, record.sensors, np.nan)) if training.any() else record
-    start = fitted_start(model, known)
-    return simulate(model, record, model.z()[None], start[None])[0]
+        known = record if later.all() else replace(record, sensors=np.where(later, np.nan, record.sensors))
+        read = simulate(model, record, model.z()[None], fitted_start(model, known)[None])[0]
+        left.append((record.sensors - read)[:, later])
+    return np.concatenate(left, axis=1)

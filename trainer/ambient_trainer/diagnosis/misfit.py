@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lsim, savgol_filter
 
 from ambient_model.trace import REFERENCE
@@ -33,34 +32,34 @@ _NO_AIR_DEGC = 300.0
 
 @dataclass(frozen=True)
 class _Nodes:
-    """A linear network of n nodes: dT/dt = A T, and ``to_air`` (n,) in W/K; ``reads`` (s,) is each sensor's node."""
+    """A linear network of s nodes with a sensor and k hidden ones.
 
-    A: Array
+    Heat flows into nodes with a sensor by their own temperatures, ``among`` (s, s), and by those of hidden ones,
+    ``from_hidden`` (s, k), in W/K. Hidden ones obey dx/dt = ``hidden`` (k, k) x + ``into_hidden`` (k, s) T, in 1/s; so
+    are ``to_air`` (s,) and ``hidden_to_air`` (k,).
+    """
+
     capacitance: Array
+    among: Array
+    from_hidden: Array
+    hidden: Array
+    into_hidden: Array
     to_air: Array
-    reads: NDArray[np.intp]
+    hidden_to_air: Array
     period_s: float
 
     @staticmethod
     def of(network: Network) -> _Nodes:
         """Of the first lane."""
-        between, outside, capacitance = network.between[0], network.to_boundary[0], network.capacitance[0]
-        A = (between - np.diag(between.sum(axis=1) + outside.sum(axis=1))) / capacitance[:, None]
+        between, outside, C = network.between[0], network.to_boundary[0], network.capacitance[0]
+        A = (between - np.diag(between.sum(axis=1) + outside.sum(axis=1))) / C[:, None]
         to_air = outside[:, network.boundary(AMBIENT)] if AMBIENT in network.boundaries else np.zeros(len(A))
-        return _Nodes(A, capacitance, to_air, network.reads, network.period_s * network.every)
-
-    @property
-    def hidden(self) -> NDArray[np.bool_]:
-        """Which nodes have no sensor, (n,)."""
-        return ~np.isin(np.arange(len(self.A)), self.reads)
-
-    def conductances_W_K(self, nodes: NDArray[np.intp] | NDArray[np.bool_]) -> Array:
-        """The heat into each sensor's node by each of ``nodes``, per K, (s, k)."""
-        return np.asarray(self.capacitance[self.reads, None] * self.A[np.ix_(self.reads, nodes)])
-
-    def into_hidden_K_s(self, left: Array) -> Array:
-        """What ``left`` (s, N) at the sensors does to each node without one, (k, N)."""
-        return np.asarray(self.A[np.ix_(self.hidden, self.reads)] @ left)
+        seen, period_s = network.reads, network.period_s * network.every
+        unseen = np.setdiff1d(np.arange(len(A)), seen)
+        among, from_hidden = (C[seen, None] * A[np.ix_(seen, each)] for each in (seen, unseen))
+        into_hidden, hidden = (A[np.ix_(unseen, each)] for each in (seen, unseen))
+        hidden_to_air = to_air[unseen] / C[unseen]
+        return _Nodes(C[seen], among, from_hidden, hidden, into_hidden, to_air[seen], hidden_to_air, period_s)
 
 
 def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC: Array) -> Misfit:
@@ -69,9 +68,12 @@ def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC
     ``network`` is that of the circuit, ``simulated_degC`` (s, N) what its sensors read by it.
     """
     nodes, residual = _Nodes.of(network), record.sensors - simulated_degC
-    heat_W = residual_heat_W(nodes, residual)
+    # with straight lines over gaps
+    left, enough = np.array([bridged(row) for row in residual]), record.samples >= _SHORTEST
+    window = heat_window_samples(nodes, left) if enough else 0
+    heat_W = np.where(np.isnan(residual), np.nan, _heat_W(nodes, left, window) if enough else np.nan)
     in_W = _in_watts(circuit)
-    heat = heat_W if in_W else heat_W / nodes.capacitance[nodes.reads, None]
+    heat = heat_W if in_W else heat_W / nodes.capacitance[:, None]
     sensors = tuple(output.name for output in circuit.outputs)
     air = record.inputs[circuit.inputs.index(REFERENCE)] if REFERENCE in circuit.inputs else None
     tests = residual_tests(
@@ -83,63 +85,46 @@ def misfit_of(circuit: Circuit, network: Network, record: Record, simulated_degC
         np.full(record.samples, np.nan) if air is None else air,
         record.sensors,
     )
-    unit, error = "W" if in_W else "K/s", _ambient_error_degC(nodes, residual)
+    unit, error = "W" if in_W else "K/s", _ambient_error_degC(nodes, residual, left, window) if enough else None
     return Misfit(sensors, record.sensors, simulated_degC, heat, unit, tests, error)
 
 
 def _in_watts(circuit: Circuit) -> bool:
     """Whether something fixed sets the scale of heat: temperatures alone determine only heat over capacitance."""
-    fixed = {each.name for each in circuit.parameters if not each.free}
+    fixed = {each.name: each.initial for each in circuit.parameters if not each.free}
     # a share that was given in watts for a load does as well; the default of one does for a power only
-    values = {each.name: each.initial for each in circuit.parameters}
-    named = [each.share for each in circuit.sources if each.signal.endswith("_W") or values[each.share] != 1.0]
-    named += [str(node.capacitance) for node in circuit.states]
-    named += [edge.resistance for edge in circuit.edges]
-    return any(name in fixed for name in named)
+    shares = [each.share for each in circuit.sources if each.signal.endswith("_W") or fixed.get(each.share) != 1.0]
+    names = [*shares, *(node.capacitance for node in circuit.states), *(each.resistance for each in circuit.edges)]
+    return any(name in fixed for name in names)
 
 
-def residual_heat_W(nodes: _Nodes, residual: Array) -> Array:
-    """The heat that no modelled flow accounts for, at each sensor's node, (s, N); NaN where nothing was measured.
-
-    Its scale is that of the capacitances: watts only where those are.
-    """
-    if residual.shape[1] < _SHORTEST:
-        return np.full_like(residual, np.nan)
-    heat = _heat_W(nodes, _left(residual), heat_window_samples(nodes, residual))
-    return np.where(np.isnan(residual), np.nan, heat)
-
-
-def heat_window_samples(nodes: _Nodes, residual: Array) -> int:
-    """Over how many samples the heat is smoothed: an odd number."""
-    left = _left(residual)
+def heat_window_samples(nodes: _Nodes, left: Array) -> int:
+    """Over how many samples the heat that explains ``left`` (s, N) is smoothed: an odd number."""
     noise_degC = _white_noise_degC(left)
-    capacitance = nodes.capacitance[nodes.reads]
     longest = max(_SHORTEST, int(_LONGEST_SHARE * left.shape[1]) | 1)
     window = _SHORTEST
     while window < longest:
         # the standard error of the slope of a line through so many evenly spaced points
         slope_K_s = noise_degC * np.sqrt(12.0 / (window**3 - window)) / nodes.period_s
         heat = _heat_W(nodes, left, window)
-        if np.sum((capacitance * slope_K_s) ** 2) <= NOISE_SHARE**2 * np.sum(np.var(heat, axis=1)):
+        if np.sum((nodes.capacitance * slope_K_s) ** 2) <= NOISE_SHARE**2 * np.sum(np.var(heat, axis=1)):
             break
         window = min(longest, int(_LONGER * window) // 2 * 2 + 1)
     return window
 
 
 def _heat_W(nodes: _Nodes, left: Array, window: int) -> Array:
-    """C dr/dt less the flows that r drives, at each sensor's node, for r = ``left`` (s, N) there."""
+    """The heat that no modelled flow accounts for, at each sensor's node, (s, N): C dr/dt less the flows that r drives,
+    for r = ``left`` (s, N) there. Its scale is that of the capacitances: watts only where those are."""
     heat = _heat_among_sensors_W(nodes, left, window)
-    hidden = nodes.hidden
-    if hidden.any():
-        A, conductance = nodes.A[np.ix_(hidden, hidden)], nodes.conductances_W_K(hidden)
-        drive = nodes.into_hidden_K_s(left)
-        rest = np.zeros(len(A))
-        heat -= conductance @ savgol_filter(_followed(A, drive, nodes.period_s, rest), window, 1, axis=1)
+    if len(nodes.hidden):
+        A, drive = nodes.hidden, nodes.into_hidden @ left
+        follows = _followed(A, drive, nodes.period_s, np.zeros(len(A)))
+        heat -= nodes.from_hidden @ savgol_filter(follows, window, 1, axis=1)
         # where a hidden node began is not known: such that it leaves the least heat
-        starts = [conductance @ _followed(A, 0 * drive, nodes.period_s, one) for one in np.eye(len(A))]
+        starts = [nodes.from_hidden @ _followed(A, 0 * drive, nodes.period_s, one) for one in np.eye(len(A))]
         columns = np.array([each.ravel() for each in starts]).T
-        began = np.linalg.lstsq(columns, heat.ravel(), rcond=1e-6)[0]
-        heat -= (columns @ began).reshape(heat.shape)
+        heat -= (columns @ np.linalg.lstsq(columns, heat.ravel(), rcond=1e-6)[0]).reshape(heat.shape)
     return _in_whole_windows(heat, window)
 
 
@@ -147,7 +132,7 @@ def _heat_among_sensors_W(nodes: _Nodes, left: Array, window: int) -> Array:
     """As :func:`_heat_W`, if r were zero wherever there is no sensor; at the ends without a whole window."""
     slope = savgol_filter(left, window, 1, deriv=1, delta=nodes.period_s, axis=1)
     level = savgol_filter(left, window, 1, axis=1)
-    return np.asarray(nodes.capacitance[nodes.reads, None] * slope - nodes.conductances_W_K(nodes.reads) @ level)
+    return np.asarray(nodes.capacitance[:, None] * slope - nodes.among @ level)
 
 
 def _in_whole_windows(rows: Array, window: int) -> Array:
@@ -157,26 +142,23 @@ def _in_whole_windows(rows: Array, window: int) -> Array:
     return np.asarray(rows[..., kept])
 
 
-def _ambient_error_degC(nodes: _Nodes, residual: Array) -> Array | None:
+def _ambient_error_degC(nodes: _Nodes, residual: Array, left: Array, window: int) -> Array | None:
     """True less estimate, (N,), of the ambient that balances the measured nodes which are joined to it; NaN in gaps.
 
     Each asks for q / G more than there was; together, weighted by their conductances G, for sum q / sum G. What a node
     without a sensor does follows from the sensors and that same ambient, from equilibrium. None where no measured node
     is joined to the ambient, or so loosely that no air would do, or those without a sensor make it run away.
     """
-    conductance, hidden = nodes.to_air[nodes.reads], nodes.hidden
-    joined, total = conductance > 0, conductance.sum()
-    if not joined.any() or residual.shape[1] < _SHORTEST:
+    joined, total = nodes.to_air > 0, nodes.to_air.sum()
+    if not joined.any():
         return None
-    left, window = _left(residual), heat_window_samples(nodes, residual)
     excess = _heat_among_sensors_W(nodes, left, window)[joined].sum(axis=0) / total
-    if hidden.any():
-        inflow = nodes.conductances_W_K(hidden)[joined].sum(axis=0) / total
-        air = (nodes.to_air / nodes.capacitance)[hidden]
-        A = nodes.A[np.ix_(hidden, hidden)] - np.outer(air, inflow)
+    if len(nodes.hidden):
+        inflow = nodes.from_hidden[joined].sum(axis=0) / total
+        A = nodes.hidden - np.outer(nodes.hidden_to_air, inflow)
         if np.linalg.eigvals(A).real.max() >= 0:
             return None
-        drive = nodes.into_hidden_K_s(left) + np.outer(air, excess)
+        drive = nodes.into_hidden @ left + np.outer(nodes.hidden_to_air, excess)
         start = np.asarray(-np.linalg.solve(A, drive[:, 0]), dtype=np.float64)
         excess = excess - inflow @ _followed(A, drive, nodes.period_s, start)
     known = ~np.isnan(residual[joined]).any(axis=0)
@@ -188,11 +170,6 @@ def _followed(A: Array, drive: Array, period_s: float, start: Array) -> Array:
     """x (k, N) with dx/dt = A x + ``drive`` (k, N)."""
     unit, time_s = np.eye(len(A)), period_s * np.arange(drive.shape[1])
     return np.asarray(lsim((A, unit, unit, 0 * unit), drive.T, time_s, start)[1]).reshape(-1, len(A)).T
-
-
-def _left(residual: Array) -> Array:
-    """Measured less simulated, (s, N), with straight lines over gaps."""
-    return np.array([bridged(row) for row in residual])
 
 
 def _white_noise_degC(rows: Array) -> Array:

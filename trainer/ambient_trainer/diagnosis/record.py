@@ -12,15 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from ambient_model.tracking import bridge_limit_s
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.grid import sampling_period_s, segments
-from ambient_trainer.data.trace import Trace
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.lti.statespace import Hold
-
-Array = NDArray[np.float64]
 
 MOST_SAMPLES, MOST_STEPS = 2000, 10_000
 """Of readings, and of the simulation."""
@@ -139,24 +136,17 @@ def _averaged(fine: Record, every: int) -> Record:
     if every == 1:
         return fine
     steps = fine.samples // every * every
+    time_s, inputs, sensors = (row[..., :steps] for row in (fine.time_s, fine.inputs, fine.sensors))
     signals = {name: row[:steps] for name, row in fine.signals.items()}
-    fine = replace(
-        fine,
-        time_s=fine.time_s[:steps],
-        inputs=fine.inputs[:, :steps],
-        sensors=fine.sensors[:, :steps],
-        signals=signals,
-    )
-    known = np.isfinite(fine.sensors)
-    read = averaged(np.where(known, fine.sensors, 0.0), every)
-    share = averaged(known.astype(float), every)
+    known = np.isfinite(sensors)
+    read, share = averaged(np.where(known, sensors, 0.0), every), averaged(known.astype(float), every)
     return Record(
         fine.period_s * every,
-        averaged(fine.time_s, every),
-        averaged(fine.inputs, every),
+        averaged(time_s, every),
+        averaged(inputs, every),
         np.where(share > 0, read / np.where(share > 0, share, 1.0), np.nan),
         {name: averaged(row, every) for name, row in signals.items()},
-        fine=fine,
+        fine=replace(fine, time_s=time_s, inputs=inputs, sensors=sensors, signals=signals),
     )
 
 

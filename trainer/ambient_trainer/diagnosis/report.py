@@ -11,9 +11,7 @@ import numpy as np
 
 from ambient_trainer.diagnosis import figures
 from ambient_trainer.diagnosis.greybox.file import kinds
-from ambient_trainer.diagnosis.residual_tests.grid import Grid
-from ambient_trainer.diagnosis.residual_tests.noise import autoregression_of
-from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time
+from ambient_trainer.diagnosis.residual_tests import residual_memory_s
 from ambient_trainer.diagnosis.result import (
     NONE,
     UNKNOWN,
@@ -52,7 +50,8 @@ def report_of(diagnosis: Diagnosis) -> Report:
         *map(Finding, diagnosis.notes),
         _facts(diagnosis),
     ]
-    sections = [_causes(diagnosis), *_plots(diagnosis), _candidates(diagnosis), _tests(diagnosis), _method(diagnosis)]
+    candidates = Section("Candidates for the first effect", [ranking_table(diagnosis)]) if diagnosis.ranking else None
+    sections = [_causes(diagnosis), *_plots(diagnosis), candidates, _tests(diagnosis), _method(diagnosis)]
     subject = f"Diagnosis of {os.path.basename(diagnosis.trace)}, {diagnosis.circuit}"
     return Report(_title(diagnosis), lead, [each for each in sections if each], as_data(diagnosis), subject)
 
@@ -68,19 +67,18 @@ def _title(diagnosis: Diagnosis) -> str:
     return f"{subject}: {step.cause}{others}, {step.gain.rmse_before_degC:.2f} to {last:.2f} degC on held-out data"
 
 
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    return mostly(diagnosis) + _verdict(diagnosis)
+
+
 def mostly(diagnosis: Diagnosis) -> str:
     """What a headline begins with where less than half of what can be explained is."""
     share = diagnosis.explained_share
-    low = diagnosis.explained and share is not None and share < 0.5
-    return "Mostly unexplained: " if low else ""
+    return "Mostly unexplained: " if diagnosis.explained and share is not None and share < 0.5 else ""
 
 
-def headline(diagnosis: Diagnosis) -> str:
-    """The verdict in one sentence."""
-    return mostly(diagnosis) + _headline(diagnosis)
-
-
-def _headline(diagnosis: Diagnosis) -> str:
+def _verdict(diagnosis: Diagnosis) -> str:
     step = diagnosis.verdict
     tried = f"{diagnosis.candidates_tried:,} candidates tried, each a cause at a place and an onset,"
     if step is None:
@@ -200,27 +198,23 @@ def _plots(diagnosis: Diagnosis) -> list[Section]:
     return sections
 
 
-def _candidates(diagnosis: Diagnosis) -> Section | None:
-    return Section("Candidates for the first effect", [ranking_table(diagnosis)]) if diagnosis.ranking else None
-
-
 def _tests(diagnosis: Diagnosis) -> Section:
     tests = diagnosis.misfit.tests
     # any misfit leaves a residual that is not white: what it follows says more
     beyond = sorted((each for each in tests if each.significant), key=lambda each: each.name in _OF_WHITENESS)
-    blocks: list[Block] = [Finding(f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance.")]
-    blocks += [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
+    found = [f"{len(beyond)} of {len(tests)} tests of the residual are beyond chance."]
     if len(beyond) > SHOWN_RANKED:
-        blocks.append(Finding(f"And {len(beyond) - SHOWN_RANKED} more: --report or --json shows them all."))
+        found.append(f"And {len(beyond) - SHOWN_RANKED} more: --report or --json shows them all.")
+    shown = [Finding(each.sentence, label=each.name) for each in beyond[:SHOWN_RANKED]]
     every = Section("Every test", [residual_tests_table(tests)], detail=True, fold="closed")
-    return Section("Tests of the residual", [*blocks, every])
+    return Section("Tests of the residual", [Finding(found[0]), *shown, *map(Finding, found[1:]), every])
 
 
 def _method(diagnosis: Diagnosis) -> Section:
     numbers = []
-    for step in diagnosis.explained:
+    for step in (each for each in diagnosis.explained if each.parameters):
         values = [f"{name} = {value:.4g} {unit}".removesuffix(" 1") for name, (value, unit) in step.parameters.items()]
-        numbers.append(f"{step.cause}: {', '.join(values)}." if values else "")
+        numbers.append(f"{step.cause}: {', '.join(values)}.")
     return Section("How it was computed", [_METHOD, *numbers], detail=True)
 
 
@@ -276,22 +270,19 @@ def residual_tests_table(tests: Sequence[Tested]) -> Table:
         "chance."
     )
     rows = [
-        (each.name, each.subject, each.sentence, digits(each.statistic), digits(each.threshold), _yes(each.significant))
-        for each in sorted(tests, key=lambda each: not each.significant)
+        (each.name, each.subject, each.sentence, digits(each.statistic), digits(each.threshold), shown)
+        for significant, shown in ((True, "yes"), (False, "no"))
+        for each in tests
+        if each.significant == significant
     ]
     return Table(caption, ("test", "subject", "result", "statistic", "threshold", "beyond chance"), rows, labels=3)
-
-
-def _yes(significant: bool) -> str:
-    return "yes" if significant else "no"
 
 
 def residuals_table(diagnosis: Diagnosis) -> Table:
     """One row a sensor: what the circuit as given leaves, and what it leaves with every step."""
     last = [step.residual_degC for step in diagnosis.explained[-1:]]
     rows = []
-    for number, (sensor, before) in enumerate(_residuals(diagnosis)):
-        own = _figures(diagnosis, before)
+    for number, (sensor, own) in enumerate(_residuals(diagnosis).items()):
         after = [_degrees(_figures(diagnosis, each[number])["rmse_degC"]) for each in last]
         memory = duration(own["memory_s"]) if math.isfinite(own["memory_s"]) else "-"
         rows.append((sensor, _degrees(own["rmse_degC"]), *after, _degrees(own["std_degC"]), memory))
@@ -310,7 +301,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": steps[0] if steps else _nothing(diagnosis),
         "ranking": [{**_effect_data(each), "remark": each.remark} for each in diagnosis.ranking],
         "residuals": {
-            "sensors": {sensor: _figures(diagnosis, values) for sensor, values in _residuals(diagnosis)},
+            "sensors": _residuals(diagnosis),
             "heat_unit": diagnosis.misfit.heat_unit,
             "tests": [asdict(each) for each in diagnosis.misfit.tests],
         },
@@ -320,8 +311,7 @@ def as_data(diagnosis: Diagnosis) -> dict[str, Any]:
         "explained_share": diagnosis.explained_share,
         "notes": diagnosis.notes,
     }
-    found: dict[str, Any] = _finite(data)
-    return found
+    return dict(_finite(data))
 
 
 def _effect_data(each: Step | Ranked) -> dict[str, Any]:
@@ -346,8 +336,9 @@ def _step_data(step: Step) -> dict[str, Any]:
 
 def _nothing(diagnosis: Diagnosis) -> dict[str, Any]:
     """The verdict where nothing is missing, with the keys that every step has."""
-    empty = Step(Cause(NONE), None, None, None, math.nan, Gain(0.0, 0.0, (0.0, 0.0), 1.0), (), "", {}, np.zeros((0, 0)))
-    return {**_step_data(empty), "gain": None, "sentence": headline(diagnosis)}
+    gain = Gain(0.0, 0.0, (0.0, 0.0), 1.0)
+    empty = Step(Cause(NONE), None, None, None, math.nan, gain, (), headline(diagnosis), {}, np.zeros((0, 0)))
+    return {**_step_data(empty), "gain": None}
 
 
 def _cause_data(cause: Cause) -> dict[str, Any]:
@@ -359,8 +350,6 @@ def _finite(value: Any) -> Any:
         return {key: _finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(each) for each in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     return value
@@ -370,8 +359,10 @@ def _degrees(value: float) -> str:
     return f"{value:.3f}" if math.isfinite(value) else "-"
 
 
-def _residuals(diagnosis: Diagnosis) -> list[tuple[str, Array]]:
-    return list(zip(diagnosis.misfit.sensors, diagnosis.misfit.residual_degC))
+def _residuals(diagnosis: Diagnosis) -> dict[str, dict[str, float]]:
+    """The figures of what the circuit as given leaves, by sensor."""
+    misfit = diagnosis.misfit
+    return {sensor: _figures(diagnosis, row) for sensor, row in zip(misfit.sensors, misfit.residual_degC)}
 
 
 def _figures(diagnosis: Diagnosis, values: Array) -> dict[str, float]:
@@ -379,8 +370,5 @@ def _figures(diagnosis: Diagnosis, values: Array) -> dict[str, float]:
     known = values[np.isfinite(values)]
     if not len(known):
         return dict.fromkeys(("rmse_degC", "std_degC", "memory_s"), math.nan)
-    grid = Grid.over(diagnosis.time_s)
-    series = grid.means(values)
-    usable = autoregression_of(series) is not None
-    memory_s = autocorrelation_time(series, "", grid.step_s).statistic if usable else math.nan
+    memory_s = residual_memory_s(diagnosis.time_s, values)
     return {"rmse_degC": float(np.sqrt((known**2).mean())), "std_degC": float(known.std()), "memory_s": memory_s}

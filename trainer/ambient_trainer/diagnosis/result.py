@@ -3,12 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ambient_trainer.circuits.circuit import Circuit
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
 
 NONE = "none"
 UNKNOWN = "unknown"
@@ -147,6 +143,13 @@ class Tested:
     threshold: float
     significant: bool
     sentence: str
+
+    @staticmethod
+    def of(name: str, subject: str, said: str, otherwise: str, statistic: float, threshold: float) -> "Tested":
+        """A test that says of its sensor one thing where it is significant, and another where not."""
+        significant = bool(statistic > threshold)
+        sentence = f"{subject.split(',')[0]}: {said if significant else otherwise}."
+        return Tested(name, subject, float(statistic), float(threshold), significant, sentence)
 
 
 @dataclass(frozen=True)

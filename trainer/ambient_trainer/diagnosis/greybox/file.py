@@ -59,19 +59,14 @@ def _added(circuit: Circuit, model: GreyBox) -> tuple[list[Addition], Circuit]:
 def addition_of(mechanism: Mechanism) -> Addition:
     """A mechanism as a circuit holds it."""
     settings = {each.name: getattr(mechanism, each.name) for each in fields(mechanism) if each.name not in _OWN}
+    settings = {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()}
     numbers = {
         each.name: {"unit": each.unit, "value": each.value, "log": each.log, "scale": each.scale}
         for each in mechanism.numbers
     }
-    return Addition(
-        type(mechanism).__name__,
-        mechanism.places,
-        None if mechanism.driver is None else mechanism.driver.text,
-        mechanism.onset_s,
-        mechanism.end_s,
-        numbers,
-        {name: list(value) if isinstance(value, tuple) else value for name, value in settings.items()},
-    )
+    driver = None if mechanism.driver is None else mechanism.driver.text
+    kind, window = type(mechanism).__name__, (mechanism.onset_s, mechanism.end_s)
+    return Addition(kind, mechanism.places, driver, *window, numbers, settings)
 
 
 def mechanism_of(addition: Addition, source: str) -> Mechanism:
@@ -105,14 +100,9 @@ def _check(model: GreyBox, place: str) -> None:
     last = model.mechanisms[-1]
     names = [f"{each.removeprefix('-')}_degC" for each in last.places[0].partition("-")[2:]] if last.places else []
     names += [name for each in model.mechanisms if each.driver is not None for name in each.driver.columns]
-    nothing = np.zeros(2)
-    record = Record(
-        1.0,
-        np.arange(2.0),
-        np.zeros((len(model.circuit.inputs), 2)),
-        np.zeros((len(model.circuit.outputs), 2)),
-        {**dict.fromkeys(model.circuit.inputs, nothing), **dict.fromkeys(names, nothing)},
-    )
+    inputs, sensors = (np.zeros((len(each), 2)) for each in (model.circuit.inputs, model.circuit.outputs))
+    signals = dict.fromkeys([*model.circuit.inputs, *names], np.zeros(2))
+    record = Record(1.0, np.arange(2.0), inputs, sensors, signals)
     try:
         network = model.network(record, model.z()[None])
         network.simulate(np.zeros((1, len(network.nodes))))

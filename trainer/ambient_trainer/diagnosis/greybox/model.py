@@ -235,14 +235,14 @@ class GreyBox:
 
     def at(self, z: Array) -> GreyBox:
         """The model at coordinates z (p,)."""
-        numbers = [number.at(value) for number, value in zip(self.numbers, z)]
-        own, rest = numbers[: len(self.own)], numbers[len(self.own) :]
-        mechanisms = []
-        for each in self.mechanisms:
-            count = len(each.numbers)
-            mechanisms.append(replace(each, numbers=tuple(rest[:count])))
-            rest = rest[count:]
-        return replace(self, own=tuple(own), mechanisms=tuple(mechanisms))
+        numbers = tuple(number.at(value) for number, value in zip(self.numbers, z))
+        mechanisms = (replace(each, numbers=numbers[self.span(at)]) for at, each in enumerate(self.mechanisms))
+        return replace(self, own=numbers[: len(self.own)], mechanisms=tuple(mechanisms))
+
+    def span(self, index: int) -> slice:
+        """Where the numbers of one of its mechanisms stand among all."""
+        first = len(self.own) + sum(len(each.numbers) for each in self.mechanisms[:index])
+        return slice(first, first + len(self.mechanisms[index].numbers))
 
     def with_mechanism(self, mechanism: Mechanism) -> GreyBox:
         """The model with one more mechanism."""
@@ -266,11 +266,7 @@ class GreyBox:
         values, steps = self.values(z), record.simulated
         network = bare_network(self.circuit, steps, dict(zip((n.name for n in self.own), values.T)), len(z))
         network.every = record.every
-        first = len(self.own)
-        acting: list[tuple[Mechanism, Array]] = []
-        for each in self.mechanisms:
-            acting.append((each, values[:, first : first + len(each.numbers)]))
-            first += len(each.numbers)
+        acting = [(each, values[:, self.span(at)]) for at, each in enumerate(self.mechanisms)]
         # what acts on a node's loss acts on that of the bodies behind it, too
         for mechanism, given in sorted(acting, key=lambda each: not each[0].adds_nodes):
             mechanism.apply(network, given, steps)

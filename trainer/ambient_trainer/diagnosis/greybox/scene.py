@@ -107,15 +107,15 @@ class Scene:
         return [name.removesuffix("_degC") for name in self.columns if name.endswith("_degC") and name not in known]
 
     @cached_property
+    def _logged(self) -> dict[str, Array]:
+        """The columns that all records have, one record after the other."""
+        names = [each for each in self.records[0].signals if all(each in record.signals for record in self.records)]
+        return {name: np.concatenate([record.signals[name] for record in self.records]) for name in names}
+
+    @cached_property
     def columns(self) -> list[str]:
         """Logged columns that all records have and that vary."""
-        names = [each for each in self.records[0].signals if all(each in record.signals for record in self.records)]
-        return [each for each in names if self._varies(each)]
-
-    def _varies(self, name: str) -> bool:
-        row = np.concatenate([record.signals[name] for record in self.records])
-        low, high = np.quantile(row, [0.02, 0.98])
-        return bool(high - low > _VARIES * np.abs(row).max() or (np.ptp(row) > 0 and len(np.unique(row)) == 2))
+        return [name for name, row in self._logged.items() if _varies(row)]
 
     @cached_property
     def drivers(self) -> list[Expression]:
@@ -123,7 +123,7 @@ class Scene:
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith((*_SQUARED, "_V")))]
         metered = [each for each in plain if not each.endswith((*_WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]
-        found += [f"{each} - {rest:.4g}" for each in metered if (rest := self._rest(each)) is not None]
+        found += [f"{each} - {rest:.4g}" for each in metered if (rest := _rest(self._logged[each])) is not None]
         heats = [each for each in self.known_heat if each.endswith("_frac")]
         found += [f"d({each})/dt" for each in plain if each.endswith(_RATES) or each in heats]
         for driver in self.known_heat:
@@ -131,38 +131,24 @@ class Scene:
             found += [f"{driver}*{other}" for other in plain if other.endswith(states) and other not in driver]
             if "_A" in driver:
                 found += [f"{driver}*{other}^2" for other in plain if other.endswith(_CHARGES)]
-        return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
-
-    def _rest(self, name: str) -> float | None:
-        """Where a column rests, unless that is at nothing: a meter's reading of nothing, as of one from 1 to 5 V."""
-        row = np.concatenate([record.signals[name] for record in self.records])
-        low, high = np.quantile(row, [0.02, 0.98])
-        rest = float(np.median(row[np.abs(row - low) <= _NEAR_REST * (high - low)]))
-        rests = np.mean(np.abs(row - rest) <= _NEAR_REST * (high - low)) > _RESTS
-        return rest if rests and rest > 2 * _NEAR_REST * (high - low) else None
+        return self._usable(found)
 
     @cached_property
     def tuned_drivers(self) -> list[Expression]:
         """Columns that act later, by a delay as of a pipe or a lag as of a heater's own body, and those that act beyond
         a level: no power does, nor a current."""
         plain = [each.text for each in self.drivers if each.columns == (each.text,)]
+        shortest_s, longest_s = _SHORTEST_DELAY * self.period_s, min(_LONGEST_DELAY * self.longest_s, _LONGEST_DELAY_S)
+        delays_s = np.geomspace(shortest_s, longest_s, 8) if shortest_s < longest_s else np.zeros(0)
         found = []
         for each in plain:
-            most_s = self._repeats_s(each)
-            delays_s = [delay_s for delay_s in self._delays_s if delay_s < most_s]
-            found += [f"{late}({each}, {delay_s:.4g})" for late in LATE for delay_s in delays_s]
+            sooner_s = delays_s[delays_s < self._repeats_s(each)]
+            found += [f"{late}({each}, {delay_s:.4g})" for late in LATE for delay_s in sooner_s]
         for each in plain:
-            if each.endswith((*_WARMING, "_A")):
-                continue
-            row = self._row(Expression(each))
-            if len(np.unique(row)) > _LEVELS:
+            row = self._logged[each]
+            if not each.endswith((*_WARMING, "_A")) and len(np.unique(row)) > _LEVELS:
                 found += [f"{each} > {level:.3g}" for level in np.quantile(row, (0.2, 0.4, 0.6, 0.8))]
-        return [each for each in map(Expression, dict.fromkeys(found)) if self._usable(each)]
-
-    @property
-    def _delays_s(self) -> Array:
-        first, last = _SHORTEST_DELAY * self.period_s, min(_LONGEST_DELAY * self.longest_s, _LONGEST_DELAY_S)
-        return np.geomspace(first, last, 8) if first < last else np.zeros(0)
+        return self._usable(found)
 
     def _repeats_s(self, name: str) -> float:
         """Half the time after which a column does again what it did, as its autocorrelation has it: a controller's
@@ -176,9 +162,8 @@ class Scene:
     @cached_property
     def known_heat(self) -> list[str]:
         """Simple drivers of heat that the model has."""
-        heating = [each for each in self.fitted.model.mechanisms if each.cause == "heat_source" and each.driver]
-        texts = dict.fromkeys(each.driver.text for each in heating if each.driver is not None)
-        return [each for each in texts if "*" not in each]
+        heating = [each.driver for each in self.fitted.model.mechanisms if each.cause == "heat_source" and each.driver]
+        return [text for text in dict.fromkeys(each.text for each in heating) if "*" not in text]
 
     @cached_property
     def hidden_nodes(self) -> list[str]:
@@ -190,9 +175,11 @@ class Scene:
         """Whether the reference moves by more than a degree."""
         return any(np.ptp(record.signals[REFERENCE]) > 1.0 for record in self.records if REFERENCE in record.signals)
 
-    def _usable(self, driver: Expression) -> bool:
-        row = self._row(driver)
-        return bool(np.isfinite(row).all() and np.std(row) > 1e-9 * max(np.abs(row).max(), 1e-300))
+    def _usable(self, texts: Sequence[str]) -> list[Expression]:
+        """The expressions that vary."""
+        rows = [(each, self._row(each)) for each in map(Expression, dict.fromkeys(texts))]
+        finite = [(each, row) for each, row in rows if np.isfinite(row).all()]
+        return [each for each, row in finite if np.std(row) > 1e-9 * max(np.abs(row).max(), 1e-300)]
 
     def _row(self, driver: Expression) -> Array:
         return np.concatenate([driver.value(samples_of(record)) for record in self.records])
@@ -209,9 +196,7 @@ class Scene:
     def warms(self, driver: Expression) -> bool:
         """Whether physics forbids that it cools: powers, irradiances and squared currents."""
         text = driver.columns[0] if driver.level is not None else driver.text
-        if "*" in text or text.startswith("d("):
-            return False
-        return text.endswith((*_WARMING, "_A^2", "_V^2"))
+        return "*" not in text and not text.startswith("d(") and text.endswith((*_WARMING, "_A^2", "_V^2"))
 
     @cached_property
     def ambient_zones(self) -> list[Expression]:
@@ -225,8 +210,7 @@ class Scene:
 
     def difference_degC(self, node: str) -> float:
         """The root mean square between a node and the ambient."""
-        index = self.nodes.index(node)
-        apart = []
+        index, apart = self.nodes.index(node), []
         for record, run in zip(self.records, self.fitted.runs):
             network = self.fitted.model.network(record, self.fitted.model.z()[None])
             nodes = network.nodes_degC(run.start[None])[0]
@@ -242,31 +226,31 @@ class Scene:
         """What a sensor reads where it stands still while the simulation moves, and from when to when; None: never."""
         longest = max(range(len(self.records)), key=lambda each: self.records[each].samples)
         record, number = self.records[longest], self.sensors.index(sensor)
-        row = record.sensors[number]
-        known = np.flatnonzero(np.isfinite(row))
-        if len(known) < _STILL_SAMPLES:
+        known = np.flatnonzero(np.isfinite(record.sensors[number]))
+        time_s, read = record.time_s[known], record.sensors[number, known]
+        moved = read - self.fitted.residual_degC(longest)[number, known]
+        first, last = _longest_still(read)
+        if last - first < _STILL_SAMPLES or np.ptp(moved[first:last]) < _MOVED_DEGC:
             return None
-        moved = row - self.fitted.residual_degC(longest)[number]
-        first, last = _longest_still(row[known])
-        if last - first < _STILL_SAMPLES or np.ptp(moved[known[first:last]]) < _MOVED_DEGC:
-            return None
-        half = record.period_s / 2
-        onset = None if first == 0 else float(record.time_s[known[first]] - half)
-        end = None if last == len(known) else float(record.time_s[known[last - 1]] + half)
-        return float(np.median(row[known[first:last]])), onset, end
+        onset = None if first == 0 else float(time_s[first] - record.period_s / 2)
+        end = None if last == len(known) else float(time_s[last - 1] + record.period_s / 2)
+        return float(np.median(read[first:last])), onset, end
 
     def first_degC(self, node: str) -> float:
         """The first reading of a node's sensor."""
-        row = self.records[0].sensors[list(self.network.reads).index(self.network.index(node))]
-        return float(row[np.isfinite(row)][0])
+        return float(self._read(node)[0])
+
+    def _read(self, node: str) -> Array:
+        """All readings of a node's sensor."""
+        sensor = list(self.network.reads).index(self.network.index(node))
+        row = np.concatenate([record.sensors[sensor] for record in self.records])
+        return row[np.isfinite(row)]
 
     def plateaus_degC(self, node: str) -> list[float]:
         """Where a sensor dwells for a third of the time: at 0 degC, and in one twentieth of its range."""
-        net = self.network
-        if net.index(node) not in net.reads:
+        if self.network.index(node) not in self.network.reads:
             return []
-        row = np.concatenate([record.sensors[list(net.reads).index(net.index(node))] for record in self.records])
-        row = row[np.isfinite(row)]
+        row = self._read(node)
         counts, edges = np.histogram(row, bins=20)
         best = int(np.argmax(counts))
         dwell = float((edges[best] + edges[best + 1]) / 2)
@@ -275,6 +259,19 @@ class Scene:
         if counts[best] > _DWELLS * len(row) and all(abs(dwell - each) > near for each in points):
             points.append(dwell)
         return points
+
+
+def _varies(row: Array) -> bool:
+    low, high = np.quantile(row, [0.02, 0.98])
+    return bool(high - low > _VARIES * np.abs(row).max() or (np.ptp(row) > 0 and len(np.unique(row)) == 2))
+
+
+def _rest(row: Array) -> float | None:
+    """Where a column rests, unless that is at nothing: a meter's reading of nothing, as of one from 1 to 5 V."""
+    low, high = np.quantile(row, [0.02, 0.98])
+    near = _NEAR_REST * (high - low)
+    rest = float(np.median(row[np.abs(row - low) <= near]))
+    return rest if np.mean(np.abs(row - rest) <= near) > _RESTS and rest > 2 * near else None
 
 
 def _longest_still(row: Array) -> tuple[int, int]:

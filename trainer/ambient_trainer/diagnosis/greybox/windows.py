@@ -49,29 +49,24 @@ def best_window(fitted: Fitted, mechanism: Mechanism, columns: Columns, closed: 
     if record.samples < 4 * _COARSE or len(mechanism.probes()) != 1:
         return None
     begin, end = float(record.time_s[0]), float(record.time_s[-1])
-    step = (end - begin) / _COARSE
-    project = _projector(fitted)
-    grid: Array = begin + step * np.arange(_COARSE, dtype=np.float64)
-    on, off = np.asarray(grid), np.asarray(grid)
-    best: tuple[float, float, float | None] | None = None
-    shortest = _SHORTEST * record.period_s
+    step, shortest, project = (end - begin) / _COARSE, _SHORTEST * record.period_s, _projector(fitted)
+    on: Array = begin + step * np.arange(_COARSE, dtype=np.float64)
+    off, best = on, None
     for _ in range(_ROUNDS + 1):
         times = np.unique(np.concatenate([on, off]))
         acting = {at: project(columns(replace(mechanism, onset_s=None if at <= begin else float(at)))) for at in times}
-        found = _best(
-            acting, on, off if mechanism.stops else off[:0], project(fitted.residual), shortest, begin, closed
-        )
+        ends = off if mechanism.stops else off[:0]
+        found = _best(acting, on, ends, project(fitted.residual), shortest, begin, closed)
         if found is None:
             break
-        best = found
+        first, last = best = found
         step /= _FINE
         nearby = step * np.arange(-_FINE, _FINE + 1)
-        on = np.asarray(np.clip(best[1] + nearby, begin, end - shortest))
-        off = np.asarray(np.clip((best[2] if best[2] is not None else end) + nearby, begin + shortest, end))
+        on = np.clip(first + nearby, begin, end - shortest)
+        off = np.clip((end if last is None else last) + nearby, begin + shortest, end)
     if best is None:
         return None
-    _, first, last = best
-    return replace(mechanism, onset_s=None if first <= begin else first, end_s=last)
+    return replace(mechanism, onset_s=None if best[0] <= begin else best[0], end_s=best[1])
 
 
 def sharpened(fitted: Fitted, index: int = -1) -> Fitted:
@@ -137,26 +132,21 @@ def _projector(fitted: Fitted) -> Callable[[Array], Array]:
 
 def _best(
     acting: dict[float, Array], on: Array, off: Array, left: Array, shortest: float, begin: float, closed: bool
-) -> tuple[float, float, float | None] | None:
-    """The gain of the best window, its onset, and its end (None: it lasts); not ``closed`` is open on one side."""
+) -> tuple[float, float | None] | None:
+    """The onset of the best window, and its end (None: it lasts); not ``closed`` is open on one side."""
     times = np.array(sorted(acting))
     C = np.column_stack([acting[each][:, 0] for each in times])
     G, b = C.T @ C, C.T @ left
-    index = {float(at): place for place, at in enumerate(times)}
-    best = None
-    for first in map(float, on):
-        i = index[first]
-        for last in [None, *map(float, off)]:
-            if (last is not None and last - first < shortest) or (first <= begin and last is None):
-                continue
-            if not closed and first > begin and last is not None:
-                continue
-            j = None if last is None else index[last]
-            size = G[i, i] if j is None else G[i, i] + G[j, j] - 2 * G[i, j]
-            amount = b[i] if j is None else b[i] - b[j]
-            gain = amount**2 / size if size > 1e-12 * G.max() else 0.0
-            # a window that ends needs one number more
-            gain *= 1.0 if j is None else 0.97
-            if best is None or gain > best[0]:
-                best = (float(gain), first, last)
-    return best
+    first, last = np.searchsorted(times, on)[:, None], np.searchsorted(times, off)
+    lasting = on[:, None] > begin
+    ending = (off - on[:, None] >= shortest) & (closed | ~lasting)
+    sizes = np.hstack([G[first, first], G[first, first] + G[last, last] - 2 * G[first, last]])
+    amounts = np.hstack([b[first], b[first] - b[last]])
+    # a window that ends needs one number more
+    price = np.array([1.0] + [0.97] * len(off))
+    gains = np.where(sizes > 1e-12 * G.max(), price * amounts**2 / np.maximum(sizes, 1e-300), 0.0)
+    gains = np.where(np.hstack([lasting, ending]), gains, -1.0)
+    onset, end = np.unravel_index(np.argmax(gains), gains.shape)
+    if gains[onset, end] < 0:
+        return None
+    return float(on[onset]), float(off[end - 1]) if end else None

@@ -2,11 +2,10 @@
 
 The thresholds of the tests for whiteness are the textbook's. An autocorrelated residual exceeds all others by chance:
 theirs come from residuals simulated without an effect, with autoregressions drawn from those that the residual leaves
-probable. One report in 20 without an effect is meant to have a false alarm: of 100 samples, half white noise and half
-with an autocorrelation time of 100 samples, 9 in 100 had one, of 240 such samples 5; of 100 or 200 white samples, or
-with an autocorrelation time of 10, at most 2.
+probable. One report in 20 without an effect is meant to have a false alarm: of 60 with 100 white samples 2 had one; of
+samples half white noise and half with an autocorrelation time of 100, 1 of 40 with 400 had one, 7 of 60 with 100.
 """
 
-from ambient_trainer.diagnosis.residual_tests.all_tests import residual_tests
+from ambient_trainer.diagnosis.residual_tests.all_tests import residual_memory_s, residual_tests
 
-__all__ = ["residual_tests"]
+__all__ = ["residual_memory_s", "residual_tests"]

@@ -1,24 +1,48 @@
 """All tests of a misfit, in the order in which one reads them: is it noise, and what does it go along with."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+import pandas as pd
 
-from ambient_trainer.diagnosis.residual_tests.dependence import Calibrated, Dependence, thresholds
-from ambient_trainer.diagnosis.residual_tests.drivers import Driver, ambient_drivers, drift_driver, signal_drivers
-from ambient_trainer.diagnosis.residual_tests.grid import Grid
-from ambient_trainer.diagnosis.residual_tests.noise import autoregression_of
-from ambient_trainer.diagnosis.residual_tests.sentences import sentence, subject
-from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation_time, cumulated_periodogram, ljung_box
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.record import bridged
+from ambient_trainer.diagnosis.residual_tests.dependence import Calibrated, curved, delayed, levels, rate, thresholds
+from ambient_trainer.diagnosis.residual_tests.memory import remembered
+from ambient_trainer.diagnosis.residual_tests.whiteness import (
+    autocorrelation_time_s,
+    cumulated_periodogram,
+    ljung_box,
+    memory,
+)
 from ambient_trainer.diagnosis.result import Tested
-
-Array = NDArray[np.float64]
+from ambient_trainer.diagnosis.words import clock, digits, duration
 
 LEVEL = 0.05
 """How often, without any effect, any of the robust tests of a report fails; and any of those for whiteness."""
-_FEWEST_SAMPLES = 60
+MOST_SAMPLES = 1200
+"""Few enough that a residual can be simulated hundreds of times."""
 _SEED = 5
+_AMBIENT = {
+    "ambient difference": ("the node's difference to the ambient", ": a resistance may be wrong or have changed"),
+    "ambient difference, curved": (
+        "the square of the node's difference to the ambient",
+        ": the loss may not be proportional to the difference",
+    ),
+    "ambient rate": ("the ambient's rate of change", ": a mass or a delay may be missing"),
+    "ambient rate, curved": (
+        "the square of the ambient's rate of change",
+        ": what is missing acts on fast changes only",
+    ),
+}
+"""What a residual may follow, and what that would mean."""
+_Course = tuple[str, str, Array, Array | None]
+"""A test, the signal, its course (n,), and the course whose part is taken out before."""
+_Compared = tuple[Array, str, str, str, str]
+"""A robust test before its threshold: statistics (B + 1,), the first its own, others by chance; then its name, its
+subject, and what it says where it is significant, and where not."""
+_ORDER = ("cross-correlation", *_AMBIENT, "drift", "change", "change of heat")
 
 
 def residual_tests(
@@ -32,62 +56,86 @@ def residual_tests(
 ) -> tuple[Tested, ...]:
     """Every test of ``residual_degC`` (sensors, N), measured minus simulated, and of the ``heat`` that explains it.
 
-    ``time_s`` (N,) increases; ``signals`` and ``ambient_degC`` are (N,), ``measured_degC`` is (sensors, N). NaN is a
+    ``time_s`` (N,) is uniform; ``signals`` and ``ambient_degC`` are (N,), ``measured_degC`` is (sensors, N). NaN is a
     missing value. A sensor of too few samples, or one that never changes, and a signal that never does have no test.
     """
-    if len(time_s) < _FEWEST_SAMPLES:
+    time_s, random = _coarse(time_s), np.random.default_rng(_SEED)
+    residuals = {name: _coarse(row) for name, row in zip(sensors, residual_degC)}
+    calibrated = {name: each for name, row in residuals.items() if (each := Calibrated.of(row, random)) is not None}
+    if not calibrated:
         return ()
-    grid = Grid.over(time_s)
-    residuals = {name: grid.means(row) for name, row in zip(sensors, residual_degC)}
-    usable = [name for name, row in residuals.items() if autoregression_of(row) is not None]
-    white = [each for name in usable for each in _white(residuals[name], name, grid.step_s, len(usable))]
-    shared = signal_drivers({name: values for name, raw in signals.items() if (values := grid.filled(raw)) is not None})
-    ambient = grid.filled(ambient_degC)
-    random = np.random.default_rng(_SEED)
-    found: list[Dependence] = []
-    for name, residual, flow, measured in zip(sensors, residual_degC, heat, measured_degC):
-        simulated = grid.filled(measured - residual)
-        felt = ambient_drivers(ambient, simulated) if ambient is not None and simulated is not None else []
-        found += _of_sensor(grid, name, residual, flow, [*shared, *felt], random)
-    found.sort(key=lambda each: _ORDER.index(each.test))
-    return (*white, *(_tested(grid, each, limit) for each, limit in zip(found, thresholds(found, LEVEL))))
+    step_s = float(time_s[1] - time_s[0])
+    white = [each for name in calibrated for each in _white(residuals[name], name, step_s, len(calibrated))]
+    logged, air = {name: bridged(_coarse(row)) for name, row in signals.items()}, _coarse(ambient_degC)
+    found: list[_Compared] = []
+    for sensor, series in calibrated.items():
+        row = sensors.index(sensor)
+        simulated = bridged(_coarse(measured_degC[row] - residual_degC[row]))
+        found += _along(series, sensor, _courses(logged, air, simulated), step_s)
+        found += _changes(series, Calibrated.of(_coarse(heat[row]), random), sensor, time_s)
+    found.sort(key=lambda each: _ORDER.index(each[1]))
+    limits = thresholds([statistics[1:] for statistics, *_ in found], LEVEL)
+    return (*white, *(Tested.of(*each[1:], float(each[0][0]), limit) for each, limit in zip(found, limits)))
+
+
+def residual_memory_s(time_s: Array, residual_degC: Array) -> float:
+    """The autocorrelation time of one sensor's residual (N,); NaN where it has no tests."""
+    time_s, series = _coarse(time_s), _coarse(residual_degC)
+    return math.nan if remembered(series) is None else autocorrelation_time_s(series, float(time_s[1] - time_s[0]))
+
+
+def _coarse(values: Array) -> Array:
+    """The means of ``values`` (N,) over as many samples each as leave at most :data:`MOST_SAMPLES`; NaN where none is
+    known."""
+    every = -(-len(values) // MOST_SAMPLES)
+    return pd.Series(values).groupby(np.arange(len(values)) // every).mean().to_numpy()
 
 
 def _white(series: Array, sensor: str, step_s: float, sensors: int) -> Iterator[Tested]:
     alpha = LEVEL / (2 * sensors)
     yield ljung_box(series, sensor, alpha)
     yield cumulated_periodogram(series, sensor, step_s, alpha)
-    yield autocorrelation_time(series, sensor, step_s)
+    yield memory(series, sensor, step_s)
 
 
-_ORDER = (
-    "cross-correlation",
-    "ambient difference",
-    "ambient difference, curved",
-    "ambient rate",
-    "ambient rate, curved",
-    "drift",
-    "change",
-    "change of heat",
-)
+def _courses(logged: Mapping[str, Array], air: Array, simulated: Array) -> Iterator[_Course]:
+    """What a residual may go along with; the difference to the ambient is the simulated node's: the measured one's
+    noise is also in the residual."""
+    for name, row in logged.items():
+        yield "cross-correlation", name, row, None
+    if np.isfinite(air).any():
+        air = bridged(air)
+        for test, course in (("ambient difference", simulated - air), ("ambient rate", rate(air))):
+            if np.ptp(course) > 1e-9:
+                yield test, "", course, None
+                yield f"{test}, curved", "", curved(course), course
 
 
-def _of_sensor(
-    grid: Grid, sensor: str, residual: Array, heat: Array, drivers: Sequence[Driver], random: np.random.Generator
-) -> list[Dependence]:
-    series = Calibrated.of(grid.means(residual), sensor, random)
-    if series is None:
-        return []
-    found = [each for driver in drivers if (each := series.along_with(driver))]
-    found += [each for each in (series.drift(drift_driver(grid.samples)), series.change("change")) if each]
-    flow = Calibrated.of(grid.means(heat), sensor, random)
-    if flow is not None:
-        found.append(flow.change("change of heat"))
-    return found
+def _along(series: Calibrated, sensor: str, courses: Iterator[_Course], step_s: float) -> Iterator[_Compared]:
+    for test, signal, course, given in courses:
+        if np.ptp(course[series.rows]) > 0:
+            responses, delays = delayed(course)
+            statistics, best, size = series.along_with(responses, None if given is None else delayed(given)[0])
+            what, hint = _AMBIENT.get(test, (signal, ""))
+            delay = f"with a delay of about {duration(delays[best] * step_s)}" if delays[best] else "at once"
+            said = f"the residual follows {what} {delay}, by {digits(size, 2)} degC over its range{hint}"
+            otherwise = f"the residual does not follow {what} more than chance would"
+            yield statistics, test, f"{sensor}, {signal}" if signal else sensor, said, otherwise
 
 
-def _tested(grid: Grid, found: Dependence, threshold: float) -> Tested:
-    significant = found.statistic > threshold
-    return Tested(
-        found.test, subject(found), found.statistic, threshold, significant, sentence(found, significant, grid)
-    )
+def _changes(series: Calibrated, heat: Calibrated | None, sensor: str, time_s: Array) -> Iterator[_Compared]:
+    course = time_s[None] - time_s[0]
+    statistics, _, size = series.without(course).along_with(course)
+    said = f"the residual drifts by {digits(size, 2)} degC over {duration(time_s[-1] - time_s[0])}"
+    yield statistics, "drift", sensor, said, "the residual does not drift more than its memory explains"
+    changing = [("change", series, "the residual", " degC")]
+    if heat is not None:
+        changing.append(("change of heat", heat, "the heat that explains the residual", ""))
+    for test, each, what, unit in changing:
+        statistics, turns, height = each.without(levels(len(time_s))).change()
+        how = f"{'rises' if height > 0 else 'falls'}{f' by {digits(abs(height), 2)}{unit}' if unit else ''}"
+        times = (
+            f"{' and comes back,' if len(turns) > 1 else ''} at about {' and '.join(clock(time_s[k]) for k in turns)}"
+        )
+        keeps = f"{what} keeps its level"
+        yield statistics, test, sensor, f"{what} {how}{times}" if turns else keeps, keeps

@@ -9,180 +9,141 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-from ambient_trainer.diagnosis.residual_tests.drivers import Driver
-from ambient_trainer.diagnosis.residual_tests.noise import (
-    autoregression_of,
-    centred_past,
-    filters_of,
-    whitened,
-)
-
-Array = NDArray[np.float64]
+from ambient_trainer.data.trace import Array
+from ambient_trainer.diagnosis.residual_tests.memory import past, remembered, simulated, whitening
+from ambient_trainer.lti.lag import lagged
 
 REPLICATES = 300
-_OWN_LEVEL = 0.99
+_OWN_LEVEL = 0.95
+_DELAYS_STEPS = 0.0, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0
+_LONGEST_DELAY_FRAC = 0.25
+_RATE_STEPS = 5
+_EDGES = 25
+"""Of the windows in which a level may be another one."""
 _TURN_FRAC = 1 / 3
-
-
-@dataclass(frozen=True)
-class Dependence:
-    """One subject's test before its threshold: the statistic, what chance made of it (B,), and what it says."""
-
-    test: str
-    sensor: str
-    driver: str
-    statistic: float
-    by_chance: Array
-    delay_steps: float
-    size: float
-    """How far the driver moves the residual over its range, in the residual's unit; of a change, its height."""
-    turns: tuple[int, ...] = ()
-    """Of a change: the samples at which it happens."""
+_NOTHING = 1e-150
 
 
 @dataclass(frozen=True)
 class Calibrated:
     """A series with ``REPLICATES`` simulated ones of its memory, to be treated alike: ``every`` (B + 1, n).
 
-    The first row is the series itself, NaN where missing; ``filters`` (B + 1, order + 1) make of each its
-    ``innovations`` (B + 1, m) at ``rows`` (m,), as a vector of length 1.
+    The first row is the series itself, NaN where missing; ``filters`` (B + 1, p + 1) whiten each at ``rows`` (m,),
+    where it is known with its past.
     """
 
-    sensor: str
     every: Array
-    filters: Array
     rows: NDArray[np.intp]
-    innovations: Array
+    filters: Array
 
     @staticmethod
-    def of(series: Array, sensor: str, random: np.random.Generator) -> Calibrated | None:
+    def of(series: Array, random: np.random.Generator) -> Calibrated | None:
         """``series`` (n,) calibrated; None where too little of it is known."""
-        memory = autoregression_of(series)
-        if memory is None:
+        rows = remembered(series)
+        if rows is None:
             return None
-        every = np.concatenate([series[None], memory.simulated(REPLICATES, len(series), random)])
-        filters = filters_of(every, memory.order, memory.rows)
-        return Calibrated(sensor, every, filters, memory.rows, _directions(whitened(every, filters, memory.rows)))
+        every = np.concatenate([series[None], simulated(series, rows, REPLICATES, random)])
+        return Calibrated(every, rows, whitening(every, rows))
 
-    def along_with(self, driver: Driver) -> Dependence | None:
-        """The test of ``driver``, at its best delay; None where it never changes while the series is known."""
-        windows = self._past(driver.responses)
-        energy = self._product(windows, windows)
-        usable = (energy > 1e-20 * np.ptp(driver.responses) ** 2).all(axis=0)
-        if not usable.any():
-            return None
-        norm = np.sqrt(np.maximum(energy, 1e-300))
-        correlation = self._along(windows) / norm
-        if driver.given is not None:
-            correlation = self._without(driver.given, windows, norm, correlation)
-        free = max(1, len(self.rows) - self.filters.shape[1] - 1)
-        t = np.abs(_student(np.where(usable, correlation, 0.0), free))
-        best = int(t[0].argmax())
-        chosen = driver.responses[best]
-        statistics, size = t.max(axis=1), self._slope(chosen) * float(np.ptp(chosen))
-        return Dependence(
-            driver.test, self.sensor, driver.name, float(statistics[0]), statistics[1:], driver.delays_steps[best], size
-        )
-
-    def drift(self, driver: Driver) -> Dependence | None:
-        """As :meth:`along_with` for time itself. Its line would pass for memory: that is of what is left without it."""
+    def without(self, courses: Array) -> Calibrated:
+        """The same series, whitened by the memory that each has without the best of ``courses`` (d, n), which would
+        pass for memory."""
         known = np.isfinite(self.every[0])
-        course = np.where(known, driver.responses[0] - driver.responses[0, known].mean(), 0.0)
-        slopes = np.nan_to_num(self.every) @ course / (course @ course)
-        return self._remembering(self.every - slopes[:, None] * course).along_with(driver)
+        centred = np.where(known, courses - courses[:, known].mean(axis=1, keepdims=True), 0.0)
+        directions = centred / np.maximum(np.linalg.norm(centred, axis=1, keepdims=True), _NOTHING)
+        along = np.nan_to_num(self.every) @ directions.T
+        best = np.abs(along).argmax(axis=1)
+        cleared = self.every - along[np.arange(len(along)), best][:, None] * directions[best]
+        return replace(self, filters=whitening(cleared, self.rows))
 
-    def change(self, test: str) -> Dependence:
-        """``test`` for a change of level: how far apart the extremes of the cumulated innovations lie.
+    def along_with(self, courses: Array, given: Array | None = None) -> tuple[Array, int, float]:
+        """|t| of each series (B + 1,) with that of ``courses`` (d, n) which is best, and of the series itself which
+        that is, and how far it moves it over its range. The part of ``given`` (d, n) is taken out of both before."""
+        innovations, size = self._innovations
+        windows = past(courses, self.rows)
+        norm = self._norm(windows)
+        correlation = self._product(innovations, windows) / norm
+        slopes = correlation[0] * size[0] / norm[0]
+        if given is not None:
+            others = past(given, self.rows)
+            other = self._norm(others)
+            first = self._product(innovations, others) / other
+            shared = self._product(windows, others) / norm / other
+            correlation = (correlation - first * shared) / np.sqrt(np.maximum((1 - first**2) * (1 - shared**2), 1e-12))
+        free = max(1, len(self.rows) - self.filters.shape[1] - 1)
+        t = np.abs(correlation) * np.sqrt(free / np.maximum(1 - correlation**2, 1e-12))
+        best = int(t[0].argmax())
+        return t.max(axis=1), best, float(slopes[best] * np.ptp(courses[best]))
 
-        The innovations' sum over the root of their number is the series' own over its long-run deviation. The level's
-        change would pass for memory: that is of what is left when the level may change twice.
+    def change(self) -> tuple[Array, tuple[int, ...], float]:
+        """How far apart the extremes of each series' cumulated innovations lie (B + 1,); of the series itself the
+        samples at which its level changes, and by how much.
+
+        The innovations' sum over the root of their number is the series' own over its long-run deviation.
         """
-        cumulated = np.cumsum(self._remembering(self.every - _levels(self.every)).innovations, axis=1)
+        cumulated = np.cumsum(self._innovations[0], axis=1)
         low, high = np.minimum(cumulated.min(axis=1), 0), np.maximum(cumulated.max(axis=1), 0)
-        statistics = high - low
         # an extreme that chance could have made is no turn
-        turns = sorted(
-            int(self.rows[at])
-            for at, depth in ((cumulated[0].argmin(), -low[0]), (cumulated[0].argmax(), high[0]))
-            if depth > _TURN_FRAC * statistics[0]
-        )
-        height = _height(self.every[0], turns)
-        return Dependence(test, self.sensor, "", float(statistics[0]), statistics[1:], 0.0, height, tuple(turns))
+        extremes = (cumulated[0].argmin(), -low[0]), (cumulated[0].argmax(), high[0])
+        turns = sorted(int(self.rows[at]) for at, depth in extremes if depth > _TURN_FRAC * (high - low)[0])
+        return high - low, tuple(turns), _height(self.every[0], turns)
 
-    def _remembering(self, cleared: Array) -> Calibrated:
-        """The same series, whitened by the memory of ``cleared`` (B + 1, n)."""
-        filters = filters_of(cleared, self.filters.shape[1] - 1, self.rows)
-        return replace(self, filters=filters, innovations=_directions(whitened(self.every, filters, self.rows)))
+    @cached_property
+    def _innovations(self) -> tuple[Array, Array]:
+        """Of each series as a vector of length 1, (B + 1, m), and how long it was."""
+        rows = np.einsum("bmi,bi->bm", past(self.every, self.rows), self.filters)
+        size = np.linalg.norm(rows, axis=1)
+        return rows / size[:, None], size
 
-    def _past(self, courses: Array) -> Array:
-        return centred_past(courses, self.filters.shape[1] - 1, self.rows)
+    def _product(self, one: Array, windows: Array) -> Array:
+        """Of each series with each course, (B + 1, d), by the past of these (d, m, p + 1): the product of the
+        innovations (B + 1, m), or of other courses, with what the series' filter makes of the course."""
+        if one.ndim == 2:
+            return np.asarray(np.einsum("bm,dmj,bj->bd", one, windows, self.filters, optimize=True))
+        gram = one.transpose(0, 2, 1) @ windows
+        return np.asarray(np.einsum("bi,dij,bj->bd", self.filters, gram, self.filters, optimize=True))
 
-    def _product(self, one: Array, other: Array) -> Array:
-        """Of each series and delay: the product of two courses, whitened as the series, (B + 1, delays)."""
-        gram = one.transpose(0, 2, 1) @ other
-        return np.asarray(np.einsum("bi,kij,bj->bk", self.filters, gram, self.filters, optimize=True))
-
-    def _along(self, windows: Array) -> Array:
-        """The product of the innovations and a course, whitened as the series, (B + 1, delays)."""
-        delays, rows, width = windows.shape
-        products = self.innovations @ windows.transpose(1, 0, 2).reshape(rows, delays * width)
-        return np.asarray(np.einsum("bki,bi->bk", products.reshape(-1, delays, width), self.filters))
-
-    def _without(self, given: Array, windows: Array, norm: Array, correlation: Array) -> Array:
-        """The partial correlation, with the part of ``given`` taken out of both."""
-        others = self._past(given)
-        energy = np.sqrt(np.maximum(self._product(others, others), 1e-300))
-        first = self._along(others) / energy
-        shared = self._product(windows, others) / norm / energy
-        left = np.maximum((1 - first**2) * (1 - shared**2), 1e-12)
-        return np.asarray((correlation - first * shared) / np.sqrt(left))
-
-    def _slope(self, response: Array) -> float:
-        """What the whitened series takes of the whitened ``response``."""
-        windows = self._past(response[None])[0] @ self.filters[0]
-        series = self._past(self.every[:1])[0] @ self.filters[0]
-        return float(windows @ series / (windows @ windows))
+    def _norm(self, windows: Array) -> Array:
+        return np.sqrt(np.maximum(self._product(windows, windows), _NOTHING))
 
 
-def thresholds(found: Sequence[Dependence], alpha: float) -> list[float]:
-    """For each of ``found``, so that by chance any of them is above its own in ``alpha`` of the reports."""
-    if not found:
+def levels(samples: int) -> Array:
+    """Windows in which a level may be another one, (d, n)."""
+    at, edges = np.arange(samples), np.linspace(0, samples, _EDGES)
+    return np.array([(start <= at) & (at < stop) for start, stop in combinations(edges, 2)], dtype=float)
+
+
+def delayed(course: Array) -> tuple[Array, list[float]]:
+    """What bodies that follow ``course`` (n,) with longer and longer delays make of it, (d, n), and these in steps."""
+    delays = [each for each in _DELAYS_STEPS if each <= _LONGEST_DELAY_FRAC * len(course)]
+    return np.stack([course, *(lagged(course, each, 1.0) for each in delays[1:])]), delays
+
+
+def curved(course: Array) -> Array:
+    """The square of ``course`` (n,), without what is straight in it."""
+    centred = course - course.mean()
+    return np.asarray(centred**2 - centred * (centred**2 @ centred) / (centred @ centred))
+
+
+def rate(course: Array) -> Array:
+    """Of ``course`` (n,), a step."""
+    return np.asarray(np.gradient(uniform_filter1d(course, _RATE_STEPS, mode="nearest")))
+
+
+def thresholds(by_chance: Sequence[Array], alpha: float) -> list[float]:
+    """For each of the statistics by chance (B,), so that any is above its own in ``alpha`` of the reports."""
+    if not by_chance:
         return []
-    own = [float(np.quantile(each.by_chance, _OWN_LEVEL)) for each in found]
-    worst = np.max([each.by_chance / level for each, level in zip(found, own)], axis=0)
-    factor = float(np.quantile(worst, 1 - alpha))
-    return [factor * level for level in own]
-
-
-def _directions(rows: Array) -> Array:
-    """Each row as a vector of length 1."""
-    return np.asarray(rows / np.sqrt((rows**2).sum(axis=1, keepdims=True)))
-
-
-def _student(correlation: Array, free: int) -> Array:
-    within = np.clip(correlation, -1 + 1e-12, 1 - 1e-12)
-    return np.asarray(within * np.sqrt(free / (1 - within**2)))
-
-
-def _levels(every: Array) -> Array:
-    """Each series' mean before, between and after the two turns of its own cumulated sum, (B + 1, n)."""
-    known = np.isfinite(every[0])
-    filled = np.where(known, every, 0.0)
-    centred = np.where(known, every - filled.sum(axis=1, keepdims=True) / known.sum(), 0.0)
-    cumulated = np.cumsum(centred, axis=1)
-    turns = np.sort([cumulated.argmin(axis=1), cumulated.argmax(axis=1)], axis=0)
-    at = np.arange(every.shape[1])
-    before, after = at <= turns[0][:, None], at > turns[1][:, None]
-    levels = np.zeros_like(every)
-    for piece in (before, ~before & ~after, after):
-        inside = piece & known
-        sums = (filled * inside).sum(axis=1, keepdims=True)
-        levels += inside * sums / np.maximum(inside.sum(axis=1, keepdims=True), 1)
-    return levels
+    own = [float(np.quantile(each, _OWN_LEVEL)) for each in by_chance]
+    worst = np.max([each / level for each, level in zip(by_chance, own)], axis=0)
+    return [float(np.quantile(worst, 1 - alpha)) * level for level in own]
 
 
 def _height(series: Array, turns: Sequence[int]) -> float:

@@ -3,60 +3,52 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
+from scipy.signal import correlate
 
+from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.result import Tested
 from ambient_trainer.diagnosis.words import duration, share
-
-Array = NDArray[np.float64]
 
 MOST_LAGS = 20
 _ONE_OVER_E = math.exp(-1)
 
 
-def autocorrelation(series: Array, lags: int) -> tuple[Array, Array]:
-    """The autocorrelation of ``series`` (n,) at lags 0 to ``lags``, (lags + 1,), and the number of pairs at each."""
+def autocorrelation(series: Array) -> tuple[Array, Array]:
+    """The autocorrelation of ``series`` (n,) at every lag, and the number of pairs at each."""
     known = np.isfinite(series)
     centred = np.where(known, series - series[known].mean(), 0.0)
-    size = 2 ** int(np.ceil(np.log2(2 * len(series))))
-    products = _with_itself(centred, size)[: lags + 1]
-    pairs = np.rint(_with_itself(known.astype(float), size)[: lags + 1])
-    means = products / np.maximum(pairs, 1)
-    return means / means[0], pairs
+    products, pairs = (correlate(row, row)[len(row) - 1 :] for row in (centred, known.astype(float)))
+    means = products / np.maximum(np.rint(pairs), 1)
+    return means / means[0], np.rint(pairs)
 
 
 def ljung_box(series: Array, sensor: str, alpha: float) -> Tested:
     """The test of Ljung and Box (1978) on the first autocorrelations of ``series`` (n,)."""
     lags = min(MOST_LAGS, int(np.isfinite(series).sum()) // 5)
-    rho, pairs = autocorrelation(series, lags)
-    statistic = float((pairs[1:] * rho[1:] ** 2).sum() * (pairs[0] + 2) / pairs[0])
-    threshold = float(stats.chi2.isf(alpha, lags))
-    significant = statistic > threshold
-    sentence = (
-        f"{sensor}: the residual is not white noise: its successive values are correlated."
-        if significant
-        else f"{sensor}: successive values of the residual are not correlated, as in white noise."
-    )
-    return Tested("whiteness", sensor, statistic, threshold, significant, sentence)
+    rho, pairs = (row[: lags + 1] for row in autocorrelation(series))
+    statistic = (pairs[1:] * rho[1:] ** 2).sum() * (pairs[0] + 2) / pairs[0]
+    said = "the residual is not white noise: its successive values are correlated"
+    otherwise = "successive values of the residual are not correlated, as in white noise"
+    return Tested.of("whiteness", sensor, said, otherwise, statistic, stats.chi2.isf(alpha, lags))
 
 
-def autocorrelation_time(series: Array, sensor: str, step_s: float) -> Tested:
-    """The time until the autocorrelation of ``series`` (n,) is 1/e, in s; white noise: one step."""
-    rho, pairs = autocorrelation(series, len(series) - 1)
+def autocorrelation_time_s(series: Array, step_s: float) -> float:
+    """The time until the autocorrelation of ``series`` (n,) is 1/e; white noise: one step."""
+    rho, pairs = autocorrelation(series)
     below = np.flatnonzero((rho < _ONE_OVER_E) & (pairs > 0))
-    if len(below):
-        lag = int(below[0])
-        time_s = step_s * (lag - (_ONE_OVER_E - rho[lag]) / (rho[lag - 1] - rho[lag]))
-    else:
-        time_s = step_s * (len(series) - 1)
-    significant = time_s > step_s
-    sentence = (
-        f"{sensor}: the residual is autocorrelated over about {duration(time_s)}: something slow is missing."
-        if significant
-        else f"{sensor}: the residual is not autocorrelated beyond one sample of {duration(step_s)}."
-    )
-    return Tested("memory", sensor, float(time_s), step_s, significant, sentence)
+    if not len(below):
+        return step_s * (len(series) - 1)
+    lag = int(below[0])
+    return float(step_s * (lag - (_ONE_OVER_E - rho[lag]) / (rho[lag - 1] - rho[lag])))
+
+
+def memory(series: Array, sensor: str, step_s: float) -> Tested:
+    """Whether the autocorrelation time of ``series`` (n,) is longer than a step."""
+    time_s = autocorrelation_time_s(series, step_s)
+    said = f"the residual is autocorrelated over about {duration(time_s)}: something slow is missing"
+    otherwise = f"the residual is not autocorrelated beyond one sample of {duration(step_s)}"
+    return Tested.of("memory", sensor, said, otherwise, time_s, step_s)
 
 
 def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: float) -> Tested:
@@ -65,28 +57,14 @@ def cumulated_periodogram(series: Array, sensor: str, step_s: float, alpha: floa
     The threshold is Kolmogorov's.
     """
     known = np.isfinite(series)
-    centred = np.where(known, series - series[known].mean(), 0.0)
-    power = np.abs(np.fft.rfft(centred)[1:]) ** 2
+    power = np.abs(np.fft.rfft(np.where(known, series - series[known].mean(), 0.0))[1:]) ** 2
     if len(series) % 2 == 0:
         power = power[:-1]  # the highest frequency of an even number has no phase, hence another distribution
     cumulated = np.cumsum(power)[:-1] / power.sum()
-    count = len(cumulated)
-    above = np.arange(1, count + 1) / count - cumulated
-    below = cumulated - np.arange(count) / count
-    statistic = float(max(above.max(), below.max()))
-    threshold = float(stats.kstwo.isf(alpha, count))
-    significant = statistic > threshold
+    found, threshold = stats.ks_1samp(cumulated, stats.uniform.cdf), stats.kstwo.isf(alpha, len(cumulated))
     half = int(np.searchsorted(cumulated, 0.5)) + 1
-    period = duration(len(series) * step_s / half)
-    slow = below.max() > above.max()
-    sentence = (
-        f"{sensor}: half of the residual's power is in swings {'slower' if slow else 'faster'} than {period}; of white "
-        f"noise {share(half / (count + 1))} would be."
-        if significant
-        else f"{sensor}: slow and fast swings share the residual's power evenly, as in white noise."
-    )
-    return Tested("periodogram", sensor, statistic, threshold, significant, sentence)
-
-
-def _with_itself(values: Array, size: int) -> Array:
-    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size))
+    swings = f"{'slower' if found.statistic_sign < 0 else 'faster'} than {duration(len(series) * step_s / half)}"
+    usual = share(half / (len(cumulated) + 1))
+    said = f"half of the residual's power is in swings {swings}; of white noise {usual} would be"
+    otherwise = "slow and fast swings share the residual's power evenly, as in white noise"
+    return Tested.of("periodogram", sensor, said, otherwise, found.statistic, threshold)
