@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from ambient_trainer.simulator.additions import AIR, TERMS, Additions, together
 from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.heat import HeatBalance
-from ambient_trainer.simulator.hidden import Acting, Hidden, Setting
+from ambient_trainer.simulator.hidden import Hidden, Setting
 from ambient_trainer.simulator.run import Run, integrate
 from ambient_trainer.simulator.signals import SIGNALS, signal, switched
 from ambient_trainer.simulator.simulate import Instruments
@@ -53,7 +53,7 @@ def _setting(effect, count=_COUNT, period_s=1.0):
 
 
 def _added(effect, setting, number=0):
-    return Acting(effect, setting, lambda: np.random.default_rng(4)).part(number)
+    return setting.with_hidden(effect, lambda: np.random.default_rng(4)).part(number)
 
 
 def _run(count=_COUNT):
@@ -222,7 +222,7 @@ def test_sessions_begin_soon_and_last_about_as_long_as_asked():
 
 def _ailing(*effects, count=3000):
     setting = _setting(effects[0], count)
-    return Instruments(acting=[Acting(each, setting, lambda: np.random.default_rng(1)) for each in effects])
+    return Instruments(acting=[setting.with_hidden(each, lambda: np.random.default_rng(1)) for each in effects])
 
 
 def test_a_bias_slews_in_at_its_sensor_only():

@@ -12,7 +12,7 @@ from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.hidden import PLUGINS, Hidden, Ran, Setting, checked, effects
+from ambient_trainer.simulator.hidden import PLUGINS, Hidden, Ran, checked, effects
 from ambient_trainer.simulator.run import Driven, Run
 from ambient_trainer.simulator.scenario import load_scenario
 from ambient_trainer.simulator.simulate import simulate, simulate_many, truth
@@ -135,8 +135,7 @@ def _ran(hidden, loss, pattern):
     driven = Driven(run, nodes_degC, np.zeros(count), np.zeros(count), np.empty((count, 0)))
     part = Added((Term(loss, np.ones(count), pattern),))
     trace = Trace("", time_s, {})
-    setting = Setting(phone, time_s, 10.0, {})
-    return Ran(hidden, setting, lambda: np.random.default_rng(0), driven, part, part, trace)
+    return Ran(phone, time_s, 10.0, {}, hidden, lambda: np.random.default_rng(0), driven, part, part, trace)
 
 
 def test_where_the_loss_scales_the_resistance_is_exact_and_the_exponent_the_same():
@@ -269,9 +268,9 @@ class ColdSpot(Effect):
     unit, low, high = "W", 0.0, 5.0
     meaning = "heat taken away"
 
-    def added(self, hidden, setting, name, random):
-        course = -setting.share(hidden)
-        return Added((Term("steady", course, setting.device.pattern({hidden.location: hidden.amount})),))
+    def added(self, acting, name):
+        hidden = acting.hidden
+        return Added((Term("steady", -acting.share(), acting.device.pattern({hidden.location: hidden.amount})),))
 
 EFFECT = ColdSpot()
 """

@@ -133,7 +133,7 @@ class UnitRun:
     def added(self, period_s: float) -> Added:
         """What case and effects add to the unit."""
         setting, random = setting_of(self.run, period_s), partial(stream, self.seed, "case")
-        case = [Acting(each, setting, random) for each in self.unit.case * self.cased]
+        case = [setting.with_hidden(each, random) for each in self.unit.case * self.cased]
         return together([each.part(number) for number, each in enumerate([*self.acting, *case])])
 
 
@@ -209,7 +209,7 @@ def _run(plan: FleetPlan, device: Device, scenario: Scenario, number: int, hidde
     run = prepare(_usage(scenario, seed, plan.minutes), seed, plan.period_s, unit.phone)
     setting = setting_of(run, plan.period_s)
     own = [partial(stream, seed, f"hidden {each.cause} {each.location}") for each in hidden]
-    acting = [Acting(each, setting, random) for each, random in zip(hidden, own)]
+    acting = list(map(setting.with_hidden, hidden, own))
     return UnitRun(unit, cased, plan.scenario, seed, run, acting)
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Setting:
-    """Where an effect acts: a device and n samples, from before the recording's 0 s on; signals by column, (n,)."""
+    """Where effects act: a device and n samples, from before the recording's 0 s on; signals by column, (n,)."""
 
     device: Device
     time_s: Array
@@ -81,38 +82,49 @@ class Setting:
         start_s = float(self.time_s[0]) if hidden.onset_s <= 0.0 else hidden.onset_s
         return start_s, end_s if hidden.end_s is None else min(hidden.end_s, end_s)
 
-    def lasts(self, hidden: Hidden) -> NDArray[np.bool_]:
-        """When an effect that comes and goes at once is there."""
-        start_s, end_s = self.lasting(hidden)
-        return (self.time_s >= start_s - 1e-9) & (self.time_s < end_s - 1e-9)
-
-    def share(self, hidden: Hidden, slew_s: float = SLEW_S) -> Array:
-        """How much of an effect is there, 0 to 1: it comes and goes smoothly, or is there since ever."""
-        start_s, _ = self.lasting(hidden)
-        came = np.ones_like(self.time_s) if hidden.onset_s <= 0.0 else _smooth((self.time_s - start_s) / slew_s)
-        gone = 0.0 if hidden.end_s is None else _smooth((self.time_s - hidden.end_s) / slew_s)
-        return came * (1.0 - gone)
+    def with_hidden(self, hidden: Hidden, random: Callable[[], np.random.Generator]) -> Acting:
+        """One effect in it; ``random`` gives the effect's own random numbers, from their beginning."""
+        return Acting(**vars(self), hidden=hidden, random=random)
 
 
 @dataclass(frozen=True)
-class Acting:
-    """One effect in a run."""
+class Acting(Setting):
+    """One effect where it acts."""
 
     hidden: Hidden
-    setting: Setting
     random: Callable[[], np.random.Generator]
-    """The effect's own random numbers, from their beginning."""
 
     @property
     def effect(self) -> Effect:
         """Its physics."""
         return effects()[self.hidden.cause]
 
+    @property
+    def driver(self) -> Array | None:
+        """The signal that drives it, shape (n,); None where there is none."""
+        return None if self.hidden.signal is None else self.signals[self.hidden.signal]
+
+    @property
+    def lasts(self) -> NDArray[np.bool_]:
+        """When an effect that comes and goes at once is there."""
+        start_s, end_s = self.lasting(self.hidden)
+        return (self.time_s >= start_s - 1e-9) & (self.time_s < end_s - 1e-9)
+
+    @property
+    def covered(self) -> tuple[str, ...]:
+        """The surfaces that the effect is about."""
+        return self.device.covered(self.hidden.location)
+
+    def share(self, slew_s: float = SLEW_S) -> Array:
+        """How much of an effect is there, 0 to 1: it comes and goes smoothly, or is there since ever."""
+        hidden = self.hidden
+        came = np.ones_like(self.time_s) if hidden.onset_s <= 0.0 else _smooth((self.time_s - hidden.onset_s) / slew_s)
+        gone = 0.0 if hidden.end_s is None else _smooth((self.time_s - hidden.end_s) / slew_s)
+        return came * (1.0 - gone)
+
     def part(self, number: int) -> Added:
         """What effect ``number`` of a run adds to its heat balance; nothing where it is of size zero."""
-        if not self.hidden.amount:
-            return Added()
-        return self.effect.added(self.hidden, self.setting, f"effect {number}", self.random())
+        return self.effect.added(self, f"effect {number}") if self.hidden.amount else Added()
 
 
 @dataclass(frozen=True)
@@ -129,9 +141,8 @@ class Ran(Acting):
     @property
     def there(self) -> NDArray[np.bool_]:
         """Where the recording has the effect in force: with an on/off signal while that is on."""
-        there = (self.setting.share(self.hidden) > _THERE) & (self.setting.time_s > -1e-9)
-        signal = self.hidden.signal
-        return there & (self.setting.signals[signal] > 0.0) if signal else there
+        there = (self.share() > _THERE) & (self.time_s > -1e-9)
+        return there if self.driver is None else there & (self.driver > 0.0)
 
     @property
     def air_degC(self) -> Array:
@@ -141,7 +152,7 @@ class Ran(Acting):
     @property
     def places(self) -> list[int]:
         """Of the surfaces that the effect is about, in arrays of nodes."""
-        return [self.setting.device.index(node) for node in self.setting.device.covered(self.hidden.location)]
+        return list(map(self.device.index, self.covered))
 
     def heat(self, added: Added) -> Array:
         """Heat into every node by terms along the run, shape (n, nodes)."""
@@ -175,6 +186,8 @@ class Effect:
     signals: tuple[str, ...] = ()
     """Columns that may drive it."""
     bodies: tuple[str, ...] = ()
+    at: Literal["nodes", "surfaces", "sensors"] = "nodes"
+    """Of what of the device its place is one."""
     everywhere = False
     """Whether no place, that is all of it, is allowed too."""
     since_ever = False
@@ -187,51 +200,31 @@ class Effect:
 
     def places(self, device: Device) -> tuple[str, ...]:
         """Where it may be."""
-        return tuple(device.nodes)
+        return tuple(getattr(device, self.at))
 
     def drawn_size(self, typical: float, sign: float, chance: float, signal: str | None) -> float:
         """A size from the typical one, a random sign, and a random number from 0 to 1."""
         return typical * sign if self.low < 0.0 else typical
 
-    def added(self, hidden: Hidden, setting: Setting, name: str, random: np.random.Generator) -> Added:
+    def added(self, acting: Acting, name: str) -> Added:
         """What it adds to the heat balance; ``name`` distinguishes its bodies from another effect's."""
         return Added()
 
-    def felt(self, hidden: Hidden, setting: Setting, felt_degC: Array, random: np.random.Generator) -> Array:
+    def felt(self, acting: Acting, felt_degC: Array) -> Array:
         """What its sensor feels, shape (n,)."""
         return felt_degC
 
-    def read(
-        self, hidden: Hidden, setting: Setting, reading_degC: Array, step_degC: float, random: np.random.Generator
-    ) -> Array:
+    def read(self, acting: Acting, reading_degC: Array, step_degC: float) -> Array:
         """What its sensor reports, shape (n,)."""
         return reading_degC
 
-    def air(self, hidden: Hidden, setting: Setting, air_degC: Array, random: np.random.Generator) -> Array:
+    def air(self, acting: Acting, air_degC: Array) -> Array:
         """The air that the reference records, shape (n,)."""
         return air_degC
 
     def magnitude(self, ran: Ran) -> Figure:
         """The true magnitude of what went through a run, where it was ever in force."""
         return ran.hidden.amount, self.unit or "1", {}
-
-
-class SensorEffect(Effect):
-    """A fault of a logged sensor."""
-
-    def places(self, device: Device) -> tuple[str, ...]:
-        """The logged sensors."""
-        return device.sensors
-
-
-class SurfaceEffect(Effect):
-    """A change of what the outside does."""
-
-    everywhere = True
-
-    def places(self, device: Device) -> tuple[str, ...]:
-        """The surfaces."""
-        return device.surfaces
 
 
 def effects() -> dict[str, Effect]:

@@ -26,19 +26,19 @@ class Instruments:
         """The temperature of ``zone``'s sensor itself, shape (n,)."""
         felt_degC = felt_degC + self.gains.get(zone, 0.0) * (felt_degC - GAIN_REFERENCE_DEGC)
         for each in self._at(zone):
-            felt_degC = each.effect.felt(each.hidden, each.setting, felt_degC, each.random())
+            felt_degC = each.effect.felt(each, felt_degC)
         return felt_degC
 
     def read(self, zone: str, reading_degC: Array, step_degC: float) -> Array:
         """What ``zone`` reports, shape (n,), in steps of ``step_degC``."""
         for each in self._at(zone):
-            reading_degC = each.effect.read(each.hidden, each.setting, reading_degC, step_degC, each.random())
+            reading_degC = each.effect.read(each, reading_degC, step_degC)
         return reading_degC
 
     def air(self, air_degC: Array) -> Array:
         """The air that the reference records, shape (n,)."""
         for each in self.acting:
-            air_degC = each.effect.air(each.hidden, each.setting, air_degC, each.random())
+            air_degC = each.effect.air(each, air_degC)
         return air_degC
 
     def _at(self, zone: str) -> list[Acting]:

@@ -185,7 +185,7 @@ class _Planned(NamedTuple):
         instruments, signals = Instruments(acting=self.acting), self.setting.signals
         trace = trace_of(driven, scenario, seed, self.setting.period_s, zones, instruments, signals)
         ran = (
-            Ran(each.hidden, each.setting, each.random, driven, part, together(parts), trace)
+            Ran(**vars(each), driven=driven, added=part, all_added=together(parts), trace=trace)
             for each, part in zip(self.acting, parts)
         )
         return _Done(trace, tuple(ran))
@@ -202,7 +202,8 @@ def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) 
         if name is not None
     }
     setting = replace(bare, signals=signals)
-    return _Planned(key, run, setting, tuple(Acting(each, setting, partial(_random, seed, each)) for each in hidden))
+    acting = tuple(setting.with_hidden(each, partial(_random, seed, each)) for each in hidden)
+    return _Planned(key, run, setting, acting)
 
 
 def setting_of(run: Run, period_s: float) -> Setting:
@@ -250,10 +251,10 @@ def truth(ran: Ran) -> Truth:
     return Truth(
         hidden.cause,
         hidden.location,
-        _by_sensors(ran.setting.device, hidden.location),
+        _by_sensors(ran.device, hidden.location),
         hidden.signal,
-        float(ran.setting.time_s[int(np.argmax(there))]) if hidden.signal and there.any() else hidden.onset_s or None,
-        None if hidden.end_s is None or hidden.end_s >= ran.setting.time_s[-1] else hidden.end_s,
+        float(ran.time_s[int(np.argmax(there))]) if hidden.signal and there.any() else hidden.onset_s or None,
+        None if hidden.end_s is None or hidden.end_s >= ran.time_s[-1] else hidden.end_s,
         float(magnitude),
         unit,
         {name: (float(value), of) for name, (value, of) in others.items()},

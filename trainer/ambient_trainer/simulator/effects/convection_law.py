@@ -6,25 +6,24 @@ from numpy.typing import NDArray
 from ambient_trainer.data.trace import Array
 from ambient_trainer.simulator.additions import Added, Term
 from ambient_trainer.simulator.chamber import coloured
-from ambient_trainer.simulator.hidden import Figure, Hidden, Ran, Setting, SurfaceEffect
+from ambient_trainer.simulator.hidden import Acting, Effect, Figure, Ran
 
 _LEAST_DIFFERENCE_K = 1.0
 
 
-class ConvectionLaw(SurfaceEffect):
+class ConvectionLaw(Effect):
     """A draught on surfaces."""
 
     rank = 3
     meaning = "loss at 15 K by a draught, in the convective loss there"
     typical = 2.2
-    since_ever = True
+    at, everywhere, since_ever = "surfaces", True, True
 
-    def added(self, hidden: Hidden, setting: Setting, name: str, random: np.random.Generator) -> Added:
+    def added(self, acting: Acting, name: str) -> Added:
         """The draught, a little unsteady."""
-        covered = setting.device.covered(hidden.location)
-        where = setting.device.pattern(dict.fromkeys(covered, hidden.amount))
-        unsteady = 1.0 + 0.05 * coloured(len(setting.time_s), setting.period_s, 60.0, random)
-        return Added((Term("draught", setting.share(hidden) * unsteady, where),))
+        where = acting.device.pattern(dict.fromkeys(acting.covered, acting.hidden.amount))
+        unsteady = 1.0 + 0.05 * coloured(len(acting.time_s), acting.period_s, 60.0, acting.random())
+        return Added((Term("draught", acting.share() * unsteady, where),))
 
     def magnitude(self, ran: Ran) -> Figure:
         """The exponents by a regression over all affected nodes, each with a factor of its own, weighted by losses."""

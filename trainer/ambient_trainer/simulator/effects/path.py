@@ -6,7 +6,7 @@ import numpy as np
 
 from ambient_trainer.simulator.additions import AIR, Added, Body, Link, apart
 from ambient_trainer.simulator.device import Device
-from ambient_trainer.simulator.hidden import Effect, Figure, Hidden, Ran, Setting
+from ambient_trainer.simulator.hidden import Acting, Effect, Figure, Ran
 
 _STRAP_S = 12.0  # a strap's capacitance over its conductance
 _LEAST_STRAP_J_K = 1.0
@@ -20,12 +20,11 @@ class Path(Effect):
     meaning = "conductance of the strap"
 
     def places(self, device: Device) -> tuple[str, ...]:
-        """Two nodes each."""
         return tuple("-".join(pair) for pair in permutations(device.nodes, 2))
 
-    def added(self, hidden: Hidden, setting: Setting, name: str, random: np.random.Generator) -> Added:
+    def added(self, acting: Acting, name: str) -> Added:
         """Two halves with the strap's mass between them."""
-        clamped = setting.share(hidden, 30.0)
+        hidden, clamped = acting.hidden, acting.share(30.0)
         strap = Body(f"{name} strap", max(_STRAP_S * hidden.amount, _LEAST_STRAP_J_K))
         halves = [Link(strap.name, end, 2.0 * hidden.amount * clamped) for end in str(hidden.location).split("-")]
         return Added((), (strap,), (*halves, Link(strap.name, AIR, apart(clamped, strap.capacity_J_K))))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ambient_trainer.simulator.additions import AIR, Added, Body, Link, apart
-from ambient_trainer.simulator.hidden import Effect, Figure, Hidden, Ran, Setting
+from ambient_trainer.simulator.hidden import Acting, Effect, Figure, Ran
 
 _LAYERS = (0.45, 0.35, 0.2)  # shares of its capacitance, from the device outward
 _LAYERED_S = 45.0  # its capacitance over the conductance to the device
@@ -18,9 +18,9 @@ class ThermalMass(Effect):
     unit, low, high = "J/K", 0.0, 2000.0
     meaning = "capacitance of what is attached"
 
-    def added(self, hidden: Hidden, setting: Setting, name: str, random: np.random.Generator) -> Added:
+    def added(self, acting: Acting, name: str) -> Added:
         """Layers in a row, each with a small loss of its own; while they are not attached they follow the air."""
-        attached = setting.share(hidden, 20.0)
+        hidden, attached = acting.hidden, acting.share(20.0)
         clamp = min(hidden.amount / _LAYERED_S, _CLAMP_W_K)
         layers = [Body(f"{name} layer {k}", share * hidden.amount) for k, share in enumerate(_LAYERS)]
         names = [str(hidden.location), *(layer.name for layer in layers)]
