@@ -8,7 +8,7 @@ from ambient_trainer.cli.commands.calibrate import command
 from ambient_trainer.data.probe_offsets import load_offsets
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.evaluation.bath import Settled, calibrated, save_bath
-from ambient_trainer.laboratory.calibration import BathRecorder, simulated_bath
+from ambient_trainer.laboratory.calibration import BathRecorder, bath
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.messages import NoResponse
 
@@ -19,7 +19,7 @@ PERIOD_S = 2.0
 def instruments():
     """A simulated thermometer and probes in a bath of 20 degC, 200 times as fast."""
     kinds = (settings("greisinger-easybus", port=""), settings("agilent-34970a", port="", probes={"a": 101, "b": 102}))
-    with simulated_bath(*kinds, speed=200.0, room_degC=20.0) as made:
+    with bath(*kinds, speed=200.0, room_degC=20.0) as made:
         yield made
 
 

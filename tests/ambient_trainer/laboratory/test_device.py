@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_trainer.laboratory.campaign import Device, PowerSupply
-from ambient_trainer.laboratory.device_under_test import DeviceUnderTest, degrees_from_millidegrees
+from ambient_trainer.laboratory.device_under_test import DeviceUnderTest, value_in
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, Clock, Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.shell import Connection, Shell, connection_to
 
@@ -214,5 +214,5 @@ def _ended(pid):
 @settings(max_examples=40)
 @given(st.text(max_size=20) | st.integers().map(str))
 def test_a_text_is_a_plausible_number_or_missing(text):
-    value = degrees_from_millidegrees(text)
+    value = value_in(text, 1000.0, True)
     assert value is None or (-60.0 <= value <= 250.0 and value * 1000 == pytest.approx(int(text)))

@@ -4,7 +4,7 @@ What a record of it gives is in :mod:`ambient_trainer.evaluation.bath`.
 """
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from typing import Any, NamedTuple
 
@@ -45,39 +45,33 @@ class BathInstruments(NamedTuple):
 
 
 @contextlib.contextmanager
-def _each(what: str, links: Sequence[Any], *arguments: object) -> Iterator[list[Any]]:
-    """A ``Driver``, or what is ``Simulated``, of each instrument, closed in the end."""
-    with contextlib.ExitStack() as stack:
-        kinds = [getattr(instrument(link.kind), what) for link in links]
-        yield [stack.enter_context(closing(kind(link, *arguments))) for kind, link in zip(kinds, links)]
-
-
-@contextlib.contextmanager
-def real_bath(
-    thermometer: kinds.ThermometerSettings, multiplexer: kinds.MultiplexerSettings, go_to: Callable[[int], None]
-) -> Iterator[BathInstruments]:
-    """Two instruments at their ports."""
-    clock = Clock()
-    with _each("Driver", (thermometer, multiplexer), clock) as drivers:
-        yield BathInstruments(drivers[0], drivers[1], tuple(multiplexer.probes), clock, go_to)
-
-
-@contextlib.contextmanager
-def simulated_bath(
+def bath(
     thermometer: kinds.ThermometerSettings,
     multiplexer: kinds.MultiplexerSettings,
+    go_to: Callable[[int], None] | None = None,
     speed: float = SPEED,
     room_degC: float = 22.0,
 ) -> Iterator[BathInstruments]:
-    """The same instruments simulated, ``speed`` times as fast; their bath goes to :data:`BATHS_DEGC`."""
-    clock = Clock(speed)
-    bath, links = ChamberAir(clock.now_s(), room_degC, 0, _BATH), (thermometer, multiplexer)
-    with _each("Simulated", links, clock, bath.at) as there:
-        ports = [link.model_copy(update={"port": each.port}) for link, each in zip(links, there)]
-        go_to = lambda point: bath.drive(clock.now_s(), BATHS_DEGC[point])  # noqa: E731
-        with _each("Driver", ports, clock) as drivers:
-            probes, errors_K = tuple(multiplexer.probes), there[1].errors_K
-            yield BathInstruments(drivers[0], drivers[1], probes, clock, go_to, errors_K)
+    """Two instruments at their ports, closed in the end.
+
+    Without ``go_to`` both are simulated, ``speed`` times as fast, and their bath goes to :data:`BATHS_DEGC`.
+    """
+    links: list[Any] = [thermometer, multiplexer]
+    clock, errors_K = Clock(speed if go_to is None else 1.0), None
+    with contextlib.ExitStack() as stack:
+
+        def opened(what: str, *arguments: object) -> list[Any]:
+            made = [getattr(instrument(link.kind), what) for link in links]
+            return [stack.enter_context(closing(kind(link, *arguments))) for kind, link in zip(made, links)]
+
+        if go_to is None:
+            water = ChamberAir(clock.now_s(), room_degC, 0, _BATH)
+            there = opened("Simulated", clock, water.at)
+            links = [link.model_copy(update={"port": each.port}) for link, each in zip(links, there)]
+            errors_K = there[1].errors_K
+            go_to = lambda point: water.drive(clock.now_s(), BATHS_DEGC[point])  # noqa: E731
+        reference, probes = opened("Driver", clock)
+        yield BathInstruments(reference, probes, tuple(multiplexer.probes), clock, go_to, errors_K)
 
 
 class BathRecorder:

@@ -6,40 +6,26 @@ Millidegrees, tenths, microamperes and microvolts of a kernel become degC, A and
 """
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 from ambient_trainer.laboratory.campaign import Device
 from ambient_trainer.laboratory.instruments import PLAUSIBLE_DEGC
 from ambient_trainer.laboratory.messages import CLOCK_OFFSET, DEVICE, Clock, InstrumentError, Reading
 from ambient_trainer.laboratory.shell import Connection, Shell
 
-_PER_UNIT = {"temp": 10.0, "current_now": 1e6, "voltage_now": 1e6}
+_PER_DEGC, _PER_UNIT = 1000.0, {"temp": 10.0, "current_now": 1e6, "voltage_now": 1e6}
 
 
-def degrees_from_millidegrees(text: str) -> float | None:
-    """What a thermal zone's ``temp`` holds, in degC; None for what is no temperature."""
-    return _plausible(_quotient(text, 1000.0))
+def value_in(text: str, per_unit: float, temperature: bool) -> float | None:
+    """What a file of the kernel's holds in degC, A or V, ``per_unit`` of its own each; None for no value.
 
-
-def supply_value(attribute: str, text: str, device: Device) -> float | None:
-    """What an attribute of the power supply holds, in degC, A (positive into the battery) or V; None for nothing."""
-    value, supply = _quotient(text, _PER_UNIT[attribute]), device.power_supply
-    if attribute == "temp":
-        return _plausible(value)
-    reverse = attribute == "current_now" and supply is not None and supply.charging_is == "negative"
-    return -value + 0.0 if reverse and value is not None else value
-
-
-def _plausible(temp_degC: float | None) -> float | None:
-    return temp_degC if temp_degC is not None and PLAUSIBLE_DEGC[0] <= temp_degC <= PLAUSIBLE_DEGC[1] else None
-
-
-def _quotient(text: str, per_unit: float) -> float | None:
+    A plausible one, where it is a ``temperature``.
+    """
     try:
-        return int(text) / per_unit
+        value = int(text) / per_unit + 0.0  # no -0.0
     except ValueError:
         return None
+    low_degC, high_degC = PLAUSIBLE_DEGC
+    return value if not temperature or low_degC <= value <= high_degC else None
 
 
 _SAMPLES_UNTIL_SEARCH = 30
@@ -64,8 +50,8 @@ class DeviceUnderTest:
         self._shell = Shell(connection, clock, device.timeout_s, _SAMPLE.replace("ROOT", device.root))
         self._opened = self._until_search = 0
         self._uptime_s = 0.0
-        self._columns: dict[str, tuple[str, Callable[[str], float | None]]] = {}
-        """By column the file, and what turns its text into the column's unit."""
+        self._columns: dict[str, tuple[str, float, bool]] = {}
+        """By column the file, how many of its units are one of the column's, and whether it is a temperature."""
 
     def identify(self) -> str:
         """How it is reached, and how long it is up; raises where it lacks what the campaign logs."""
@@ -94,7 +80,8 @@ class DeviceUnderTest:
             raise self._unexpected(f"its uptime and {len(self._columns)} values", answer.text)
         rebooted, self._uptime_s = uptime_s < self._uptime_s, uptime_s
         values: dict[str, float | None] = dict.fromkeys(self.device.columns)
-        values.update((column, convert(text)) for (column, (_, convert)), text in zip(self._columns.items(), texts))
+        for (column, (_, per_unit, temperature)), text in zip(self._columns.items(), texts):
+            values[column] = value_in(text, per_unit, temperature)
         values[CLOCK_OFFSET] = uptime_s - 0.5 * (answer.asked_s + answer.answered_s)
         notes = ["was started anew"] * rebooted + [f"has no zone {zone}" for zone in self.missing]
         return Reading(answer.asked_s, answer.answered_s, values, "; ".join(notes) or None)
@@ -115,13 +102,13 @@ class DeviceUnderTest:
                 raise self._unexpected(f"one zone of type {zone}", f"{len(files[zone])} of them")
         self.missing = tuple(zone for zone in device.zones if zone not in files)
         found = {column: files[zone][0] for zone, column in device.zones.items() if zone in files}
-        self._columns = {column: (file, degrees_from_millidegrees) for column, file in found.items()}
+        self._columns = {column: (file, _PER_DEGC, True) for column, file in found.items()}
         if supply := device.power_supply:
             folder = f"{device.root}/sys/class/power_supply/{supply.name}"
             for attribute, column in supply.columns.items():
-                convert = partial(supply_value, attribute, device=device)
-                self._columns[column] = (f"{folder}/{attribute}", convert)
-        self._shell.run(f"ambient_files='{' '.join(file for file, _ in self._columns.values())}'")
+                sign = -1.0 if attribute == "current_now" and supply.charging_is == "negative" else 1.0
+                self._columns[column] = (f"{folder}/{attribute}", sign * _PER_UNIT[attribute], attribute == "temp")
+        self._shell.run(f"ambient_files='{' '.join(file for file, *_ in self._columns.values())}'")
         self._opened = self._shell.opened
         self._until_search = _SAMPLES_UNTIL_SEARCH
 

@@ -13,7 +13,7 @@ import re
 import select
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -316,12 +316,11 @@ class SerialLine:
     def _open(self) -> _SerialPort | _VisaPort:
         if self._port is not None:
             return self._port
-        try:
-            port = _opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
-        except Exception as error:  # pyserial and pyvisa raise a dozen kinds
-            raise self.failed("a port that can be opened", _reason(error), Disconnected) from error
-        self._port, self._synchronisations_due, self._synchronised = port, 0, False
-        return port
+        with self._losing("a port that can be opened"):
+            self._port = _opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
+        assert self._port is not None, "it is open, or an error was raised"
+        self._synchronisations_due, self._synchronised = 0, False
+        return self._port
 
     def _send(self, request: bytes) -> float:
         port = self._port
@@ -329,26 +328,27 @@ class SerialLine:
         time.sleep(max(self._may_send_s - time.monotonic(), 0.0))
         self._may_send_s = time.monotonic() + self.clock.wall_s(getattr(self.settings, "pause_s", 0.0))
         asked_s = self.clock.now_s()
-        try:
+        with self._losing(f"{shown(request)} to be taken"):
             port.write(request)
-        except Exception as error:
-            raise self._lost(error, f"{shown(request)} to be taken") from error
         return asked_s
 
     def _receive(self, patience_s: float) -> bytes:
         """The bytes that came, waiting for the first of them at most ``patience_s`` of the machine's seconds."""
         assert self._port is not None, "nothing is received on a line that is not open"
-        try:
-            return self._port.read(patience_s)
-        except Exception as error:
-            raise self._lost(error) from error
+        with self._losing("the port to stay"):
+            data = self._port.read(patience_s)
+        return data
 
-    def _lost(self, error: Exception, expected: str = "the port to stay") -> InstrumentError:
-        """What to raise for an error of the port, of which pyserial and pyvisa have a dozen kinds."""
-        self.close()  # with it goes what was not sent
-        if isinstance(error, serial.SerialTimeoutException):
-            return self.failed(expected, "XOFF all the time", NoResponse)
-        return self.failed(expected, _reason(error), Disconnected)
+    @contextlib.contextmanager
+    def _losing(self, expected: str) -> Iterator[None]:
+        """Close the port at an error of it, of which pyserial and pyvisa have a dozen kinds, and say what it is."""
+        try:
+            yield
+        except Exception as error:
+            self.close()  # with it goes what was not sent
+            if isinstance(error, serial.SerialTimeoutException):
+                raise self.failed(expected, "XOFF all the time", NoResponse) from error
+            raise self.failed(expected, _reason(error), Disconnected) from error
 
 
 class SerialDriver:

@@ -83,7 +83,8 @@ class SimulatedPhone:
         self._lock = threading.Lock()
         activity = activity or phone.idle
         self._live = LiveDevice(phone, tuple(zones.values()), air_degC, began_s, activity, seed, recording_s)
-        self._make_files(activity)
+        self._files = self._made_files(activity)
+        self._show()
         self._threads = [
             threading.Thread(target=each, name="simulated phone", daemon=True) for each in (self._pass, self._serve)
         ]
@@ -135,20 +136,26 @@ class SimulatedPhone:
             for index, zone in enumerate(reversed(was)):
                 zone.rename(folder / f"thermal_zone{index}")
 
-    def _make_files(self, activity: str) -> None:
-        places = []
+    def _made_files(self, activity: str) -> dict[int, Callable[[], float]]:
+        """The files that are held, and what stands in each."""
+        live, places = self._live, dict[Path, Callable[[], float]]()
         for index, kind in enumerate(self._types):
             folder = self._here / f"sys/class/thermal/thermal_zone{index}"
             folder.mkdir(parents=True)
             (folder / "type").write_text(f"{kind}\n")
-            places.append(folder / "temp")
+            places[folder / "temp"] = lambda index=index: 1000.0 * live.zones_degC[index]  # type: ignore[misc]
         (self._here / "proc").mkdir()
         os.mkfifo(self._here / "proc/uptime")
         if self._supply is not None:
+            sign = 1.0 if self._supply.charging_is == "positive" else -1.0
+            gauge: dict[str, Callable[[], float]] = {
+                "temp": lambda: 10.0 * live.battery_degC,
+                "voltage_now": lambda: 1e6 * live.battery_V,
+                "current_now": lambda: 1e6 * sign * live.current_A,
+            }
             folder = self._here / "sys/class/power_supply" / self._supply.name
             folder.mkdir(parents=True)
-            places += [folder / attribute for attribute in self._supply.columns]
-        self._files = [os.open(place, os.O_WRONLY | os.O_CREAT, 0o644) for place in places]
+            places |= {folder / attribute: gauge[attribute] for attribute in self._supply.columns}
         programs = self._here / "bin"
         programs.mkdir()
         for name, text in (("adb", _ADB), ("phone", _PHONE.replace("IDLE", self._idle))):
@@ -156,7 +163,7 @@ class SimulatedPhone:
             (programs / name).chmod(0o755)
         (self._here / "activity").write_text(f"{activity}\n")
         self.plug_cable()
-        self._show()
+        return {os.open(place, os.O_WRONLY | os.O_CREAT, 0o644): value for place, value in places.items()}
 
     def _pass(self) -> None:
         while not self._ending.is_set():
@@ -179,17 +186,8 @@ class SimulatedPhone:
 
     def _show(self) -> None:
         """Bring what is so now into the files, in their place: who could read meanwhile waits at the pipe."""
-        values = [round(1000.0 * each) for each in self._live.zones_degC]
-        if self._supply is not None:
-            sign = 1.0 if self._supply.charging_is == "positive" else -1.0
-            gauge = {
-                "temp": lambda: 10.0 * self._live.battery_degC,
-                "voltage_now": lambda: 1e6 * self._live.battery_V,
-                "current_now": lambda: 1e6 * sign * self._live.current_A,
-            }
-            values += [round(gauge[attribute]()) for attribute in self._supply.columns]
-        for file, value in zip(self._files, values):
-            os.pwrite(file, f"{value:<{_WIDTH}}\n".encode(), 0)
+        for file, value in self._files.items():
+            os.pwrite(file, f"{round(value()):<{_WIDTH}}\n".encode(), 0)
 
     def _end_shells(self) -> None:
         shells = self._here / "shells"

@@ -330,20 +330,14 @@ class _Constants(Strict):
 def _read(name: str) -> tuple[Any, dict[str, Constant]]:
     """A device file with plain numbers, and the calibrated ones by path."""
     found: dict[str, Any] = {}
-    data = _plain(load_yaml(device_path(name)), "", found)
+
+    def plain(part: Any, path: str) -> Any:
+        if isinstance(part, list):
+            names = [each.get("name", index) if isinstance(each, dict) else index for index, each in enumerate(part)]
+            return [plain(each, f"{path}.{key}") for key, each in zip(names, part)]
+        if isinstance(part, dict) and "value" in part:
+            found[path.lstrip(".")], part = part, part["value"]
+        return {key: plain(each, f"{path}.{key}") for key, each in part.items()} if isinstance(part, dict) else part
+
+    data = plain(load_yaml(device_path(name)), "")
     return data, validated(_Constants, {"constants": found}, name).constants
-
-
-def _plain(part: Any, path: str, found: dict[str, Any]) -> Any:
-    if isinstance(part, list):
-        return [_plain(each, _inner(path, each, index), found) for index, each in enumerate(part)]
-    if not isinstance(part, dict):
-        return part
-    if "value" in part:
-        found[path] = part
-        return part["value"]
-    return {key: _plain(each, f"{path}.{key}".lstrip("."), found) for key, each in part.items()}
-
-
-def _inner(path: str, part: Any, index: int) -> str:
-    return f"{path}.{part.get('name', index) if isinstance(part, dict) else index}"

@@ -13,7 +13,7 @@ import numpy as np
 from ambient_trainer.data.trace import Array
 from ambient_trainer.lti.lag import lag_weights
 from ambient_trainer.simulator.chamber import Chamber, Probes
-from ambient_trainer.simulator.device import Bursts, Device, Zone, load_device
+from ambient_trainer.simulator.device import Device, Zone, load_device
 from ambient_trainer.simulator.heat import Demand, HeatBalance, advanced
 from ambient_trainer.simulator.instruments import felt_weights, reported
 from ambient_trainer.simulator.run import bursts, stream
@@ -178,9 +178,6 @@ class Stepper:
         return mixed
 
 
-_BLOCK = 3600
-
-
 class LiveDevice:
     """The device with its ``zones``, settled in the air of ``start_s`` while it does ``activity``.
 
@@ -203,7 +200,6 @@ class LiveDevice:
         self._stepper = Stepper([device], zones, _STEP_S)
         self._noise = [stream(seed, f"zone {zone.name}") for zone in zones]
         self._seconds = 0
-        self._burst_block = np.ones(0)
         demand = self._stepper.balance.demand(np.array([device.activity_index([activity])]), np.ones(1))
         self._stepper.start(np.array([air_degC(start_s)]), demand)
         self._read(demand)
@@ -232,8 +228,10 @@ class LiveDevice:
         return self._device.battery.volt_V + self.current_A * self._device.battery.ohm
 
     def _step(self, activity: int) -> None:
-        swing = tuple(self._device.activities.values())[activity].bursts
-        demand = self._stepper.balance.demand(np.array([activity]), np.array([self._burst(swing) if swing else 1.0]))
+        swing, burst = tuple(self._device.activities.values())[activity].bursts, np.ones(1)
+        if swing:
+            burst = bursts(np.array([self._seconds - self._recording_s]), swing, stream(self._seed, "bursts"))
+        demand = self._stepper.balance.demand(np.array([activity]), burst)
         at_s = self.next_s - _STEP_S
         self._stepper.step(demand, (np.array([self._air_degC(at_s)]), np.array([self._air_degC(at_s + _STEP_S)])))
         self._read(demand)
@@ -245,10 +243,3 @@ class LiveDevice:
         noise = np.array([[random.standard_normal() for random in self._noise]])
         self.zones_degC: list[float] = self._stepper.readings_degC(noise)[0].tolist()
         """What the zones report."""
-
-    def _burst(self, swing: Bursts) -> float:
-        place = self._seconds % _BLOCK
-        if place == 0 or not len(self._burst_block):
-            first = self._seconds - place - self._recording_s
-            self._burst_block = bursts(first + np.arange(_BLOCK, dtype=np.float64), swing, stream(self._seed, "bursts"))
-        return float(self._burst_block[place])

@@ -7,14 +7,13 @@ device, seed, period and effects give the same trace.
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
 from ambient_model.faults import Fault, Refused
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
-from ambient_trainer.simulator.additions import Added, together
+from ambient_trainer.simulator.additions import together
 from ambient_trainer.simulator.device import DEFAULT, Device, Zone, load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import SOURCE, Acting, Hidden, Ran, Setting, faults, run_faults
@@ -122,11 +121,20 @@ def simulate_many(
     bare: list[_Key] = [(name, of, ()) for name, of, _ in asked]
     alone: list[_Key] = [(name, of, (each,)) for name, of, hidden in asked for each in hidden]
     every = list(dict.fromkeys([*asked, *bare, *alone] if sizes else asked))
-    planned = [_planned(key, period_s, decoys, device) for key in every]
-    parts = [[each.part(number) for number, each in enumerate(one.acting)] for one in planned]
-    driven = integrate([one.run for one in planned], period_s, progress, [together(each) for each in parts])
-    logged = zones or device.main_zones
-    done = {one.key: one.done(logged, ended, added) for one, ended, added in zip(planned, driven, parts)}
+    planned = {key: _planned(key, period_s, decoys, device) for key in every}
+    parts = [[each.part(number) for number, each in enumerate(acting)] for _, _, acting in planned.values()]
+    driven = integrate([run for run, *_ in planned.values()], period_s, progress, list(map(together, parts)))
+    done: dict[_Key, _Done] = {}
+    for (key, (_, setting, acting)), ended, own in zip(planned.items(), driven, parts):
+        name, seed, _ = key
+        instruments = Instruments(acting=acting)
+        trace = trace_of(ended, name, seed, period_s, zones or device.main_zones, instruments, setting.signals)
+        all_added = together(own)
+        ran = [
+            Ran(**vars(each), driven=ended, added=added, all_added=all_added, trace=trace)
+            for each, added in zip(acting, own)
+        ]
+        done[key] = trace, ran
     return [_answered(key, done, sizes) for key in asked]
 
 
@@ -165,33 +173,11 @@ def trace_of(
 
 
 _Key = tuple[str, int, tuple[Hidden, ...]]
+_Done = tuple[Trace, list[Ran]]
 
 
-class _Done(NamedTuple):
-    trace: Trace
-    ran: tuple[Ran, ...]
-
-
-class _Planned(NamedTuple):
-    """A run with the effects in it, before it is integrated."""
-
-    key: _Key
-    run: Run
-    setting: Setting
-    acting: tuple[Acting, ...]
-
-    def done(self, zones: Sequence[Zone], driven: Driven, parts: Sequence[Added]) -> _Done:
-        scenario, seed, _ = self.key
-        instruments, signals = Instruments(acting=self.acting), self.setting.signals
-        trace = trace_of(driven, scenario, seed, self.setting.period_s, zones, instruments, signals)
-        ran = (
-            Ran(**vars(each), driven=driven, added=part, all_added=together(parts), trace=trace)
-            for each, part in zip(self.acting, parts)
-        )
-        return _Done(trace, tuple(ran))
-
-
-def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) -> _Planned:
+def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) -> tuple[Run, Setting, list[Acting]]:
+    """A run, where effects act in it, and those that do."""
     scenario, seed, hidden = key
     run = prepare(load_scenario(scenario), seed, period_s, device)
     bare = setting_of(run, period_s)
@@ -202,8 +188,7 @@ def _planned(key: _Key, period_s: float, decoys: Sequence[str], device: Device) 
         if name is not None
     }
     setting = replace(bare, signals=signals)
-    acting = tuple(setting.with_hidden(each, partial(_random, seed, each)) for each in hidden)
-    return _Planned(key, run, setting, acting)
+    return run, setting, [setting.with_hidden(each, partial(_random, seed, each)) for each in hidden]
 
 
 def setting_of(run: Run, period_s: float) -> Setting:
@@ -214,16 +199,16 @@ def setting_of(run: Run, period_s: float) -> Setting:
 
 def _answered(key: _Key, done: dict[_Key, _Done], sizes: bool) -> Simulated:
     name, seed, hidden = key
-    run = done[key]
-    truths = tuple(truth(ran) for ran in run.ran)
+    trace, ran = done[key]
+    truths = tuple(map(truth, ran))
     if not sizes:
-        return Simulated(run.trace, hidden, truths, None)
-    clean = done[name, seed, ()].trace
+        return Simulated(trace, hidden, truths, None)
+    clean, _ = done[name, seed, ()]
     alone = [done[name, seed, (each,)] for each in hidden]
-    measured = [size_degC(one.trace, clean, one.ran[0]) for one in alone]
+    measured = [size_degC(one, clean, its) for one, (its,) in alone]
     truths = tuple(replace(each, size_degC=size, worst=worst) for each, (size, worst) in zip(truths, measured))
-    logged = {column: values for column, values in run.trace.columns.items() if column not in clean.columns}
-    return Simulated(run.trace, hidden, truths, replace(clean, columns={**clean.columns, **logged}))
+    logged = {column: values for column, values in trace.columns.items() if column not in clean.columns}
+    return Simulated(trace, hidden, truths, replace(clean, columns={**clean.columns, **logged}))
 
 
 def _random(seed: int, hidden: Hidden) -> np.random.Generator:

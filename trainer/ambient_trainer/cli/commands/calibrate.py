@@ -83,7 +83,7 @@ def command(
     """
     from ambient_trainer.data.probe_offsets import offsets_text
     from ambient_trainer.evaluation.bath import Settled, calibrated, load_bath, settled_windows
-    from ambient_trainer.laboratory.calibration import BATHS_DEGC, BathRecorder, real_bath, report_of, simulated_bath
+    from ambient_trainer.laboratory.calibration import BATHS_DEGC, BathRecorder, bath, report_of
     from ambient_trainer.laboratory.instruments import settings
     from ambient_trainer.laboratory.messages import InstrumentError
 
@@ -137,7 +137,7 @@ def command(
                 status.start()
 
         try:
-            with simulated_bath(*links) if simulate else real_bath(*links, go_to) as instruments, status:
+            with bath(*links, None if simulate else go_to) as instruments, status:
                 source, errors_K = instruments.identify(), instruments.errors_K
                 recorder = BathRecorder(instruments, period_s, _PATIENCE_S)
                 windows = recorder.windows(points, settled, show, record_path)

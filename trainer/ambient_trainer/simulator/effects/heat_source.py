@@ -29,7 +29,7 @@ class HeatSource(Effect):
         """One term at one node; a current's follows its square."""
         where = acting.device.pattern({str(acting.hidden.location): acting.hidden.amount})
         if acting.hidden.signal == "accessory_current_A":
-            current = np.where(acting.lasts, acting.driver, 0.0)
+            current = np.where(acting.lasts, acting.signals[acting.hidden.signal], 0.0)
             return Added((Term("ohmic", current**2, where),))
         course = {"radio_on": _radio, "irradiance_W_m2": _sunshine}.get(acting.hidden.signal or "", _charger)
         return Added((Term("steady", course(acting), where),))

@@ -16,14 +16,10 @@ class SensorBias(Effect):
     at = "sensors"
 
     def felt(self, acting: Acting, felt_degC: Array) -> Array:
-        return felt_degC + _bias_K(acting)
+        return felt_degC + acting.hidden.amount * acting.share(_SLEW_S)
 
     def magnitude(self, ran: Ran) -> Figure:
-        return float(_bias_K(ran)[ran.there].mean()), "degC", {}
-
-
-def _bias_K(acting: Acting) -> Array:
-    return acting.hidden.amount * acting.share(_SLEW_S)
+        return float(ran.hidden.amount * ran.share(_SLEW_S)[ran.there].mean()), "degC", {}
 
 
 EFFECT = SensorBias()
