@@ -6,6 +6,7 @@ column holds many; so does a folder ``unit=NAME`` of one. Files are looked at in
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -246,19 +247,16 @@ def write_dataset(
     os.makedirs(folder, exist_ok=True)
     if os.listdir(folder):
         raise refuse(folder, "", "is not empty", "name a new folder for the dataset")
-    writer, count = None, 0
-    try:
+    count = 0
+    with contextlib.ExitStack() as opened:
         for unit, trace, labels in rows:
             length = len(trace.time_s)
             texts = {name: pa.array([text] * length).dictionary_encode() for name, text in {by: unit, **labels}.items()}
             table = pa.table({**texts, TIME: trace.time_s, **trace.columns})
-            if writer is None or count % each == 0:
-                if writer is not None:
-                    writer.close()
-                writer = pq.ParquetWriter(os.path.join(folder, f"part-{count // each:05d}.parquet"), table.schema)
+            if count % each == 0:
+                opened.close()
+                path = os.path.join(folder, f"part-{count // each:05d}.parquet")
+                writer = opened.enter_context(pq.ParquetWriter(path, table.schema))
             writer.write_table(table, row_group_size=max(length, 1))
             count += 1
-    finally:
-        if writer is not None:
-            writer.close()
     return count

@@ -1,6 +1,7 @@
 """What is odd about the units that fit the population least: each is diagnosed, typical ones being known as good."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,13 +14,27 @@ from ambient_trainer.estimators.registry import thermal_circuit
 from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
 from ambient_trainer.fleet.fit_units import OK
 from ambient_trainer.fleet.pooling import improbability
-from ambient_trainer.fleet.result import Outlier
 
 _LISTED = 15
 _KNOWN_GOOD = 4
 """Typical units train the forward circuit: what they leave of each other counts as the sensors' noise."""
 _DIAGNOSED_FROM = 4.0
 """Six of a thousand simulated units are as improbable without a planted cause; a diagnosis takes a minute or two."""
+
+
+class Outlier(NamedTuple):
+    """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause.
+
+    ``confidence`` is the probability that a diagnosis gives its cause; ``rivals`` are those that explain its
+    data as well.
+    """
+
+    unit: str
+    improbability: float
+    cause: str | None = None
+    location: str | None = None
+    confidence: float | None = None
+    rivals: str | None = None
 
 
 def scored(table: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from ambient_trainer.fleet.result import FleetFit, Outlier
+from ambient_trainer.fleet.outliers import Outlier
+from ambient_trainer.fleet.run import FleetFit
 from ambient_trainer.fleet.space import MAIN
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, ERROR, ESTIMATE, GREY, LIMIT

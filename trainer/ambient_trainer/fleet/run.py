@@ -9,7 +9,7 @@ import hashlib
 import io
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 from urllib.parse import quote
@@ -25,8 +25,9 @@ from ambient_trainer.estimators.base import USUAL, Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
 from ambient_trainer.fleet.dataset import Entry, Source, entries
 from ambient_trainer.fleet.engine import Engine, Job
-from ambient_trainer.fleet.fit_units import Learnt, Looked, Start, begin, failed, fit_chunk, look, unseen_model
+from ambient_trainer.fleet.fit_units import FAILED, Learnt, Looked, Start, begin, failed, fit_chunk, look, unseen_model
 from ambient_trainer.fleet.outliers import (
+    Outlier,
     diagnose_units,
     learn_typical,
     least_probable,
@@ -36,8 +37,7 @@ from ambient_trainer.fleet.outliers import (
     undiagnosed,
 )
 from ambient_trainer.fleet.parts import Parts, Progress, write_whole
-from ambient_trainer.fleet.pooling import Normal, pooled
-from ambient_trainer.fleet.result import FleetFit, Outlier
+from ambient_trainer.fleet.pooling import Normal, Population, pooled
 from ambient_trainer.fleet.space import MAIN
 
 CHUNK = 50
@@ -68,6 +68,28 @@ class Question:
     def source(self) -> Source:
         """How the dataset is read before the columns are known."""
         return Source(self.by, self.within)
+
+
+@dataclass(frozen=True)
+class FleetFit:
+    """A fitted fleet.
+
+    ``table`` has a row a unit in the order of their names; ``outliers`` are the units that fit the population least,
+    the least probable first.
+    """
+
+    circuit: str
+    folder: str
+    table: pd.DataFrame = field(repr=False)
+    population: Population = field(repr=False)
+    start: Start = field(repr=False)
+    groups: tuple[tuple[str, ...], ...]
+    outliers: tuple[Outlier, ...]
+
+    @property
+    def failed(self) -> pd.DataFrame:
+        """The units that could not be fitted, with the reason."""
+        return self.table[self.table["status"] == FAILED]
 
 
 def fit_fleet(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
 import click
@@ -36,13 +36,7 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @click.option("--resume", is_flag=True, help="Go on with the run that was stopped before its end.")
 @click.option("--dry-run", is_flag=True, help="Only print the schedule and the length.")
 def command(
-    campaign: str,
-    output: str | None,
-    simulate: bool,
-    speed: float | None,
-    seed: int | None,
-    resume: bool,
-    dry_run: bool,
+    campaign: str, output: str | None, simulate: bool, resume: bool, dry_run: bool, **simulation: float | None
 ) -> int:
     """Run a campaign: chamber, probes and device through a program, all of it into one trace.
 
@@ -57,7 +51,8 @@ def command(
     from ambient_trainer.laboratory.report import schedule_report
     from ambient_trainer.simulator.scenario import scenario_path
 
-    if not simulate and (speed is not None or seed is not None):
+    given = {name: value for name, value in simulation.items() if value is not None}
+    if given and not simulate:
         raise click.UsageError("--speed and --seed are for --simulate: a real laboratory has a time of its own")
     if not dry_run and output is None:
         raise click.UsageError("say where the trace goes: -o TRACE.csv")
@@ -70,26 +65,23 @@ def command(
         cli.Output().show(schedule_report(loaded))
         return 0
     assert output is not None
-    from ambient_trainer.laboratory.collect import journal_path, laboratory_path
+    from ambient_trainer.laboratory.collect import Job, journal_path, laboratory_path
 
     cli.Output().check(loaded.files, [output, laboratory_path(output)])
     if resume and not os.path.exists(journal_path(output)):
         fault = Fault(journal_path(output), "there is no run to resume", "leave --resume out, or name its output")
         raise click.UsageError(str(fault))
-    with _job(loaded, output, simulate, speed or 1.0, seed or 0) as job:
+    with _simulated(loaded, output, **given) if simulate else nullcontext(Job(loaded, output)) as job:
         return _run(job, resume)
 
 
-@contextlib.contextmanager
-def _job(loaded: LoadedCampaign, output: str, simulate: bool, speed: float, seed: int) -> Iterator[Job]:
+@contextmanager
+def _simulated(loaded: LoadedCampaign, output: str, speed: float = 1.0, seed: float = 0) -> Iterator[Job]:
     from ambient_trainer.laboratory.collect import Job
     from ambient_trainer.laboratory.messages import Clock
     from ambient_trainer.laboratory.simulation import simulated_laboratory
 
-    if not simulate:
-        yield Job(loaded, output)
-        return
-    with simulated_laboratory(loaded, Clock(speed), seed) as there:
+    with simulated_laboratory(loaded, Clock(speed), int(seed)) as there:
         yield Job(there.loaded, output, speed, True, there.environment)
 
 
@@ -114,7 +106,7 @@ def _run(job: Job, again: bool) -> int:
     return 0 if outcome.finished and outcome.alarm is None and outcome.safe else 1
 
 
-@contextlib.contextmanager
+@contextmanager
 def _caught_signals() -> Iterator[list[int]]:
     """The signals that came while the block ran; they end nothing by themselves."""
     caught: list[int] = []

@@ -36,19 +36,7 @@ from ambient_trainer.report.files import write_json
 @click.option(
     "-o", "--output", required=True, metavar="OUT", help="The trace (.gz compresses it), or a fleet's folder."
 )
-def command(
-    scenario: str,
-    device: str,
-    seed: int,
-    period_s: float,
-    hide: tuple[str, ...],
-    truth_path: str | None,
-    output: str,
-    units: int | None,
-    minutes: float | None,
-    cased: float,
-    **logged: Any,
-) -> None:
+def command(scenario: str, truth_path: str | None, output: str, units: int | None, **of: Any) -> None:
     """Write what a simulated device logs in SCENARIO.
 
     SCENARIO is 1, 2.1 to 2.5, 3, 4 or 5 of the thesis (a phone's), set_top_box, or a FILE.yaml, such as a campaign of
@@ -76,26 +64,26 @@ def command(
     With --units, OUT is a folder: a Parquet dataset of units within the device's tolerances. Each begins SCENARIO at a
     step of its own; each EFFECT is hidden in one of them. That needs ambientd[fleet].
     """
+    drawn = {name: of.pop(name) for name in ("minutes", "cased")}
     if units is not None:
-        if logged["all_zones"] or logged["decoys"]:
+        if of.pop("all_zones") | bool(of.pop("decoys")):
             raise click.UsageError("--units logs each unit's main sensors: leave out --zones and --decoy")
-        plan = {"scenario": scenario, "count": units, "seed": seed, "period_s": period_s, "minutes": minutes}
-        return _fleet(output, truth_path, {**plan, "cased": cased, "hide": hide, "device": device})
-    if minutes is not None:
+        return _fleet(output, truth_path, {"scenario": scenario, "count": units, **drawn, **of})
+    if drawn["minutes"] is not None:
         raise click.UsageError("--minutes is for --units: cut a trace with --from and --to where it is read")
     if os.path.isdir(output):
         raise click.UsageError(f"{output} is a folder: name a file, or draw a fleet with --units")
     cli.Output().check([], [output, truth_path])
-    logged |= {"seed": seed, "period_s": period_s, "hide": hide, "sizes": truth_path is not None}
+    of["sizes"] = truth_path is not None
     try:
         with cli.staged_progress() as progress:
-            result = at.simulate(scenario, device, **logged, progress=partial(progress, f"scenario {scenario}"))
+            result = at.simulate(scenario, **of, progress=partial(progress, f"scenario {scenario}"))
     except at.Refused as refused:
         raise click.UsageError(str(refused)) from refused
     result.save(output)
     number = len(result.truth)
     hidden = f", with {number} hidden effect{'s' * (number > 1)}" if number else ""
-    click.echo(f"wrote {output}: {len(result.trace)} simulated samples, one every {period_s:g} s{hidden}")
+    click.echo(f"wrote {output}: {len(result.trace)} simulated samples, one every {of['period_s']:g} s{hidden}")
     if truth_path is not None:
         write_json(truth_path, result.summary.data)
         click.echo(f"wrote {truth_path}: what is hidden in it")
