@@ -101,15 +101,6 @@ def test_a_byte_order_mark_tells_the_encoding(tmp_path, encoding):
     assert _columns(str(tmp_path / "a.csv"), {"a_degC": "a"}) == {"a_degC": [1.0]}
 
 
-def test_rows_that_go_backwards_are_dropped_where_the_map_says_so(write):
-    path = write("a.csv", "t,a\n0,1\n5,2\n3,3\n5,4\n6,5\n")
-    imported = _imported(path, {"a_degC": "a"}, time={**_TIME, "not_increasing": "drop"})
-    assert imported.trace.time_s.tolist() == [0, 5, 6]
-    assert imported.trace.columns["a_degC"].tolist() == [1, 2, 5]
-    assert imported.dropped_rows == 2
-    assert imported.trace.notes["dropped_rows"] == "2"
-
-
 def test_a_table_without_names_between_blanks(write):
     path = write("a.txt", "#1 \ndouble data(2,3) \n 20044800.0  24.5\t-1e1 \n\n20045400.0 24.25   3 \n")
     imported = _imported(

@@ -26,13 +26,13 @@ class Controlled:
         self.posted: queue.Queue = queue.Queue()
         self.until = until
 
-    def chamber(self, target, gradients=False):
+    def chamber(self, target):
         self.clock = Clock(100.0)
         self.simulated = voetsch.Simulated(settings("voetsch-vt4004", port=""), self.clock)
         port = self.simulated.port
         limits = ChamberLimits(low_degC=-20.0, high_degC=60.0)
         driver = voetsch.Driver(settings("voetsch-vt4004", port=port), self.clock, limits)
-        self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, gradients, 120.0)
+        self.control = ChamberControl(driver, self.clock, self.posted.put, 10.0, target, False, 120.0)
         self.control.start()
         self.until(lambda: self.control.confirmed)
         return self
@@ -71,17 +71,6 @@ def kept(until):
         each.close()
 
 
-def test_a_target_is_sent_and_confirmed_by_the_chamber_s_own_word(kept):
-    lab = kept().chamber(Target(45.0))
-    assert lab.simulated.held_degC == 45.0
-    lab.control.go_to(Target(-5.5))
-    assert not lab.control.confirmed
-    lab.until(lambda: lab.control.confirmed)
-    assert lab.simulated.held_degC == -5.5
-    sample = lab.next(Sample)
-    assert set(sample.values) == {"chamber_set_degC", "chamber_degC", "chamber_on"}
-
-
 def test_a_pulled_cable_a_lost_answer_and_somebody_else_leave_the_target_in_force(kept):
     lab = kept().chamber(Target(45.0))
     lab.simulated.unplug()
@@ -102,28 +91,6 @@ def test_a_pulled_cable_a_lost_answer_and_somebody_else_leave_the_target_in_forc
     lab.simulated.put((5.0, 0.0, 0.0, 0.0, 0.0), (False,) * 16)  # as after a power cut
     assert lab.simulated.held_degC is None
     lab.until(lambda: lab.simulated.held_degC == 45.0)
-
-
-def test_a_gradient_goes_out_first_but_after_an_urgent_set_point(kept):
-    lab = kept().chamber(Target(45.0, gradient_K_min=0.5), True)
-    began_s, began_degC = lab.clock.now_s(), lab.simulated.air_degC()
-    lab.clock.sleep(300.0)
-    rise_K_min = 60.0 * (lab.simulated.air_degC() - began_degC) / (lab.clock.now_s() - began_s)
-    assert rise_K_min < 1.0  # 0.5, and the swing about it; without, 2.2
-    lab.control.go_to(Target(20.0, urgent=True))
-    lab.until(lambda: lab.control.confirmed)
-    assert lab.simulated.held_degC == 20.0
-
-
-def test_a_stop_is_confirmed_and_an_alarm_reported(kept):
-    lab = kept().chamber(Target(45.0))
-    lab.simulated.raise_alarm(7, "overtemperature")
-    lab.control.go_to(Target(None))
-    lab.until(lambda: lab.control.confirmed)
-    assert lab.simulated.held_degC is None
-    while (note := lab.next(Sample).note) is None:
-        pass
-    assert note == "07 overtemperature"
 
 
 def marks(folder):

@@ -44,17 +44,6 @@ def temps(multiplexer):
     return [value if value is None else round(value, 1) for value in multiplexer.read().values.values()]
 
 
-def test_the_documented_commands_set_it_up(driver, simulated):
-    received: list[bytes] = []
-    respond = simulated._respond
-    simulated._respond = lambda data: (received.append(data), respond(data))[1]
-    driver({"a": 101, "b": 102, "c": 103}).read()
-    assert b"".join(received) == (
-        b"SYST:ERR?\n*IDN?\n*RST\n*CLS\nCONF:TEMP TC,K,(@101,102,103)\nROUT:SCAN (@101,102,103)\nFORM:READ:CHAN ON\n"
-        b"SYST:ERR?\nREAD?\nSYST:ERR?\n"
-    )
-
-
 def test_each_probes_offset_is_added(driver, simulated):
     simulated.probes[103].open = True
     offsets = {"a": offset((0.0, 5.0)), "b": offset((0.0, 0.0), (20.4, 20.0)), "c": offset((0.0, 1.0))}

@@ -4,20 +4,17 @@ import os
 import threading
 import time
 
-import numpy as np
 import pytest
 
-from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
+from ambient_trainer.laboratory.messages import Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.pseudo_terminal import XOFF
 
 STATE = b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r"
 SCAN = b"+2.61950000E+01,101,+2.61950000E+01,103\r\n"
 VALUE = bytes.fromhex("FE 05 26 71 00 48 F7 80 09")
 EXPECTED = {"chamber": "a state", "multiplexer": "2 readings, of (@101,103)", "thermometer": "its value"}
-COLUMNS = {"chamber": "chamber_degC", "multiplexer": "probe_air_degC", "thermometer": "thermometer_degC"}
 OWN = {"chamber": STATE, "multiplexer": SCAN, "thermometer": VALUE}
 each_role = pytest.mark.parametrize("role", OWN)
-LATE_S = Clock.LEAST_PATIENCE_S * 1.2 * 20.0  # of a clock that is 20 times as fast
 
 
 def recovered(bench) -> None:
@@ -177,39 +174,3 @@ def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench):
     bench.clock.sleep(2.0)
     assert "XOFF" in bench.failure(NoResponse).got
     recovered(bench)
-
-
-@each_role
-def test_whatever_happens_a_reading_is_of_the_time_between_question_and_answer(bench, role):
-    bench = bench(role)
-    random = np.random.default_rng(0)
-    simulated, per_s = bench.simulated, 0.2  # the air is the time
-    simulated._air = lambda at_s: at_s * per_s
-    if role == "chamber":
-        simulated.air.at = simulated._air
-    elif role == "multiplexer":
-        for probe in simulated.probes.values():
-            probe.felt, probe._error_K = simulated._air, 0.0
-    faults = [
-        lambda: simulated.distort(lambda reply: [(0.0, reply[: int(random.integers(len(reply)))])]),
-        lambda: simulated.distort(lambda reply: [(0.0, reply), (float(random.uniform(0.0, 3.0)), reply)]),
-        lambda: simulated.distort(lambda reply: [(float(random.uniform(0.5, 1.5)) * LATE_S, reply)]),
-        lambda: simulated.distort(lambda reply: [(0.0, reply[:3]), (1.0, reply[3:])]),
-        lambda: simulated.send(random.bytes(int(random.integers(1, 12)))),
-        lambda: (simulated.unplug(), simulated.plug()),
-    ]
-    readings = failures = 0
-    while readings < 5 or failures < 5:
-        fault = int(random.integers(2 * len(faults)))
-        if fault < len(faults):
-            faults[fault]()
-        began_s = bench.clock.now_s()
-        try:
-            reading = bench.driver.read()
-        except InstrumentError:
-            failures += 1
-            continue
-        readings += 1
-        assert began_s <= reading.asked_s < reading.answered_s <= bench.clock.now_s()
-        value_degC = reading.values[COLUMNS[role]]
-        assert reading.asked_s - 0.5 <= value_degC / per_s <= reading.answered_s + 0.5

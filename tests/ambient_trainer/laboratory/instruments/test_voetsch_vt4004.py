@@ -44,14 +44,6 @@ def test_it_starts_goes_to_its_set_point_and_stops(recorded):
     ]  # fmt: skip
 
 
-def test_other_values_and_outputs_stay_as_they_are(recorded):
-    bench, received = recorded
-    bench.simulated.put((10.0, 0.0, 3.5, 0.0, 0.0), tuple(bit == "1" for bit in "0000010100000100"))
-    bench.driver.read()
-    bench.driver.set_point(10.0)
-    assert received[-1] == b"$00E 0010.0 0000.0 0003.5 0000.0 0000.0 0101010100000100\r"
-
-
 def chamber(low_degC: float = -20.0, high_degC: float = 60.0) -> Driver:
     port = "/nowhere/port"
     return Driver(settings("voetsch-vt4004", port=port), Clock(), ChamberLimits(low_degC=low_degC, high_degC=high_degC))
@@ -76,23 +68,6 @@ def test_a_set_point_that_would_round_to_outside_the_limits_is_refused():
 def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min):
     with pytest.raises(Refused, match=r"gradient.*0\.1 to 99\.9"):
         chamber().gradient(rate_K_min)
-
-
-def test_an_alarm_stops_it_until_it_is_repaired_and_acknowledged(bench):
-    bench = bench("chamber")
-    bench.driver.set_point(30.0)
-    bench.simulated.raise_alarm(7, "overtemperature")
-    reading = bench.driver.read()
-    assert (reading.values[RUNNING], reading.note) == (0.0, "07 overtemperature")
-    bench.simulated.answer("Q")
-    bench.driver.set_point(30.0)
-    assert bench.driver.read().note == "07 overtemperature"
-    assert bench.simulated.held_degC is None
-    bench.simulated.repair()
-    bench.simulated.answer("Q")
-    bench.driver.set_point(30.0)
-    reading = bench.driver.read()
-    assert (reading.values[RUNNING], reading.note) == (1.0, None)
 
 
 def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench, until):
