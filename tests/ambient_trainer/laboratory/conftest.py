@@ -81,6 +81,13 @@ class FilePhone:
         return (self.folder / "calls").read_text().splitlines()
 
 
+@pytest.fixture
+def closed():
+    """Gives back what it is given, and closes it at the end, the last one first."""
+    with contextlib.ExitStack() as stack:
+        yield lambda made: stack.enter_context(contextlib.closing(made))
+
+
 @pytest.fixture(params=SHELLS, ids=os.path.basename)
 def phone(request, tmp_path) -> FilePhone:
     """The same in every shell that is here: an Android phone has mksh, a board busybox or dash."""

@@ -59,16 +59,8 @@ class Controlled:
 
 
 @pytest.fixture
-def kept(until):
-    made = []
-
-    def make():
-        made.append(Controlled(until))
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+def kept(until, closed):
+    return lambda: closed(Controlled(until))
 
 
 def test_a_pulled_cable_a_lost_answer_and_somebody_else_leave_the_target_in_force(kept):

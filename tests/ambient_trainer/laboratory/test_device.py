@@ -25,17 +25,12 @@ def values(device):
 
 
 @pytest.fixture
-def device_of():
-    made = []
-
+def device_of(closed):
     def make(phone, zones=ZONES, supply=None, timeout_s=10.0, connect="adb SERIAL7", clock=None):
         device = Device(connect=connect, root=phone.root, zones=zones, power_supply=supply, timeout_s=timeout_s)
-        made.append(DeviceUnderTest(device, connection_to(connect, phone.environment), clock or Clock()))
-        return made[-1]
+        return closed(DeviceUnderTest(device, connection_to(connect, phone.environment), clock or Clock()))
 
-    yield make
-    for each in made:
-        each.close()
+    return make
 
 
 @pytest.fixture
@@ -162,22 +157,19 @@ def test_two_zones_of_one_type_are_refused(one_phone, device_of):
 
 
 @pytest.mark.parametrize(("argv", "works"), [(("no-such-program",), False), (connection_to("local").argv, True)])
-def test_this_machine_s_own_files_are_read_or_no_shell_at_all(argv, works):
-    device = DeviceUnderTest(Device(connect="local", zones=ZONES), Connection(argv, "local", {}), Clock())
+def test_this_machine_s_own_files_are_read_or_no_shell_at_all(argv, works, closed):
+    device = closed(DeviceUnderTest(Device(connect="local", zones=ZONES), Connection(argv, "local", {}), Clock()))
     if works:
         assert set(device.read().values) == {*ZONES.values(), CLOCK_OFFSET}
     else:
         with pytest.raises(Disconnected) as caught:
             device.read()
         assert "no-such-program" in caught.value.expected
-    device.close()
 
 
 @pytest.fixture
-def shell(one_phone):
-    made = Shell(connection_to("adb", one_phone.environment), Clock(), 10.0)
-    yield made
-    made.close()
+def shell(one_phone, closed):
+    return closed(Shell(connection_to("adb", one_phone.environment), Clock(), 10.0))
 
 
 def test_actions_cannot_eat_what_comes_after_them(shell):
@@ -186,13 +178,12 @@ def test_actions_cannot_eat_what_comes_after_them(shell):
     assert shell.run("echo '=99 0 lie'; answer='a b'").text == "a b"
 
 
-def test_a_terminal_that_echoes_is_not_taken_for_an_answer(tmp_path):
+def test_a_terminal_that_echoes_is_not_taken_for_an_answer(tmp_path, closed):
     """An old adb has no -T, and gives a terminal: what is typed comes back, and lines end in CR LF."""
     script = tmp_path / "terminal.py"
     script.write_text("import pty\npty.spawn(['sh'])\n")
-    shell = Shell(Connection(("python3", str(script)), "old adb", dict(os.environ)), Clock(), 10.0)
+    shell = closed(Shell(Connection(("python3", str(script)), "old adb", dict(os.environ)), Clock(), 10.0))
     assert [shell.run(f"answer={number}").text for number in (28, 29)] == ["28", "29"]
-    shell.close()
 
 
 def test_a_shell_s_children_end_with_it(shell, tmp_path, until):

@@ -32,8 +32,7 @@ import pytest
 from ambient_trainer.laboratory import run as run_module
 from ambient_trainer.laboratory import workers
 from ambient_trainer.laboratory.collect import resume
-from ambient_trainer.laboratory.instruments import ChamberLimits, agilent_34970a, greisinger_easybus, settings
-from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver
+from ambient_trainer.laboratory.instruments import ChamberLimits, instrument, settings
 from ambient_trainer.laboratory.journal import read_journal
 from ambient_trainer.laboratory.messages import MULTIPLEXER, Clock, InstrumentError
 from ambient_trainer.laboratory.run import Ending, Supervision
@@ -291,18 +290,21 @@ class Thermometer(Far):
 
 
 @pytest.fixture
-def chamber(monkeypatch):
+def chamber(monkeypatch, closed):
     """Makes a chamber, or another instrument."""
     monkeypatch.setattr(workers, "_LEAST_WALL_S", 2.0)
-    made = []
+    return lambda kind=Chamber, **of: closed(kind(**of))
 
-    def make(kind=Chamber, **of):
-        made.append(kind(**of))
-        return made[-1]
 
-    yield make
-    for each in made:
-        each.close()
+@pytest.fixture
+def driver_of(closed):
+    """Makes the driver of some settings; a chamber's goes from -20 to 60 degC."""
+
+    def make(named):
+        limits = [ChamberLimits(low_degC=-20.0, high_degC=60.0)] * (named.kind == "voetsch-vt4004")
+        return closed(instrument(named.kind).Driver(named, Clock(), *limits))
+
+    return make
 
 
 # what is there, and what a campaign gives of it; the outputs that are on while it runs
@@ -344,9 +346,9 @@ def given(port, **values):
 
 
 @pytest.mark.parametrize(("there", "campaign", "on"), ROWS.values(), ids=ROWS)
-def test_each_is_driven_by_what_a_campaign_gives(chamber, there, campaign, on):
+def test_each_is_driven_by_what_a_campaign_gives(chamber, driver_of, there, campaign, on):
     made = chamber(**there)
-    driver = Driver(given(made.port, **campaign), Clock(), ChamberLimits(low_degC=-20.0, high_degC=60.0))
+    driver = driver_of(given(made.port, **campaign))
     others = made.others
     for set_degC in (25.0, -7.5):
         driver.gradient(10.0, rising=set_degC > 20.0)
@@ -358,13 +360,12 @@ def test_each_is_driven_by_what_a_campaign_gives(chamber, there, campaign, on):
         assert (reading.values["chamber_set_degC"], reading.values["chamber_on"], reading.note) == (set_degC, 1.0, None)
     driver.stop()
     assert "1" not in made.bits
-    driver.close()
 
 
-def test_another_layout_than_the_one_given_or_seen_is_no_state(chamber):
+def test_another_layout_than_the_one_given_or_seen_is_no_state(chamber, driver_of):
     made = chamber()
     for values in ({"outputs": 16}, {"values": 5}, {}):
-        driver = Driver(given(made.port, **values), Clock(), ChamberLimits(low_degC=-20.0, high_degC=60.0))
+        driver = driver_of(given(made.port, **values))
         if not values:
             driver.read()
             made.bits += "0"
@@ -374,36 +375,32 @@ def test_another_layout_than_the_one_given_or_seen_is_no_state(chamber):
 
 
 @pytest.mark.parametrize("answer", [None, "0", "'$01F' is an unknown command."])
-def test_a_chamber_that_is_not_asked_for_faults_need_not_know_the_question(chamber, answer):
+def test_a_chamber_that_is_not_asked_for_faults_need_not_know_the_question(chamber, driver_of, answer):
     made = chamber()
     known = made.reply
     made.reply = lambda command: answer if command.endswith("F") else known(command)
-    limits = ChamberLimits(low_degC=-20.0, high_degC=60.0)
-    asked, not_asked = (Driver(given(made.port, alarms=each), Clock(), limits) for each in (True, False))
+    asked, not_asked = (driver_of(given(made.port, alarms=each)) for each in (True, False))
     with pytest.raises(InstrumentError, match="alarms: false"):
         asked.read()
     asked.close()
     assert not_asked.read().values["chamber_set_degC"] == 20.0
-    not_asked.close()
 
 
 @pytest.mark.parametrize("baud", [9600, 57600])
-def test_a_multiplexers_line_has_the_speed_that_the_campaign_gives(chamber, baud):
+def test_a_multiplexers_line_has_the_speed_that_the_campaign_gives(chamber, driver_of, baud):
     made = chamber(Multiplexer)
-    driver = agilent_34970a.Driver(settings("agilent-34970a", port=made.port, probes={"a": 101}, baud=baud), Clock())
+    driver = driver_of(settings("agilent-34970a", port=made.port, probes={"a": 101}, baud=baud))
     assert driver.read().values == {"probe_a_degC": 21.0}
     assert termios.tcgetattr(made.far)[4] == getattr(termios, f"B{baud}")
-    driver.close()
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_each_multiplexer_scans_the_sensors_of_each_channel(chamber, model):
+def test_each_multiplexer_scans_the_sensors_of_each_channel(chamber, driver_of, model):
     probes = {"a": 102, "b": {"channel": 101, "sensor": "Pt100"}, "c": {"channel": 205, "sensor": "Pt100-4w"}}
     probes |= {"d": 310, "e": {"channel": 107, "sensor": "thermistor-10k"}, "f": {"channel": 301, "sensor": "J"}}
     probes |= {"g": {"channel": 302, "sensor": "Pt1000"}, "h": {"channel": 303, "sensor": "JPt100-4w"}}
     made = chamber(Multiplexer, model=model, tcp=True)
-    named = settings("agilent-34970a", port=made.port, probes=probes, thermocouple="T")
-    driver = agilent_34970a.Driver(named, Clock())
+    driver = driver_of(settings("agilent-34970a", port=made.port, probes=probes, thermocouple="T"))
     assert model in driver.identify()
     made.open_channels = {205}
     expected = {"a": 22.0, "b": 21.0, "c": None, "d": 30.0, "e": 27.0, "f": 21.0, "g": 22.0, "h": 23.0}
@@ -418,15 +415,12 @@ def test_each_multiplexer_scans_the_sensors_of_each_channel(chamber, model):
         303: ("FRTD", "91", 100),
         310: ("TC", "T"),
     }
-    driver.close()
 
 
-def test_another_makers_multiplexer_is_refused(chamber):
+def test_another_makers_multiplexer_is_refused(chamber, driver_of):
     made = chamber(Multiplexer, **STRANGER)
-    driver = agilent_34970a.Driver(settings("agilent-34970a", port=made.port, probes={"a": 101}), Clock())
     with pytest.raises(InstrumentError, match=r"34970A, 34972A, DAQ970A.*Fluke 2638A"):
-        driver.read()
-    driver.close()
+        driver_of(settings("agilent-34970a", port=made.port, probes={"a": 101})).read()
 
 
 VISA = """
@@ -448,26 +442,23 @@ resources:
 """
 
 
-def test_a_multiplexer_is_a_visa_resource(tmp_path, monkeypatch):
+def test_a_multiplexer_is_a_visa_resource(tmp_path, monkeypatch, driver_of):
     (tmp_path / "daq.yaml").write_text(VISA)
     monkeypatch.setenv("PYVISA_LIBRARY", f"{tmp_path}/daq.yaml@sim")
-    for name, there in (("USB0::0x2A8D::0x5101::MY58000001::INSTR", True), ("USB0::1::2::3::INSTR", False)):
-        driver = agilent_34970a.Driver(
-            settings("agilent-34970a", port=name, probes={"a": 101, "b": 102}, timeout_s=0.5), Clock()
-        )
-        if there:
-            for _ in range(3):
-                assert driver.read().values == {"probe_a_degC": 21.5, "probe_b_degC": None}
-        else:
-            with pytest.raises(InstrumentError, match="pyvisa-shell"):
-                driver.read()
-        driver.close()
+    there, gone = (
+        driver_of(settings("agilent-34970a", port=name, probes={"a": 101, "b": 102}, timeout_s=0.5))
+        for name in ("USB0::0x2A8D::0x5101::MY58000001::INSTR", "USB0::1::2::3::INSTR")
+    )
+    for _ in range(3):
+        assert there.read().values == {"probe_a_degC": 21.5, "probe_b_degC": None}
+    with pytest.raises(InstrumentError, match="pyvisa-shell"):
+        gone.read()
 
 
 @pytest.mark.parametrize(("unit", "given_unit"), [(1, None), (2, None), (3, None), (2, "degF")])
-def test_a_thermometer_is_asked_for_its_unit(chamber, unit, given_unit):
+def test_a_thermometer_is_asked_for_its_unit(chamber, driver_of, unit, given_unit):
     made = chamber(Thermometer, unit=unit)
-    driver = greisinger_easybus.Driver(settings("greisinger-easybus", port=made.port, unit=given_unit), Clock())
+    driver = driver_of(settings("greisinger-easybus", port=made.port, unit=given_unit))
     for degC in (20.0, -12.5):
         made.air = lambda degC=degC: degC
         assert driver.read().values["thermometer_degC"] == pytest.approx(degC, abs=0.006)
@@ -476,7 +467,6 @@ def test_a_thermometer_is_asked_for_its_unit(chamber, unit, given_unit):
         time.sleep(0.06)
         with pytest.raises(InstrumentError, match=r"degC, degF or K.*21"):
             driver.read()
-    driver.close()
 
 
 @pytest.fixture

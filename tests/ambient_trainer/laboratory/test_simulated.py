@@ -66,9 +66,9 @@ def test_it_swings_only_while_it_works_and_what_was_read_once_does_not_change():
     assert [made.at(at_s) for at_s in times] == before
 
 
-def test_bytes_come_one_after_the_other_and_take_their_time():
+def test_bytes_come_one_after_the_other_and_take_their_time(closed):
     clock = Clock()
-    simulated = Simulated(CHAMBER, clock)
+    simulated = closed(Simulated(CHAMBER, clock))
     port = os.open(simulated.port, os.O_RDWR | os.O_NOCTTY)
     began_s = clock.now_s()
     os.write(port, b"$00I\r")
@@ -80,7 +80,6 @@ def test_bytes_come_one_after_the_other_and_take_their_time():
     assert len(parts) > 1
     assert b"".join(parts) == b"0022.0 " + b"0022.0 0000.0 " * 4 + b"0022.0 " + b"0" * 16 + b"\r"
     os.close(port)
-    simulated.close()
 
 
 def test_a_fast_clock_runs_and_waits_as_fast():

@@ -24,14 +24,12 @@ def driver_at(port):
 
 
 @pytest.fixture
-def chamber():
+def chamber(closed):
     """At 50 degC."""
-    simulated = Simulated(settings("voetsch-vt4004", port=""), Clock(50.0))
-    driver = driver_at(simulated.port)
-    driver.set_point(50.0)
-    driver.close()
-    yield simulated
-    simulated.close()
+    simulated = closed(Simulated(settings("voetsch-vt4004", port=""), Clock(50.0)))
+    with contextlib.closing(driver_at(simulated.port)) as driver:
+        driver.set_point(50.0)
+    return simulated
 
 
 @pytest.fixture
@@ -79,12 +77,10 @@ def test_a_chamber_that_hears_and_does_not_answer_is_sent_to_safety(chamber, pro
     until(lambda: chamber.held_degC == SAFE_DEGC)
 
 
-def test_a_collector_that_was_started_again_has_the_chamber(chamber, process):
-    driver = driver_at(chamber.port)
-    driver.read()  # holds the port
+def test_a_collector_that_was_started_again_has_the_chamber(chamber, process, closed):
+    closed(driver_at(chamber.port)).read()  # holds the port
     ends(process)
     assert chamber.held_degC == 50.0
-    driver.close()
 
 
 def test_a_chamber_that_was_stopped_stays_so(chamber, process):

@@ -1,4 +1,4 @@
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
@@ -26,13 +26,13 @@ def settings_of(role: str, port: str = "/nowhere/port", **values: Any) -> Any:
 
 
 @pytest.fixture
-def driver_at() -> Callable[..., Any]:
+def driver_at(closed) -> Callable[..., Any]:
     """Makes a driver of a role at a port, which has the given settings."""
 
     def make(role: str, port: str = "/nowhere/port", clock: Clock | None = None, limits=(-20.0, 60.0), **values: Any):
         named = settings_of(role, port, **values)
         further = [ChamberLimits(low_degC=limits[0], high_degC=limits[1])] if role == "chamber" else []
-        return instrument(named.kind).Driver(named, clock or Clock(), *further)
+        return closed(instrument(named.kind).Driver(named, clock or Clock(), *further))
 
     return make
 
@@ -67,9 +67,8 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def bench(clock, driver_at) -> Iterator[Callable[..., Bench]]:
+def bench(clock, driver_at, closed) -> Callable[..., Bench]:
     """Makes a bench of a role, its driver with the given settings."""
-    made: list[Any] = []
 
     def make(role: str, **values: Any) -> Bench:
         air_degC = [21.5]
@@ -83,10 +82,7 @@ def bench(clock, driver_at) -> Iterator[Callable[..., Bench]]:
             simulated = simulated_class(named, clock, lambda at_s: air_degC[0], 0, errors_K)
         else:
             simulated = simulated_class(settings_of(role), clock, lambda at_s: air_degC[0])
-        driver = driver_at(role, simulated.port, clock, **values)
-        made.extend((driver, simulated))
+        driver = driver_at(role, closed(simulated).port, clock, **values)
         return Bench(role, driver, simulated, clock, air_degC)
 
-    yield make
-    for each in made:
-        each.close()
+    return make

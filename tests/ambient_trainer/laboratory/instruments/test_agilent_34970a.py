@@ -18,26 +18,16 @@ def offset(*points):
 
 
 @pytest.fixture
-def simulated(clock):
+def simulated(clock, closed):
     """Five channels at their own temperatures: 10.1 degC on 101, and so on."""
     errors_K = {name: channel / 10.0 for name, channel in CHANNELS.items()}
-    made = Simulated(named(), clock, lambda at_s: 0.0, 0, errors_K)
-    yield made
-    made.close()
+    return closed(Simulated(named(), clock, lambda at_s: 0.0, 0, errors_K))
 
 
 @pytest.fixture
-def driver(simulated, clock):
+def driver(simulated, clock, closed):
     """Makes drivers of it."""
-    made = []
-
-    def make(probes, offsets=None):
-        made.append(Driver(named(simulated.port, probes), clock, offsets))
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+    return lambda probes, offsets=None: closed(Driver(named(simulated.port, probes), clock, offsets))
 
 
 def temps(multiplexer):
@@ -86,10 +76,9 @@ def test_a_channel_that_is_not_there_is_the_instruments_own_complaint(driver):
     assert '-224,"Illegal parameter value"' in caught.value.got
 
 
-def test_a_probe_follows_the_air_with_its_lag(clock):
+def test_a_probe_follows_the_air_with_its_lag(clock, closed):
     air = lambda at_s: 0.0 if at_s < 1000.0 else 10.0  # noqa: E731
-    simulated = Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0})
+    simulated = closed(Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0}))
     felt = [simulated.probes[101].felt(at_s) for at_s in (990.0, 1000.0, 1004.5, 1008.5, 1060.0)]
-    simulated.close()
     # a lag of 4 s behind a step that is laid straight over the second before it
     assert felt == pytest.approx([0.0, 1.2, 7.1, 8.9, 10.0], abs=0.15)

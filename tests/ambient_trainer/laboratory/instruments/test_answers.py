@@ -156,7 +156,6 @@ def test_a_port_that_is_in_use(bench, driver_at, role):
     assert "in use" in caught.value.got
     bench.driver.close()
     assert second.read()
-    second.close()
 
 
 @each_role

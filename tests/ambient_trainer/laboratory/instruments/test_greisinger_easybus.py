@@ -14,9 +14,9 @@ def test_without_a_sensor_it_reports_that_instead_of_a_number(bench):
     assert bench.reading() == 21.5
 
 
-def test_one_of_another_address_is_not_taken_for_it(driver_at):
+def test_one_of_another_address_is_not_taken_for_it(driver_at, closed):
     clock = Clock(20.0)
-    simulated = Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0)
+    simulated = closed(Simulated(settings("greisinger-easybus", port="", address=2), clock, lambda at_s: 20.0))
     first, second = (driver_at("thermometer", simulated.port, clock, address=address) for address in (1, 2))
     with pytest.raises(NoResponse):
         first.read()
@@ -26,8 +26,6 @@ def test_one_of_another_address_is_not_taken_for_it(driver_at):
     with pytest.raises(InstrumentError) as caught:
         second.read()
     assert ("address 2" in caught.value.expected, "address 1" in caught.value.got) == (True, True)
-    second.close()
-    simulated.close()
 
 
 def test_an_impossible_value_is_an_error(bench):

@@ -67,21 +67,16 @@ def broker(tmp_path, until):
 
 
 @pytest.fixture
-def driver(broker):
-    made = []
-
+def driver(broker, closed):
     def make(timeout_s=10.0, **values):
         before = broker.subscriptions()
-        made.append(
-            Driver(settings("mqtt-topic", port=broker.port, topic=TOPIC, timeout_s=timeout_s, **values), Clock())
-        )
-        assert made[-1].identify() == f"MQTT topic {TOPIC}"
+        named = settings("mqtt-topic", port=broker.port, topic=TOPIC, timeout_s=timeout_s, **values)
+        made = closed(Driver(named, Clock()))
+        assert made.identify() == f"MQTT topic {TOPIC}"
         broker.until_subscribed(before)
-        return made[-1]
+        return made
 
-    yield make
-    for each in made:
-        each.close()
+    return make
 
 
 @needs_broker
@@ -142,16 +137,14 @@ def test_a_broker_that_goes_is_an_error_and_is_used_again(broker, driver):
 
 
 @pytest.mark.parametrize(("unit", "key"), [("degC", ""), ("degF", "a.b")])
-def test_the_simulated_one_is_read_alike(unit, key):
+def test_the_simulated_one_is_read_alike(unit, key, closed):
     pytest.importorskip("paho.mqtt")
     clock = Clock(50.0)
     named = settings("mqtt-topic", port="mqtt://localhost", topic=TOPIC, unit=unit, key=key)
-    simulated = Simulated(named, clock, lambda at_s: 12.34)
-    thermometer = Driver(named.model_copy(update={"port": simulated.port}), clock)
+    simulated = closed(Simulated(named, clock, lambda at_s: 12.34))
+    thermometer = closed(Driver(named.model_copy(update={"port": simulated.port}), clock))
     for _ in range(3):
         assert thermometer.read().values == {"thermometer_degC": pytest.approx(12.34, abs=0.01)}
-    thermometer.close()
-    simulated.close()
 
 
 @pytest.mark.parametrize("values", [{"topic": "home/#"}, {"topic": ""}, {"port": "/dev/ttyUSB0"}, {"unit": "R"}])

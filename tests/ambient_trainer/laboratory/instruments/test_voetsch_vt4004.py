@@ -93,9 +93,9 @@ def test_noise_does_not_keep_a_set_point_from_being_sent(bench):
     assert bench.simulated.held_degC == 20.0
 
 
-def test_a_later_controller_is_asked_once_in_five_seconds(driver_at):
+def test_a_later_controller_is_asked_once_in_five_seconds(driver_at, closed):
     clock = Clock(100.0)
-    simulated = Simulated(settings("voetsch-vt4004", port="", pause_s=5.0), clock)
+    simulated = closed(Simulated(settings("voetsch-vt4004", port="", pause_s=5.0), clock))
     patient = driver_at("chamber", simulated.port, clock, pause_s=8.0)
     began_s = clock.now_s()
     patient.set_point(25.0)
@@ -106,5 +106,3 @@ def test_a_later_controller_is_asked_once_in_five_seconds(driver_at):
     hasty = driver_at("chamber", simulated.port, clock)
     with pytest.raises(NoResponse):
         hasty.read()  # a state and a fault at once
-    hasty.close()
-    simulated.close()
