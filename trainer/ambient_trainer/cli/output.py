@@ -42,7 +42,7 @@ class Output:
                 faults.append(Fault(path, "would be overwritten by what is made from it", "name another output"))
             elif any(_same(path, other) for other in wanted[:index]):
                 faults.append(Fault(path, "stands twice among the outputs", "give each a name of its own"))
-            elif problem := _no_file(path) or (_no_place(path) if index < len(named) else None):
+            elif problem := _no_file(path, in_place=index < len(named)):
                 faults.append(Fault(path, *problem))
         for place, purpose in ((page, "the report"), (folder, "these files")):
             if place is not None and (problem := _no_folder(place, purpose)):
@@ -76,19 +76,16 @@ def _same(one: str, other: str) -> bool:
     return os.path.realpath(one) == os.path.realpath(other)
 
 
-def _no_file(path: str) -> tuple[str, str] | None:
+def _no_file(path: str, in_place: bool) -> tuple[str, str] | None:
+    """Why ``path`` cannot be a file; ``in_place``: in a folder that has to be there."""
+    folder = os.path.dirname(os.path.realpath(path))
     if os.path.isdir(os.path.realpath(path)):  # no name at all is this folder's
         return "is a folder", "name a file in it"
     if os.path.exists(path) and not os.path.isfile(path):
         return "is a device", "name a file"
-    return None
-
-
-def _no_place(path: str) -> tuple[str, str] | None:
-    folder = os.path.dirname(os.path.realpath(path))
-    if not os.path.isdir(folder):
+    if in_place and not os.path.isdir(folder):
         return f"there is no folder {folder}", "make it first, or name another"
-    return _closed(folder)
+    return _closed(folder) if in_place else None
 
 
 def _no_folder(path: str, purpose: str) -> tuple[str, str] | None:

@@ -186,6 +186,7 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
     for index, (name, each) in enumerate(learnt.populations.items()):
         own = each.posterior(Normal.stacked(unit.members[index] for unit in looked), group)
         posteriors[name], kept[name] = each.safe(own)
+    open_ = population.posterior(units, group).covariance @ np.linalg.inv(population.between)
     deviation = {name: _deviation_degC(learnt.populations[name], each) for name, each in posteriors.items()}
     rows = pd.DataFrame(
         {
@@ -196,7 +197,9 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
             "samples": [float(each.samples) for each in looked],
             "duration_s": units.seconds,
             "effective_samples": units.seconds / population.memory_s,
-            **_known(units, population, group, kept[MAIN]),
+            # how much of each unit is taken from the population, and how much of its own it keeps
+            "shrinkage": 1 - kept[MAIN] * (1 - np.trace(open_, axis1=1, axis2=2) / open_.shape[1]),
+            "kept": kept[MAIN],
             **_held_out(looked, units, population, group),
             **_fit(units, population, group, posteriors[MAIN]),
             **_readable(start.spaces[MAIN], posteriors[MAIN]),
@@ -211,12 +214,6 @@ def _fitted(looked: Sequence[Looked], start: Start, learnt: Learnt, created: str
         text = model_text(assembled(start.fit, systems), wide, said, [training], created)
         found.append(Fitted(row, text))
     return found
-
-
-def _known(units: Normal, population: Population, group: NDArray[np.intp], kept: Array) -> dict[str, Array]:
-    """How much of each unit is taken from the population, and how much of its own it keeps."""
-    open_ = population.posterior(units, group).covariance @ np.linalg.inv(population.between)
-    return {"shrinkage": 1 - kept * (1 - np.trace(open_, axis1=1, axis2=2) / open_.shape[1]), "kept": kept}
 
 
 def _fit(units: Normal, population: Population, group: NDArray[np.intp], main: Posterior) -> dict[str, Array]:

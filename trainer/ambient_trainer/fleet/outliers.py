@@ -68,17 +68,14 @@ def typical(table: pd.DataFrame) -> list[str]:
 
 
 def learn_typical(wanted: Sequence[Sequence[Entry]], source: Source, circuit: str) -> list[KnownGood | str]:
-    """A forward circuit as a set of typical units has it, or why it cannot be learnt; one for each set."""
-    return [_learnt(units, source, circuit) for units in wanted]
-
-
-def _learnt(units: Sequence[Entry], source: Source, circuit: str) -> KnownGood | str:
+    """A forward circuit as the one set of typical units has it, or why it cannot be learnt."""
+    (units,) = wanted
     good = [without_spikes(log.trace)[0] for log in logs(units, source) if log.trace is not None]
     try:
         with parallel_config(n_jobs=1):
-            return learn_known_good(thermal_circuit(circuit), good)
+            return [learn_known_good(thermal_circuit(circuit), good)]
     except Refused as refused:
-        return reason_of(refused)
+        return [reason_of(refused)]
 
 
 def diagnose_units(wanted: Sequence[Entry], source: Source, known: KnownGood | str, circuit: str) -> list[Outlier]:

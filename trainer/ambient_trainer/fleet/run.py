@@ -114,7 +114,9 @@ def fit_fleet(
     columns = dict.fromkeys([*start.fit.inputs, *(each for space in start.spaces.values() for each in space.inputs)])
     source = replace(question.source, columns=(*columns, REFERENCE))
     chunks = [listed[first : first + CHUNK] for first in range(0, len(listed), CHUNK)]
-    parts.fill("look", "looking at units", len(chunks), Job(look, chunks.__getitem__, (source, start), _lost))
+    unread = "its worker died whenever it was read: too large for its memory, or damaged"
+    looking = Job(look, chunks.__getitem__, (source, start), lambda entry: Looked(entry.unit, (), unread))
+    parts.fill("look", "looking at units", len(chunks), looking)
     learnt: Learnt = parts.kept("population", lambda: _learnt(parts, len(chunks), start, question.within))
 
     rest = start, learnt, parts.created
@@ -175,10 +177,6 @@ def _shares(question: Question) -> list[Effort]:
 
 def _begin_task(shares: Sequence[Effort], *rest: Any) -> list[Start]:
     return [begin(each, *rest) for each in shares]
-
-
-def _lost(entry: Entry) -> Looked:
-    return Looked(entry.unit, (), "its worker died whenever it was read: too large for its memory, or damaged")
 
 
 def _learnt(parts: Parts, chunks: int, start: Start, within: tuple[str, ...]) -> Learnt:

@@ -30,8 +30,8 @@ _MOST_SHOWN = 48
 _VISA = "is it listed by 'pyvisa-shell' (list), and does no other program use it?"
 _NETWORK = "is it on the network, is this its address and port, and is no other program connected?"
 _UP_TO_FOREIGN = re.compile(rb".*[^\x20-\x7e]", re.DOTALL)
-_VISA_SERIAL = re.compile(r"ASRL(/.+)::INSTR", re.IGNORECASE)
-_VISA_SOCKET = re.compile(r"TCPIP\d*::(.+)::(\d+)::SOCKET", re.IGNORECASE)
+_VISA_SERIAL = re.compile(r"^ASRL(/.+)::INSTR$", re.IGNORECASE)
+_VISA_SOCKET = re.compile(r"^TCPIP\d*::(.+)::(\d+)::SOCKET$", re.IGNORECASE)
 
 
 class Malformed(NamedTuple):
@@ -157,15 +157,6 @@ class _VisaPort:
         with contextlib.suppress(Exception):  # some backends cannot
             self._resource.clear()
         self._due = False
-
-
-def _opened(name: str, baud: int, xonxoff: bool, patience_s: float) -> _SerialPort | _VisaPort:
-    """The port of that name; of VISA's names, those of streams are pyserial's."""
-    if match := _VISA_SERIAL.fullmatch(name):
-        name = match[1]
-    elif match := _VISA_SOCKET.fullmatch(name):
-        name = f"socket://{match[1]}:{match[2]}"
-    return _VisaPort(name) if "::" in name else _SerialPort(name, baud, xonxoff, patience_s)
 
 
 @dataclass(eq=False)
@@ -316,11 +307,13 @@ class SerialLine:
     def _open(self) -> _SerialPort | _VisaPort:
         if self._port is not None:
             return self._port
+        # of VISA's names, those of streams are pyserial's
+        name = _VISA_SOCKET.sub(r"socket://\1:\2", _VISA_SERIAL.sub(r"\1", self.port))
+        patience_s = self.clock.patience_s(self.settings.timeout_s)
         with self._losing("a port that can be opened"):
-            self._port = _opened(self.port, self.baud, self.xonxoff, self.clock.patience_s(self.settings.timeout_s))
-        assert self._port is not None, "it is open, or an error was raised"
-        self._synchronisations_due, self._synchronised = 0, False
-        return self._port
+            port = _VisaPort(name) if "::" in name else _SerialPort(name, self.baud, self.xonxoff, patience_s)
+        self._port, self._synchronisations_due, self._synchronised = port, 0, False
+        return port
 
     def _send(self, request: bytes) -> float:
         port = self._port
