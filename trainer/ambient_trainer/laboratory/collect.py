@@ -11,9 +11,9 @@ a period. Nothing is repeated or interpolated.
 import contextlib
 import math
 import os
-import queue
 import threading
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, wait
 from datetime import datetime, timezone
 from typing import NamedTuple
 
@@ -85,21 +85,19 @@ def collect(job: Job, supervision: Supervision) -> Collected:
 
 def _identified(equipment: Equipment, loaded: LoadedCampaign, supervision: Supervision) -> Identified:
     """What :func:`identify` finds; raises :class:`Refused` at once where it is to stop, as nothing has moved."""
-    found: queue.SimpleQueue[Identified | BaseException] = queue.SimpleQueue()
+    found: Future[Identified] = Future()
 
     def ask() -> None:
         try:
-            found.put(identify(equipment, loaded))
+            found.set_result(identify(equipment, loaded))
         except BaseException as error:
-            found.put(error)
+            found.set_exception(error)
 
     threading.Thread(target=ask, name="identify", daemon=True).start()
-    while not (why := supervision.stopping()):
-        with contextlib.suppress(queue.Empty):
-            if isinstance(result := found.get(timeout=_POLL_S), BaseException):
-                raise result
-            return result
-    raise refuse("the laboratory", "", why, "nothing was moved")
+    while not wait([found], _POLL_S).done:
+        if why := supervision.stopping():
+            raise refuse("the laboratory", "", why, "nothing was moved")
+    return found.result()
 
 
 def resume(job: Job, supervision: Supervision) -> Collected:

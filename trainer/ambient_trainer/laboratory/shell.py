@@ -114,7 +114,9 @@ class Shell:
         text = f'answer=\n{{\n{command}\n}} </dev/null\necho "={self._count} $? $answer"\n'
         end_s = time.monotonic() + self._clock.patience_s(self._timeout_s)
         asked_s = self._clock.now_s()
-        self._send(text.encode())
+        # the pipe is empty and holds more than any command; where the shell has ended, that is what is read
+        with contextlib.suppress(OSError):
+            self._process.stdin.write(text.encode())
         while True:
             line = self._line(end_s)
             # what stands before it is a prompt, and what is echoed has no number there
@@ -124,42 +126,24 @@ class Shell:
                 return Result(asked_s, self._clock.now_s(), answer.decode("utf-8", "replace"), int(status))
             self._keep(line)
 
-    def _send(self, data: bytes) -> None:
-        """Write it; the pipe is empty and holds more than any command, so this does not wait."""
-        try:
-            self._process.stdin.write(data)
-        except OSError:
-            if self._readable(time.monotonic()):  # what it printed before it ended
-                self._keep(self._read().replace(b"\n", b" "))
-            raise self._ended() from None
-
     def _line(self, end_s: float) -> bytes:
         """The next line, without its end; a pseudo-terminal ends lines with a carriage return, too."""
+        output = self._process.stdout
         while b"\n" not in self._received:
-            if not self._readable(end_s):
-                got = f"nothing in {self._timeout_s:g} s{self._shown()}"
-                raise NoResponse(DEVICE, self.label, "an answer", got, self._connection.hint)
-            chunk = self._read()
+            if not select.select([output], [], [], max(end_s - time.monotonic(), 0.0))[0]:
+                raise self._failed(NoResponse, f"nothing in {self._timeout_s:g} s")
+            chunk = os.read(output.fileno(), _CHUNK)
             if not chunk or len(self._received) > _LONGEST:
                 self._keep(self._received)
-                raise self._ended()
+                raise self._failed(Disconnected, "the end of the shell")
             self._received += chunk
         line, _, self._received = self._received.partition(b"\n")
         return line.rstrip(b"\r")
 
-    def _readable(self, end_s: float) -> bool:
-        return bool(select.select([self._process.stdout], [], [], max(end_s - time.monotonic(), 0.0))[0])
-
-    def _read(self) -> bytes:
-        return os.read(self._process.stdout.fileno(), _CHUNK)
-
     def _keep(self, printed: bytes) -> None:
         self._printed = (self._printed + b" " + printed)[-_MOST_KEPT:]
 
-    def _ended(self) -> Disconnected:
-        got = f"the end of the shell{self._shown()}"
-        return Disconnected(DEVICE, self.label, "an answer", got, self._connection.hint)
-
-    def _shown(self) -> str:
+    def _failed(self, kind: type[InstrumentError], got: str) -> InstrumentError:
         printed = self._printed.decode("utf-8", "replace").strip()
-        return f" ({printed})" if printed.isprintable() and printed else ""
+        shown = f" ({printed})" if printed.isprintable() and printed else ""
+        return kind(DEVICE, self.label, "an answer", f"{got}{shown}", self._connection.hint)
