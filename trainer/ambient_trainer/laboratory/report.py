@@ -53,9 +53,11 @@ def expected(campaign: Campaign) -> list[Expected]:
     return found
 
 
-def schedule_table(campaign: Campaign) -> Table:
-    """The program, a step a row."""
-    rows = tuple(
+def schedule_report(loaded: LoadedCampaign) -> Report:
+    """The schedule of a campaign, its length, and the ports that are not there now."""
+    campaign = loaded.campaign
+    steps = expected(campaign)
+    lines = [
         (
             campaign.step_name(index),
             clock_text(each.begins_s),
@@ -65,16 +67,9 @@ def schedule_table(campaign: Campaign) -> Table:
             f"{step.settle.for_min:g} min in {step.settle.within_K:g} K" if step.settle else "-",
             ", ".join(step.load) or "-",
         )
-        for index, (step, each) in enumerate(zip(campaign.program, expected(campaign)))
-    )
+        for index, (step, each) in enumerate(zip(campaign.program, steps))
+    ]
     columns = ("step", "begins", "takes", "degC", "air there", "steady", "device does")
-    return Table(_CAPTION, columns, rows, labels=1)
-
-
-def schedule_report(loaded: LoadedCampaign) -> Report:
-    """The schedule of a campaign, its length, and the ports that are not there now."""
-    campaign = loaded.campaign
-    steps = expected(campaign)
     recorded_s = sum(each.length_s for each in steps[len(campaign.before) :])
     whole_s = steps[-1].begins_s + steps[-1].length_s
     rows = round(recorded_s / campaign.period_s)
@@ -82,7 +77,7 @@ def schedule_report(loaded: LoadedCampaign) -> Report:
     found = [f"{clock_text(whole_s)} in all, {clock_text(recorded_s)} of it recorded: {rows:,} rows."]
     found.append(f"From {', '.join(loaded.files)}")
     found += [f"{name}: {each.port} is not there now." for name, each in there.items() if is_missing(each.port)]
-    blocks: list[Block] = [schedule_table(campaign), *map(Finding, found)]
+    blocks: list[Block] = [Table(_CAPTION, columns, lines, labels=1), *map(Finding, found)]
     return Report(f"{loaded.name}: {campaign.about}", blocks, [], {}, "Schedule")
 
 
