@@ -7,12 +7,11 @@ import pytest
 from ambient_trainer.report import Finding, Table
 from ambient_trainer.selection.report import report_of
 from ambient_trainer.selection.result import ScoredSystem, fewest_within_one_error, flat_from, pareto_front
-from ambient_trainer.selection.screen import LeftOut
 
 
 def held_out(*mean_squares):
     squares = tuple(10 * each for each in mean_squares)
-    return ScoredSystem(None, "first-order", (), squares, (10.0,) * len(mean_squares))
+    return ScoredSystem(None, squares, (10.0,) * len(mean_squares), ())
 
 
 def test_mean_square_and_its_standard_error():
@@ -42,7 +41,8 @@ def test_the_report_has_a_row_a_size_what_is_left_out_and_circuits_only_where_th
     assert [[row[0] for row in each.rows] for each in tables] == [["1", "2 *", "given"]] * 2
     assert tables[0].rows[1][1] == "left, right"
     assert f"{found.sizes[1].rmse_degC:.2f}" in report_of(found).title
-    report = report_of(replace(found, left_out=(LeftOut("skin_degC", "constant: 25.5 degC all the time"),)))
+    data = replace(found.data, left_out={"skin_degC": "constant: 25.5 degC all the time"})
+    report = report_of(replace(found, data=data))
     texts = [each.text for each in blocks(report) if isinstance(each, Finding)]
     assert [text for text in texts if "skin" in text and "25.5 degC" in text]
     assert report.data["left_out"] == [{"column": "skin_degC", "why": "constant: 25.5 degC all the time"}]

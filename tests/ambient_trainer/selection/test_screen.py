@@ -17,11 +17,11 @@ EARLY = np.arange(1500) < 700
 
 
 def reasons(*traces):
-    return {each.column: each.why for each in screened(traces).left_out}
+    return screened(traces).left_out
 
 
 def test_good_zones_stay_and_one_that_a_trace_lacks_goes(small):
-    assert small.left_out == ()
+    assert small.left_out == {}
     assert small.names == ["chip", "left", "loner", "mixed", "right"]
     short = made_up(1, path="other.csv")
     del short.columns["chip_degC"]

@@ -15,7 +15,7 @@ from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import best_sets, circuit_structure, grown, prepared, searched, thinned
+from ambient_trainer.selection.search import best_sets, circuit_structure, grown, numbered, prepared, searched, thinned
 from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up
@@ -31,12 +31,11 @@ def test_the_right_pair_is_recommended_and_holds_on_another_run(found):
     assert found.circuits[2].topology.sensors == PAIR
     assert found.circuits[2].rmse_degC < 0.5 * found.circuits[1].rmse_degC
     assert found.circuits[2].tried > 10
-    check = found.checks[0]
-    assert check.path == AGAIN.path
-    assert check.fixed[1] < 2 * found.sizes[1].rmse_degC
-    assert check.circuits[2] < 0.5 * check.circuits[1]
-    assert check.against is not None
-    assert check.against[0] > 3 * check.fixed[1]
+    assert found.checks == (AGAIN.path,)
+    own = found.sizes[1].checks_degC[0]
+    assert own < 2 * found.sizes[1].rmse_degC
+    assert found.circuits[2].checks_degC[0] < 0.5 * found.circuits[1].checks_degC[0]
+    assert found.against.checks_degC[0] > 3 * own
 
 
 @pytest.mark.slow
@@ -62,7 +61,7 @@ def test_several_traces_are_searched_together():
     with ResumablePool(1) as pool:
         result = searched(data, pool, with_circuits=False)
     assert result.sizes[1].sensors == PAIR
-    assert result.traces == ("made-up.csv", "other.csv")
+    assert tuple(each.path for each in result.data.traces) == ("made-up.csv", "other.csv")
 
 
 @pytest.mark.parametrize(
@@ -89,7 +88,7 @@ def test_no_usable_zone_and_a_set_to_compare_with_that_is_not_there_are_refused(
     data = prepared([trace], screened([trace]), Options())
     for name, reason in (("skin", "no such sensor"), ("flat", "constant")):
         with pytest.raises(Refused, match=f"{name}: .*{reason}"):
-            data.numbers([name])
+            numbered(data, [name])
 
 
 def test_a_trace_to_check_on_is_looked_at_before_the_work():

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
@@ -15,6 +18,7 @@ from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
 from ambient_trainer.selection.result import (
     NEAR_DEGC,
     ScoredSystem,
+    SearchData,
     SearchResult,
     SelectedCircuit,
     SelectedSet,
@@ -48,26 +52,34 @@ _FILTERS = (
 def report_of(result: SearchResult) -> Report:
     """What the search says, for the terminal, a machine and a page."""
     main, *others = findings(result)
+    data, free, wired = result.data, f"free-{result.data.options.order}", result.circuits.values()
+    paths = [each.path for each in data.traces]
+    fitted = f"{sum(each.tried for each in wired):,} fitted, one sample every {data.circuit_period_s:g} s"
+    facts = [
+        ("traces", paths),
+        ("zones", f"{len(data.sensors)} searched, {len(data.left_out)} left out"),
+        ("sets of sensors", f"{result.sets_tried:,} scored, one sample every {data.period_s:g} s"),
+        ("circuits", fitted if wired else "not searched"),
+        ("sensors' errors", f"as if each had {data.options.tolerance_degC:g} degC more, of noise and constant"),
+    ]
     errors, gains = Figure(partial(errors_figure, result), _ERRORS), Figure(partial(gains_figure, result))
-    circuits: list[Section | str] = [_CIRCUITS] if result.circuits else []
-    for each in result.circuits.values():
+    circuits: list[Section | str] = [_CIRCUITS] if wired else []
+    for each in wired:
         title = f"{', '.join(each.topology.sensors)}: {each.rmse_degC:.2f} degC held out"
         circuits.append(Section(title, [Figure(partial(circuit_figure, each))]))
     checks = checks_table(result) if result.checks else None
-    command = (
-        f"Next: ambient-trainer fit {' '.join(result.traces)} --circuit free-{result.options.order} --sensors "
-        f"{','.join(result.recommended.sensors)} -o MODEL.json"
-    )
+    sensors = ",".join(result.recommended.sensors)
+    command = f"ambient-trainer fit {' '.join(paths)} --circuit {free} --sensors {sensors} -o MODEL.json"
     return Report(
         subject="Search for sensors and circuits",
         title=main,
-        lead=[_facts(result)],
+        lead=[Facts(facts)],
         sections=[
             Section("Number of sensors", [sizes_table(result), *map(Finding, others), errors, checks]),
             Section("DC gains of the sensors", [_GAINS, gains]),
             Section("The best circuit of each size", circuits),
-            Section("Zones left out", [*map(Finding, left_out_lines(result.left_out))], detail=True),
-            Section("", [Finding(command)]),
+            Section("Zones left out", [*map(Finding, left_out_lines(data.left_out))], detail=True),
+            Section("", [Finding(f"Next: {command}")]),
         ],
         data=as_json(result),
         footnotes=[_FILTERS],
@@ -76,49 +88,55 @@ def report_of(result: SearchResult) -> Report:
 
 def sizes_table(result: SearchResult) -> Table:
     """One row a number of sensors."""
-    free = f"free-{result.options.order}"
+    free, blocks = f"free-{result.data.options.order}", _blocks_data(result.data)
     columns = ("sensors", "which", "held out", "one standard error", "noise", free, "circuit", "its states")
-    poles = ", ".join(f"{each:g}" for each in result.poles_s)
-    rows = [(_label(result, each), *_cells(each, result.circuits.get(len(each.sensors)))) for each in _sets(result)]
+    rows = []
+    for each in result.sets:
+        low, high = each.interval_degC
+        errors = f"{each.rmse_degC:.2f}", f"{low:.2f} to {high:.2f}", f"{each.noise_degC:.2f}"
+        wired = ("-", "-")
+        if circuit := result.circuits.get(len(each.sensors)):
+            kind = "hidden" if circuit.topology.form == "temperature" else "own"
+            wired = (f"{circuit.rmse_degC:.2f}", f"{len(circuit.topology.states)} {kind}")
+        rows.append((_label(result, each), ", ".join(each.sensors), *errors, f"{each.free.rmse_degC:.2f}", *wired))
     caption = (
-        f"RMSE in degC on {result.blocks} blocks of {result.block_s:.0f} s, each left out of the fit with "
-        f"{result.gap_s:.0f} s on either side: of the filter over fixed poles ({poles} s) that the "
-        f"sensors are chosen with, of {free} with its poles fitted, and of the best circuit. Noise: what the sensors' "
-        "own makes in the estimate. *: the fewest within one standard error of the least."
+        f"RMSE in degC on {blocks['count']} blocks of {blocks['length_s']:.0f} s, each left out of the fit with "
+        f"{blocks['gap_s']:.0f} s on either side: of the filter over fixed poles "
+        f"({', '.join(f'{each:g}' for each in result.poles_s)} s) that the sensors are chosen with, of {free} with its "
+        "poles fitted, and of the best circuit. Noise: what the sensors' own makes in the estimate. *: the fewest "
+        "within one standard error of the least."
     )
     return Table(caption, columns, rows, labels=2)
 
 
 def checks_table(result: SearchResult) -> Table:
     """The same score on traces that had no part in the selection."""
-    kinds = ["filter", f"free-{result.options.order}", *(["circuit"] if result.circuits else [])]
-    columns = ("sensors", *(f"{each.name} {kind}" for each in result.checks for kind in kinds))
+    kinds = ["filter", f"free-{result.data.options.order}", *(["circuit"] if result.circuits else [])]
+    columns = ("sensors", *(f"{_name(path)} {kind}" for path in result.checks for kind in kinds))
     rows = []
-    for index, size in enumerate(_sets(result)):
-        cells: list[float | None] = []
-        for each in result.checks:
-            given = size is result.against
-            both = each.against or (None, None) if given else (each.fixed[index], each.free[index])
-            cells += [*both, None if given else each.circuits.get(len(size.sensors))][: len(kinds)]
-        rows.append((_label(result, size), *("-" if cell is None else f"{cell:.2f}" for cell in cells)))
+    for each in result.sets:
+        circuit = None if each is result.against else result.circuits.get(len(each.sensors))
+        scored = [one and one.checks_degC for one in (each, each.free, circuit)[: len(kinds)]]
+        cells = (f"{of[k]:.2f}" if of else "-" for k in range(len(result.checks)) for of in scored)
+        rows.append((_label(result, each), *cells))
     return Table("RMSE in degC on traces that nothing was chosen or fitted by, from a cold start.", columns, rows)
 
 
-def left_out_lines(left_out: Sequence[Any]) -> list[str]:
+def left_out_lines(left_out: Mapping[str, str]) -> list[str]:
     """A line a zone that the search does without."""
-    return [f"Left out: {each.column.removesuffix('_degC')}: {each.why}." for each in left_out]
+    return [f"Left out: {column.removesuffix('_degC')}: {why}." for column, why in left_out.items()]
 
 
 def findings(result: SearchResult) -> list[str]:
     """The findings in sentences, the most important first."""
     errors = [each.rmse_degC for each in result.sizes]
     named, least = result.recommended, min(result.sizes, key=lambda each: each.rmse_degC)
-    on = "held-out blocks (simulated)" if result.simulated else "held-out blocks"
+    on = "held-out blocks (simulated)" if result.data.simulated else "held-out blocks"
     lines = [f"{counted(len(named.sensors))}, {_all_of(named.sensors)}: RMSE {named.rmse_degC:.2f} degC on {on}"]
     if least is not named:
         lines.append(
             f"The least is {least.rmse_degC:.2f} degC, with {len(least.sensors)}; one standard error up it is "
-            f"{least.fixed.interval_degC[1]:.2f}."
+            f"{least.interval_degC[1]:.2f}."
         )
     flat = flat_from(errors, NEAR_DEGC)
     if flat < len(errors) - 1:
@@ -128,65 +146,50 @@ def findings(result: SearchResult) -> list[str]:
 
 def as_json(result: SearchResult) -> dict[str, Any]:
     """The content of ``search --json``."""
-    front = pareto_front([each.rmse_degC for each in result.sizes])
+    data, sizes, against = result.data, result.sizes, result.against
+    front = pareto_front([each.rmse_degC for each in sizes])
     return {
-        "traces": list(result.traces),
-        "simulated": result.simulated,
-        "options": asdict(result.options),
-        "period_s": result.period_s,
-        "circuit_period_s": result.circuit_period_s,
+        "traces": [each.path for each in data.traces],
+        "simulated": data.simulated,
+        "options": asdict(data.options),
+        "period_s": data.period_s,
+        "circuit_period_s": data.circuit_period_s,
         "poles_s": list(result.poles_s),
-        "blocks": {"count": result.blocks, "length_s": result.block_s, "gap_s": result.gap_s},
-        "sensors": [asdict(each) for each in result.sensors],
-        "left_out": [asdict(each) for each in result.left_out],
+        "blocks": _blocks_data(data),
+        "sensors": [asdict(each) for each in data.sensors],
+        "left_out": [{"column": column, "why": why} for column, why in data.left_out.items()],
         "sets_tried": result.sets_tried,
-        "sizes": [_size_data(each, result.circuits.get(len(each.sensors))) for each in result.sizes],
-        "front": [len(result.sizes[each].sensors) for each in front],
+        "sizes": [_size_data(each, result.circuits.get(len(each.sensors))) for each in sizes],
+        "front": [len(sizes[each].sensors) for each in front],
         "named": len(result.recommended.sensors),
-        "against": result.against and _size_data(result.against, None),
+        "against": against and _size_data(against, None),
         "checks": [
             {
-                "trace": each.path,
-                "filter_rmse_degC": list(each.fixed),
-                "free_rmse_degC": list(each.free),
-                "circuit_rmse_degC": {str(size): rmse for size, rmse in each.circuits.items()},
-                "against_rmse_degC": each.against and {"filter": each.against[0], "free": each.against[1]},
+                "trace": path,
+                "filter_rmse_degC": [each.checks_degC[k] for each in sizes],
+                "free_rmse_degC": [each.free.checks_degC[k] for each in sizes],
+                "circuit_rmse_degC": {str(size): each.checks_degC[k] for size, each in result.circuits.items()},
+                "against_rmse_degC": against
+                and {"filter": against.checks_degC[k], "free": against.free.checks_degC[k]},
             }
-            for each in result.checks
+            for k, path in enumerate(result.checks)
         ],
     }
 
 
-def _facts(result: SearchResult) -> Facts:
-    tried = sum(each.tried for each in result.circuits.values())
-    fitted = f"{tried:,} fitted, one sample every {result.circuit_period_s:g} s"
-    return Facts(
-        [
-            ("traces", result.traces),
-            ("zones", f"{len(result.sensors)} searched, {len(result.left_out)} left out"),
-            ("sets of sensors", f"{result.sets_tried:,} scored, one sample every {result.period_s:g} s"),
-            ("circuits", fitted if result.circuits else "not searched"),
-            ("sensors' errors", f"as if each had {result.options.tolerance_degC:g} degC more, of noise and constant"),
-        ]
-    )
+def _blocks_data(data: SearchData) -> dict[str, float]:
+    length = float(np.median([each.stop - each.start for each in data.blocks]))
+    gap = max(each.start - each.first for each in data.blocks)
+    return {"count": len(data.blocks), "length_s": length * data.period_s, "gap_s": gap * data.period_s}
 
 
-def _sets(result: SearchResult) -> list[SelectedSet]:
-    return [*result.sizes, *([result.against] if result.against else [])]
+def _name(path: str) -> str:
+    """A trace's file without its folder and endings."""
+    return os.path.basename(path).removesuffix(".gz").removesuffix(".csv")
 
 
 def _label(result: SearchResult, each: SelectedSet) -> str:
     return "given" if each is result.against else f"{len(each.sensors)}{' *' * (each is result.recommended)}"
-
-
-def _cells(each: SelectedSet, circuit: SelectedCircuit | None) -> tuple[str, ...]:
-    low, high = each.fixed.interval_degC
-    errors = (f"{each.rmse_degC:.2f}", f"{low:.2f} to {high:.2f}", f"{each.noise_degC:.2f}")
-    wired = ("-", "-")
-    if circuit is not None:
-        kind = "hidden" if circuit.topology.form == "temperature" else "own"
-        wired = (f"{circuit.rmse_degC:.2f}", f"{len(circuit.topology.states)} {kind}")
-    return (", ".join(each.sensors), *errors, f"{each.free.rmse_degC:.2f}", *wired)
 
 
 def _alternatives(named: SelectedSet) -> list[str]:
@@ -208,9 +211,8 @@ def _against(result: SearchResult) -> list[str]:
     index = len(against.sensors) - 1
     best = result.sizes[index]
     parts = [f"{best.rmse_degC:.2f} degC against {against.rmse_degC:.2f} held out"]
-    for each in result.checks:
-        if each.against is not None:
-            parts.append(f"{each.fixed[index]:.2f} against {each.against[0]:.2f} on {each.name}")
+    for path, ours, theirs in zip(result.checks, best.checks_degC, against.checks_degC):
+        parts.append(f"{ours:.2f} against {theirs:.2f} on {_name(path)}")
     return [f"The best {len(best.sensors)} beside {_all_of(against.sensors)}: {', '.join(parts)}."]
 
 
@@ -232,11 +234,11 @@ def _circuit_lines(result: SearchResult) -> list[str]:
 def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, Any]:
     return {
         "sensors": list(each.sensors),
-        **_held_out_data(each.fixed),
+        **_held_out_data(each),
         "noise_gain": each.noise_gain,
         "noise_degC": each.noise_degC,
         "dc_gains": list(each.dc_gains),
-        "offset_degC": float(each.fixed.system.offset[0]),
+        "offset_degC": float(each.system.offset[0]),
         "free_held_out_rmse_degC": each.free.rmse_degC,
         "alternatives": [asdict(other) for other in each.alternatives],
         "circuit": circuit
@@ -246,7 +248,7 @@ def _size_data(each: SelectedSet, circuit: SelectedCircuit | None) -> dict[str, 
             "sensors": list(circuit.topology.sensors),
             "states": list(circuit.topology.states),
             "edges": [list(edge) for edge in circuit.topology.edges],
-            **_held_out_data(circuit.scored),
+            **_held_out_data(circuit),
             "tried": circuit.tried,
         },
     }
@@ -272,16 +274,16 @@ def errors_figure(result: SearchResult) -> go.Figure:
     """Held-out error by number of sensors, and what the same filters score elsewhere."""
     figure = panel_figure("sensors", "error, RMSE [°C]", height_px=460)
     counts = [len(each.sensors) for each in result.sizes]
-    errors, ends = [each.rmse_degC for each in result.sizes], [each.fixed.interval_degC for each in result.sizes]
+    errors, ends = [each.rmse_degC for each in result.sizes], [each.interval_degC for each in result.sizes]
     hover = ["\n".join(each.sensors) for each in result.sizes]
     add_curve(figure, counts, errors, "held out, one standard error", BLUE, width=2.4, ends=ends, hover=hover)
     free = [each.free.rmse_degC for each in result.sizes]
-    add_curve(figure, counts, free, f"held out, free-{result.options.order}", BASELINE)
+    add_curve(figure, counts, free, f"held out, free-{result.data.options.order}", BASELINE)
     if result.circuits:
         wired = [each.rmse_degC for each in result.circuits.values()]
         add_curve(figure, list(result.circuits), wired, "held out, best circuit", ORANGE)
-    for check, colour in zip(result.checks, _CHECK_COLOURS):
-        add_curve(figure, counts, check.fixed, check.name, colour, dash="dot")
+    for k, (path, colour) in enumerate(zip(result.checks, _CHECK_COLOURS)):
+        add_curve(figure, counts, [each.checks_degC[k] for each in result.sizes], _name(path), colour, dash="dot")
     given: dict[str, object] = {"marker": {"symbol": "x", "size": 10, "color": INK}}
     given["hovertemplate"] = "%{y:.3f} °C<br>%{text}<extra></extra>"
     ring = {"marker": {"symbol": "circle-open", "size": 20, "color": BLUE, "line": {"width": 2}}, "hoverinfo": "skip"}

@@ -1,24 +1,25 @@
-"""The result of a search: the best set of sensors of each size, the best circuits, and their held-out errors.
+"""What is searched, and the result: the best set of sensors of each size, the best circuits, their held-out errors.
 
 How many sensors to take: the fewest within one standard error of the best (Breiman et al. 1984, *Classification and
 Regression Trees*, section 3.4.3). The standard error is that of the mean square over the blocks.
 """
 
-import os
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti.statespace import Hold, StateSpace, dc_gain
-from ambient_trainer.selection.screen import LeftOut, Sensor
+from ambient_trainer.data import Segment, Trace
+from ambient_trainer.estimation.validation import Block
+from ambient_trainer.lti.statespace import StateSpace, dc_gain
+from ambient_trainer.selection.screen import Sensor
 from ambient_trainer.selection.topology import Topology
 
 NEAR_DEGC = 0.02
 """Errors this close are as good as each other; chosen, a fifth of what a sensor may be off."""
+_CIRCUIT_SAMPLES = 10_000
 
 
 @dataclass(frozen=True)
@@ -34,14 +35,48 @@ class Options:
 
 
 @dataclass(frozen=True)
+class SearchData:
+    """The traces on one grid, what may be chosen from them, and how; ``left_out`` says why a column may not."""
+
+    traces: tuple[Trace, ...]
+    sensors: tuple[Sensor, ...]
+    left_out: Mapping[str, str]
+    segments: tuple[Segment, ...]
+    blocks: tuple[Block, ...]
+    options: Options
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(each.name for each in self.sensors)
+
+    @property
+    def period_s(self) -> float:
+        """Period of the grid."""
+        return self.segments[0].period_s
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any of the traces says so."""
+        return any(each.notes.get("simulated") == "yes" for each in self.traces)
+
+    @property
+    def circuit_period_s(self) -> float:
+        """A multiple of the period that leaves no more samples than hundreds of circuits can be fitted to."""
+        return self.period_s * math.ceil(sum(each.inputs.shape[1] for each in self.segments) / _CIRCUIT_SAMPLES)
+
+
+@dataclass(frozen=True)
 class ScoredSystem:
-    """A continuous system over trace columns and, per held-out block, sum (degC^2) and number of squared errors."""
+    """A continuous system with sum (degC^2) and number of squared errors of each held-out block.
+
+    ``checks_degC`` are its RMSE on each trace without a part in the selection, from a cold start at the first sample.
+    """
 
     system: StateSpace
-    hold: Hold
-    columns: tuple[str, ...]
     squares: tuple[float, ...]
     samples: tuple[float, ...]
+    checks_degC: tuple[float, ...]
 
     @property
     def mean_square(self) -> float:
@@ -65,11 +100,6 @@ class ScoredSystem:
         middle, error = self.mean_square, self.standard_error_degC2
         return float(np.sqrt(max(middle - error, 0.0))), float(np.sqrt(middle + error))
 
-    def rmse_on(self, trace: Trace) -> float:
-        """RMSE in degC on another trace, from a cold start at its first sample."""
-        error = trace.reference - estimate_degC(self.system, self.hold, self.columns, trace)
-        return float(np.sqrt(np.nanmean(error**2)))
-
 
 @dataclass(frozen=True)
 class Alternative:
@@ -81,59 +111,31 @@ class Alternative:
 
 
 @dataclass(frozen=True)
-class SelectedSet:
-    """The best set of sensors of a size, or one to compare with, by a filter over ``fixed`` poles and a ``free`` one.
+class SelectedSet(ScoredSystem):
+    """The best set of sensors of a size, or one to compare with, by a filter over fixed poles and a ``free`` one.
 
     ``noise_gain`` is the estimate's standard deviation per unit of noise, ``noise_degC`` what the sensors' own makes.
     """
 
     sensors: tuple[str, ...]
-    fixed: ScoredSystem
     noise_gain: float
     noise_degC: float
     free: ScoredSystem
     alternatives: tuple[Alternative, ...] = ()
 
     @property
-    def rmse_degC(self) -> float:
-        """Held-out RMSE of the filter over fixed poles."""
-        return self.fixed.rmse_degC
-
-    @property
     def dc_gains(self) -> tuple[float, ...]:
-        """Of ``fixed``, one a sensor."""
-        return tuple(dc_gain(self.fixed.system)[0].tolist())
+        """One a sensor."""
+        return tuple(dc_gain(self.system)[0].tolist())
 
 
 @dataclass(frozen=True)
-class SelectedCircuit:
+class SelectedCircuit(ScoredSystem):
     """The best circuit of a size, fitted to everything, and how many topologies of this size were ``tried``."""
 
     circuit: Circuit
     topology: Topology
-    scored: ScoredSystem
     tried: int
-
-    @property
-    def rmse_degC(self) -> float:
-        """Held-out RMSE."""
-        return self.scored.rmse_degC
-
-
-@dataclass(frozen=True)
-class TraceScores:
-    """RMSE in degC on a trace without a part in the selection, by number of sensors; ``against``: fixed, free poles."""
-
-    path: str
-    fixed: tuple[float, ...]
-    free: tuple[float, ...]
-    circuits: Mapping[int, float]
-    against: tuple[float, float] | None
-
-    @property
-    def name(self) -> str:
-        """The file's name without its folder and endings."""
-        return os.path.basename(self.path).removesuffix(".gz").removesuffix(".csv")
 
 
 @dataclass(frozen=True)
@@ -141,30 +143,27 @@ class SearchResult:
     """What :func:`ambient_trainer.selection.search.searched` returns.
 
     ``sizes`` and ``circuits`` go by number of sensors, from one; ``unnamed`` are those that a circuit file cannot name.
+    ``checks`` are the paths of the traces without a part in the selection.
     """
 
-    traces: tuple[str, ...]
-    simulated: bool
-    options: Options
-    sensors: tuple[Sensor, ...]
-    left_out: tuple[LeftOut, ...]
-    period_s: float
-    circuit_period_s: float
+    data: SearchData
     poles_s: tuple[float, ...]
-    blocks: int
-    block_s: float
-    gap_s: float
     sets_tried: int
     sizes: tuple[SelectedSet, ...]
     against: SelectedSet | None
     circuits: Mapping[int, SelectedCircuit]
     unnamed: tuple[str, ...]
-    checks: tuple[TraceScores, ...]
+    checks: tuple[str, ...]
+
+    @property
+    def sets(self) -> list[SelectedSet]:
+        """Those of each size, and the one to compare with."""
+        return [*self.sizes, *([self.against] if self.against else [])]
 
     @property
     def recommended(self) -> SelectedSet:
         """The smallest set within one standard error of the best."""
-        return self.sizes[fewest_within_one_error([each.fixed for each in self.sizes])]
+        return self.sizes[fewest_within_one_error(self.sizes)]
 
 
 def counted(sensors: int) -> str:

@@ -3,7 +3,7 @@
 A bad zone costs more than its own place: dead readings pull every fit, a double makes a choice between equals.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,14 +26,6 @@ _SAME_K = 1e-6
 
 
 @dataclass(frozen=True)
-class LeftOut:
-    """A column and why the search does without it."""
-
-    column: str
-    why: str
-
-
-@dataclass(frozen=True)
 class Sensor:
     """A column that is searched, the smallest difference between two of its readings, and its noise's deviation."""
 
@@ -48,10 +40,10 @@ class Sensor:
 
 
 class Screened(NamedTuple):
-    """What can be searched and what cannot."""
+    """What can be searched, and why each other column cannot."""
 
     sensors: tuple[Sensor, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: Mapping[str, str]
 
 
 def screened(traces: Sequence[Trace]) -> Screened:
@@ -79,8 +71,8 @@ def screened(traces: Sequence[Trace]) -> Screened:
             kept.append(name)
         else:
             why[name] = f"reads the same as {twin.removesuffix('_degC')}"
-    left_out = tuple(LeftOut(name, why[name]) for name in table if name in why)
-    return Screened(tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept), left_out)
+    sensors = tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept)
+    return Screened(sensors, {name: why[name] for name in table if name in why})
 
 
 def _unusable(values: pd.Series) -> str | None:

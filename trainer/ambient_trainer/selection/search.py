@@ -5,7 +5,7 @@ Everything that takes time goes through :class:`ResumablePool`; the rest is dete
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -14,25 +14,26 @@ import numpy as np
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.assemble import assemble
-from ambient_trainer.data import Segment, Trace, segments
+from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation import CircuitStructure, FreeFilter, Structure
 from ambient_trainer.estimation.validation import Block, cut_in_blocks, refitted
 from ambient_trainer.estimators.base import slowest_period_s, source_of
-from ambient_trainer.lti.response import noise_gain
+from ambient_trainer.estimators.estimate import estimate_degC
+from ambient_trainer.lti import Hold, StateSpace, noise_gain
 from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
 from ambient_trainer.selection.result import (
     NEAR_DEGC,
     Alternative,
     Options,
     ScoredSystem,
+    SearchData,
     SearchResult,
     SelectedCircuit,
     SelectedSet,
-    TraceScores,
     counted,
 )
 from ambient_trainer.selection.resumable import ResumablePool
-from ambient_trainer.selection.screen import LeftOut, Screened, Sensor
+from ambient_trainer.selection.screen import Screened, Sensor
 from ambient_trainer.selection.topology import Topology, best_topology, can_be_named, circuit_of, pruned
 
 Score = Callable[[Sequence[Sensors]], Sequence[float]]
@@ -93,47 +94,10 @@ def _ranked(sets: Iterable[Sensors], score: Score) -> list[tuple[float, Sensors]
 _SAMPLES_PER_UNKNOWN = 10
 _POLES_BY_SENSORS = 3
 _SETS_AT_ONCE = 128
-_CIRCUIT_SAMPLES = 10_000
 _SLOWEST_SHARE = 1 / 40
 _FILTER = {"starts": 2, "whole": 200, "without_one": 12}
 _CIRCUIT = {"starts": 1, "whole": 60, "without_one": 5}
 """Of hundreds: where a topology leaves a direction open a search would creep along it for long."""
-
-
-@dataclass(frozen=True)
-class SearchData:
-    """The traces on one grid, what may be chosen from them, and how."""
-
-    traces: tuple[Trace, ...]
-    sensors: tuple[Sensor, ...]
-    left_out: tuple[LeftOut, ...]
-    segments: tuple[Segment, ...]
-    blocks: tuple[Block, ...]
-    options: Options
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the sensors."""
-        return tuple(each.name for each in self.sensors)
-
-    @property
-    def period_s(self) -> float:
-        """Period of the grid."""
-        return self.segments[0].period_s
-
-    @property
-    def circuit_period_s(self) -> float:
-        """A multiple of the period that leaves no more samples than hundreds of circuits can be fitted to."""
-        return self.period_s * math.ceil(sum(each.inputs.shape[1] for each in self.segments) / _CIRCUIT_SAMPLES)
-
-    def numbers(self, names: Sequence[str]) -> Sensors:
-        """The places of sensors by name; raises :class:`Refused` for one that is not among them."""
-        out = {each.column.removesuffix("_degC"): each.why for each in self.left_out}
-        for name in names:
-            if name not in self.names:
-                problem = f"left out: {out[name]}" if name in out else "no such sensor"
-                raise refuse(source_of(self.traces), name, problem, f"take of {', '.join(self.names)}")
-        return tuple(sorted(self.names.index(name) for name in names))
 
 
 def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> SearchData:
@@ -141,7 +105,7 @@ def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> Sear
     sensors, left_out = zones
     source = source_of(traces)
     if not sensors:
-        whys = "; ".join(f"{each.column}: {each.why}" for each in left_out)
+        whys = "; ".join(f"{column}: {why}" for column, why in left_out.items())
         raise refuse(source, "", f"no zone is usable ({whys})", "log others")
     for trace in traces:
         reference = trace.reference
@@ -161,6 +125,16 @@ def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> Sear
     return SearchData(tuple(traces), sensors, left_out, laid, blocks, options)
 
 
+def numbered(data: SearchData, names: Sequence[str]) -> Sensors:
+    """The places of sensors by name; raises :class:`Refused` for one that is not among them."""
+    for name in names:
+        if name not in data.names:
+            why = data.left_out.get(f"{name}_degC")
+            problem = f"left out: {why}" if why else "no such sensor"
+            raise refuse(source_of(data.traces), name, problem, f"take of {', '.join(data.names)}")
+    return tuple(sorted(data.names.index(name) for name in names))
+
+
 def searched(
     data: SearchData,
     pool: ResumablePool,
@@ -173,45 +147,35 @@ def searched(
     ``against`` names the sensors of a set to compare with; the traces of ``checks`` are scored and have no part in the
     selection. Raises :class:`Refused` where one of these lacks a sensor; nothing is computed then.
     """
-    compared = data.numbers(against)
+    compared = numbered(data, against)
     for trace in checks:
         if np.isnan(trace.reference).all():
             raise refuse(trace.path, f"column {REFERENCE}", "holds no value at all", "log it, or check another trace")
         if absent := [each.column for each in data.sensors if each.column not in trace.columns]:
             raise refuse(trace.path, "line 1", f"no column {', '.join(absent)}", "check a trace of the same device")
-    search = _Search(data, pool)
+    search = _Search(data, pool, checks)
     best = search.best(range(len(data.sensors)))
     sets = search.selected([*best, compared] if compared else best)
     sizes = [replace(each, alternatives=search.alternatives(members)) for each, members in zip(sets, best)]
-    compared_set = sets[-1] if compared else None
     unnamed = tuple(each for each in data.names if not can_be_named(each))
     circuits = search.circuits(unnamed) if with_circuits else {}
     return SearchResult(
-        traces=tuple(each.path for each in data.traces),
-        simulated=any(each.notes.get("simulated") == "yes" for each in data.traces),
-        options=data.options,
-        sensors=data.sensors,
-        left_out=data.left_out,
-        period_s=data.period_s,
-        circuit_period_s=data.circuit_period_s,
+        data=data,
         poles_s=search.poles_s,
-        blocks=len(data.blocks),
-        block_s=float(np.median([each.stop - each.start for each in data.blocks])) * data.period_s,
-        gap_s=max(each.start - each.first for each in data.blocks) * data.period_s,
         sets_tried=len(search.errors),
         sizes=tuple(sizes),
-        against=compared_set,
+        against=sets[-1] if compared else None,
         circuits=circuits,
         unnamed=unnamed,
-        checks=tuple(_scores_on(each, sizes, circuits, compared_set) for each in checks),
+        checks=tuple(each.path for each in checks),
     )
 
 
 class _Search:
     """The steps of a search: poles, sets of sensors, each scored once, and the circuits of the best."""
 
-    def __init__(self, data: SearchData, pool: ResumablePool) -> None:
-        self.data, self.pool, self.options = data, pool, data.options
+    def __init__(self, data: SearchData, pool: ResumablePool, checks: Sequence[Trace]) -> None:
+        self.data, self.pool, self.options, self.checks = data, pool, data.options, checks
         self.errors: dict[Sensors, float] = {}
         """The held-out RMSE in degC of every set that was tried."""
         self.gathered = partial(
@@ -245,24 +209,31 @@ class _Search:
         """The sets, with their filters and errors."""
         structure_of = partial(_free_filter, self.data.segments, self.options.order)
         fits = self.pool.results("free filters", partial(_fits, structure_of, self.data.blocks, _FILTER), sets)
-        samples = _samples(self.data.segments, self.data.blocks)
+        samples = tuple(self.grams.samples.tolist())
         found = []
         for members in sets:
-            sensors, period_s, fit = [self.data.sensors[each] for each in members], self.data.period_s, fits[members]
+            sensors, fit = [self.data.sensors[each] for each in members], fits[members]
             columns, noises = tuple(each.column for each in sensors), np.array([each.noise_degC for each in sensors])
-            fixed = self.grams.fitted(members)
-            free = structure_of(members).system(np.array(fit["theta"]), np.array(fit["beta"]))
-            squares = tuple(self.grams.squares([members])[0].tolist())
+            fixed, free = self.grams.fitted(members), structure_of(members).system(*_unknowns(fit))
+            noisy = replace(fixed, B=fixed.B * noises, D=fixed.D * noises)
             found.append(
                 SelectedSet(
+                    fixed,
+                    tuple(self.grams.squares([members])[0].tolist()),
+                    samples,
+                    self.on_checks(fixed, "first-order", columns),
                     sensors=tuple(each.name for each in sensors),
-                    fixed=ScoredSystem(fixed, "first-order", columns, squares, samples),
-                    noise_gain=noise_gain(fixed, period_s),
-                    noise_degC=noise_gain(replace(fixed, B=fixed.B * noises, D=fixed.D * noises), period_s),
-                    free=ScoredSystem(free, "first-order", columns, tuple(fit["squares"]), samples),
+                    noise_gain=noise_gain(fixed, self.data.period_s),
+                    noise_degC=noise_gain(noisy, self.data.period_s),
+                    free=ScoredSystem(free, fit["squares"], samples, self.on_checks(free, "first-order", columns)),
                 )
             )
         return found
+
+    def on_checks(self, system: StateSpace, hold: Hold, columns: Sequence[str]) -> tuple[float, ...]:
+        """RMSE in degC on each trace to check on."""
+        errors = (each.reference - estimate_degC(system, hold, columns, each) for each in self.checks)
+        return tuple(float(np.sqrt(np.nanmean(error**2))) for error in errors)
 
     def alternatives(self, members: Sensors) -> tuple[Alternative, ...]:
         """The swaps of one sensor that cost little, by sensor and cost."""
@@ -288,8 +259,33 @@ class _Search:
         for members in self.best([index for index, name in enumerate(data.names) if name not in unnamed]):
             fit = partial(self.pool.results, f"circuits of {counted(len(members))}", task)
             names = [data.names[each] for each in members]
-            found[len(members)] = _best_circuit(fit, structure_of, names, samples, options.order)
+            found[len(members)] = self._best_circuit(fit, structure_of, names, samples)
         return found
+
+    def _best_circuit(
+        self,
+        fit: Callable[[Sequence[Topology]], dict[Topology, dict[str, Any]]],
+        structure_of: Callable[[Topology], CircuitStructure],
+        names: Sequence[str],
+        samples: tuple[float, ...],
+    ) -> SelectedCircuit:
+        fits: dict[Topology, dict[str, Any]] = {}
+
+        def score(topologies: Sequence[Topology]) -> list[float]:
+            fits.update(fit(topologies))
+            return [math.sqrt(sum(fits[each]["squares"]) / sum(samples)) for each in topologies]
+
+        topology = best_topology(names, self.options.order, score)
+        best, structure = fits[topology], structure_of(topology)
+        about = (
+            f"Found by a search over {len(fits)} circuits of {', '.join(names)}; "
+            f"{score([topology])[0]:.3g} degC off on blocks of time that it was not fitted to"
+        )
+        named = replace(structure.circuit, name=f"search_{len(names)}", about=about)
+        circuit, less = pruned(named, topology, structure.values(*_unknowns(best)))
+        system = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
+        checks_degC = self.on_checks(system, circuit.hold, circuit.inputs)
+        return SelectedCircuit(system, best["squares"], samples, checks_degC, circuit, less, len(fits))
 
 
 def _pole_errors(gathering: partial[Grams], sensors: int, few: int, keys: Sequence[tuple[float, ...]]) -> list[float]:
@@ -322,43 +318,8 @@ def circuit_structure(
     return CircuitStructure(circuit, [each.of(rows) for each in laid])
 
 
-def _best_circuit(
-    fit: Callable[[Sequence[Topology]], dict[Topology, dict[str, Any]]],
-    structure_of: partial[CircuitStructure],
-    names: Sequence[str],
-    samples: tuple[float, ...],
-    most_states: int,
-) -> SelectedCircuit:
-    fits: dict[Topology, dict[str, Any]] = {}
-
-    def score(topologies: Sequence[Topology]) -> list[float]:
-        fits.update(fit(topologies))
-        return [math.sqrt(sum(fits[each]["squares"]) / sum(samples)) for each in topologies]
-
-    topology = best_topology(names, most_states, score)
-    best, structure = fits[topology], structure_of(topology)
-    about = (
-        f"Found by a search over {len(fits)} circuits of {', '.join(names)}; "
-        f"{score([topology])[0]:.3g} degC off on blocks of time that it was not fitted to"
-    )
-    named = replace(structure.circuit, name=f"search_{len(names)}", about=about)
-    values = structure.values(np.array(best["theta"]), np.array(best["beta"]))
-    circuit, less = pruned(named, topology, values)
-    system = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
-    scored = ScoredSystem(system, circuit.hold, circuit.inputs, tuple(best["squares"]), samples)
-    return SelectedCircuit(circuit, less, scored, len(fits))
-
-
-def _scores_on(
-    trace: Trace, sizes: Sequence[SelectedSet], circuits: dict[int, SelectedCircuit], against: SelectedSet | None
-) -> TraceScores:
-    return TraceScores(
-        path=trace.path,
-        fixed=tuple(each.fixed.rmse_on(trace) for each in sizes),
-        free=tuple(each.free.rmse_on(trace) for each in sizes),
-        circuits={size: each.scored.rmse_on(trace) for size, each in circuits.items()},
-        against=(against.fixed.rmse_on(trace), against.free.rmse_on(trace)) if against else None,
-    )
+def _unknowns(fit: dict[str, Any]) -> tuple[Array, Array]:
+    return np.array(fit["theta"]), np.array(fit["beta"])
 
 
 def _on_grid(traces: Sequence[Trace], sensors: Sequence[Sensor], period_s: float) -> tuple[Segment, ...]:
