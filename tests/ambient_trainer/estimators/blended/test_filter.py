@@ -7,7 +7,6 @@ from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.blended.recipe import FilterRules
-from ambient_trainer.estimators.blended.training_set import TrainingRun
 from ambient_trainer.estimators.library.recipes import recipe_filter
 from ambient_trainer.estimators.searched import filter_fit
 from ambient_trainer.lti.response import noise_gain, response_degC
@@ -23,21 +22,21 @@ RULES = FilterRules.model_validate(
 )
 
 
-def run(seed: int, absolute: bool = True) -> TrainingRun:
+def run(seed: int) -> Segment:
     u = 20 + np.cumsum(np.random.default_rng(seed).standard_normal((3, 2000)), axis=1)
-    return TrainingRun(u, u.mean(axis=0) - 1, 3, absolute)
+    return Segment(1.0, u, u.mean(axis=0)[None] - 1)
 
 
 def test_the_objective_is_the_sum_of_its_parts():
-    runs = {"a": [run(5), run(6)], "b": [run(7, absolute=False)], "unweighed": [run(8)]}
-    structure = recipe_filter(runs, {"a": 2.0, "b": 0.5, "unweighed": 0.0}, RULES, 1.0)
+    runs = {"idle": [run(5), run(6)], "residual": [run(7)], "unweighed": [run(8)]}
+    structure = recipe_filter(runs, {"idle": 2.0, "residual": 0.5, "unweighed": 0.0}, RULES, 1.0)
     best = search(structure, 1, 0).best
     system = structure.system(best.theta, best.beta)
     direct = 1e-3 * noise_gain(system, 1.0) ** 2 + 100 * (dc_gain(system).sum() - 1) ** 2
-    for each, count in ((runs["a"][0], 1.0), (runs["a"][1], 1.0), (runs["b"][0], 0.5)):
-        estimate = response_degC(system, "first-order", each.sensors_degC, 1.0)
-        error = each.target_degC - estimate + (not each.absolute) * system.offset
-        direct += count * np.mean(error[::3] ** 2)
+    for each, count, absolute in (*((each, 1.0, True) for each in runs["idle"]), (runs["residual"][0], 0.5, False)):
+        estimate = response_degC(system, "first-order", each.inputs, 1.0)
+        error = each.outputs[0] - estimate + (not absolute) * system.offset
+        direct += count * np.mean(error[::11] ** 2)
     # the impulse response ends after 300 samples
     assert best.sum_of_squares == pytest.approx(direct, rel=1e-3)
 
@@ -56,8 +55,7 @@ def test_the_search_keeps_to_the_bounds_of_the_recipe():
 def test_its_fit_reports_the_errors_on_the_log():
     logged = run(11)
     structure = recipe_filter({"logged": [logged]}, {"logged": 1.0}, RULES, 1.0)
-    segment = Segment(1.0, logged.sensors_degC, logged.target_degC[None])
-    fit = filter_fit("mine", ("a_degC", "b_degC", "c_degC"), [segment], 4, search(structure, 1, 0), Effort())
-    errors = logged.target_degC - response_degC(fit.system, "first-order", logged.sensors_degC, 1.0)
+    fit = filter_fit("mine", ("a_degC", "b_degC", "c_degC"), [logged], 4, search(structure, 1, 0), Effort())
+    errors = logged.outputs[0] - response_degC(fit.system, "first-order", logged.inputs, 1.0)
     assert fit.rmse_degC == pytest.approx(np.sqrt(np.mean(errors**2)))
     assert sum(fit.dc_gains) == pytest.approx(1.0, abs=1e-12)

@@ -115,24 +115,23 @@ def test_the_training_set_is_that_of_the_recipe(design):
         "screen": 2,
     }
     [rest] = runs["residual"]
-    assert not rest.absolute
-    assert not rest.target_degC.any()
-    assert np.sqrt(np.mean(rest.sensors_degC**2)) < 0.03
+    assert not rest.outputs.any()
+    assert np.sqrt(np.mean(rest.inputs**2)) < 0.03
     for each in runs["idle"]:
         # a device that idles lies near its ambient
-        assert 0 < np.median(each.sensors_degC - each.target_degC) < 4
-        assert set(np.unique(each.sensors_degC[1] % 0.5)) == {0.0}, "the log's resolution"
+        assert 0 < np.median(each.inputs - each.outputs) < 4
+        assert set(np.unique(each.inputs[1] % 0.5)) == {0.0}, "the log's resolution"
 
 
 def test_the_same_seed_makes_up_the_same_with_samples_in_between_for_a_finer_filter(design):
     made, log = design
     first, again = made.runs(log), made.runs(log)
     other = TrainingSetDesign(**{**vars(made), "seed": 1}).runs(log)
-    assert np.array_equal(first["charge"][0].sensors_degC, again["charge"][0].sensors_degC)
-    assert not np.array_equal(first["charge"][0].sensors_degC, other["charge"][0].sensors_degC)
+    assert np.array_equal(first["charge"][0].inputs, again["charge"][0].inputs)
+    assert not np.array_equal(first["charge"][0].inputs, other["charge"][0].inputs)
     fine = [Record(*(np.repeat(each, 5, axis=-1) for each in log[0]))]
-    finer = TrainingSetDesign(**{**vars(made), "finer": 5}).runs(fine)
+    finer = TrainingSetDesign(**{**vars(made), "period_s": 1.0, "coarser": 5}).runs(fine)
     for name, several in made.runs(log).items():
         for coarse, each in zip(several, finer[name]):
-            assert each.sensors_degC[:, ::5] == pytest.approx(coarse.sensors_degC)
-            assert len(each.target_degC) == 5 * len(coarse.target_degC)
+            assert each.inputs[:, ::5] == pytest.approx(coarse.inputs)
+            assert each.outputs.shape[1] == 5 * coarse.outputs.shape[1]

@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from ambient_model.trace import REFERENCE
@@ -53,25 +52,22 @@ class Record(NamedTuple):
         return Record(*(each[..., ::stride] for each in self))
 
 
-class Plant(NamedTuple):
-    """A circuit with n states (``nodes``) in its modes, m sensors on some of them, and the heat that each node takes.
+class Plant:
+    """A recipe's circuit at ``values`` in its modes, with n states, m sensors on some of them, and heat into each."""
 
-    ``right`` (n, n) makes node temperatures of modes of ``rates`` (n,) < 0 in 1/s, ``left`` the modes of them.
-    ``to_ambient`` (n,) is in W/K. ``measured`` (n,) is 1 where the measured heat enters, ``shares`` (n,) of the other.
-    """
-
-    nodes: Mapping[str, int]
-    rates: Array
-    right: Array
-    left: Array
-    capacitance: Array
-    to_ambient: Array
-    law: Loss
-    rho: float
-    sensor_nodes: NDArray[np.intp]
-    lags_s: Array
-    measured: Array
-    shares: Array
+    def __init__(self, recipe: Recipe, circuit: Circuit, values: Mapping[str, float]) -> None:
+        names = [node.name for node in circuit.states]
+        assembled = assemble(circuit, {each.name: values.get(each.name, each.initial) for each in circuit.parameters})
+        self.nodes = {name: index for index, name in enumerate(names)}
+        self.capacitance = assembled.capacitance
+        # rates (n,) < 0 in 1/s; right (n, n) makes node temperatures of modes, left the modes of them
+        self.rates, self.right, self.left = passive_modes(assembled.value.A, self.capacitance)
+        self.to_ambient_W_K = assembled.value.B[:, circuit.inputs.index(REFERENCE)] * self.capacitance
+        self.loss, self.rho = recipe.loss, values["rho"]
+        by_sensor = {str(node.sensor): index for index, node in enumerate(circuit.states)}
+        self.sensors = [(by_sensor[name], values[f"lag_{name}"]) for name in recipe.sensors]
+        self.measured = np.array([float(name == recipe.heat.measured.into) for name in names])
+        self.shares = np.array([values.get(f"share_{name}", 0.0) for name in names])
 
     def heat_W(self, measured_W: Array, shared_W: Array) -> Array:
         """The logged heat into each node, (n, N)."""
@@ -79,18 +75,18 @@ class Plant(NamedTuple):
 
     def readings_degC(self, ambient_degC: Array, heat_W: Array, period_s: float, passes: int) -> Array:
         """What the sensors read, (m, N), for the ambient (N,) and the heat into the nodes (n, N), from equilibrium."""
-        surfaces = np.flatnonzero(self.to_ambient)
+        surfaces = np.flatnonzero(self.to_ambient_W_K)
         extra = np.zeros_like(heat_W)
         for index in range(passes):
-            heat = self.to_ambient[:, None] * ambient_degC + (heat_W + extra)
+            heat = self.to_ambient_W_K[:, None] * ambient_degC + (heat_W + extra)
             drive = self.left @ (heat / self.capacitance[:, None])
             modes = [lagged(row / -rate, -1 / rate, period_s) for row, rate in zip(drive, self.rates.tolist())]
             nodes = self.right @ np.array(modes)
             if index < passes - 1:
                 rise = nodes[surfaces] - ambient_degC
-                bent = factor(rise, (nodes[surfaces] + ambient_degC) / 2, self.rho, self.law)
-                extra[surfaces] = -self.to_ambient[surfaces, None] * rise * (bent - 1)
-        return np.vstack([lagged(nodes[n], lag, period_s) for n, lag in zip(self.sensor_nodes, self.lags_s)])
+                bent = factor(rise, (nodes[surfaces] + ambient_degC) / 2, self.rho, self.loss)
+                extra[surfaces] = -self.to_ambient_W_K[surfaces, None] * rise * (bent - 1)
+        return np.vstack([lagged(nodes[n], lag, period_s) for n, lag in self.sensors])
 
     def misfits(self, records: Sequence[Record], period_s: float, passes: int = _PASSES) -> list[Array]:
         """Per record the sensors minus the simulated ones, (m, N)."""
@@ -111,12 +107,11 @@ class Forward:
 
     def __init__(self, recipe: Recipe, circuit: Circuit) -> None:
         self.recipe, self.circuit = recipe, circuit
-        self._fixed = {each.name: each.initial for each in circuit.parameters}
         prior, rho = recipe.prior, recipe.loss.rho
         kinds = {str(node.capacitance): prior.capacitance for node in circuit.states}
         kinds |= {edge.resistance: prior.resistance for edge in circuit.edges}
-        free = {each.name for each in circuit.parameters if each.free}
-        positive = [(name, self._fixed[name], kind) for name, kind in kinds.items() if name in free]
+        free = {each.name: each.initial for each in circuit.parameters if each.free}
+        positive = [(name, free[name], kind) for name, kind in kinds.items() if name in free]
         positive += [(f"lag_{name}", sensor.lag_s, prior.lag) for name, sensor in recipe.sensors.items()]
         shares = [(f"share_{name}", share, prior.share) for name, share in recipe.heat.shared.among.items()]
         self._names, first, deviation = zip(*positive, *shares, ("rho", np.log(rho / (1 - rho)), prior.rho))
@@ -131,22 +126,7 @@ class Forward:
 
     def plant(self, x: Array) -> Plant:
         """The circuit at ``x``."""
-        values, recipe, states = self.values(x), self.recipe, [node.name for node in self.circuit.states]
-        assembled = assemble(self.circuit, {name: values.get(name, fixed) for name, fixed in self._fixed.items()})
-        by_sensor = {str(node.sensor): index for index, node in enumerate(self.circuit.states)}
-        A, B, capacitance = assembled.value.A, assembled.value.B, assembled.capacitance
-        return Plant(
-            {name: index for index, name in enumerate(states)},
-            *passive_modes(A, capacitance),
-            capacitance=capacitance,
-            to_ambient=B[:, self.circuit.inputs.index(REFERENCE)] * capacitance,
-            law=recipe.loss,
-            rho=values["rho"],
-            sensor_nodes=np.array([by_sensor[name] for name in recipe.sensors]),
-            lags_s=np.array([values[f"lag_{name}"] for name in recipe.sensors]),
-            measured=np.array([float(name == recipe.heat.measured.into) for name in states]),
-            shares=np.array([values.get(f"share_{name}", 0.0) for name in states]),
-        )
+        return Plant(self.recipe, self.circuit, self.values(x))
 
 
 class ForwardFit(NamedTuple):

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ambient_model.faults import refuse
-from ambient_trainer.data import Array, rounded
+from ambient_trainer.data import Array, Segment, rounded
 from ambient_trainer.estimators.blended.forward import Plant, Record
 from ambient_trainer.estimators.blended.recipe import IDLE, LOGGED, RESIDUAL, Recipe, Synthetic, Unmeasured, Work
 from ambient_trainer.lti.lag import low_pass
@@ -181,34 +181,21 @@ def _drawn(minutes: tuple[float, float], period_s: float, random: np.random.Gene
 
 
 _PASSES = 6
-_LOGGED_EVERY_S = 7.0
-_SYNTHETIC_EVERY_S = 11.0
-"""How far apart samples lie that are compared with the target: neighbours repeat each other."""
+_COMPARED_S = {LOGGED: 7.0}
+SYNTHETIC_S = 11.0
+
+TrainingSet = Mapping[str, Sequence[Segment]]
+"""Runs by the name that the recipe weighs them by: the sensors, and what a filter should make of them."""
 
 
-class TrainingRun(NamedTuple):
-    """Sensor signals (m, N) and the filter's target (N,), of which every ``stride``-th sample is compared.
-
-    ``absolute`` is whether the filter's offset counts.
-    """
-
-    sensors_degC: Array
-    target_degC: Array
-    stride: int
-    absolute: bool
-
-    def of(self, sensors: Sequence[int]) -> TrainingRun:
-        """The run of a filter that reads the sensors of these indices."""
-        return self._replace(sensors_degC=self.sensors_degC[sensors])
-
-
-TrainingSet = Mapping[str, Sequence[TrainingRun]]
-"""Runs by the name that the recipe weighs them by."""
+def compared_every(name: str, period_s: float) -> int:
+    """The stride of the samples that are compared in runs of this name: neighbours repeat each other."""
+    return max(1, round(_COMPARED_S.get(name, SYNTHETIC_S) / period_s))
 
 
 @dataclass(frozen=True)
 class TrainingSetDesign:
-    """What runs are simulated from; the circuit runs at ``period_s``, the filter ``finer`` times as often.
+    """What runs are simulated from; the filter runs at ``period_s``, the circuit once in ``coarser`` of these.
 
     ``steps_degC`` are the sensors' resolutions; the runs of another ``draw`` are drawn anew.
     """
@@ -218,51 +205,47 @@ class TrainingSetDesign:
     ambient: AmbientModel
     workload: Workload
     period_s: float
-    finer: int
+    coarser: int
     seed: int
     steps_degC: tuple[float, ...]
     draw: int = 0
 
-    def runs(self, records: Sequence[Record]) -> dict[str, list[TrainingRun]]:
+    def runs(self, records: Sequence[Record]) -> dict[str, list[Segment]]:
         """Every run of the recipe, ``records`` being the log at the filter's period."""
-        idle, unlogged, every = self.recipe.made_up.idle, self.recipe.unlogged, self._stride(_LOGGED_EVERY_S)
+        idle, unlogged = self.recipe.made_up.idle, self.recipe.unlogged
+        coarse = [each.every(self.coarser) for each in records]
+        rests = map(self._finer, self.plant.misfits(coarse, self.coarser * self.period_s, _PASSES))
         found = {
-            LOGGED: [TrainingRun(each.sensors_degC, each.ambient_degC, every, True) for each in records],
+            LOGGED: [Segment(self.period_s, each.sensors_degC, each.ambient_degC[None]) for each in records],
             IDLE: [self._run(random, idle.hours) for random in self._draws(0, idle.runs)],
-            RESIDUAL: [],
+            RESIDUAL: [Segment(self.period_s, each, np.zeros((1, each.shape[1]))) for each in rests],
         }
-        for misfit in self.plant.misfits([each.every(self.finer) for each in records], self.period_s, _PASSES):
-            rest = self._finer(misfit)
-            residual = TrainingRun(rest, np.zeros(rest.shape[1]), self._stride(_SYNTHETIC_EVERY_S), False)
-            found[RESIDUAL].append(residual)
-        for kind, (name, each) in enumerate(unlogged.patterns.items(), start=1):
-            draws = self._draws(kind, unlogged.runs * len(each.watts))
-            variants = zip(draws, itertools.cycle(each.watts))
-            found[name] = [self._run(random, unlogged.hours, watts, each.alone) for random, watts in variants]
+        for kind, (name, pattern) in enumerate(unlogged.patterns.items(), start=1):
+            draws = self._draws(kind, unlogged.runs * len(pattern.watts))
+            variants = zip(draws, itertools.cycle(pattern.watts))
+            found[name] = [self._run(random, unlogged.hours, watts, pattern.alone) for random, watts in variants]
         return found
-
-    def _stride(self, seconds: float) -> int:
-        return max(1, round(seconds * self.finer / self.period_s))
 
     def _draws(self, kind: int, runs: int) -> Iterator[np.random.Generator]:
         return (np.random.default_rng([self.seed, kind, run, self.draw]) for run in range(runs))
 
     def _run(
         self, random: np.random.Generator, hours: float, watts: Mapping[str, float] | None = None, alone: bool = False
-    ) -> TrainingRun:
+    ) -> Segment:
         """A synthetic run with unmeasured heat of ``watts``, on a device that does nothing else where ``alone``."""
-        count, T, rule = round(hours * 3600 / self.period_s), self.period_s, self.recipe.made_up
+        T, rule = self.coarser * self.period_s, self.recipe.made_up
+        count = round(hours * 3600 / T)
         ambient = synthetic_ambient(self.ambient, rule, count, random)
         work = np.repeat(self.workload.idle_W[:, None], count, axis=1)
         if not alone:
             work = synthetic_work(self.workload, rule, count, T, random)
         unlogged = synthetic_heat(watts or {}, self.recipe.unlogged, self.plant.nodes, count, T, random)
-        sensors = self.plant.readings_degC(ambient, self.plant.heat_W(*work) + unlogged, self.period_s, _PASSES)
+        sensors = self.plant.readings_degC(ambient, self.plant.heat_W(*work) + unlogged, T, _PASSES)
         readings = np.vstack([rounded(*each) for each in zip(self._finer(sensors), self.steps_degC)])
-        return TrainingRun(readings, self._finer(ambient[None])[0], self._stride(_SYNTHETIC_EVERY_S), True)
+        return Segment(self.period_s, readings, self._finer(ambient[None]))
 
     def _finer(self, rows: Array) -> Array:
         """The rows at the filter's period, straight between the circuit's samples."""
         coarse = np.arange(rows.shape[1])
-        fine = np.arange(rows.shape[1] * self.finer) / self.finer
+        fine = np.arange(rows.shape[1] * self.coarser) / self.coarser
         return np.vstack([np.interp(fine, coarse, row) for row in rows])

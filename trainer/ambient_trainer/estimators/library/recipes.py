@@ -37,8 +37,15 @@ from ambient_trainer.estimators.base import (
     source_of,
 )
 from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record, fit_forward
-from ambient_trainer.estimators.blended.recipe import FilterRules, Recipe, find_recipe, recipe_names
-from ambient_trainer.estimators.blended.training_set import TrainingSet, TrainingSetDesign, fit_ambient, fit_workload
+from ambient_trainer.estimators.blended.recipe import RESIDUAL, FilterRules, Recipe, find_recipe, recipe_names
+from ambient_trainer.estimators.blended.training_set import (
+    SYNTHETIC_S,
+    TrainingSet,
+    TrainingSetDesign,
+    compared_every,
+    fit_ambient,
+    fit_workload,
+)
 from ambient_trainer.estimators.estimate import Blended, blended
 from ambient_trainer.estimators.searched import fallback_notes, fallbacks_of, filter_fit, half_width_note
 from ambient_trainer.lti.response import noise_gain
@@ -108,11 +115,11 @@ class RecipeEstimator(Estimator):
         columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
         steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
         plant, seed = fitted.plant, effort.seed
-        design = TrainingSetDesign(recipe, plant, ambient, workload, coarse_period_s, stride, seed, steps)
+        design = TrainingSetDesign(recipe, plant, ambient, workload, period, stride, seed, steps)
         logged = [Segment(period, each.sensors_degC, each.ambient_degC[None]) for each in records]
         fit = fit_filters(recipe, design.runs(records), logged, effort, lambda n, *rest: show(1 + n, *rest))
         # errors are smaller in the very runs that the filters were fitted to
-        moments = unseen(recipe, fit, replace(design, draw=1).runs(records), period)
+        moments = unseen(recipe, fit, replace(design, draw=1).runs(records))
         lags = recipe.error_variance
         terms = (Term("movement", lags.movement_lag_s, 1.0), Term("guard", lags.secondary_lag_s, 1.0))
         variance = fit_error_variance(moments, period, terms)
@@ -205,11 +212,13 @@ def recipe_filter(runs: TrainingSet, counts: Mapping[str, float], rules: FilterR
     """The filter of four states over the runs that ``counts`` weighs, within the bounds of ``rules``."""
     weighted = []
     for name, count in counts.items():
+        stride = compared_every(name, period_s)
         for run in runs[name] if count else ():
-            target = np.full_like(run.target_degC, np.nan)
-            target[:: run.stride] = run.target_degC[:: run.stride]
-            weight = math.sqrt(count / len(runs[name]) / len(target[:: run.stride]))
-            weighted.append(Run(Segment(period_s, run.sensors_degC, target[None]), weight, run.absolute))
+            target = np.full_like(run.outputs, np.nan)
+            target[:, ::stride] = run.outputs[:, ::stride]
+            weight = math.sqrt(count / len(runs[name]) / len(target[0, ::stride]))
+            # the circuit's residuals know nothing of the filter's offset
+            weighted.append(Run(replace(run, outputs=target), weight, name != RESIDUAL))
     found = weighted_filter(_STATES, weighted, math.sqrt(rules.one_degree), math.sqrt(rules.noise))
     slow, fast = sorted(rules.slow.time_constants_s), rules.fast
     # two rates r and r q: omega^2 = r^2 q, zeta = (1 + q) / (2 sqrt q) = cosh(log q / 2)
@@ -268,16 +277,13 @@ def fit_filters(
     return replace(main, secondary=SecondaryFit(secondary, threshold), fallbacks=fallbacks, stopped=stopped)
 
 
-_EVERY_S = 11.0
-
-
-def unseen(recipe: Recipe, fit: Fit, runs: TrainingSet, period_s: float) -> list[Moment]:
+def unseen(recipe: Recipe, fit: Fit, runs: TrainingSet) -> list[Moment]:
     """The estimate of ``fit`` over ``runs``, which the recipe weighs, with a reference every 11 s."""
-    stride, moments = max(1, round(_EVERY_S / period_s)), []
+    moments = []
     for name, count in recipe.weights.interval.items():
         for run in runs[name]:
-            estimate, _, apart = published(fit, Segment(period_s, run.sensors_degC, run.target_degC[None]))
-            counted = np.arange(len(estimate)) % stride == 0
+            estimate, _, apart = published(fit, run)
+            counted = np.arange(len(estimate)) % max(1, round(SYNTHETIC_S / run.period_s)) == 0
             weight = count / len(runs[name]) / int(counted.sum())
-            moments.append(Moment(estimate, np.where(counted, run.target_degC, np.nan), apart, weight))
+            moments.append(Moment(estimate, np.where(counted, run.outputs[0], np.nan), apart, weight))
     return moments
