@@ -10,12 +10,7 @@ from threadpoolctl import threadpool_limits
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import load_trace
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimators.library.circuit_observer import (
-    ObserverStructure,
-    RandomWalkAmbient,
-    prior_theta,
-    walk_of,
-)
+from ambient_trainer.estimators.library.circuit_observer import RandomWalkAmbient, walk_of
 from ambient_trainer.lti.response import noise_gain, response_degC
 
 MAP = Path(__file__).parents[1] / "data" / "measured" / "thermal-shock-chamber.map.yaml"
@@ -40,18 +35,17 @@ class Chamber:
 
     def left_degC(self, pinned):
         """Held-out RMSE and noise gain where the unknowns that begin with a key of ``pinned`` are held at its value."""
-        circuit = RandomWalkAmbient(self.columns, walk_of(self.training))
-        structure = ObserverStructure(circuit, prior_theta(circuit, self.training), self.training)
-        bounds = [structure.search.initial.copy(), structure.search.low.copy(), structure.search.high.copy()]
+        circuit = RandomWalkAmbient(self.columns, walk_of(self.training), self.training)
+        bounds = [circuit.search.initial.copy(), circuit.search.low.copy(), circuit.search.high.copy()]
         for index, name in enumerate(circuit.names):
             for start, value in pinned.items():
                 if name.startswith(start):
                     for each in bounds:
                         each[index] = np.log(value)
         initial, low, high = bounds
-        structure.search = replace(structure.search, initial=initial, low=low, high=high)
+        circuit.search = replace(circuit.search, initial=initial, low=low, high=high)
         with threadpool_limits(1):
-            best = search(structure, 1, 0).best
+            best = search(circuit, 1, 0).best
         found = circuit.filter(best.theta)
         estimate = response_degC(found, "first-order", self.whole.inputs, self.whole.period_s)
         error = self.whole.outputs[0] - estimate - best.beta[0]

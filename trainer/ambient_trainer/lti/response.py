@@ -5,7 +5,6 @@ second order after the other. It does not mind poles that lie close together, wh
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 from scipy.linalg import schur, solve_discrete_lyapunov
@@ -80,21 +79,16 @@ def _triangular(upper: Array, drive: Array, start: Array) -> Array:
     """As :func:`states`, in real Schur coordinates."""
     n, N = len(upper), drive.shape[-1]
     x = np.concatenate([start[..., None], drive[..., :-1]], axis=-1)
-    for rows in reversed(list(_blocks(upper))):
-        if rows.stop < n:
-            coupled = upper[rows, rows.stop :] @ x[rows.stop :].reshape(n - rows.stop, -1)
+    row = n
+    while row:
+        # a pole, or a damped pair of them
+        rows = slice(row - (2 if row > 1 and upper[row - 1, row - 2] else 1), row)
+        if row < n:
+            coupled = upper[rows, row:] @ x[row:].reshape(n - row, -1)
             x[rows, ..., 1:] += coupled.reshape(-1, *x.shape[1:-1], N)[..., :-1]
         x[rows] = _run(upper[rows, rows], x[rows])
+        row = rows.start
     return x
-
-
-def _blocks(upper: Array) -> Iterator[slice]:
-    """The rows of each pole, and of each damped pair of poles, from the top."""
-    row = 0
-    while row < len(upper):
-        size = 2 if row + 1 < len(upper) and upper[row + 1, row] else 1
-        yield slice(row, row + size)
-        row += size
 
 
 def _run(block: Array, shifted: Array) -> Array:

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import expm
 
 from ambient_trainer.data.grid import Segment
-from ambient_trainer.estimators.library.circuit_observer import ObserverStructure, RandomWalkAmbient
+from ambient_trainer.estimators.library.circuit_observer import RandomWalkAmbient
 from ambient_trainer.lti.response import response_degC
 from ambient_trainer.lti.statespace import dc_gain
 
@@ -20,6 +20,10 @@ def circuit():
 @pytest.fixture
 def theta():
     return np.log([60.0, 200.0, 120.0, 1.5, 0.5, 0.002, 0.004, 0.001, 0.02, 0.05, 0.03, 0.2, 0.4, 0.1])
+
+
+def searched(segments, theta):
+    return RandomWalkAmbient(SENSORS, 0.3, segments, dict(zip(RandomWalkAmbient(SENSORS, 0.3).names, theta)))
 
 
 def segment_of(trace):
@@ -58,14 +62,14 @@ def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta, simulated)
     assert np.abs(found - segment.inputs.mean(axis=0)).max() > 1.0  # it is no mean of its inputs
 
 
-def test_slopes_are_differences_and_far_off_all_is_finite(circuit, theta, simulated):
+def test_slopes_are_differences_and_far_off_all_is_finite(theta, simulated):
     segment = segment_of(simulated(2, samples=200))
-    structure = ObserverStructure(circuit, theta, [segment])
+    structure = searched([segment], theta)
     slopes = structure.slopes(theta, np.zeros(1), 0)
     for index, h in enumerate(1e-5 * np.eye(len(theta))):
         across = (structure.regressors(theta + h, 0)[0] - structure.regressors(theta - h, 0)[0]) / 2e-5
         np.testing.assert_allclose(slopes[index], across, atol=1e-6 * max(1.0, np.abs(across).max()))
-    structure = ObserverStructure(circuit, theta, [segment_of(simulated(2, samples=50))])
+    structure = searched([segment_of(simulated(2, samples=50))], theta)
     with np.errstate(all="ignore"):
         for far in (theta + 300.0, theta + 8.0, theta - 8.0):
             assert np.isfinite(structure.regressors(far, 0)[0]).all()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,7 +30,7 @@ from ambient_trainer.lti.response import response
 _COMPLEX_STEP = 1e-30
 
 
-class RandomWalkAmbient:
+class RandomWalkAmbient(Structure):
     """Measured nodes that exchange heat with a random-walk ambient and with each other, and its Kalman filter.
 
         dT_i = ((T_a - T_i)/tau_i + sum_j g_ij/C_i (T_j - T_i)) dt + q_i dw_i
@@ -44,13 +44,19 @@ class RandomWalkAmbient:
         dx/dt = (A - K H) x + K z,    T_a = e_a' x,    K = P H' R^-1,
 
     made discrete by the first-order hold. The filter of the circuit sampled at a coarse period may have poles of
-    alternating sign, and no counterpart at another period. theta (P,) holds the logarithms of ``names``.
+    alternating sign, and no counterpart at another period. theta (P,) holds the logarithms of ``names``; it is searched
+    over ``segments`` from a prior, by default the best of a coarse grid.
     """
 
-    def __init__(self, sensors: Sequence[str], walk: float) -> None:
+    def __init__(
+        self,
+        sensors: Sequence[str],
+        walk: float,
+        segments: Sequence[Segment] = (),
+        prior: Mapping[str, float] | None = None,
+    ) -> None:
         nodes = [split_column(column)[0] for column in sensors]
-        self.walk = walk
-        self.count = len(nodes)
+        self.walk, self.segments, self.count = walk, segments, len(nodes)
         self.pairs = tuple(itertools.combinations(range(self.count), 2))
         groups = (
             ("tau", nodes, "s"),
@@ -61,6 +67,10 @@ class RandomWalkAmbient:
         )
         self.units = {f"{kind}_{each}": unit for kind, names, unit in groups for each in names}
         self.names = tuple(self.units)
+        if segments:
+            start = self.coarse_prior() if prior is None else np.array([prior[name] for name in self.names])
+            self.search = Unknowns(self.names, start, start - _REACH, start + _REACH)
+            self.linear = Unknowns(("offset",), np.zeros(1), np.full(1, -np.inf), np.full(1, np.inf))
 
     def filter(self, theta: Array) -> StateSpace:
         """The steady-state filter at ``theta`` (P,); raises ``ValueError`` where there is none."""
@@ -68,7 +78,7 @@ class RandomWalkAmbient:
         n, m = K.shape
         return StateSpace(A, K, np.eye(1, n, n - 1), np.zeros((1, m)), np.zeros(1))
 
-    def slopes(self, theta: Array) -> StateSpace:
+    def filter_slopes(self, theta: Array) -> StateSpace:
         """The derivative of :meth:`filter` in each of theta, with a leading axis; that of the covariance, dP, solves
 
             (A - K H) dP + dP (A - K H)' + dA P + P dA' + dQ + K dR K' = 0.
@@ -111,6 +121,60 @@ class RandomWalkAmbient:
                 A[i, j] += rate / C[i]
         return A, np.diag(np.append(q, self.walk) ** 2), r**2
 
+    def struck_out(self, theta: Array, dropped: int) -> dict[str, float]:
+        """theta by name, as it is for the circuit without a node: its capacities in terms of its own first one."""
+        known = dict(zip(self.names, theta.tolist()))
+        first = known[self.names[self.count]] if dropped == 0 else 0.0
+        return {name: value - first * name.startswith(("C_", "g_")) for name, value in known.items()}
+
+    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
+        """The estimate without its offset, and one; zero where no filter settles, which loses to any other."""
+        segment = self.segments[index]
+        one = np.ones((1, 1, segment.inputs.shape[1]))
+        try:
+            estimate = response(self.filter(theta), "first-order", segment.inputs, segment.period_s)
+        except ValueError:
+            return 0 * one[0], one
+        return np.nan_to_num(estimate), one
+
+    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
+        """The estimate's derivatives in theta, (P, 1, N)."""
+        segment = self.segments[index]
+        try:
+            value, by = self.filter(theta), self.filter_slopes(theta)
+        except ValueError:
+            return np.zeros((len(theta), 1, segment.inputs.shape[1]))
+        return np.nan_to_num(response_slopes(value, by, "first-order", segment.inputs, segment.period_s))
+
+    def penalty(self, theta: Array) -> tuple[Array, Array]:
+        """The penalty on the distance from the prior, which holds what the data leave open."""
+        return _PENALTY * (theta - self.search.initial), _PENALTY * np.eye(len(theta))
+
+    def random_start(self, random: np.random.Generator) -> Array:
+        """Near the prior: far from it lie poor optima, and filters that weigh no sensor."""
+        return self.search.initial + _SCATTER * random.standard_normal(len(self.search.initial))
+
+    def coarse_prior(self) -> Array:
+        """A theta to start from: the best of a coarse grid over how fast the filter is and how much the nodes walk."""
+        n, edges, period_s = self.count, len(self.pairs), self.segments[0].period_s
+        tau = np.array([_lag_s(self.segments, index) for index in range(n)])
+
+        def theta(speed: float, share: float) -> Array:
+            """With one sensor the filter's poles have the product walk/(tau r): ``speed`` squared."""
+            exchange, walks = np.full(edges, _EXCHANGE / np.median(tau)), np.full(n, share * self.walk)
+            return np.log(np.concatenate([tau, np.ones(n - 1), exchange, walks, self.walk / (tau * speed**2)]))
+
+        def square(theta: Array) -> float:
+            try:
+                found = self.filter(theta)
+            except ValueError:
+                return math.inf
+            errors = [s.outputs[0] - response_degC(found, "first-order", s.inputs, period_s) for s in self.segments]
+            return float(np.nanvar(np.concatenate(errors)))
+
+        speeds = np.geomspace(2 / period_s, 1 / max(tau.max(), 4 * period_s), _SPEEDS)
+        return min((theta(speed, share) for speed in speeds for share in _WALKS), key=square)
+
 
 NAMES = ("circuit_observer",)
 _MOST_SENSORS = 8
@@ -150,17 +214,15 @@ class CircuitObserver(Estimator):
             problem = f"{len(columns)} temperatures make a circuit with more unknowns than a trace determines"
             raise refuse(self.name, "", problem, f"name the best {_MOST_SENSORS} or fewer with --sensors")
         walk = walk_of(segments)
-        circuit = RandomWalkAmbient(columns, walk)
-        structure = ObserverStructure(circuit, prior_theta(circuit, segments), segments)
-        require_enough(traces, structure)
-        main = _fitted(columns, structure, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
+        whole = RandomWalkAmbient(columns, walk, segments)
+        require_enough(traces, whole)
+        main = _fitted(columns, whole, replace(effort, starts=min(effort.starts, _MOST_STARTS)), progress)
 
         def fallback(dropped: int) -> Fit:
             left, parts, _ = training.without(dropped)
-            smaller = RandomWalkAmbient(left, walk)
-            start = struck_out(circuit, smaller, np.log([each.value for each in main.parameters]), dropped)
-            structure = ObserverStructure(smaller, start, parts)
-            return _fitted(left, structure, replace(effort, starts=1, pieces=1), late(progress, effort))
+            theta = np.log([each.value for each in main.parameters])
+            smaller = RandomWalkAmbient(left, walk, parts, whole.struck_out(theta, dropped))
+            return _fitted(left, smaller, replace(effort, starts=1, pieces=1), late(progress, effort))
 
         states = len(columns) + 1
         remark = f"The circuit has {states} states: a node a sensor, and the ambient"
@@ -168,60 +230,15 @@ class CircuitObserver(Estimator):
         return with_fallbacks_and_variance(main, segments, (), fallback, remark, {"states_of_circuit": states})
 
 
-def _fitted(columns: Sequence[str], structure: ObserverStructure, effort: Effort, progress: Progress | None) -> Fit:
-    result = search(structure, effort.starts, effort.seed, progress, effort.budget)
-    theta, circuit = result.best.theta, structure.circuit
+def _fitted(columns: Sequence[str], circuit: RandomWalkAmbient, effort: Effort, progress: Progress | None) -> Fit:
+    result = search(circuit, effort.starts, effort.seed, progress, effort.budget)
+    theta = result.best.theta
     whole = circuit.filter(theta)
     whole.offset[:] = result.best.beta
     system = reduced(whole, _MOST_STATES)
     unknowns = [(name, unit, value, True) for (name, unit), value in zip(circuit.units.items(), np.exp(theta).tolist())]
-    fit = fit_of(structure, result, effort, system, unknowns, NAMES[0], columns, MODES[: len(system.A)])
-    return rescored(fit, structure.segments)
-
-
-def struck_out(whole: RandomWalkAmbient, smaller: RandomWalkAmbient, theta: Array, dropped: int) -> Array:
-    """The theta of the circuit that lacks a node, its capacities in terms of its own first one."""
-    known = dict(zip(whole.names, theta.tolist()))
-    first = known[whole.names[whole.count]] if dropped == 0 else 0.0
-    shift = {"C": first, "g": first}
-    return np.array([known[name] - shift.get(name.partition("_")[0], 0.0) for name in smaller.names])
-
-
-class ObserverStructure(Structure):
-    """The observer over segments; ``start`` (P,) is the prior of its theta."""
-
-    def __init__(self, circuit: RandomWalkAmbient, start: Array, segments: Sequence[Segment]) -> None:
-        self.circuit = circuit
-        self.segments = segments
-        self.search = Unknowns(circuit.names, start, start - _REACH, start + _REACH)
-        self.linear = Unknowns(("offset",), np.zeros(1), np.full(1, -np.inf), np.full(1, np.inf))
-
-    def regressors(self, theta: Array, index: int) -> tuple[Array, Array]:
-        """The estimate without its offset, and one; zero where no filter settles, which loses to any other."""
-        segment = self.segments[index]
-        one = np.ones((1, 1, segment.inputs.shape[1]))
-        try:
-            estimate = response(self.circuit.filter(theta), "first-order", segment.inputs, segment.period_s)
-        except ValueError:
-            return 0 * one[0], one
-        return np.nan_to_num(estimate), one
-
-    def slopes(self, theta: Array, beta: Array, index: int) -> Array:
-        """The estimate's derivatives in theta, (P, 1, N)."""
-        segment = self.segments[index]
-        try:
-            value, by = self.circuit.filter(theta), self.circuit.slopes(theta)
-        except ValueError:
-            return np.zeros((len(theta), 1, segment.inputs.shape[1]))
-        return np.nan_to_num(response_slopes(value, by, "first-order", segment.inputs, segment.period_s))
-
-    def penalty(self, theta: Array) -> tuple[Array, Array]:
-        """The penalty on the distance from the prior, which holds what the data leave open."""
-        return _PENALTY * (theta - self.search.initial), _PENALTY * np.eye(len(theta))
-
-    def random_start(self, random: np.random.Generator) -> Array:
-        """Near the prior: far from it lie poor optima, and filters that weigh no sensor."""
-        return self.search.initial + _SCATTER * random.standard_normal(len(self.search.initial))
+    fit = fit_of(circuit, result, effort, system, unknowns, NAMES[0], columns, MODES[: len(system.A)])
+    return rescored(fit, circuit.segments)
 
 
 def walk_of(segments: Sequence[Segment]) -> float:
@@ -232,28 +249,6 @@ def walk_of(segments: Sequence[Segment]) -> float:
         squares += float(np.sum(np.diff(each.outputs[0, known]) ** 2))
         lasted_s += float(np.ptp(known)) * each.period_s if len(known) else 0.0
     return math.sqrt(squares / lasted_s)
-
-
-def prior_theta(circuit: RandomWalkAmbient, segments: Sequence[Segment]) -> Array:
-    """A theta to start from: the best of a coarse grid over how fast the filter is and how much the nodes walk."""
-    n, edges, period_s = circuit.count, len(circuit.pairs), segments[0].period_s
-    tau = np.array([_lag_s(segments, index) for index in range(n)])
-
-    def theta(speed: float, share: float) -> Array:
-        """With one sensor the filter's poles have the product walk/(tau r): ``speed`` squared."""
-        exchange, walks = np.full(edges, _EXCHANGE / np.median(tau)), np.full(n, share * circuit.walk)
-        return np.log(np.concatenate([tau, np.ones(n - 1), exchange, walks, circuit.walk / (tau * speed**2)]))
-
-    def square(theta: Array) -> float:
-        try:
-            found = circuit.filter(theta)
-        except ValueError:
-            return math.inf
-        estimates = [response_degC(found, "first-order", each.inputs, period_s) for each in segments]
-        return float(np.nanvar(np.concatenate([each.outputs[0] - y for each, y in zip(segments, estimates)])))
-
-    speeds = np.geomspace(2 / period_s, 1 / max(tau.max(), 4 * period_s), _SPEEDS)
-    return min((theta(speed, share) for speed in speeds for share in _WALKS), key=square)
 
 
 def _lag_s(segments: Sequence[Segment], index: int) -> float:
