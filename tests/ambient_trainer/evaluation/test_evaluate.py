@@ -56,7 +56,7 @@ def test_the_estimate_is_the_recursion_from_the_first_sensor_sample(model_of, tr
     assert found.metrics.rmse_degC == pytest.approx(np.sqrt(np.mean(error**2)), abs=1e-9)
     assert found.coverage[90] == np.mean((error >= -0.6) & (error <= 0.7))
     assert 0.0 < found.coverage[90] < 1.0
-    assert (found.scored, found.unscored, found.trace) == (400, 0, "made.csv")
+    assert (found.scored, found.trace) == (400, "made.csv")
     assert set(found.status) == {"warming_up", "tracking"}
 
 
@@ -101,7 +101,7 @@ def test_what_is_not_scored_is_counted(model_of, trace_of):
     found = evaluate_trace(model_of(), trace)
     # at 50 the last reading stands in, and sample 2 lacks both
     assert (found.without_estimate, found.without_reference) == (3, 2)
-    assert (found.unscored, found.scored) == (5, 195)
+    assert found.scored == 195
     assert found.status[[0, 1, 2, 3, 50]].tolist() == ["faulted"] * 3 + ["warming_up", "coasting"]
     assert np.flatnonzero(np.isnan(found.error_degC)).tolist() == [0, 1, 2, 100, 101]
     kept = np.isfinite(found.error_degC)

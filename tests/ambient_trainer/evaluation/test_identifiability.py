@@ -80,7 +80,7 @@ def test_fixed_capacitances_cure_it():
     assert known.blind_directions == 0
     assert known.symmetries == known.products == known.mixed == ()
     ends = reestimates(found, known, Effort(8, 0), quiet)
-    assert not any(each.another for each in ends)
+    assert not any(each.another() for each in ends)
     back = [each for each in ends if each.fit_percent > 99.99]
     assert len(back) >= 4
     assert all(max(each.moved.values()) < 1e-3 for each in back)
@@ -89,7 +89,7 @@ def test_fixed_capacitances_cure_it():
 def test_the_thesis_test_finds_other_sets_with_the_same_output():
     found, known = subject("model2_ss")
     ends = reestimates(found, known, Effort(8, 0), quiet)
-    others = [each for each in ends if each.another]
+    others = [each for each in ends if each.another()]
     assert len(others) >= 2
     for each in others:
         values = {**found.values, **each.values}

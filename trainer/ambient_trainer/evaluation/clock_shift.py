@@ -73,13 +73,13 @@ class ClockShift:
 
 @dataclass(frozen=True)
 class _Series:
-    """A column without its missing samples; from ``reference`` it stands on the first clock."""
+    """A column without its missing samples; ``sign`` is 1 on the first clock, on which the shift counts, or else -1."""
 
     name: str
     time_s: Array
     values: Array
     period_s: float
-    of_reference: bool
+    sign: float
 
     @property
     def span_s(self) -> float:
@@ -108,7 +108,7 @@ class _Series:
 
 @dataclass(frozen=True)
 class _Match:
-    """The coarse shift of the driver ``x`` that fits ``y`` best, of all that were tried."""
+    """The coarse shift of the driver ``x`` that fits ``y`` best; times the sign of ``y`` it is the other trace's."""
 
     y: _Series
     x: _Series
@@ -122,11 +122,6 @@ class _Match:
         """The longer of both periods."""
         return max(self.y.period_s, self.x.period_s)
 
-    @property
-    def sign(self) -> float:
-        """By which the shift of the driver is that of the other trace, which drives or is driven."""
-        return 1.0 if self.y.of_reference else -1.0
-
 
 def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -> ClockShift | None:
     """Shift of the clock of ``other`` against that of ``reference``, of at most ``within_s``.
@@ -137,7 +132,7 @@ def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -
     A coarse search takes the correlation at every shift of a grid, the fine one least squares over shift and lags. The
     variance is the sandwich with blocks of time as clusters, and that of a stamp that was rounded to a sample is added.
     """
-    ours, theirs = _series(reference, True), _series(other, False)
+    ours, theirs = _series(reference, 1.0), _series(other, -1.0)
     both = [name for name in ours if name in theirs]
     tries: list[tuple[_Series, _Series, tuple[float, ...]]] = [(ours[name], theirs[name], ()) for name in both]
     if not both:
@@ -157,13 +152,13 @@ def clock_shift(reference: Trace, other: Trace, within_s: float | None = None) -
     return _estimated(_smoothed(match) if both else match)
 
 
-def _series(trace: Trace, of_reference: bool) -> dict[str, _Series]:
+def _series(trace: Trace, sign: float) -> dict[str, _Series]:
     found = {}
     for name, values in trace.columns.items():
         known = ~np.isnan(values)
         if known.sum() > 2 and np.ptp(values[known]) > 0:
             period_s = sampling_period_s(trace.time_s[known])
-            found[name] = _Series(name, trace.time_s[known], values[known], period_s, of_reference)
+            found[name] = _Series(name, trace.time_s[known], values[known], period_s, sign)
     return found
 
 
@@ -198,7 +193,7 @@ def _estimated(match: _Match) -> ClockShift:
 def _steady(match: _Match, shift: ClockShift) -> bool:
     """Whether the gain is the same in both halves: two columns that merely wander follow each other for a while."""
     y = match.y
-    driven = match.x.at(y.time_s - match.sign * shift.shift_s, shift.lags_s)
+    driven = match.x.at(y.time_s - y.sign * shift.shift_s, shift.lags_s)
     gains = []
     for part in np.array_split(np.flatnonzero(~np.isnan(driven)), 2):
         x, values = driven[part] - driven[part].mean(), y.values[part] - y.values[part].mean()
@@ -207,7 +202,7 @@ def _steady(match: _Match, shift: ClockShift) -> bool:
 
 
 def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float | None) -> _Match | None:
-    """The best coarse shift of ``x`` on ``y``, and what else fits as well."""
+    """The best coarse shift of ``x`` on ``y``, and whether another fits as well."""
     period_s = max(y.period_s, x.period_s, max(y.span_s, x.span_s) / _MOST_SAMPLES)
     on_y, on_x = (np.arange(each.time_s[0], each.time_s[-1] + period_s / 2, period_s) for each in (y, x))
     correlation, lags, common = _correlation(y.at(on_y), x.at(on_x, lags_s))
@@ -219,12 +214,20 @@ def _matched(y: _Series, x: _Series, lags_s: tuple[float, ...], within_s: float 
     # one quantity read twice rises and falls together
     explained = np.where(allowed, np.maximum(correlation, 0.0) ** 2 if not lags_s else correlation**2, 0.0)
     best = int(explained.argmax())
-    match = _Match(y, x, lags_s, float(shifts_s[best]), float(explained[best]), None)
-    rivals = _rivals(match, explained, best, on_y)
-    if not len(rivals):
-        return match
-    others = ", ".join(f"{match.sign * each:.4g} s" for each in shifts_s[rivals[:3]])
-    return replace(match, problem=f"{others} fits as well: narrow it by --within")
+    shift_s = float(shifts_s[best])
+    # what else fits as well: by as many independent samples as the residual there has
+    left = np.maximum(1 - explained, 1e-6)
+    values, driver = y.at(on_y), x.at(on_y - shift_s, lags_s)
+    both = ~np.isnan(values + driver)
+    residual = _projected(values[both], driver[both])
+    behind = len(residual) / residual_memory(residual) * np.log(left / left[best])
+    peaks = [each for each in signal.find_peaks(-behind)[0] if behind[each] < _AS_GOOD and each != best]
+    # the nearest first; there is a valley between them and the best
+    apart = [each for each in peaks if behind[min(each, best) : max(each, best)].max() > _AS_GOOD]
+    rivals = sorted(apart, key=lambda each: abs(each - best))
+    others = ", ".join(f"{y.sign * shifts_s[each]:.4g} s" for each in rivals[:3])
+    problem = f"{others} fits as well: narrow it by --within" if rivals else None
+    return _Match(y, x, lags_s, shift_s, float(explained[best]), problem)
 
 
 def _smoothed(match: _Match) -> _Match:
@@ -263,22 +266,6 @@ def _correlation(y: Array, x: Array) -> tuple[Array, Array, Array]:
     return np.clip(correlation, -1.0, 1.0), signal.correlation_lags(len(y), len(x)), common
 
 
-def _rivals(match: _Match, explained: Array, best: int, time_s: Array) -> Array:
-    """The other peaks, the nearest first, that explain nearly as much, with a valley between them and the best.
-
-    By as many independent samples as the residual at the coarse shift has.
-    """
-    residual = _projected(match.y.at(time_s), match.x.at(time_s - match.shift_s, match.lags_s))
-    residual = residual[~np.isnan(residual)]
-    independent = len(residual) / residual_memory(residual)
-    left = np.maximum(1 - explained, 1e-6)
-    behind = independent * np.log(left / left[best])
-    peaks, _ = signal.find_peaks(-behind)
-    peaks = peaks[(behind[peaks] < _AS_GOOD) & (peaks != best)]
-    apart = [each for each in peaks if behind[min(each, best) : max(each, best)].max() > _AS_GOOD]
-    return np.array(sorted(apart, key=lambda each: abs(each - best)), dtype=int)
-
-
 def _refined(match: _Match, lags_s: Sequence[float]) -> ClockShift:
     """Shift and logarithms of the lags by least squares."""
     y, x = match.y, match.x
@@ -311,19 +298,14 @@ def _refined(match: _Match, lags_s: Sequence[float]) -> ClockShift:
     fitted_s, explained = tuple(np.exp(found.x[1:]).tolist()), float(1 - left.var() / max(values.var(), 1e-12))
     error_s = np.hypot(np.sqrt(covariance[0, 0]), _DRAWN * min(y.period_s, x.period_s))
     half = float(student.ppf(0.975, _BLOCKS - 1) * error_s) + _NO_LAG * sum(fitted_s)
-    value, problem = match.sign * float(found.x[0]), match.problem
+    value, problem = y.sign * float(found.x[0]), match.problem
     if problem is None and explained < _LEAST_EXPLAINED["related" if lags_s else "same"]:
         problem = f"they share only {100 * explained:.0f} % of their variance"
-    columns = (y.name, x.name) if y.of_reference else (x.name, y.name)
+    columns = (y.name, x.name) if y.sign > 0 else (x.name, y.name)
     return ClockShift(value, (value - half, value + half), columns, fitted_s, explained, problem)
 
 
 def _projected(y: Array, x: Array) -> Array:
-    """``y`` (N,) less its regression on ``x`` and a constant, NaN where either is."""
-    known = ~np.isnan(y + x)
-    if not known.any():
-        return np.zeros_like(y)
-    x_known, y_known = x[known] - x[known].mean(), y[known] - y[known].mean()
-    left = np.full_like(y, np.nan)
-    left[known] = y_known - x_known * (x_known @ y_known) / max(x_known @ x_known, 1e-12)
-    return left
+    """``y`` (N,) less its regression on ``x`` and a constant."""
+    x, y = x - x.mean(), y - y.mean()
+    return np.asarray(y - x * (x @ y) / max(float(x @ x), 1e-12))

@@ -18,7 +18,7 @@ from ambient_model.observer import Observer
 from ambient_model.trace import REFERENCE
 from ambient_model.tracking import Estimate, Tracker, bridge_limit_s, nearest_discrete
 from ambient_trainer.data.grid import sampling_period_s
-from ambient_trainer.data.trace import Array, Trace, sha256_of
+from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.metrics import Metrics, coverage, score
 from ambient_trainer.evaluation.provenance import overlaps_training, static_linear
@@ -91,11 +91,6 @@ class Evaluation:
         """The number of samples that the metrics are of."""
         return self.metrics.samples
 
-    @property
-    def unscored(self) -> int:
-        """The number of samples without an estimate or a reference."""
-        return self.without_estimate + self.without_reference
-
 
 def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s: float | None = None) -> Evaluation:
     """Evaluate ``model`` on ``trace`` between from_s and to_s, from a cold start at from_s.
@@ -103,7 +98,7 @@ def evaluate_cold(model: Model, trace: Trace, from_s: float | None = None, to_s:
     Also whether the model was trained on that, and what the same samples score run in. Raises :class:`Refused`.
     """
     scored = trace.cut(from_s, to_s)
-    found = _with_overlap(evaluate_trace(model, scored), model, scored)
+    found = replace(evaluate_trace(model, scored), overlaps_training=overlaps_training(model, scored))
     if len(scored.time_s) and scored.time_s[0] > trace.time_s[0]:
         return replace(found, run_in=evaluate_run_in(model, trace, from_s, to_s).metrics)
     return found
@@ -119,7 +114,7 @@ def evaluate_run_in(model: Model, trace: Trace, from_s: float | None = None, to_
     ahead = len(whole.time_s) - len(scored.time_s)
     reference = np.concatenate([np.full(ahead, np.nan), scored.reference])
     found = evaluate_trace(model, replace(whole, columns={**whole.columns, REFERENCE: reference})).after(ahead)
-    return _with_overlap(found, model, scored)
+    return replace(found, overlaps_training=overlaps_training(model, scored))
 
 
 def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
@@ -171,11 +166,6 @@ def evaluate_trace(model: Model, trace: Trace) -> Evaluation:
         period_s=discrete.period_s,
         baseline=_baseline(model, used, trace.reference, scored),
     )
-
-
-def _with_overlap(evaluation: Evaluation, model: Model, scored: Trace) -> Evaluation:
-    sha256 = scored.sha256 or sha256_of(scored.path)
-    return replace(evaluation, overlaps_training=overlaps_training(model, scored, sha256))
 
 
 def _tracked(model: Model, discrete: Discrete, time_s: Array, inputs: Array) -> tuple[list[Estimate], Array]:

@@ -48,19 +48,9 @@ class Reestimate:
     moved: dict[str, float]
     """By what share each parameter that matters at the truth is off: 0.1 is 10 %."""
 
-    @property
-    def another(self) -> bool:
-        """Whether this is another parameter set with the same output."""
-        return self.fit_percent >= SAME_PERCENT and self._elsewhere
-
-    @property
-    def close(self) -> bool:
-        """Whether this is another parameter set with a fit that the thesis calls close to 100 %."""
-        return self.fit_percent >= CLOSE_PERCENT and self._elsewhere
-
-    @property
-    def _elsewhere(self) -> bool:
-        return max(self.moved.values(), default=0.0) > MOVED
+    def another(self, least_percent: float = SAME_PERCENT) -> bool:
+        """Whether this is another parameter set with a fit of at least so much, by default with the same output."""
+        return self.fit_percent >= least_percent and max(self.moved.values(), default=0.0) > MOVED
 
 
 @dataclass(frozen=True)
@@ -96,7 +86,7 @@ class Identifiability:
     @property
     def others(self) -> tuple[Reestimate, ...]:
         """The other parameter sets with the same output."""
-        return tuple(each for each in self.reestimates if each.another)
+        return tuple(each for each in self.reestimates if each.another())
 
     @property
     def flat(self) -> tuple[str, ...]:
@@ -204,7 +194,8 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
         structure = subject.structure(start)
         found = search(structure, 1, 0)
         values = structure.values(found.best.theta, found.best.beta)
-        moved = {name: _moved(subject.values[name], values[name]) for name in known.heard}
+        heard = (name for name in known.effect_degC if name not in known.silent)
+        moved = {name: _moved(subject.values[name], values[name]) for name in heard}
         fit_percent = 100.0 * (1.0 - math.sqrt(max(found.best.sum_of_squares, 0.0) / about_mean))
         ends.append(Reestimate(fit_percent, {name: values[name] for name in known.effect_degC}, moved))
     return tuple(ends)
@@ -237,7 +228,8 @@ def recovered(
     random = np.random.default_rng(seed)
     circuit = starting_at(subject.circuit, subject.values)
     structure = subject.structure(circuit)
-    names = [name for name in parameter_names(structure) if name not in known.unclear]
+    unclear = {*known.mixed, *known.mixed_here, *known.silent}
+    names = [name for name in parameter_names(structure) if name not in unclear]
     positive = [name in structure.logarithmic_names for name in names]
     draws = []
     for index in range(replicates if names else 0):

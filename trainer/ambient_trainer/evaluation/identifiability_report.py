@@ -27,7 +27,7 @@ def report_of(found: Identifiability) -> Report:
 
 def _thesis_test(found: Identifiability) -> str:
     """The test of the thesis; a structure that is identifiable may still not be so where the fit lies."""
-    others, close = len(found.others), sum(each.close for each in found.reestimates)
+    others, close = len(found.others), sum(each.another(CLOSE_PERCENT) for each in found.reestimates)
     moved = {name for each in found.others for name, share in each.moved.items() if share > MOVED}
     if not moved:
         verdict = "not shown to be unidentifiable."
@@ -75,7 +75,8 @@ def _structure(found: Identifiability) -> list[str]:
         return ["Structure: every free parameter changes the output in its own way; perfect data determine them all."]
     count = f"{known.blind_directions} direction{'s' if known.blind_directions > 1 else ''}"
     lines = [f"Structure: not identifiable. The output stays exactly the same along {count}:"]
-    lines += [f"  {_scaling(each)}" for each in known.symmetries]
+    for up, down in map(_powers, known.symmetries):
+        lines.append(f"  {', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else ""))
     if (bent := known.blind_directions - len(known.symmetries)) > 0:
         lines.append(f"  {bent} that depend on the values of {', '.join(known.mixed)}")
     products = ", ".join(map(_product, known.products))
@@ -88,7 +89,7 @@ def _start_table(found: Identifiability) -> Table:
     for index, each in enumerate(found.reestimates):
         farthest = max(each.moved, key=lambda name: each.moved[name], default="")
         off = f"{farthest}, {_times(each.moved[farthest])}" if farthest else "-"
-        rows.append((f"{index + 1}", "yes" if each.another else "no", f"{each.fit_percent:.2f} %", off))
+        rows.append((f"{index + 1}", "yes" if each.another() else "no", f"{each.fit_percent:.2f} %", off))
     caption = f"{found.circuit} fitted to its own output over {found.trace}; what moved farthest from the truth."
     return Table(caption, ("start", "another set", "fit", "farthest off"), tuple(rows), labels=2)
 
@@ -119,7 +120,8 @@ def _parameter_table(found: Identifiability) -> Table:
 def as_json(found: Identifiability) -> dict[str, Any]:
     """The content of ``identifiability --json``; what is open or not finite is null."""
     starts = [
-        {"fit_percent": each.fit_percent, "another": each.another, "values": each.values} for each in found.reestimates
+        {"fit_percent": each.fit_percent, "another": each.another(), "values": each.values}
+        for each in found.reestimates
     ]
     return {
         "circuit": found.circuit,
@@ -136,7 +138,7 @@ def as_json(found: Identifiability) -> dict[str, Any]:
             "same_percent": SAME_PERCENT,
             "other_parameter_sets": len(found.others),
             "close_percent": CLOSE_PERCENT,
-            "close_parameter_sets": sum(each.close for each in found.reestimates),
+            "close_parameter_sets": sum(each.another(CLOSE_PERCENT) for each in found.reestimates),
             "starts": starts,
         },
         "profiles": [{**asdict(each), "flat": each.flat} for each in found.profiles],
@@ -155,11 +157,6 @@ def _note(found: Identifiability, name: str) -> str:
     return ", ".join(text for text, holds in notes if holds)
 
 
-def _scaling(exponents: Mapping[str, float]) -> str:
-    up, down = _powers(exponents)
-    return f"{', '.join(up)} times k" + (f", {', '.join(down)} divided by k" if down else "")
-
-
 def _product(exponents: Mapping[str, float]) -> str:
     up, down = _powers(exponents)
     up, down = (up, down) if up else (down, up)
@@ -168,12 +165,10 @@ def _product(exponents: Mapping[str, float]) -> str:
 
 def _powers(exponents: Mapping[str, float]) -> tuple[list[str], list[str]]:
     """The parameters with exponents above 0, and those with exponents below."""
-    up = [_power(name, value) for name, value in exponents.items() if value > 0]
-    return up, [_power(name, -value) for name, value in exponents.items() if value < 0]
-
-
-def _power(name: str, exponent: float) -> str:
-    return name if exponent == 1 else f"{name}^{exponent:.3g}"
+    shown = {name: name if abs(power) == 1 else f"{name}^{abs(power):.3g}" for name, power in exponents.items()}
+    return [shown[name] for name in shown if exponents[name] > 0], [
+        shown[name] for name in shown if exponents[name] < 0
+    ]
 
 
 def _times(share: float) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import norm
 
-from ambient_model.model import LEVELS_PERCENT, Band, Quantiles
+from ambient_model.model import LEVELS_PERCENT, Quantiles
 from ambient_trainer.data.trace import Array
 
 ROLLING_SAMPLES = 20
@@ -38,14 +38,8 @@ def score(error_degC: Array) -> Metrics:
         mae_degC=float(np.mean(np.abs(error_degC))),
         mbe_degC=mean,
         sigma_degC=sigma,
-        interval_degC={level: normal_interval(mean, sigma, level) for level in LEVELS_PERCENT},
+        interval_degC={level: (mean - _reach(level) * sigma, mean + _reach(level) * sigma) for level in LEVELS_PERCENT},
     )
-
-
-def normal_interval(mean: float, sigma: float, level_percent: float) -> Band:
-    """What ``level_percent`` of the draws from a normal distribution lie between."""
-    reach = _reach(level_percent) * sigma
-    return (mean - reach, mean + reach)
 
 
 def coverage(error_degC: Array, interval: Quantiles, scale: Array | float = 1.0) -> dict[int, float]:
@@ -74,4 +68,5 @@ def rolling_band(error_degC: Array) -> tuple[Array, Array]:
 
 
 def _reach(level_percent: float) -> float:
+    """Standard deviations from the mean within which that share of a normal distribution lies."""
     return float(norm.ppf(0.5 + level_percent / 200))

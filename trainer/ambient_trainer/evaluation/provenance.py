@@ -9,7 +9,7 @@ from pydantic import BeforeValidator
 from ambient_model.faults import refuse
 from ambient_model.model import Model
 from ambient_trainer.data.strict_yaml import Strict, validated
-from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.data.trace import Array, Trace, sha256_of
 from ambient_trainer.estimators.base import STATIC_LINEAR
 
 
@@ -73,8 +73,9 @@ def static_linear(model: Model) -> StaticLinear | None:
     return found
 
 
-def overlaps_training(model: Model, trace: Trace, sha256: str) -> bool:
-    """Whether the file with this digest was trained on, at any of the times of ``trace`` (which may be cut)."""
+def overlaps_training(model: Model, trace: Trace) -> bool:
+    """Whether the file of ``trace`` (which may be cut) was trained on, at any of its times."""
+    sha256 = trace.sha256 or sha256_of(trace.path)
     return any(span.sha256.lower() == sha256 and span.holds_any(trace.time_s) for span in training_spans(model))
 
 

@@ -41,7 +41,7 @@ _CAPTION = (
     "Errors in degC, true minus estimate. 98 % interval: mean ± 2.33 standard deviations of the errors. "
     "In 50/90/98 %: the percentage of errors inside the interval of that level that the model file publishes."
 )
-_AS_THEY_ARE = "unscored", "without_estimate", "without_reference", "trace_period_s", "period_s", "overlaps_training"
+_AS_THEY_ARE = "without_estimate", "without_reference", "trace_period_s", "period_s", "overlaps_training"
 """Of an evaluation, in its JSON."""
 _TOO_FEW = 0.8
 """Of the errors, in an interval that is meant to hold 0.9 of them."""
@@ -111,15 +111,11 @@ def _metrics_table(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> 
         trace = f"{label} (training data)" if each.overlaps_training else label
         shares = "/".join(f"{100 * share:.1f}" for share in each.coverage.values())
         for method, metrics in each.by_method.items():
+            low, high = metrics.interval_degC[98]
+            errors = f"{metrics.rmse_degC:.2f}", f"{metrics.mae_degC:.2f}", f"{metrics.mbe_degC:+.2f}"
             inside = shares if method == "model" else "-"
-            rows.append((trace, method, *_cells(metrics), inside, f"{metrics.samples:,}"))
+            rows.append((trace, method, *errors, f"{low:+.2f} to {high:+.2f}", inside, f"{metrics.samples:,}"))
     return Table(_CAPTION, _COLUMNS, rows, labels=2)
-
-
-def _cells(metrics: Metrics) -> tuple[str, ...]:
-    low, high = metrics.interval_degC[98]
-    rmse, mae = f"{metrics.rmse_degC:.2f}", f"{metrics.mae_degC:.2f}"
-    return rmse, mae, f"{metrics.mbe_degC:+.2f}", f"{low:+.2f} to {high:+.2f}"
 
 
 def _pooled_rmse(metrics: Sequence[Metrics]) -> float:
@@ -193,6 +189,7 @@ def _trace_data(evaluation: Evaluation) -> dict[str, Any]:
         **_metrics_data(evaluation.metrics),
         "coverage": {str(level): share for level, share in evaluation.coverage.items()},
         "status": dict(Counter(evaluation.status.tolist())),
+        "unscored": evaluation.without_estimate + evaluation.without_reference,
         **{name: getattr(evaluation, name) for name in _AS_THEY_ARE},
     }
     if evaluation.run_in:

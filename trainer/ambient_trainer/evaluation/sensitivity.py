@@ -58,16 +58,6 @@ class Sensitivity:
         """The parameters that do not matter at the fit."""
         return tuple(name for name, effect in self.effect_degC.items() if effect < SILENT_DEGC)
 
-    @property
-    def heard(self) -> tuple[str, ...]:
-        """The parameters that matter at the fit."""
-        return tuple(name for name in self.effect_degC if name not in self.silent)
-
-    @property
-    def unclear(self) -> set[str]:
-        """The parameters that are not identifiable at the fit."""
-        return {*self.mixed, *self.mixed_here, *self.silent}
-
 
 def sensitivity(structure: CircuitStructure, theta: Array, beta: Array, seed: int = 0) -> Sensitivity:
     """The sensitivity of ``structure`` at theta, beta, and of the structure at places drawn with ``seed``."""
