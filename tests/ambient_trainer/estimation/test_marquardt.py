@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
 from ambient_trainer.estimation.search import Evaluation, descend
@@ -131,31 +129,3 @@ def test_a_column_of_rounding_does_not_throw_its_unknown_across_the_box():
     end, _ = _descend(lambda p: y - p[1] * np.exp(-p[0] * x), jacobian, [0.3, 1.0, 0.5], -20, 20)
     assert end.settled
     assert abs(end.point[2] - 0.5) < 0.5
-
-
-def test_too_few_evaluations_are_said_and_a_start_outside_is_moved_to_the_box():
-    end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [-1.2, 1.0], most=4)
-    assert not end.settled
-    assert len(asked) == 4
-    end, asked = _descend(_rosenbrock, _differences(_rosenbrock), [-9.0, 40.0], [-2, -2], [2, 2])
-    np.testing.assert_array_equal(asked[0], [-2, 2])
-    np.testing.assert_allclose(end.point, [1, 1], atol=1e-5)
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(1, 5))
-@settings(max_examples=60)
-def test_it_never_leaves_the_box_and_never_ends_worse(seed, count):
-    random = np.random.default_rng(seed)
-    W, v = random.normal(size=(count + 3, count)), random.normal(size=count + 3)
-
-    def residual(p):
-        return np.tanh(W @ p) * 2 - v + 0.1 * (p**2).sum()
-
-    low = random.uniform(-2, 0, count)
-    high = low + random.uniform(0, 3, count) * random.integers(0, 2, count)
-    start = random.uniform(low, high)
-    end, asked = _descend(residual, _differences(residual), start, low, high, most=60)
-    assert (asked >= low).all()
-    assert (asked <= high).all()
-    values = [np.sum(residual(each) ** 2) for each in asked]
-    assert np.sum(residual(end.point) ** 2) == min(values)

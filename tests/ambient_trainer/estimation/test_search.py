@@ -7,26 +7,13 @@ import pytest
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.circuit_structure import CircuitStructure
-from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import Budget, search
-from ambient_trainer.estimation.uncertainty import uncertainty
-from ambient_trainer.lti.discretise import discretised
 
 from ..conftest import response_of, truth_of
 
 
 def _steps(random, levels, length, hold):
     return np.repeat(random.choice(levels, length // hold + 1), hold)[:length]
-
-
-@pytest.fixture
-def forward_data(forward):
-    """4000 s of three nodes that start away from equilibrium, seen with 0.05 degC of white noise."""
-    random = np.random.default_rng(1)
-    ambient = 20 + np.cumsum(random.normal(size=4000)) * 0.05
-    u = np.vstack([ambient, _steps(random, [0.0, 1.0, 2.0, 5.0], 4000, 200)])
-    y = response_of(forward, u, [30.0, 25.0, 22.0])
-    return truth_of(forward), Segment(1.0, u, y + random.normal(size=y.shape) * 0.05)
 
 
 @pytest.fixture
@@ -51,51 +38,14 @@ def _off(circuit, random, factor=3.0):
     return replace(circuit, parameters=tuple(moved))
 
 
-def _assert_within_intervals(structure, best, truth):
-    """All unknowns within 95 % intervals, of one draw of noise; how often that is so is test_uncertainty's business."""
-    known = uncertainty(structure, best)
-    logarithmic = structure.logarithmic_names
-    wanted = [np.log(truth[name]) if name in logarithmic else truth[name] for name in structure.search.names]
-    found = best.theta
-    weights = [name for name in structure.linear.names if name in truth]
-    wanted = np.array([*wanted, *(truth[name] for name in weights)])
-    found = np.concatenate([found, best.beta[: len(weights)]])
-    off = np.abs(found - wanted) / known.standard_error[: len(wanted)]
-    assert np.isfinite(off).all()
-    assert (off < known.quantile).all()
-
-
-def test_a_forward_circuit_is_recovered_from_a_start_up_to_3x_off(forward, forward_data):
-    truth, segment = forward_data
-    structure = CircuitStructure(_off(forward, np.random.default_rng(0)), [segment], free_start=True)
-    best = search(structure, 1, 0).best
-    assert best.converged
-    assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.05, rel=0.03)
-    _assert_within_intervals(structure, best, truth)
-    # the starts are the true ones minus equilibrium with the first inputs
-    discrete = discretised(structure.system(best.theta, best.beta), 1.0, "zero-order")
-    rest = np.linalg.solve(np.eye(3) - discrete.A, discrete.B @ segment.inputs[:, 0])
-    np.testing.assert_allclose(rest + best.beta, [30, 25, 22], atol=0.2)
-
-
 def test_a_rise_circuit_is_recovered_from_a_start_up_to_3x_off(rise, rise_data):
     truth, segment = rise_data
     structure = CircuitStructure(_off(rise, np.random.default_rng(0)), [segment])
     best = search(structure, 3, 0).best
     assert best.converged
     assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.1, rel=0.03)
-    _assert_within_intervals(structure, best, truth)
-
-
-def test_a_free_filter_finds_the_poles_of_a_free_filter(rise_data):
-    """Order 2 over the inputs of the rise circuit, which has two real poles: 1/(R C) of its nodes."""
-    _, segment = rise_data
-    structure = FreeFilter(2, [segment])
-    best = search(structure, 3, 0).best
-    assert best.converged
-    taus = sorted(-1 / np.linalg.eigvals(structure.system(best.theta, best.beta).A), key=abs)[::-1]
-    np.testing.assert_allclose(np.real(taus), [30 * 9, 12 * 15], rtol=0.25)
-    assert np.sqrt(best.sum_of_squares / segment.outputs.size) == pytest.approx(0.1, rel=0.03)
+    values = structure.values(best.theta, best.beta)
+    assert values == pytest.approx({name: truth[name] for name in values}, rel=0.2, abs=0.05)
 
 
 @pytest.mark.parametrize(("start", "evaluation"), [(0, 5), (1, 2)])

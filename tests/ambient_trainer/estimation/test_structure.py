@@ -220,6 +220,19 @@ def test_a_free_filter(theta):
     _assert_same(structure, theta, lambda at: _residual(structure, _regressors_of_filter(structure, at)), 1e-5)
 
 
+def test_inputs_that_say_nothing_the_same_or_on_other_scales():
+    """The gains share what one input says, those of a dead one are 0, and the residual is the same."""
+    [whole] = _segments(2, 1, lengths=(120,), periods_s=(1.0,))
+    a, b = whole.inputs
+    plain = project(FreeFilter(1, [whole]), np.log([0.07]))
+    other = replace(whole, inputs=np.array([a, 1e-7 * b, np.zeros(120), a]))
+    found = project(FreeFilter(1, [other]), np.log([0.07]))
+    assert found.residual @ found.residual == pytest.approx(plain.residual @ plain.residual)
+    np.testing.assert_allclose(np.abs(found.jacobian.T @ found.residual), np.abs(plain.jacobian.T @ plain.residual))
+    gains, wanted = found.beta[:4], plain.beta[:2]
+    np.testing.assert_allclose(gains, [wanted[0] / 2, 1e7 * wanted[1], 0.0, wanted[0] / 2], rtol=1e-6, atol=1e-9)
+
+
 @pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
 @pytest.mark.parametrize("order", [1, 3, 4])
 def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, simulated, at_rest):

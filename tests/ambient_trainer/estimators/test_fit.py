@@ -75,16 +75,6 @@ def test_a_logarithmic_interval_is_a_factor_and_a_plain_one_a_distance(rise, log
     assert w.interval95[1] - w.value == pytest.approx(1.96 * w.standard_error, rel=1e-3)
 
 
-def test_the_baseline_is_the_best_static_plane(rise, logged):
-    trace = logged()
-    fit = CircuitEstimator(rise).fit([trace], ONE)
-    table = np.column_stack([*(trace.columns[name] for name in fit.inputs), np.ones(7000)])
-    solution, square, *_ = np.linalg.lstsq(table, trace.reference, rcond=None)
-    np.testing.assert_allclose(fit.baseline.gains, solution[:3], rtol=1e-9)
-    assert fit.baseline.offset == pytest.approx(solution[3])
-    assert fit.baseline.rmse_degC == pytest.approx(np.sqrt(square[0] / 7000))
-
-
 def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
     """20 s without a row, single readings missing, a reference with gaps, and a long hole in a time of rest."""
     random = np.random.default_rng(9)

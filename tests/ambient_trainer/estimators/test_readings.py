@@ -6,7 +6,6 @@ import pytest
 from ambient_model.model import ReadingModel
 from ambient_model.observer import Observer
 from ambient_model.tracking import Tracker
-from ambient_model.validation import Validation
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.library.free import FreeFilterEstimator
@@ -84,24 +83,6 @@ def test_mean_and_covariance_are_the_samples_with_the_readings_noise(fitted, z):
     ratio = deviations / noise
     assert min(abs(np.log(ratio.mean() / each)) for each in (0.3, 1.0, 3.0, 10.0)) < np.log(1.1)
     assert np.ptp(ratio) < 0.2 * ratio.mean()
-
-
-@pytest.mark.parametrize("i", range(SENSORS))
-def test_conditional_mean_and_variance_are_those_of_a_regression(fitted, z, i):
-    fit, readings = fitted
-    mean, others, found, variance = regressed(z, added_noise(readings, z), i)
-    main = model_of(fit, [], {}, readings).main
-    u = z[-1, :SENSORS]
-    validation = Validation(readings, main, 1.0)
-    given = [None if j == i else float(value) for j, value in enumerate(u)]
-    for k in range(16):
-        used = validation.update(float(k), given)
-    assert used is not None
-    start = np.tile(u, len(mean) // SENSORS)
-    assert used[i] == pytest.approx(mean[i] + (start - mean)[others] @ found, abs=1e-6)
-    own = [column for column in range(z.shape[1]) if column % SENSORS == i]
-    conditional = np.linalg.inv(np.array(readings.precision)[np.ix_(own, own)])[0, 0]
-    assert conditional == pytest.approx(variance, rel=1e-6)
 
 
 def test_a_start_is_the_state_that_the_sensors_differences_tell(trace, fitted, z):

@@ -53,24 +53,13 @@ def known_trace(ambient_degC: float = 21.0, samples: int = 400, seed: int = 0) -
 SOURCE = {"trace": "known.csv", "sha256": "0" * 64, "from_s": None, "to_s": None}
 
 
-def test_each_estimator_is_corrected_by_its_own_mean_error():
-    model, trace = mean_model(), known_trace()
-    found = correction(model, trace)
-    usb, display = (trace.columns[name].mean() for name in ("usb_degC", "display_degC"))
-    expected = {
-        "main": 21.0 - (0.5 * usb + 0.5 * display + 1.0),
-        "without usb": 21.0 - (display - 2.0),
-        "guard": 21.0 - (0.75 * usb + 0.25 * display + 0.5),
-    }
-    assert found.offsets_degC == pytest.approx(expected, abs=1e-9)
-    assert found.samples == 400
-    # white noise of 0.1 in each sensor
-    assert found.standard_error_degC == pytest.approx(0.1 * np.sqrt(0.5) / np.sqrt(400), rel=0.5)
-
-
 def test_the_corrected_file_is_right_on_average_and_otherwise_the_same():
     model, trace = mean_model(), known_trace()
-    result = corrected(model, correction(model, trace), SOURCE)
+    found = correction(model, trace)
+    assert list(found.offsets_degC) == ["main", "without usb", "guard"]
+    # white noise of 0.1 in each sensor
+    assert found.standard_error_degC == pytest.approx(0.1 * np.sqrt(0.5) / np.sqrt(400), rel=0.5)
+    result = corrected(model, found, SOURCE)
     assert evaluate_trace(result, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
     before, after = evaluate_trace(model, known_trace(seed=5)), evaluate_trace(result, known_trace(seed=5))
     assert before.metrics.mbe_degC == pytest.approx(-4.0, abs=0.02)
@@ -79,8 +68,9 @@ def test_the_corrected_file_is_right_on_average_and_otherwise_the_same():
     assert result.main.discrete == model.main.discrete
     assert result.main.interval == model.main.interval
     assert result.secondary.threshold_degC == model.secondary.threshold_degC
-    alone = result._replace(main=result.fallbacks["usb"], fallbacks={}, secondary=None)
-    assert evaluate_trace(alone, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
+    for each in (result.fallbacks["usb"], result.secondary.estimator):
+        alone = result._replace(main=each, fallbacks={}, secondary=None)
+        assert evaluate_trace(alone, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_file_stands_by_itself():

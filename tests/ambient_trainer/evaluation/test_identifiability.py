@@ -12,9 +12,7 @@ from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.cli.commands.identifiability import command
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
-from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import circuit_structure
 from ambient_trainer.evaluation.identifiability import identifiability, own_output, recovered, reestimates, unknowns_at
 from ambient_trainer.evaluation.identifiability_report import report_of
 from ambient_trainer.evaluation.profile import THRESHOLD, held, profile
@@ -187,22 +185,6 @@ def test_the_mean_of_noisy_replicates_is_within_two_standard_errors_and_what_is_
         assert each.mean == pytest.approx(each.truth, rel=0.1)
     found, known = subject("model2_ss")
     assert {each.name for each in recovered(found, known, 3, 5, quiet)} == {"w1", "w2", "w3"}
-
-
-def test_recovery_by_hand_agrees():
-    """The mean of three refits, each by the search itself."""
-    found, known = subject("model2_ss", CAPACITANCES)
-    random = np.random.default_rng(5)
-    logs = []
-    for _ in range(3):
-        noisy = found.own[0].outputs + random.normal(0.0, NOISE_DEGC, found.own[0].outputs.shape)
-        structure = circuit_structure(found.circuit, [replace(found.own[0], outputs=noisy)])
-        best = search(structure, 4, 0).best
-        logs.append(np.log(structure.values(best.theta, best.beta)["R_display_battery"]))
-    (one,) = [each for each in recovered(found, known, 3, 5, quiet) if each.name == "R_display_battery"]
-    assert np.log(one.mean) == pytest.approx(np.mean(logs), abs=1e-4)
-    error = np.std(logs, ddof=1) / np.sqrt(3)
-    assert one.standard_errors_off == pytest.approx((np.mean(logs) - np.log(6.0)) / error, rel=0.01)
 
 
 @pytest.fixture(scope="module")

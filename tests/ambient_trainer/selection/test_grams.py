@@ -12,7 +12,6 @@ from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.lti import dc_gain
 from ambient_trainer.lti.response import noise_gain
 from ambient_trainer.selection.grams import banks, gathered
-from ambient_trainer.selection.search import best_sets
 
 from .conftest import PERIOD_S, Small, made_up
 
@@ -76,16 +75,6 @@ def test_every_subset_scores_as_its_direct_refit(small, grams, size):
     assert found.shape == (len(subsets), len(small.blocks))
     for members, squares in zip(subsets, found):
         np.testing.assert_allclose(squares, direct(small, members), rtol=1e-6)
-
-
-def test_the_search_finds_the_best_of_all_subsets(small, grams):
-    def score(candidates):
-        return grams.squares(candidates).sum(axis=1).tolist() if candidates else []
-
-    found = best_sets(range(5), 5, score)
-    for size, members in enumerate(found, start=1):
-        every = list(itertools.combinations(range(5), size))
-        assert members == every[int(np.argmin(score(every)))]
 
 
 def test_the_filter_is_that_of_the_direct_fit_and_its_gains_sum_to_one(small, grams):

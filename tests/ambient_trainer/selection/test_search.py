@@ -15,7 +15,7 @@ from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import best_sets, circuit_structure, grown, numbered, prepared, searched, thinned
+from ambient_trainer.selection.search import best_sets, circuit_structure, numbered, prepared, searched
 from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up
@@ -127,12 +127,6 @@ def test_the_search_goes_back_to_a_smaller_set():
         return [scores.get(each, 5.0 + len(each)) for each in sets]
 
     assert best_sets(range(8), 3, score) == [(1,), (2, 3), (1, 2, 3)]
-
-
-def test_swaps_and_thinning_by_hand_and_no_more_than_there_is():
-    assert best_sets([4, 7], 6, lambda sets: [float(len(each)) for each in sets]) == [(4,), (4, 7)]
-    assert grown(thinned([(1, 3)]), [1, 2, 3]) == {(1, 2), (1, 3), (2, 3)}
-    assert thinned([(1, 2, 3)]) == {(1, 2), (1, 3), (2, 3)}
 
 
 def masked(segments, block):
