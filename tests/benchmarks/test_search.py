@@ -8,10 +8,9 @@ import pytest
 from scipy.linalg import lstsq
 
 from ambient_trainer.selection.grams import gathered, low_passes, noise_gram
-from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import prepared, searched
+from ambient_trainer.selection.search import Options, prepared, searched
 from ambient_trainer.simulator import simulate
 
 POLES_S = (10.0, 30.0, 90.0, 270.0)

@@ -7,10 +7,9 @@ from scipy.signal import lfilter
 from ambient_trainer.data.grid import segments
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimation.validation import cut_in_blocks
-from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import prepared, searched
+from ambient_trainer.selection.search import Options, prepared, searched
 
 PERIOD_S = 2.0
 SAMPLES = 1500

@@ -6,7 +6,7 @@ import pytest
 
 from ambient_trainer.report import Finding, Table
 from ambient_trainer.selection.report import report_of
-from ambient_trainer.selection.result import ScoredSystem, fewest_within_one_error, flat_from, pareto_front
+from ambient_trainer.selection.search import ScoredSystem, fewest_within_one_error, flat_from, pareto_front
 
 
 def held_out(*mean_squares):

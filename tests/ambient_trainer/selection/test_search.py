@@ -11,11 +11,11 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.uncertainty import residuals
 from ambient_trainer.estimation.validation import refitted
+from ambient_trainer.selection.grams import best_sets
 from ambient_trainer.selection.report import as_json
-from ambient_trainer.selection.result import Options
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import best_sets, circuit_structure, numbered, prepared, searched
+from ambient_trainer.selection.search import Options, circuit_structure, numbered, prepared, searched
 from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up

@@ -1,5 +1,7 @@
 """The Gram matrices of all zones are computed once; then a candidate is scored from a few of their rows.
 
+So the best of each size are found by a floating search, at the end of this module.
+
 Every candidate filter shares one bank of fixed real poles, so its gains are a small least-squares problem: of each
 sensor the bank phi holds the reading u and what K first-order lags 1 / (tau_j s + 1) make of it, of unit gain at rest
 and in equilibrium with the first sample. A candidate's estimate is y = sum_i b_i' phi_i + offset. Its gains minimise,
@@ -12,7 +14,7 @@ noise of s degC, exactly (N is the bank's noise Gram); the second what it makes 
 what the rounding to q_i leaves: at rest a rounded reading does not average out. Leaving a block out subtracts its Gram.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,3 +165,58 @@ def _unit_gain(gram: Array, moment: Array) -> Array:
     solved = np.linalg.solve(gram, np.stack([moment, np.broadcast_to(unit, moment.shape)], axis=-1))
     free, by_unit = solved[..., 0], solved[..., 1]
     return np.asarray(free - by_unit * ((free @ unit - 1) / (by_unit @ unit))[..., None])
+
+
+Score = Callable[[Sequence[Sensors]], Sequence[float]]
+"""The held-out error of each candidate; all of one size."""
+
+_BEAM = 6
+_ROUNDING = 1e-9
+
+
+def best_sets(allowed: Sequence[int], most: int, score: Score) -> list[Sensors]:
+    """The best set found of every size from 1 to ``most``, or to as many as are allowed, by floating search.
+
+    A beam of good sets grows; then any member may be swapped for any other sensor, round after round; and where a grown
+    set less one member beats the best smaller set, it goes back to that size (Pudil, Novovicova and Kittler 1994,
+    Pattern Recognition Letters 15). Plain forward selection keeps its first choices for ever.
+    """
+    beams: dict[int, list[tuple[float, Sensors]]] = {0: [(0.0, ())]}
+    size, last = 1, min(most, len(allowed))
+    while size <= last:
+        pool = grown([each for _, each in beams[size - 1]], allowed)
+        pool |= {each for _, each in beams.get(size, [])}
+        beams[size] = _swapped(_ranked(pool, score), allowed, score)
+        fewer = _ranked(thinned([each for _, each in beams[size]]), score) if size > 1 else []
+        if fewer and fewer[0][0] < beams[size - 1][0][0] - _ROUNDING:
+            beams[size - 1] = sorted(set(fewer + beams[size - 1]))[:_BEAM]
+            size -= 1
+        else:
+            size += 1
+    return [beams[each][0][1] for each in range(1, last + 1)]
+
+
+def thinned(sets: Iterable[Sensors]) -> set[Sensors]:
+    """The sets less one member each."""
+    return {tuple(each for each in members if each != out) for members in sets for out in members}
+
+
+def grown(sets: Iterable[Sensors], allowed: Sequence[int]) -> set[Sensors]:
+    """The sets with one more of the allowed sensors each."""
+    return {tuple(sorted((*members, new))) for members in sets for new in allowed if new not in members}
+
+
+def _swapped(beam: list[tuple[float, Sensors]], allowed: Sequence[int], score: Score) -> list[tuple[float, Sensors]]:
+    """The beam after rounds of swaps, until its best gains no more."""
+    while True:
+        members = {each for _, each in beam}
+        better = _ranked(members | grown(thinned(members), allowed), score)
+        if better[0][0] >= beam[0][0] - _ROUNDING:
+            return better
+        beam = better
+
+
+def _ranked(sets: Iterable[Sensors], score: Score) -> list[tuple[float, Sensors]]:
+    """The best of ``sets``; between equals the one that was logged first, so that every run finds the same."""
+    ordered = sorted(sets)
+    return sorted(zip(score(ordered), ordered))[:_BEAM]

@@ -15,7 +15,7 @@ from ambient_trainer.circuits.circuit import AMBIENT
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, BLUE, GREY, INK, ORANGE, SAND, SENSOR_COLOURS, SKY
 from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
-from ambient_trainer.selection.result import (
+from ambient_trainer.selection.search import (
     NEAR_DEGC,
     ScoredSystem,
     SearchData,

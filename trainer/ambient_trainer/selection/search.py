@@ -1,11 +1,14 @@
 """The search: screen the zones, choose poles, select the sensors, fit the winners, search their circuits.
 
 Everything that takes time goes through :class:`ResumablePool`; the rest is deterministic, however often it is run.
+
+How many sensors to take: the fewest within one standard error of the best (Breiman et al. 1984, *Classification and
+Regression Trees*, section 3.4.3). The standard error is that of the mean square over the blocks.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,82 +16,187 @@ import numpy as np
 
 from ambient_model.faults import refuse
 from ambient_model.trace import REFERENCE
-from ambient_trainer.circuits.assemble import assemble
+from ambient_trainer.circuits import Circuit, assemble
 from ambient_trainer.data import Array, Segment, Trace, segments
 from ambient_trainer.estimation import CircuitStructure, FreeFilter, Structure
 from ambient_trainer.estimation.validation import Block, cut_in_blocks, refitted
 from ambient_trainer.estimators.base import slowest_period_s, source_of
 from ambient_trainer.estimators.estimate import estimate_degC
-from ambient_trainer.lti import Hold, StateSpace, noise_gain
-from ambient_trainer.selection.grams import Grams, Sensors, banks, gathered
-from ambient_trainer.selection.result import (
-    NEAR_DEGC,
-    Alternative,
-    Options,
-    ScoredSystem,
-    SearchData,
-    SearchResult,
-    SelectedCircuit,
-    SelectedSet,
-    counted,
-)
+from ambient_trainer.lti import Hold, StateSpace, dc_gain, noise_gain
+from ambient_trainer.selection.grams import Grams, Sensors, banks, best_sets, gathered
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import Screened, Sensor
 from ambient_trainer.selection.topology import Topology, best_topology, can_be_named, circuit_of, pruned
 
-Score = Callable[[Sequence[Sensors]], Sequence[float]]
-"""The held-out error of each candidate; all of one size."""
-
-_BEAM = 6
-_ROUNDING = 1e-9
+NEAR_DEGC = 0.02
+"""Errors this close are as good as each other; chosen, a fifth of what a sensor may be off."""
+_CIRCUIT_SAMPLES = 10_000
 
 
-def best_sets(allowed: Sequence[int], most: int, score: Score) -> list[Sensors]:
-    """The best set found of every size from 1 to ``most``, or to as many as are allowed, by floating search.
+@dataclass(frozen=True)
+class Options:
+    """What to search, and how; a state file belongs to one of these."""
 
-    A beam of good sets grows; then any member may be swapped for any other sensor, round after round; and where a grown
-    set less one member beats the best smaller set, it goes back to that size (Pudil, Novovicova and Kittler 1994,
-    Pattern Recognition Letters 15). Plain forward selection keeps its first choices for ever.
+    most: int = 6
+    order: int = 4
+    blocks: int = 10
+    gap_s: float | None = None
+    tolerance_degC: float = 0.1
+    period_s: float | None = None
+
+
+@dataclass(frozen=True)
+class SearchData:
+    """The traces on one grid, what may be chosen from them, and how; ``left_out`` says why a column may not."""
+
+    traces: tuple[Trace, ...]
+    sensors: tuple[Sensor, ...]
+    left_out: Mapping[str, str]
+    segments: tuple[Segment, ...]
+    blocks: tuple[Block, ...]
+    options: Options
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the sensors."""
+        return tuple(each.name for each in self.sensors)
+
+    @property
+    def period_s(self) -> float:
+        """Period of the grid."""
+        return self.segments[0].period_s
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any of the traces says so."""
+        return any(each.notes.get("simulated") == "yes" for each in self.traces)
+
+    @property
+    def circuit_period_s(self) -> float:
+        """A multiple of the period that leaves no more samples than hundreds of circuits can be fitted to."""
+        return self.period_s * math.ceil(sum(each.inputs.shape[1] for each in self.segments) / _CIRCUIT_SAMPLES)
+
+
+@dataclass(frozen=True)
+class ScoredSystem:
+    """A continuous system with sum (degC^2) and number of squared errors of each held-out block.
+
+    ``checks_degC`` are its RMSE on each trace without a part in the selection, from a cold start at the first sample.
     """
-    beams: dict[int, list[tuple[float, Sensors]]] = {0: [(0.0, ())]}
-    size, last = 1, min(most, len(allowed))
-    while size <= last:
-        pool = grown([each for _, each in beams[size - 1]], allowed)
-        pool |= {each for _, each in beams.get(size, [])}
-        beams[size] = _swapped(_ranked(pool, score), allowed, score)
-        fewer = _ranked(thinned([each for _, each in beams[size]]), score) if size > 1 else []
-        if fewer and fewer[0][0] < beams[size - 1][0][0] - _ROUNDING:
-            beams[size - 1] = sorted(set(fewer + beams[size - 1]))[:_BEAM]
-            size -= 1
-        else:
-            size += 1
-    return [beams[each][0][1] for each in range(1, last + 1)]
+
+    system: StateSpace
+    squares: tuple[float, ...]
+    samples: tuple[float, ...]
+    checks_degC: tuple[float, ...]
+
+    @property
+    def mean_square(self) -> float:
+        """Over all held-out samples, in degC^2."""
+        return sum(self.squares) / sum(self.samples)
+
+    @property
+    def rmse_degC(self) -> float:
+        """The root of :attr:`mean_square`."""
+        return float(np.sqrt(self.mean_square))
+
+    @property
+    def standard_error_degC2(self) -> float:
+        """Standard error of the mean square, from its differences between blocks."""
+        each = np.asarray(self.squares) / np.asarray(self.samples)
+        return float(np.std(each, ddof=1) / np.sqrt(len(each)))
+
+    @property
+    def interval_degC(self) -> tuple[float, float]:
+        """The RMSE one standard error down and up."""
+        middle, error = self.mean_square, self.standard_error_degC2
+        return float(np.sqrt(max(middle - error, 0.0))), float(np.sqrt(middle + error))
 
 
-def thinned(sets: Iterable[Sensors]) -> set[Sensors]:
-    """The sets less one member each."""
-    return {tuple(each for each in members if each != out) for members in sets for out in members}
+@dataclass(frozen=True)
+class Alternative:
+    """The error when the sensor ``into`` replaces ``out`` is higher by ``worse_degC``."""
+
+    out: str
+    into: str
+    worse_degC: float
 
 
-def grown(sets: Iterable[Sensors], allowed: Sequence[int]) -> set[Sensors]:
-    """The sets with one more of the allowed sensors each."""
-    return {tuple(sorted((*members, new))) for members in sets for new in allowed if new not in members}
+@dataclass(frozen=True)
+class SelectedSet(ScoredSystem):
+    """The best set of sensors of a size, or one to compare with, by a filter over fixed poles and a ``free`` one.
+
+    ``noise_gain`` is the estimate's standard deviation per unit of noise, ``noise_degC`` what the sensors' own makes.
+    """
+
+    sensors: tuple[str, ...]
+    noise_gain: float
+    noise_degC: float
+    free: ScoredSystem
+    alternatives: tuple[Alternative, ...] = ()
+
+    @property
+    def dc_gains(self) -> tuple[float, ...]:
+        """One a sensor."""
+        return tuple(dc_gain(self.system)[0].tolist())
 
 
-def _swapped(beam: list[tuple[float, Sensors]], allowed: Sequence[int], score: Score) -> list[tuple[float, Sensors]]:
-    """The beam after rounds of swaps, until its best gains no more."""
-    while True:
-        members = {each for _, each in beam}
-        better = _ranked(members | grown(thinned(members), allowed), score)
-        if better[0][0] >= beam[0][0] - _ROUNDING:
-            return better
-        beam = better
+@dataclass(frozen=True)
+class SelectedCircuit(ScoredSystem):
+    """The best circuit of a size, fitted to everything, and how many topologies of this size were ``tried``."""
+
+    circuit: Circuit
+    topology: Topology
+    tried: int
 
 
-def _ranked(sets: Iterable[Sensors], score: Score) -> list[tuple[float, Sensors]]:
-    """The best of ``sets``; between equals the one that was logged first, so that every run finds the same."""
-    ordered = sorted(sets)
-    return sorted(zip(score(ordered), ordered))[:_BEAM]
+@dataclass(frozen=True)
+class SearchResult:
+    """What :func:`ambient_trainer.selection.search.searched` returns.
+
+    ``sizes`` and ``circuits`` go by number of sensors, from one; ``unnamed`` are those that a circuit file cannot name.
+    ``checks`` are the paths of the traces without a part in the selection.
+    """
+
+    data: SearchData
+    poles_s: tuple[float, ...]
+    sets_tried: int
+    sizes: tuple[SelectedSet, ...]
+    against: SelectedSet | None
+    circuits: Mapping[int, SelectedCircuit]
+    unnamed: tuple[str, ...]
+    checks: tuple[str, ...]
+
+    @property
+    def sets(self) -> list[SelectedSet]:
+        """Those of each size, and the one to compare with."""
+        return [*self.sizes, *([self.against] if self.against else [])]
+
+    @property
+    def recommended(self) -> SelectedSet:
+        """The smallest set within one standard error of the best."""
+        return self.sizes[fewest_within_one_error(self.sizes)]
+
+
+def counted(sensors: int) -> str:
+    """A number of sensors in words."""
+    return f"{sensors} sensor{'s' * (sensors > 1)}"
+
+
+def pareto_front(errors: Sequence[float]) -> list[int]:
+    """The places whose error is below that of all before them."""
+    return [index for index, error in enumerate(errors) if all(error < other for other in errors[:index])]
+
+
+def fewest_within_one_error(sizes: Sequence[ScoredSystem]) -> int:
+    """The first place whose mean square is at most the least one plus its standard error."""
+    best = min(sizes, key=lambda each: each.mean_square)
+    limit = best.mean_square + best.standard_error_degC2
+    return next(index for index, each in enumerate(sizes) if each.mean_square <= limit)
+
+
+def flat_from(errors: Sequence[float], gain_degC: float) -> int:
+    """The first place after which no error is lower by more than ``gain_degC``."""
+    return next(index for index, error in enumerate(errors) if error - min(errors[index:]) <= gain_degC)
 
 
 _SAMPLES_PER_UNKNOWN = 10

@@ -12,7 +12,7 @@ from ambient_trainer import cli
 from ambient_trainer.report.files import made_folder
 
 if TYPE_CHECKING:
-    from ambient_trainer.selection.result import SearchResult
+    from ambient_trainer.selection.search import SearchResult
 
 
 @click.command("search")
@@ -63,10 +63,9 @@ def command(
     """
     from ambient_trainer.data.trace import load_trace, sha256_of  # scipy: --help should not wait for it
     from ambient_trainer.selection.report import left_out_lines, report_of
-    from ambient_trainer.selection.result import Options
     from ambient_trainer.selection.resumable import ResumablePool
     from ambient_trainer.selection.screen import screened
-    from ambient_trainer.selection.search import prepared, searched
+    from ambient_trainer.selection.search import Options, prepared, searched
 
     if no_circuits and circuit_folder is not None:
         raise click.UsageError("--circuits asks for what --no-circuits leaves out: give one of them")
