@@ -13,9 +13,17 @@ from ambient_trainer.cli.commands.identifiability import command
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.evaluation.identifiability import identifiability, own_output, recovered, reestimates, unknowns_at
+from ambient_trainer.evaluation.identifiability import (
+    THRESHOLD,
+    held,
+    identifiability,
+    own_output,
+    profile,
+    recovered,
+    reestimates,
+    unknowns_at,
+)
 from ambient_trainer.evaluation.identifiability_report import report_of
-from ambient_trainer.evaluation.profile import THRESHOLD, held, profile
 from ambient_trainer.evaluation.sensitivity import sensitivity
 
 TRUTH = {
@@ -159,7 +167,7 @@ def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
     J = np.array([(outputs(unknowns + h * e) - outputs(unknowns - h * e)) / (2 * h) for e in np.eye(len(unknowns))]).T
     width = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * NOISE_DEGC**2 * THRESHOLD)
     index = structure.search.names.index("R_soc_battery")
-    got = profile(found.structure, found.circuit, found.values, "R_soc_battery", NOISE_DEGC**2)
+    got = profile(found, "R_soc_battery")
     assert not got.flat
     assert np.log(got.interval95[1] / got.interval95[0]) / 2 == pytest.approx(width[index], rel=0.1)
     assert list(got.values) == sorted(got.values)
@@ -168,7 +176,7 @@ def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
 
 def test_a_confounded_parameter_has_a_flat_profile():
     found, _ = subject("model2_ss")
-    got = profile(found.structure, found.circuit, found.values, "C_flash", NOISE_DEGC**2)
+    got = profile(found, "C_flash")
     assert got.flat
     assert got.interval95 == (None, None)
     assert max(got.deviances) < THRESHOLD

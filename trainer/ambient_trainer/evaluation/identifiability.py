@@ -2,8 +2,12 @@
 
 The thesis's (section 5.5): the fitted circuit's own output is fitted again from many starts; another parameter set
 with a fit close to 100 % shows that the parameters are not identifiable. It cannot show that they are. Beside it stand
-the symmetries of the structure (``sensitivity``), which are exact, and the profile of each parameter (``profile``),
-which bounds it by this trace's noise.
+the symmetries of the structure (``sensitivity``), which are exact, and the profile of each parameter, which bounds it
+by this trace's noise: how much worse the fit gets when the parameter is held away and all others follow.
+
+With errors of variance sigma^2 that remember m samples, deviance(p) = min over the others of |y - y(p)|^2 / (sigma^2
+m). Where it stays below the 95 % quantile of chi^2 with one degree of freedom (3.84) the data do not exclude p. A
+profile that never leaves that is flat: the data bound the parameter not at all on that side (Raue et al. 2009).
 """
 
 import math
@@ -11,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 from threadpoolctl import threadpool_limits
 
 from ambient_model.faults import refuse
@@ -22,7 +27,6 @@ from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.structure import project
 from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.registry import CircuitEstimator, circuit_structure
-from ambient_trainer.evaluation.profile import Profile, Values, held, profile, starting_at
 from ambient_trainer.evaluation.sensitivity import Sensitivity, parameter_names, sensitivity
 
 Progress = Callable[[str, int, int], None]
@@ -37,6 +41,12 @@ MOVED = 0.1
 
 _LEAST_NOISE_DEGC = 1e-3
 _OFF = math.log(3.0)
+THRESHOLD = float(stats.chi2.ppf(0.95, 1))
+
+_FIRST = 0.02
+_ADDED_FARTHEST = 10.0
+
+Values = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -51,6 +61,23 @@ class Reestimate:
     def another(self, least_percent: float = SAME_PERCENT) -> bool:
         """Whether this is another parameter set with a fit of at least so much, by default with the same output."""
         return self.fit_percent >= least_percent and max(self.moved.values(), default=0.0) > MOVED
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The deviance of a parameter held at ``values``, ascending, and its 95 % interval: None where a side is flat."""
+
+    name: str
+    value: float
+    values: tuple[float, ...]
+    deviances: tuple[float | None, ...]
+    """None where the circuit cannot be simulated."""
+    interval95: tuple[float | None, float | None]
+
+    @property
+    def flat(self) -> bool:
+        """Whether the data leave a side open."""
+        return None in self.interval95
 
 
 @dataclass(frozen=True)
@@ -114,6 +141,22 @@ class Subject:
         return circuit_structure(circuit or self.circuit, self.own)
 
 
+def starting_at(circuit: Circuit, values: Values) -> Circuit:
+    """``circuit`` with these initial values, within its bounds."""
+    parameters = (
+        replace(each, initial=min(max(values.get(each.name, each.initial), each.low), each.high))
+        for each in circuit.parameters
+    )
+    return replace(circuit, parameters=tuple(parameters))
+
+
+def held(circuit: Circuit, values: Values) -> Circuit:
+    """``circuit`` with the named parameters held at these values."""
+    started = starting_at(circuit, values).parameters
+    parameters = (replace(each, free=each.free and each.name not in values) for each in started)
+    return replace(circuit, parameters=tuple(parameters))
+
+
 def identifiability(
     circuit: Circuit,
     trace: Trace,
@@ -145,7 +188,11 @@ def identifiability(
         subject = own_output(held_there, values, stretches, noise, fit.residual_memory_samples)
         structure = subject.structure()
         theta, beta = unknowns_at(structure, subject.values)
-        sensed = sensitivity(structure, theta, beta, effort.seed)
+        sensed, profiles = sensitivity(structure, theta, beta, effort.seed), []
+        ends, names = reestimates(subject, sensed, effort, progress), parameter_names(structure)
+        for index, name in enumerate(names):
+            progress("holding each parameter away", index, len(names))
+            profiles.append(profile(subject, name))
         return Identifiability(
             circuit=circuit.name,
             trace=trace.path,
@@ -154,9 +201,9 @@ def identifiability(
             at_bound=tuple(each.name for each in fit.parameters if each.at_bound and each.name not in fixed),
             rmse_degC=fit.rmse_degC,
             memory_samples=fit.residual_memory_samples,
-            reestimates=reestimates(subject, sensed, effort, progress),
+            reestimates=ends,
             sensitivity=sensed,
-            profiles=profiles(subject, progress),
+            profiles=tuple(profiles),
             recovered=recovered(subject, sensed, replicates, effort.seed, progress),
         )
 
@@ -210,15 +257,50 @@ def _starts(subject: Subject, effort: Effort) -> Iterator[Circuit]:
         yield starting_at(subject.circuit, {name: subject.values[name] * by for name, by in zip(names, factors)})
 
 
-def profiles(subject: Subject, progress: Progress) -> tuple[Profile, ...]:
-    """The profile of every free parameter, the noise being that of the fit."""
-    names = parameter_names(subject.structure())
-    unit = subject.noise_degC**2 * subject.memory_samples
-    found = []
-    for index, name in enumerate(names):
-        progress("holding each parameter away", index, len(names))
-        found.append(profile(subject.structure, subject.circuit, subject.values, name, unit))
-    return tuple(found)
+def profile(subject: Subject, name: str) -> Profile:
+    """The profile of ``name`` around the subject's values, the noise being that of the fit.
+
+    A positive parameter is moved by up to a hundredfold, a weight by ten or ten times itself.
+    """
+    parameter = next(each for each in subject.circuit.parameters if each.name == name)
+    value, unit_deviance = subject.values[name], subject.noise_degC**2 * subject.memory_samples
+    logarithmic = name in subject.structure().logarithmic_names
+    if logarithmic:
+        spans = (math.log(min(100, value / parameter.low)), math.log(min(100, parameter.high / value)))
+    else:
+        reach = _ADDED_FARTHEST * max(1.0, abs(value))
+        spans = (min(reach, value - parameter.low), min(reach, parameter.high - value))
+    step = 1.0 if logarithmic else max(abs(value), 0.1)
+
+    def at(offset: float) -> float:
+        return value * math.exp(offset) if logarithmic else value + offset
+
+    def refit(x: float, start: Values) -> tuple[float, Values]:
+        """The deviance with ``name`` at ``x``, and the values of the others there."""
+        structure = subject.structure(held(starting_at(subject.circuit, start), {name: x}))
+        best = search(structure, 1, 0).best
+        return best.sum_of_squares / unit_deviance, structure.values(best.theta, best.beta)
+
+    def side(sign: int, span: float) -> tuple[list[tuple[float, float]], float | None]:
+        """Points (value, deviance) in doubling steps to one side up to the threshold, and where they cross it."""
+        points: list[tuple[float, float]] = []
+        here, before, offset = subject.values, (0.0, 0.0), min(_FIRST * step, span)
+        while offset > before[0]:
+            x = at(sign * offset)
+            deviance, here = refit(x, here)
+            points.append((x, deviance))
+            root = math.sqrt(max(deviance, 0.0))
+            if deviance > THRESHOLD:
+                # near its least the root of the deviance is a straight line
+                share = (math.sqrt(THRESHOLD) - before[1]) / (root - before[1])
+                return points, at(sign * (before[0] + share * (offset - before[0])))
+            before, offset = (offset, root), min(2 * offset, span)
+        return points, None
+
+    (below, low), (above, high) = side(-1, spans[0]), side(1, spans[1])
+    points = [*reversed(below), (value, 0.0), *above]
+    deviances = tuple(deviance if math.isfinite(deviance) else None for _, deviance in points)
+    return Profile(name, value, tuple(x for x, _ in points), deviances, (low, high))
 
 
 def recovered(
