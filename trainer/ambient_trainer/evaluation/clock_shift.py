@@ -83,7 +83,6 @@ class _Series:
 
     @property
     def span_s(self) -> float:
-        """From its first sample to its last."""
         return float(self.time_s[-1] - self.time_s[0])
 
     def at(self, time_s: Array, lags_s: Sequence[float] = ()) -> Array:
@@ -119,7 +118,6 @@ class _Match:
 
     @property
     def period_s(self) -> float:
-        """The longer of both periods."""
         return max(self.y.period_s, self.x.period_s)
 
 

@@ -38,9 +38,8 @@ class Correction:
 
 def known_between(trace: Trace, from_s: float | None, to_s: float | None) -> Trace:
     """``trace`` with the ambient hidden outside from_s <= time_s < to_s; the sensors stay."""
-    known = np.ones(len(trace.time_s), dtype=bool)
-    known &= trace.time_s >= (-math.inf if from_s is None else from_s)
-    known &= trace.time_s < (math.inf if to_s is None else to_s)
+    start, stop = -math.inf if from_s is None else from_s, math.inf if to_s is None else to_s
+    known = (start <= trace.time_s) & (trace.time_s < stop)
     return replace(trace, columns={**trace.columns, REFERENCE: np.where(known, trace.reference, np.nan)})
 
 

@@ -60,15 +60,6 @@ class Evaluation:
     run_in: Metrics | None = None
     """Of a cold start in the middle of a trace: what the same samples score where the estimate ran before."""
 
-    def after(self, count: int) -> Evaluation:
-        """The evaluation without its first ``count`` samples, none of which may have been scored."""
-        rows: dict[str, Any] = {
-            name: values[count:] for name, values in vars(self).items() if isinstance(values, np.ndarray)
-        }
-        inputs = {each: values[count:] for each, values in self.inputs.items()}
-        baseline = self.baseline and replace(self.baseline, estimate_degC=self.baseline.estimate_degC[count:])
-        return replace(self, **rows, inputs=inputs, baseline=baseline)
-
     @property
     def by_method(self) -> dict[str, Metrics]:
         """The metrics of the model, of it run in, and of the static formula, as far as there are any."""
@@ -113,8 +104,13 @@ def evaluate_run_in(model: Model, trace: Trace, from_s: float | None = None, to_
     scored = whole.cut(from_s, None)
     ahead = len(whole.time_s) - len(scored.time_s)
     reference = np.concatenate([np.full(ahead, np.nan), scored.reference])
-    found = evaluate_trace(model, replace(whole, columns={**whole.columns, REFERENCE: reference})).after(ahead)
-    return replace(found, overlaps_training=overlaps_training(model, scored))
+    found = evaluate_trace(model, replace(whole, columns={**whole.columns, REFERENCE: reference}))
+    rows: dict[str, Any] = {
+        name: values[ahead:] for name, values in vars(found).items() if isinstance(values, np.ndarray)
+    }
+    rows["inputs"] = {each: values[ahead:] for each, values in found.inputs.items()}
+    rows["baseline"] = found.baseline and replace(found.baseline, estimate_degC=found.baseline.estimate_degC[ahead:])
+    return replace(found, **rows, overlaps_training=overlaps_training(model, scored))
 
 
 def evaluate_trace(model: Model, trace: Trace) -> Evaluation:

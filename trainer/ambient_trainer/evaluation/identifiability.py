@@ -11,7 +11,7 @@ profile that never leaves that is flat: the data bound the parameter not at all 
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,10 +235,13 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
     From farther off most searches end in a local optimum, which is no evidence.
     """
     about_mean = sum(float(((row - row.mean()) ** 2).sum()) for each in subject.own for row in each.outputs)
-    ends = []
-    for number, start in enumerate(_starts(subject, effort)):
+    ends, random = [], np.random.default_rng(effort.seed + 1)
+    names = subject.structure().logarithmic_names
+    for number in range(effort.starts):
+        factors = np.exp(random.uniform(-_OFF, _OFF, len(names))) if number else np.ones(0)
+        off = {name: subject.values[name] * by for name, by in zip(names, factors.tolist())}
         progress("fitting its own output", number, effort.starts)
-        structure = subject.structure(start)
+        structure = subject.structure(starting_at(subject.circuit, off) if off else None)
         found = search(structure, 1, 0)
         values = structure.values(found.best.theta, found.best.beta)
         heard = (name for name in known.effect_degC if name not in known.silent)
@@ -246,15 +249,6 @@ def reestimates(subject: Subject, known: Sensitivity, effort: Effort, progress: 
         fit_percent = 100.0 * (1.0 - math.sqrt(max(found.best.sum_of_squares, 0.0) / about_mean))
         ends.append(Reestimate(fit_percent, {name: values[name] for name in known.effect_degC}, moved))
     return tuple(ends)
-
-
-def _starts(subject: Subject, effort: Effort) -> Iterator[Circuit]:
-    yield subject.circuit
-    random = np.random.default_rng(effort.seed + 1)
-    names = subject.structure().logarithmic_names
-    for _ in range(effort.starts - 1):
-        factors = np.exp(random.uniform(-_OFF, _OFF, len(names))).tolist()
-        yield starting_at(subject.circuit, {name: subject.values[name] * by for name, by in zip(names, factors)})
 
 
 def profile(subject: Subject, name: str) -> Profile:

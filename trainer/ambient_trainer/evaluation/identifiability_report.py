@@ -84,7 +84,6 @@ def _structure(found: Identifiability) -> list[str]:
 
 
 def _start_table(found: Identifiability) -> Table:
-    """One row a start of the thesis's test."""
     rows = []
     for index, each in enumerate(found.reestimates):
         farthest = max(each.moved, key=lambda name: each.moved[name], default="")
@@ -95,7 +94,6 @@ def _start_table(found: Identifiability) -> Table:
 
 
 def _parameter_table(found: Identifiability) -> Table:
-    """One row a free parameter: its value, its effect, its interval by profile, and what came back of it."""
     recovered = {each.name: each for each in found.recovered}
     rows = []
     for each in found.profiles:

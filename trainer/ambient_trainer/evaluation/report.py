@@ -57,7 +57,11 @@ def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
     return Report(
         subject="Model evaluation",
         title=f"{model.name}: {rmse:.2f} degC off (RMSE) over {samples:,} samples of {many}",
-        lead=[*_warnings(evaluations, labels), *_findings(evaluations, samples), Facts(_facts(model))],
+        lead=[
+            *(_trained_on(label) for label, each in zip(labels, evaluations) if each.overlaps_training),
+            *_findings(evaluations, samples),
+            Facts(_facts(model)),
+        ],
         sections=[
             Section("", [_metrics_table(evaluations, labels)]),
             *(
@@ -75,14 +79,12 @@ def trace_labels(evaluations: Sequence[Evaluation]) -> list[str]:
     return [name if names.count(name) == 1 else each.trace for name, each in zip(names, evaluations)]
 
 
-def _warnings(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> Iterator[Finding]:
-    for label, each in zip(labels, evaluations):
-        if each.overlaps_training:
-            text = (
-                f"Not held out: the model was trained on samples of {label} that it is evaluated on here. "
-                "The figures are no measure of its error on other data."
-            )
-            yield Finding(text, "warning")
+def _trained_on(label: str) -> Finding:
+    text = (
+        f"Not held out: the model was trained on samples of {label} that it is evaluated on here. "
+        "The figures are no measure of its error on other data."
+    )
+    return Finding(text, "warning")
 
 
 def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Finding]:
@@ -105,7 +107,6 @@ def _findings(evaluations: Sequence[Evaluation], samples: int) -> Iterator[Findi
 
 
 def _metrics_table(evaluations: Sequence[Evaluation], labels: Sequence[str]) -> Table:
-    """One row a trace and method."""
     rows: list[tuple[str, ...]] = []
     for label, each in zip(labels, evaluations):
         trace = f"{label} (training data)" if each.overlaps_training else label
@@ -157,15 +158,6 @@ def _note(evaluation: Evaluation) -> str:
 
 
 def _figure(evaluation: Evaluation) -> go.Figure:
-    shades = [
-        Shade(status.replace("_", " "), colour, spans)
-        for status, colour in _SHADES.items()
-        if (spans := spans_where(evaluation.time_s, evaluation.status == status))
-    ]
-    return stacked_figure(evaluation.time_s, list(_panels(evaluation)), shades)
-
-
-def _panels(evaluation: Evaluation) -> Iterator[Panel]:
     estimates = [
         Line("estimate", evaluation.estimate_degC, ESTIMATE),
         Line("reference", evaluation.reference_degC, REFERENCE),
@@ -173,14 +165,23 @@ def _panels(evaluation: Evaluation) -> Iterator[Panel]:
     if evaluation.baseline:
         estimates.insert(0, Line(STATIC_LINEAR, evaluation.baseline.estimate_degC, BASELINE, width=1.0))
     published = Band("published 90 %", evaluation.low_degC, evaluation.high_degC, INTERVAL)
-    yield Panel("ambient [°C]", estimates, [published], height_px=320)
     rolling = f"{ROLLING_LEVEL_PERCENT} % of the error over {ROLLING_SAMPLES} samples"
     band = Band(rolling, *rolling_band(evaluation.error_degC), ESTIMATE)
-    yield Panel("true − estimate [°C]", [Line("error", evaluation.error_degC, ERROR, width=1.0)], [band])
+    panels = [
+        Panel("ambient [°C]", estimates, [published], height_px=320),
+        Panel("true − estimate [°C]", [Line("error", evaluation.error_degC, ERROR, width=1.0)], [band]),
+    ]
     colours = sensor_colours(each.name for each in evaluation.inputs)
     for unit in dict.fromkeys(each.unit for each in evaluation.inputs):
         sensors = [(each.name, values) for each, values in evaluation.inputs.items() if each.unit == unit]
-        yield Panel(f"sensors [{written(unit)}]", [Line(name, values, colours[name]) for name, values in sensors])
+        lines = [Line(name, values, colours[name]) for name, values in sensors]
+        panels.append(Panel(f"sensors [{written(unit)}]", lines))
+    shades = [
+        Shade(status.replace("_", " "), colour, spans)
+        for status, colour in _SHADES.items()
+        if (spans := spans_where(evaluation.time_s, evaluation.status == status))
+    ]
+    return stacked_figure(evaluation.time_s, panels, shades)
 
 
 def _trace_data(evaluation: Evaluation) -> dict[str, Any]:

@@ -90,20 +90,25 @@ def _stressed(condition: str, model: Model, trace: Trace, change: Change, seed: 
 
 
 def _conditions(model: Model, period_s: float) -> Iterator[tuple[str, Change]]:
+    def missing(u: Array, random: np.random.Generator, share: float) -> Array:
+        return np.where(random.random(u.shape) < share, np.nan, u)
+
+    def tenth(u: Array, random: np.random.Generator) -> Array:
+        """Each sensor at its own phase."""
+        phase = random.integers(10, size=u.shape[1])
+        return np.where((np.arange(len(u))[:, None] + phase) % 10 == 0, u, np.nan)
+
+    def coarse(u: Array, random: np.random.Generator, step: float, whole: Callable[[Array], Array]) -> Array:
+        return np.where([each.unit == "degC" for each in model.main.inputs], step * whole(u / step), u)
+
     yield "as logged", lambda u, random: u
     for share in (0.01, 0.05, 0.1):
-        yield f"{share:.0%} of the readings missing", partial(_missing, share=share)
+        yield f"{share:.0%} of the readings missing", partial(missing, share=share)
     yield "bursts of a minute missing", partial(_bursts, length=max(1, round(60.0 / period_s)))
-    yield "one reading in ten", _every_tenth
-    temperatures = np.array([each.unit == "degC" for each in model.main.inputs])
+    yield "one reading in ten", tenth
     for step in (0.5, 1.0):
         for how, whole in (("rounded", np.round), ("truncated", np.trunc)):
-            yield f"{how} to {step:g} degC", partial(_coarse, step=step, whole=whole, temperatures=temperatures)
-
-
-def _missing(u: Array, random: np.random.Generator, share: float) -> Array:
-    u[random.random(u.shape) < share] = np.nan
-    return u
+            yield f"{how} to {step:g} degC", partial(coarse, step=step, whole=whole)
 
 
 def _bursts(u: Array, random: np.random.Generator, length: int) -> Array:
@@ -112,19 +117,6 @@ def _bursts(u: Array, random: np.random.Generator, length: int) -> Array:
         for start in np.flatnonzero(random.random(len(u)) < 1 / (20 * length)):
             column[start : start + length] = np.nan
     return u
-
-
-def _every_tenth(u: Array, random: np.random.Generator) -> Array:
-    """Each sensor at its own phase."""
-    phase = random.integers(10, size=u.shape[1])
-    u[(np.arange(len(u))[:, None] + phase) % 10 != 0] = np.nan
-    return u
-
-
-def _coarse(
-    u: Array, random: np.random.Generator, step: float, whole: Callable[[Array], Array], temperatures: Array
-) -> Array:
-    return np.where(temperatures, step * whole(u / step), u)
 
 
 Wrong = Callable[[Array, int], Array]
