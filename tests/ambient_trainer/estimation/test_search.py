@@ -56,7 +56,7 @@ def test_a_cancelled_search_returns_the_best_so_far(rise, rise_data, start, eval
     def watched(*progress):
         seen.append(progress[2])
         if progress[:2] == (start, evaluation):
-            budget.cancel.cancel()
+            budget.cancel()
 
     found = search(structure, 4, 0, watched, budget)
     assert found.stopped

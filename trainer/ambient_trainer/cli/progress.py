@@ -90,7 +90,7 @@ def _cancelled_by_interrupt(effort: at.Effort) -> Iterator[None]:
     before = signal.getsignal(signal.SIGINT)
 
     def handle(number: int, frame: FrameType | None) -> None:
-        effort.budget.cancel.cancel()
+        effort.budget.cancel()
         signal.signal(signal.SIGINT, before)  # a second one ends the command as usual
 
     signal.signal(signal.SIGINT, handle)

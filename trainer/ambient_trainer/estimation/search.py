@@ -1,12 +1,12 @@
 """The search from several starts, on what variable projection leaves of the problem.
 
-A budget or a cancel token ends it between two evaluations, never an exception raised on itself; the result is then the
-best so far, marked as stopped. Who cancels holds the token; who searches asks it.
+A budget that is spent or cancelled ends it between two evaluations, never an exception raised on itself; the result is
+then the best so far, marked as stopped. Who cancels holds the budget; who searches asks it.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,11 +27,15 @@ class Cancelled(Exception):
     """Raised where cancelled work has no result that is of use: nothing was searched to the end."""
 
 
-class CancelToken:
-    """Asks whatever holds it to stop soon; ``cancelled`` says whether :meth:`cancel` was called."""
+@dataclass
+class Budget:
+    """How much a search may spend: so many ``evaluations`` over all starts, or without a limit beyond each descent's.
 
-    def __init__(self) -> None:
-        self.cancelled = False
+    Whoever holds it may cancel what searches with it, after the evaluation under way.
+    """
+
+    evaluations: int | None = None
+    cancelled: bool = False
 
     def cancel(self) -> None:
         """Ask to stop; safe in a signal handler."""
@@ -42,20 +46,9 @@ class CancelToken:
         if self.cancelled:
             raise Cancelled
 
-
-@dataclass(frozen=True)
-class Budget:
-    """How much a search may spend: so many ``evaluations`` over all starts, or without a limit beyond each descent's.
-
-    ``cancel`` ends it after the evaluation under way.
-    """
-
-    evaluations: int | None = None
-    cancel: CancelToken = field(default_factory=CancelToken)
-
     def spent(self, evaluations: int) -> bool:
         """Whether to stop after so many evaluations."""
-        return self.cancel.cancelled or (self.evaluations is not None and evaluations >= self.evaluations)
+        return self.cancelled or (self.evaluations is not None and evaluations >= self.evaluations)
 
 
 class Evaluation(NamedTuple):
@@ -162,7 +155,7 @@ class Solution:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best of all starts, every start's end, and whether the budget or its cancel token stopped the search."""
+    """The best of all starts, every start's end, and whether the budget stopped the search."""
 
     best: Solution
     starts: tuple[Solution, ...]
@@ -216,7 +209,6 @@ class _Run:
         self.samples = sum(int(np.count_nonzero(~np.isnan(each.outputs))) for each in structure.segments)
 
     def over(self) -> bool:
-        """Whether the budget is spent."""
         return self.budget.spent(self.spent)
 
     def descend(self, number: int, theta: Array) -> Solution:

@@ -78,7 +78,7 @@ def held_out(
         structure = structure_of(kept)
         structure.search = replace(structure.search, initial=start)
         best = search(structure, 1, 0, progress, budget).best
-        if budget.cancel.cancelled:
+        if budget.cancelled:
             break
         estimates = (structure.predicted(best.theta, best.beta, index)[0] for index in range(len(hidden)))
         blocks.append([Moment(*each) for each in zip(estimates, hidden)])

@@ -128,7 +128,7 @@ class Effort:
     pieces: int = 1
     """A trace is fitted in so many, each from thermal equilibrium, which penalises gains that make starts absurd."""
     budget: Budget = field(default_factory=Budget, compare=False, repr=False)
-    """What each search may spend, and the token that cancels all of them."""
+    """What each search may spend; cancelled, all of them end."""
     first: int = 0
     """The number of the first search, where others make those before: of an estimator whose ``starts_apart``."""
 

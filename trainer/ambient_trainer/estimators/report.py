@@ -51,15 +51,16 @@ def as_json(fit: Fit) -> dict[str, Any]:
 
 def findings(fit: Fit) -> list[Finding]:
     """Converged, uncertainty available, identifiable, and the remarks of this kind of estimator."""
+    yes = {True: "yes", False: "no"}
     agreeing = sum(each <= 1.01 * fit.rmse_degC for each in fit.start_rmses_degC)
     confounded = "; ".join(", ".join(each) for each in fit.confounded)
     gain = sum(abs(each) for each in fit.dc_gains)
     lines = [
-        f"Converged: {_yes(fit.converged)}; {agreeing} of {len(fit.start_rmses_degC)} starts came within 1 % of the "
+        f"Converged: {yes[fit.converged]}; {agreeing} of {len(fit.start_rmses_degC)} starts came within 1 % of the "
         f"best, in {fit.evaluations} evaluations.",
-        f"Uncertainty available: {_yes(fit.uncertainty_available)}; the residuals' autocorrelation time is "
+        f"Uncertainty available: {yes[fit.uncertainty_available]}; the residuals' autocorrelation time is "
         f"{fit.residual_memory_samples:.1f} samples (1 is white).",
-        f"Identifiable: {_yes(fit.identifiable)}"
+        f"Identifiable: {yes[fit.identifiable]}"
         + ("." if fit.identifiable else f"; these data determine only products of: {confounded}."),
         *fit.notes,
     ]
@@ -82,7 +83,3 @@ def _parameter_data(each: ParameterEstimate) -> dict[str, Any]:
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def _yes(fact: bool) -> str:
-    return "yes" if fact else "no"

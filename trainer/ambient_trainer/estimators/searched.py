@@ -145,7 +145,6 @@ def with_fallbacks_and_variance(
     variance = variance._replace(constant_degC2=max(variance.constant_degC2, still_degC2))
     gain = noise_gain(fit.system, period_s)
     half = half_widths(variance, moments, period_s)
-    rmses = {name: each.rmse_degC for name, each in fallbacks.items()}
     return replace(
         fit,
         fallbacks=fallbacks,
@@ -156,30 +155,27 @@ def with_fallbacks_and_variance(
             **details,
             "noise_gain": gain,
             "half_width_90_degC": half,
-            "fallbacks": {name: {"rmse_degC": rmse} for name, rmse in rmses.items()},
+            "fallbacks": {name: {"rmse_degC": each.rmse_degC} for name, each in fallbacks.items()},
         },
         notes=(
             remark,
             f"Noise gain: {gain:.2f} (output per unit of white noise in every sensor, at {period_s:g} s).",
-            half_width_note(half),
-            *fallback_notes(rmses),
+            *closing_notes(half, fallbacks),
         ),
     )
 
 
-_SHARES = {"10": "at the quietest (10 %)", "90": "in transients (90 %)", "99": "in the fastest (99 %)"}
-
-
-def half_width_note(half_degC: Mapping[str, float]) -> str:
-    """A line on the width of the 90 % interval, by the percentage of samples over which it is narrower."""
-    others = ", ".join(f"{half_degC[share]:.2f} {words}" for share, words in _SHARES.items())
-    return f"Half of the 90 % interval: {half_degC['50']:.2f} degC over the median training sample, {others}."
-
-
-def fallback_notes(rmses_degC: Mapping[str, float]) -> list[str]:
-    """A line on what each fallback leaves, if there is any."""
-    each = ", ".join(f"{name} {rmse:.2f}" for name, rmse in rmses_degC.items())
-    return [f"Without a sensor, RMSE on the training samples: {each}."] if each else []
+def closing_notes(half_degC: Mapping[str, float], fallbacks: Mapping[str, Fit]) -> list[str]:
+    """Lines on the width of the 90 % interval, by the share of samples over which it is narrower, and on fallbacks."""
+    quiet, usual, fast, fastest = (f"{half_degC[share]:.2f}" for share in ("10", "50", "90", "99"))
+    notes = [
+        f"Half of the 90 % interval: {usual} degC over the median training sample, {quiet} at the quietest (10 %), "
+        f"{fast} in transients (90 %), {fastest} in the fastest (99 %)."
+    ]
+    if fallbacks:
+        without = ", ".join(f"{name} {each.rmse_degC:.2f}" for name, each in fallbacks.items())
+        notes.append(f"Without a sensor, RMSE on the training samples: {without}.")
+    return notes
 
 
 def late(progress: Progress | None, effort: Effort) -> Progress | None:

@@ -128,7 +128,7 @@ def cancelled(stage: int) -> tuple[Effort, Progress]:
 
     def told(number: int, evaluation: int, square: float) -> None:
         if (number, evaluation) == (stage, 5):
-            effort.budget.cancel.cancel()
+            effort.budget.cancel()
 
     return effort, told
 

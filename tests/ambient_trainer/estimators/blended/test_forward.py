@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.estimators.blended.forward import Forward, factor, fit_forward
+from ambient_trainer.estimators.blended.forward import Forward, factor
 from ambient_trainer.estimators.blended.recipe import Loss, find_recipe
 from ambient_trainer.estimators.library.recipes import record_of
 
@@ -49,7 +49,7 @@ def test_with_the_true_constants_only_noise_is_left_and_few_passes_are_near(forw
 
 def test_a_brick_s_constants_come_back_from_its_log(forward, record, brick_truth):
     heard = []
-    found = fit_forward(forward, [record], 5.0, lambda evaluation, square: heard.append((evaluation, square)))
+    found = forward.fit([record], 5.0, lambda evaluation, square: heard.append((evaluation, square)))
     assert found.converged
     assert found.values == pytest.approx(brick_truth, rel=0.05)
     assert max(found.misfit_degC.values()) < 0.025
@@ -60,6 +60,6 @@ def test_what_is_believed_holds_where_the_log_says_nothing(observer_file, brick_
     recipe, circuit = find_recipe(observer_file)
     stubborn = recipe.model_copy(update={"prior": recipe.prior.model_copy(update={"capacitance": 1e-4})})
     forward = Forward(stubborn, circuit)
-    found = fit_forward(forward, [record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
+    found = forward.fit([record_of(stubborn, brick_log.columns)], 5.0, lambda *_: None)
     first = {name: found.values[name] for name in ("C_chip", "C_board", "C_shell")}
     assert first == pytest.approx({"C_chip": 3, "C_board": 15, "C_shell": 40}, rel=0.01)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_trainer.estimators.blended.forward import Forward, Record, fit_forward
+from ambient_trainer.estimators.blended.forward import Forward, Record
 from ambient_trainer.estimators.blended.recipe import Synthetic, Unmeasured, find_recipe
 from ambient_trainer.estimators.blended.training_set import (
     AmbientModel,
@@ -98,7 +98,7 @@ def test_unmeasured_heat_has_the_mean_that_is_declared():
 def design(observer_file, brick_log):
     recipe, circuit = find_recipe(observer_file)
     log = [record_of(recipe, brick_log.columns)]
-    fit = fit_forward(Forward(recipe, circuit), log, 5.0, lambda *_: None)
+    fit = Forward(recipe, circuit).fit(log, 5.0, lambda *_: None)
     ambient = fit_ambient([log[0].ambient_degC], 5.0, "log")
     workload, steps = fit_workload(log, recipe.work, "log"), (0.0, 0.5, 0.0)
     return TrainingSetDesign(recipe, fit.plant, ambient, workload, 5.0, 1, 0, steps), log

@@ -99,7 +99,7 @@ def test_cancelled_in_the_main_search_or_in_a_fallback_it_keeps_the_main_one(sim
 
     def cancel(number, count, square):
         if (number, count) == (search, evaluation):
-            effort.budget.cancel.cancel()
+            effort.budget.cancel()
 
     found = CircuitObserver().fit([simulated(4, samples=800)], effort, cancel)
     assert found.stopped

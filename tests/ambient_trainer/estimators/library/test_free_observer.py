@@ -96,7 +96,7 @@ def test_ctrl_c_keeps_the_best_so_far(simulated, evaluation):
     def interrupt(start, number, square):
         seen.append(number)
         if len(seen) == evaluation:
-            effort.budget.cancel.cancel()
+            effort.budget.cancel()
 
     found = estimator("free_observer").fit([simulated(6, samples=600)], effort, interrupt)
     assert found.stopped

@@ -102,6 +102,16 @@ def factor(rise_K: Array, mean_degC: Array, rho: float, loss: Loss) -> Array:
     return np.asarray((1 - rho) * convection + rho * radiation)
 
 
+class ForwardFit(NamedTuple):
+    """The circuit as fitted to the log; ``misfit_degC`` is per sensor the root mean square of what it misses."""
+
+    plant: Plant
+    values: dict[str, float]
+    misfit_degC: dict[str, float]
+    evaluations: int
+    converged: bool
+
+
 class Forward:
     """A recipe's circuit as a function of its unknowns x: logarithms, shares as they are, last the logit of rho."""
 
@@ -128,37 +138,23 @@ class Forward:
         """The circuit at ``x``."""
         return Plant(self.recipe, self.circuit, self.values(x))
 
+    def fit(self, records: Sequence[Record], period_s: float, show: Callable[[int, float], None]) -> ForwardFit:
+        """Fit the circuit to ``records``; ``show`` is called with the evaluations and the sum of squares."""
+        trust = np.array([sensor.trust_degC for sensor in self.recipe.sensors.values()])[:, None]
+        kept = sum(len(each.ambient_degC[::_EVERY]) for each in records)
+        weight = np.sqrt(self.recipe.prior.samples / kept) / trust
+        evaluations = 0
 
-class ForwardFit(NamedTuple):
-    """The circuit as fitted to the log; ``misfit_degC`` is per sensor the root mean square of what it misses."""
+        def residuals(x: Array) -> Array:
+            nonlocal evaluations
+            evaluations += 1
+            found = [(each[:, ::_EVERY] * weight).ravel() for each in self.plant(x).misfits(records, period_s)]
+            rows = np.concatenate([*found, (x - self.initial) / self.deviation])
+            show(evaluations, float(rows @ rows))
+            return rows
 
-    plant: Plant
-    values: dict[str, float]
-    misfit_degC: dict[str, float]
-    evaluations: int
-    converged: bool
-
-
-def fit_forward(
-    forward: Forward, records: Sequence[Record], period_s: float, show: Callable[[int, float], None]
-) -> ForwardFit:
-    """Fit the circuit to ``records``; ``show`` is called with the evaluations and the sum of squares."""
-    recipe = forward.recipe
-    trust = np.array([sensor.trust_degC for sensor in recipe.sensors.values()])[:, None]
-    kept = sum(len(each.ambient_degC[::_EVERY]) for each in records)
-    weight = np.sqrt(recipe.prior.samples / kept) / trust
-    evaluations = 0
-
-    def residuals(x: Array) -> Array:
-        nonlocal evaluations
-        evaluations += 1
-        found = [(each[:, ::_EVERY] * weight).ravel() for each in forward.plant(x).misfits(records, period_s)]
-        rows = np.concatenate([*found, (x - forward.initial) / forward.deviation])
-        show(evaluations, float(rows @ rows))
-        return rows
-
-    result = least_squares(residuals, forward.initial, max_nfev=_MOST_EVALUATIONS, x_scale=forward.deviation)
-    plant = forward.plant(result.x)
-    misfit = np.sqrt(np.mean(np.concatenate(plant.misfits(records, period_s), axis=1) ** 2, axis=1)).tolist()
-    by_sensor = dict(zip(recipe.sensors, misfit))
-    return ForwardFit(plant, forward.values(result.x), by_sensor, evaluations, bool(result.status > 0))
+        result = least_squares(residuals, self.initial, max_nfev=_MOST_EVALUATIONS, x_scale=self.deviation)
+        plant = self.plant(result.x)
+        misfit = np.sqrt(np.mean(np.concatenate(plant.misfits(records, period_s), axis=1) ** 2, axis=1)).tolist()
+        by_sensor = dict(zip(self.recipe.sensors, misfit))
+        return ForwardFit(plant, self.values(result.x), by_sensor, evaluations, bool(result.status > 0))

@@ -169,7 +169,7 @@ class _Selection:
 
         start = self._whole[order].best.theta
         blocks = held_out(without, self.segments, _BLOCKS, start, self.progress, budget)
-        if budget.cancel.cancelled:
+        if budget.cancelled:
             return False
         errors = [np.concatenate([each.reference_degC - each.estimate_degC for each in block]) for block in blocks]
         squares = tuple(float(np.nanmean(each**2)) for each in errors)

@@ -36,7 +36,7 @@ from ambient_trainer.estimators.base import (
     slowest_period_s,
     source_of,
 )
-from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record, fit_forward
+from ambient_trainer.estimators.blended.forward import Forward, ForwardFit, Record
 from ambient_trainer.estimators.blended.recipe import RESIDUAL, FilterRules, Recipe, find_recipe, recipe_names
 from ambient_trainer.estimators.blended.training_set import (
     SYNTHETIC_S,
@@ -47,7 +47,7 @@ from ambient_trainer.estimators.blended.training_set import (
     fit_workload,
 )
 from ambient_trainer.estimators.estimate import Blended, blended
-from ambient_trainer.estimators.searched import fallback_notes, fallbacks_of, filter_fit, half_width_note
+from ambient_trainer.estimators.searched import closing_notes, fallbacks_of, filter_fit
 from ambient_trainer.lti.response import noise_gain
 
 NAMES = recipe_names()
@@ -106,12 +106,12 @@ class RecipeEstimator(Estimator):
             if progress is not None:
                 progress(number, evaluation, square * samples)
             if number == 0:  # a circuit that is not fitted to the end is of no use
-                effort.budget.cancel.check()
+                effort.budget.check()
 
         # a log that lacks something is refused before anything is searched
         ambient = fit_ambient([each.ambient_degC for each in coarse], coarse_period_s, source_of(traces))
         workload = fit_workload(coarse, recipe.work, source_of(traces))
-        fitted = fit_forward(Forward(recipe, self.circuit), coarse, coarse_period_s, partial(show, 0))
+        fitted = Forward(recipe, self.circuit).fit(coarse, coarse_period_s, partial(show, 0))
         columns = ([trace.column(name) for trace in traces] for name in recipe.sensor_columns)
         steps = tuple(resolution_of(np.concatenate(each)) for each in columns)
         plant, seed = fitted.plant, effort.seed
@@ -177,8 +177,7 @@ def _assembled(recipe: Recipe, fit: Fit, circuit: ForwardFit, logged: Sequence[S
             f"white noise in every sensor, at {fit.periods_s[0]:g} s).",
             f"Time constants: {_times(main['time_constants_s'])}; the secondary's {_times(other['time_constants_s'])}.",
             f"Secondary: blended in from {threshold_degC:.2f} degC of difference on, alone from twice it.",
-            half_width_note(half),
-            *fallback_notes({name: each.rmse_degC for name, each in fit.fallbacks.items()}),
+            *closing_notes(half, fit.fallbacks),
             f"Forward circuit {recipe.circuit} misses the sensors by (RMS) {misfit} degC.",
             f"Declared, not fitted: unmeasured heat ({', '.join(recipe.unlogged.patterns)}), synthetic ambient and "
             "work, weights.",
@@ -269,7 +268,7 @@ def fit_filters(
 
     main = fitted(0, weights.main)
     secondary = fitted(1, weights.secondary)
-    effort.budget.cancel.check()
+    effort.budget.check()
     fallbacks, _ = fallbacks_of(main, lambda index: fitted(2 + index, weights.main, index))
     differences = np.concatenate([main.over(each) - secondary.over(each) for each in logged])
     threshold = recipe.threshold.times * float(np.percentile(np.abs(differences), recipe.threshold.percent))
