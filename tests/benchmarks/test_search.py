@@ -37,14 +37,14 @@ def test_the_whole_search(trace, benchmark, noted):
 
     def search():
         options = Options()
-        data = prepared([trace], screened([trace]), options)
+        data = prepared([trace], *screened([trace]), options)
         with ResumablePool(JOBS, progress=told) as pool:
             return searched(data, pool, against=FIVE)
 
     found = benchmark.pedantic(search, rounds=1, iterations=1)
     told("", 0, 0)
     cores = f"{JOBS} processes on {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.0f}"
-    task = f"search, {len(found.sensors)} zones, {len(trace.time_s):,} samples"
+    task = f"search, {len(found.data.sensors)} zones, {len(trace.time_s):,} samples"
     circuits = sum(each.tried for each in found.circuits.values())
     parts = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in stages.items())
     result = f"{found.sets_tried:,} sets, {circuits} circuits; {cores}; {parts}"
@@ -57,7 +57,7 @@ def test_the_whole_search(trace, benchmark, noted):
 def test_a_candidate_beside_its_refit_from_scratch(trace, benchmark, noted):
     """Four of the thesis's sensors with each other zone: the same sums of squares both ways."""
     options = Options()
-    data = prepared([trace], screened([trace]), options)
+    data = prepared([trace], *screened([trace]), options)
     grams = gathered(data.segments, data.blocks, data.sensors, POLES_S, options.tolerance_degC)
     four = data.numbers(FIVE[1:])
     sets = [tuple(sorted((*four, each))) for each in range(len(data.sensors)) if each not in four]

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from ambient_trainer.estimation.search import Evaluation, descend
+from ambient_trainer.estimation.search import descend
+from ambient_trainer.estimation.structure import Evaluation
 
 INF = np.inf
 

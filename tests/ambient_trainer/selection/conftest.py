@@ -75,7 +75,7 @@ OPTIONS = Options(most=2, order=2, blocks=6, tolerance_degC=0.05)
 
 def found_in(trace, jobs, checks=(), with_circuits=True):
     """What the search finds in a trace."""
-    data = prepared([trace], screened([trace]), OPTIONS)
+    data = prepared([trace], *screened([trace]), OPTIONS)
     with ResumablePool(jobs) as pool:
         return searched(data, pool, [LONER, "right"], checks, with_circuits)
 

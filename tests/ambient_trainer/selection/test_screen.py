@@ -17,7 +17,7 @@ EARLY = np.arange(1500) < 700
 
 
 def reasons(*traces):
-    return screened(traces).left_out
+    return screened(traces)[1]
 
 
 def test_good_zones_stay_and_one_that_a_trace_lacks_goes(small):
@@ -59,7 +59,7 @@ def test_steps_and_noise_are_those_that_were_made():
         "fine_degC": np.round(slow + random.normal(scale=0.2, size=5000), 3),
         "ambient_degC": slow,
     }
-    coarse, fine = screened([Trace("t.csv", np.arange(5000.0), columns)]).sensors
+    coarse, fine = screened([Trace("t.csv", np.arange(5000.0), columns)])[0]
     assert coarse.step_degC == 1.0
     assert coarse.noise_degC == pytest.approx(1 / np.sqrt(12))
     assert fine.step_degC == pytest.approx(0.001)
@@ -75,4 +75,4 @@ def test_a_real_phone_has_one_stuck_zone():
     trace = Trace(str(S25), table[:, 0], columns)
     assert list(reasons(trace)) == ["skin_degC"]
     assert reasons(trace)["skin_degC"].startswith("stuck: it moves by 0.0")
-    assert len(screened([trace]).sensors) == 6
+    assert len(screened([trace])[0]) == 6

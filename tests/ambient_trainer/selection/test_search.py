@@ -56,7 +56,7 @@ def test_a_double_is_an_alternative():
 
 def test_several_traces_are_searched_together():
     traces = [made_up(0), made_up(1, path="other.csv")]
-    data = prepared(traces, screened(traces), OPTIONS)
+    data = prepared(traces, *screened(traces), OPTIONS)
     assert {each.segment for each in data.blocks} == {0, 1}
     with ResumablePool(1) as pool:
         result = searched(data, pool, with_circuits=False)
@@ -76,16 +76,16 @@ def test_a_trace_without_a_reference_to_learn_from_is_refused(change, place):
     trace = made_up()
     change(trace.columns)
     with pytest.raises(Refused, match=place):
-        prepared([trace], screened([trace]), Options())
+        prepared([trace], *screened([trace]), Options())
 
 
 def test_no_usable_zone_and_a_set_to_compare_with_that_is_not_there_are_refused():
     trace = replace(made_up(), columns={"flat_degC": np.full(1500, 3.0), "ambient_degC": made_up().reference})
     with pytest.raises(Refused, match=r"flat_degC: constant: 3 degC"):
-        prepared([trace], screened([trace]), Options())
+        prepared([trace], *screened([trace]), Options())
     trace = made_up()
     trace.columns["flat_degC"] = np.full(1500, 3.0)
-    data = prepared([trace], screened([trace]), Options())
+    data = prepared([trace], *screened([trace]), Options())
     for name, reason in (("skin", "no such sensor"), ("flat", "constant")):
         with pytest.raises(Refused, match=f"{name}: .*{reason}"):
             numbered(data, [name])
@@ -93,7 +93,7 @@ def test_no_usable_zone_and_a_set_to_compare_with_that_is_not_there_are_refused(
 
 def test_a_trace_to_check_on_is_looked_at_before_the_work():
     trace = made_up()
-    data = prepared([trace], screened([trace]), OPTIONS)
+    data = prepared([trace], *screened([trace]), OPTIONS)
     lacking, blind = made_up(3, path="lacking.csv"), made_up(3, path="blind.csv")
     del lacking.columns["chip_degC"], lacking.columns["right_degC"]
     blind.columns["ambient_degC"][:] = np.nan
@@ -101,7 +101,7 @@ def test_a_trace_to_check_on_is_looked_at_before_the_work():
         for check, place in ((lacking, r"lacking\.csv.*chip_degC, right_degC"), (blind, r"blind\.csv.*ambient_degC")):
             with pytest.raises(Refused, match=place):
                 searched(data, pool, checks=[check])
-        assert pool.computed == 0
+        assert not pool.known
 
 
 def test_a_swap_reaches_what_no_growth_of_a_beam_does():

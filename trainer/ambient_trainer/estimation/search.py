@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
-from ambient_trainer.estimation.structure import Structure, project
+from ambient_trainer.estimation.structure import Evaluation, Structure, project
 
 _LONGEST_STEP = 2.0
 _SHORT = 1e-5
@@ -49,13 +49,6 @@ class Budget:
     def spent(self, evaluations: int) -> bool:
         """Whether to stop after so many evaluations."""
         return self.cancelled or (self.evaluations is not None and evaluations >= self.evaluations)
-
-
-class Evaluation(NamedTuple):
-    """The residual (r,) and its Jacobian (r, P) at a point."""
-
-    residual: Array
-    jacobian: Array
 
 
 class End(NamedTuple):

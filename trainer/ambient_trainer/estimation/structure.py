@@ -89,19 +89,19 @@ class Linearised(NamedTuple):
     slopes: Array
 
 
-class Projected(NamedTuple):
-    """beta (p,), the residual rho (r,) in compressed rows, and its Jacobian in theta (r, P)."""
+class Evaluation(NamedTuple):
+    """The residual (r,) and its Jacobian (r, P) at a point; of a structure in compressed rows, with beta (p,)."""
 
-    beta: Array
     residual: Array
     jacobian: Array
+    beta: Array = np.zeros(0)
 
 
-def project(structure: Structure, theta: Array) -> Projected:
+def project(structure: Structure, theta: Array) -> Evaluation:
     """Solve for the linear unknowns within their bounds and differentiate what is left."""
     beta, loose, target, free, slopes = linearise(structure, theta)
     U, _ = _pseudo_inverse(free[:, loose])
-    return Projected(beta, target - free @ beta, U @ (U.T @ slopes) - slopes)
+    return Evaluation(target - free @ beta, U @ (U.T @ slopes) - slopes, beta)
 
 
 def linearise(structure: Structure, theta: Array, beta: Array | None = None) -> Linearised:

@@ -54,7 +54,9 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
 
 
 def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], period_s: float) -> ReadingModel:
-    noise = _noise(runs)
+    # the standard deviation of each reading's white noise; at least a 1000th of its own
+    least = np.maximum(1e-3 * np.concatenate(runs, axis=1).std(axis=1), 1e-3)
+    noise = np.maximum([noise_of(rows) for rows in zip(*runs)], least)
     folds = [_Folds(runs, period_s, lags_s) for lags_s in _LAGS_S]
     chosen, ridge = min(itertools.product(folds, _RIDGES), key=lambda each: each[0].loss(each[1] * noise))
     held_out = list(chosen.differences(ridge * noise))
@@ -91,12 +93,6 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
         rate_K_per_s=float(_RATE_MARGIN * rate),
         starts=tuple(map(matrix, starts)),
     )
-
-
-def _noise(runs: Sequence[Array]) -> Array:
-    """Standard deviation of each reading's white noise; at least a 1000th of its own."""
-    deviation = np.concatenate(runs, axis=1).std(axis=1)
-    return np.maximum([noise_of(rows) for rows in zip(*runs)], np.maximum(1e-3 * deviation, 1e-3))
 
 
 class _Folds:

@@ -96,10 +96,6 @@ def _estimated(name: str, unit: str, value: float, logarithmic: bool, known: Unc
     return ParameterEstimate(name, unit, value, error, interval, True, bound, identifiable)
 
 
-Refit = Callable[[int], Fit]
-"""Fits the same without the input of that number."""
-
-
 def filter_fit(
     name: str, columns: Sequence[str], segments: Sequence[Segment], order: int, result: SearchResult, effort: Effort
 ) -> Fit:
@@ -125,7 +121,7 @@ def with_fallbacks_and_variance(
     fit: Fit,
     segments: Sequence[Segment],
     unseen: Sequence[Moment],
-    refit: Refit | None,
+    refit: Callable[[int], Fit] | None,
     remark: str,
     details: Mapping[str, Any],
     offset_degC: float = 0.0,
@@ -183,7 +179,7 @@ def late(progress: Progress | None, effort: Effort) -> Progress | None:
     return progress and (lambda _, evaluation, square: progress(effort.starts, evaluation, square))
 
 
-def fallbacks_of(fit: Fit, refit: Refit | None) -> tuple[dict[str, Fit], bool]:
+def fallbacks_of(fit: Fit, refit: Callable[[int], Fit] | None) -> tuple[dict[str, Fit], bool]:
     """The fallbacks by input as far as they were done, and whether they were cancelled."""
     if refit is None or len(fit.inputs) < 2 or fit.stopped:
         return {}, False

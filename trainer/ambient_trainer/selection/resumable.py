@@ -37,8 +37,6 @@ class ResumablePool:
         identity: Mapping[str, Any] | None = None,
         progress: Callable[[str, int, int], None] = lambda *_: None,
     ) -> None:
-        self.computed = 0
-        """Number of results that were not known before."""
         self._progress, self._parallel = progress, workers(jobs)
         self._database, self.known = _opened(path, {**_HEADER, **(identity or {})})
 
@@ -67,7 +65,6 @@ class ResumablePool:
             with self._database:
                 _insert(self._database, "results", new)
             self.known.update(new)
-            self.computed += len(new)
             done += len(new)
             self._progress(what, done, len(names))
         return {key: self.known[name] for key, name in names.items()}

@@ -3,9 +3,8 @@
 A bad zone costs more than its own place: dead readings pull every fit, a double makes a choice between equals.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -39,15 +38,8 @@ class Sensor:
         return self.column.removesuffix("_degC")
 
 
-class Screened(NamedTuple):
-    """What can be searched, and why each other column cannot."""
-
-    sensors: tuple[Sensor, ...]
-    left_out: Mapping[str, str]
-
-
-def screened(traces: Sequence[Trace]) -> Screened:
-    """The temperatures that every trace holds and that are usable, and those that are left out."""
+def screened(traces: Sequence[Trace]) -> tuple[tuple[Sensor, ...], dict[str, str]]:
+    """The temperatures that every trace holds and that are usable, and why each other column is left out."""
     frames = [
         pd.DataFrame(each.columns, index=each.time_s).filter(regex="_degC$").drop(columns=REFERENCE, errors="ignore")
         for each in traces
@@ -72,7 +64,7 @@ def screened(traces: Sequence[Trace]) -> Screened:
         else:
             why[name] = f"reads the same as {twin.removesuffix('_degC')}"
     sensors = tuple(_sensor(each, [frame[each] for frame in frames]) for each in kept)
-    return Screened(sensors, {name: why[name] for name in table if name in why})
+    return sensors, {name: why[name] for name in table if name in why}
 
 
 def _unusable(values: pd.Series) -> str | None:

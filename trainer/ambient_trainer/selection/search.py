@@ -25,7 +25,7 @@ from ambient_trainer.estimators.estimate import estimate_degC
 from ambient_trainer.lti import Hold, StateSpace, dc_gain, noise_gain
 from ambient_trainer.selection.grams import Grams, Sensors, banks, best_sets, gathered
 from ambient_trainer.selection.resumable import ResumablePool
-from ambient_trainer.selection.screen import Screened, Sensor
+from ambient_trainer.selection.screen import Sensor
 from ambient_trainer.selection.topology import Topology, best_topology, can_be_named, circuit_of, pruned
 
 NEAR_DEGC = 0.02
@@ -208,9 +208,10 @@ _CIRCUIT = {"starts": 1, "whole": 60, "without_one": 5}
 """Of hundreds: where a topology leaves a direction open a search would creep along it for long."""
 
 
-def prepared(traces: Sequence[Trace], zones: Screened, options: Options) -> SearchData:
-    """Lay the usable ``zones`` of ``traces`` on a grid; raises :class:`Refused` where nothing can be learned."""
-    sensors, left_out = zones
+def prepared(
+    traces: Sequence[Trace], sensors: tuple[Sensor, ...], left_out: Mapping[str, str], options: Options
+) -> SearchData:
+    """Lay the usable ``sensors`` of ``traces`` on a grid; raises :class:`Refused` where nothing can be learned."""
     source = source_of(traces)
     if not sensors:
         whys = "; ".join(f"{column}: {why}" for column, why in left_out.items())

@@ -72,10 +72,10 @@ def command(
     chosen = Options(**options)
     output.check([*trace_paths, *check_paths], [state_path], circuit_folder)
     traces = [load_trace(path).cut(from_s, to_s) for path in trace_paths]
-    zones = screened(traces)
-    for line in left_out_lines(zones.left_out):
+    sensors, left_out = screened(traces)
+    for line in left_out_lines(left_out):
         click.echo(line)
-    data = prepared(traces, zones, chosen)
+    data = prepared(traces, sensors, left_out, chosen)
     checks = [load_trace(path) for path in check_paths]
     # what results depend on: who computes them, the data's bytes and the options
     digests = [sha256_of(path) for path in trace_paths]
