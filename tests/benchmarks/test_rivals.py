@@ -101,7 +101,7 @@ def problem() -> Problem:
 
 
 def ours(problem: Problem) -> Found:
-    structure = CircuitStructure(problem.circuit, [Segment(1.0, problem.inputs, problem.outputs)], free_start=True)
+    structure = CircuitStructure(problem.circuit, [Segment(1.0, problem.inputs, problem.outputs)])
     best = search(structure, 1, 0).best
     values = structure.values(best.theta, best.beta)
     s = structure.system(best.theta, best.beta)

@@ -168,7 +168,7 @@ def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
 
 
 def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
-    structure = CircuitStructure(forward, _segments(2, 3, periods_s=(1.0, 0.5)), free_start=True)
+    structure = CircuitStructure(forward, _segments(2, 3, periods_s=(1.0, 0.5)))
     theta = _somewhere(structure, 2) - np.array([3.0] * 3 + [0.0] * 6)
     _assert_same(structure, theta, _brute(structure, simulated, at_rest))
 
@@ -177,7 +177,7 @@ def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
 def test_modes_that_lie_close(apart, forward, simulated, at_rest):
     """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
     for free_start, circuit in ((False, load_circuit("model2_ss_free_cd")), (True, forward)):
-        structure = CircuitStructure(circuit, _segments(len(circuit.inputs), len(circuit.outputs)), free_start)
+        structure = CircuitStructure(circuit, _segments(len(circuit.inputs), len(circuit.outputs)))
         theta = np.log([20.0 if name.startswith("C_") else 2.0 for name in structure.search.names])
         if free_start:
             between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
@@ -202,7 +202,7 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
         hold="first-order",
         parameters=(*forward.parameters, share, weight, offset, replace(weight, name="w_ambient")),
     )
-    structure = CircuitStructure(circuit, _segments(2, 2), free_start=True)
+    structure = CircuitStructure(circuit, _segments(2, 2))
     assert structure.search.names[-1] == "share"
     assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
     assert "share" not in structure.logarithmic_names
@@ -318,7 +318,7 @@ def test_random_starts_differ_and_stay_in_the_box(forward):
     random = np.random.default_rng(0)
     for structure in (
         CircuitStructure(circuit, _segments(4, 1)),
-        CircuitStructure(forward, _segments(2, 3), free_start=True),
+        CircuitStructure(forward, _segments(2, 3)),
         FreeFilter(4, _segments(3, 1)),
     ):
         starts = np.array([structure.random_start(random) for _ in range(50)])

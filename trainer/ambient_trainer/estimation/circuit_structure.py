@@ -1,7 +1,7 @@
 """A circuit as a structure: resistances, capacitances and source shares are searched, weights and offsets are solved.
 
-Each segment starts from thermal equilibrium with its first sample, or anywhere: each initial state is then one more
-linear unknown, whose regressor is its own decay.
+A segment starts from thermal equilibrium with its first sample where the ambient is estimated, and from any state where
+nodes are predicted: each initial state is then one more linear unknown, whose regressor is its own decay.
 """
 
 import math
@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits import Assembled, Circuit, Parameter, assemble
 from ambient_trainer.data import Array, Segment
 from ambient_trainer.estimation.structure import Structure, Unknowns
@@ -23,8 +24,9 @@ _SLOWEST_PER_S = 1e-15
 class CircuitStructure(Structure):
     """A circuit over segments; ``free_start`` says that they start anywhere, as in a forward simulation."""
 
-    def __init__(self, circuit: Circuit, segments: Sequence[Segment], free_start: bool = False) -> None:
-        self.circuit, self.segments, self.free_start = circuit, segments, free_start
+    def __init__(self, circuit: Circuit, segments: Sequence[Segment]) -> None:
+        self.circuit, self.segments = circuit, segments
+        self.free_start = [output.column for output in circuit.outputs] != [REFERENCE]
         positive = {each.resistance for each in circuit.edges} | {each.capacitance for each in circuit.states}
         shares = {source.share for source in circuit.sources}
         read = ((*(each.states or {}).values(), *each.inputs.values(), each.offset) for each in circuit.outputs)
@@ -39,7 +41,7 @@ class CircuitStructure(Structure):
         self._longest_s, self._shortest_s = max(lasted)[0], min(each for _, each in lasted)
         starts = [
             Parameter(f"start{index}_{node.name}", "degC", 0.0, -math.inf, math.inf, True)
-            for index in range(len(segments) * free_start)
+            for index in range(len(segments) * self.free_start)
             for node in circuit.states
         ]
         unknowns = [*self.linear_parameters, *starts]
@@ -101,16 +103,15 @@ class CircuitStructure(Structure):
         """The continuous state space at these unknowns."""
         return assemble(self.circuit, self.values(theta, beta)).value
 
-    def _assembled(self, theta: Array) -> Assembled:
-        """The circuit with its linear unknowns at zero; derivatives in theta first, then in the weights.
+    def _assembled(self, theta: Array, beta: Array | None = None) -> Assembled:
+        """The circuit, derivatives in theta first, then in the weights; by default with its linear unknowns at zero.
 
         That of the last theta is kept: every segment asks for it in turn.
         """
-        if self._last is None or self._last[0] != theta.tobytes():
-            self._last = theta.tobytes(), self._assembled_at(theta, np.zeros(len(self.linear_parameters)))
-        return self._last[1]
-
-    def _assembled_at(self, theta: Array, beta: Array) -> Assembled:
+        if beta is None:
+            if self._last is None or self._last[0] != theta.tobytes():
+                self._last = theta.tobytes(), self._assembled(theta, np.zeros(len(self.linear_parameters)))
+            return self._last[1]
         found = assemble(self.circuit, self.values(theta, beta))
         scale = np.ones(len(self._order))
         scale[: len(theta)] = np.exp(np.where(self._logarithmic, theta, 0.0))
@@ -140,7 +141,7 @@ class CircuitStructure(Structure):
     def slopes(self, theta: Array, beta: Array, index: int) -> Array:
         """The outputs' derivatives in theta, (P, q, N)."""
         segment, count, hold = self.segments[index], len(theta), self.circuit.hold
-        found = self._assembled_at(theta, beta)
+        found = self._assembled(theta, beta)
         by = StateSpace(*(each[:count] for each in vars(found.derivative).values()))
         n, weights = len(found.capacitance), len(self.linear_parameters)
         start = beta[weights + index * n : weights + (index + 1) * n] if self.free_start else np.zeros(n)

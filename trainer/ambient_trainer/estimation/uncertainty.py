@@ -50,8 +50,7 @@ def uncertainty(structure: Structure, solution: Solution) -> Uncertainty:
     """The uncertainty of every unknown at ``solution``."""
     rows, errors = _rows(structure, solution)
     names = (*structure.search.names, *structure.linear.names)
-    ends = _at_bound(solution.theta, structure.search), _at_bound(solution.beta, structure.linear)
-    at_bound = np.concatenate(ends).astype(bool)
+    at_bound = np.append(_at_bound(solution.theta, structure.search), _at_bound(solution.beta, structure.linear))
     loose = np.flatnonzero(~at_bound)
     J = np.concatenate([each[:, loose] for each in rows])
     scale = np.linalg.norm(J, axis=0)

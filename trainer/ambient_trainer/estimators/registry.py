@@ -6,9 +6,8 @@ An entry point in the group ``ambient_trainer.estimators.library`` counts like a
 from collections.abc import Sequence
 
 from ambient_model.faults import refuse
-from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits import Circuit, load_circuit
-from ambient_trainer.data import Segment, Trace
+from ambient_trainer.data import Trace
 from ambient_trainer.data.plugins import plugin, plugin_names
 from ambient_trainer.estimation import CircuitStructure, Progress, search
 from ambient_trainer.estimators.base import Effort, Estimator, Fit, Training, require_enough, training_segments
@@ -35,32 +34,17 @@ class CircuitEstimator(Estimator):
 
     def fit_to(self, training: Training, effort: Effort, progress: Progress | None) -> Fit:
         """The fit to this training data."""
-        structure = circuit_structure(self.circuit, training.segments)
+        structure, circuit = CircuitStructure(self.circuit, training.segments), self.circuit
         require_enough(training.traces, structure)
         result = search(structure, effort.starts, effort.seed, progress, effort.budget, effort.first)
         theta, beta = result.best.theta, result.best.beta
-        values = structure.values(theta, beta)
-        units = {each.name: each.unit for each in self.circuit.parameters}
-        logarithmic = structure.logarithmic_names
+        values, logarithmic = structure.values(theta, beta), structure.logarithmic_names
         # what the file gives as a bare number has a place for a name, with dots in it
-        shown = [each.name for each in self.circuit.parameters if each.free or "." not in each.name]
-        return fit_of(
-            structure,
-            result,
-            effort,
-            structure.system(theta, beta),
-            [(name, units[name], values[name], name in logarithmic) for name in shown],
-            circuit=self.circuit.name,
-            inputs=self.circuit.inputs,
-            states=[node.name for node in self.circuit.states],
-            hold=self.circuit.hold,
-            outputs=[output.name for output in self.circuit.outputs],
-        )
-
-
-def circuit_structure(circuit: Circuit, segments: Sequence[Segment]) -> CircuitStructure:
-    """What is searched: from equilibrium where the ambient is estimated, from any state where nodes are predicted."""
-    return CircuitStructure(circuit, segments, [output.column for output in circuit.outputs] != [REFERENCE])
+        shown = [each for each in circuit.parameters if each.free or "." not in each.name]
+        unknowns = [(each.name, each.unit, values[each.name], each.name in logarithmic) for each in shown]
+        system, states = structure.system(theta, beta), [node.name for node in circuit.states]
+        about = circuit.name, circuit.inputs, states, circuit.hold, [output.name for output in circuit.outputs]
+        return fit_of(structure, result, effort, system, unknowns, *about)
 
 
 LIBRARY = "ambient_trainer.estimators.library"

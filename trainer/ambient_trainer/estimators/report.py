@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from ambient_trainer.estimators.base import Fit, ParameterEstimate
+from ambient_trainer.estimators.base import Fit
 from ambient_trainer.report import Facts, Finding, Report, Section, Table
 
 _AS_THEY_ARE = (
@@ -42,7 +42,7 @@ def as_json(fit: Fit) -> dict[str, Any]:
     """The content of ``fit --json``; what the data do not give is null."""
     return {
         **{name: getattr(fit, name) for name in _AS_THEY_ARE},
-        "parameters": [_parameter_data(each) for each in fit.parameters],
+        "parameters": [{name: _plain(value) for name, value in each._asdict().items()} for each in fit.parameters],
         "dc_gains": dict(zip(fit.inputs, fit.dc_gains)),
         "baseline": {"kind": "static linear", "rmse_degC": fit.baseline.rmse_degC},
         **fit.details,
@@ -76,10 +76,8 @@ def findings(fit: Fit) -> list[Finding]:
     return found
 
 
-def _parameter_data(each: ParameterEstimate) -> dict[str, Any]:
-    interval = each.interval95 and [_finite(end) for end in each.interval95]
-    return {**each._asdict(), "standard_error": _finite(each.standard_error), "interval95": interval}
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
+def _plain(value: Any) -> Any:
+    """As JSON has it: null where it is not finite."""
+    if isinstance(value, tuple):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

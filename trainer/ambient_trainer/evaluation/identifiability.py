@@ -26,7 +26,7 @@ from ambient_trainer.estimation.circuit_structure import CircuitStructure
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimation.structure import project
 from ambient_trainer.estimators.base import Effort
-from ambient_trainer.estimators.registry import CircuitEstimator, circuit_structure
+from ambient_trainer.estimators.registry import CircuitEstimator
 from ambient_trainer.evaluation.sensitivity import Sensitivity, parameter_names, sensitivity
 
 Progress = Callable[[str, int, int], None]
@@ -138,7 +138,7 @@ class Subject:
 
     def structure(self, circuit: Circuit | None = None) -> CircuitStructure:
         """``circuit`` (by default the subject's) to be fitted to its own output."""
-        return circuit_structure(circuit or self.circuit, self.own)
+        return CircuitStructure(circuit or self.circuit, self.own)
 
 
 def starting_at(circuit: Circuit, values: Values) -> Circuit:
@@ -212,7 +212,7 @@ def own_output(
     circuit: Circuit, values: Values, stretches: Sequence[Segment], noise_degC: float, memory_samples: float
 ) -> Subject:
     """``circuit`` at ``values`` with its own output over the inputs of ``stretches``."""
-    structure = circuit_structure(circuit, stretches)
+    structure = CircuitStructure(circuit, stretches)
     theta, beta = unknowns_at(structure, values)
     own = [replace(each, outputs=structure.predicted(theta, beta, index)) for index, each in enumerate(stretches)]
     return Subject(circuit, values, tuple(own), noise_degC, memory_samples)
@@ -314,7 +314,7 @@ def recovered(
             replace(each, outputs=each.outputs + random.normal(0.0, subject.noise_degC, each.outputs.shape))
             for each in subject.own
         ]
-        structure = circuit_structure(circuit, noisy)
+        structure = CircuitStructure(circuit, noisy)
         end = search(structure, 1, 0)
         values = structure.values(end.best.theta, end.best.beta)
         draws.append([math.log(values[name]) if log else values[name] for name, log in zip(names, positive)])

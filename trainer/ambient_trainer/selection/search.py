@@ -174,7 +174,9 @@ class SearchResult:
     @property
     def recommended(self) -> SelectedSet:
         """The smallest set within one standard error of the best."""
-        return self.sizes[fewest_within_one_error(self.sizes)]
+        best = min(self.sizes, key=lambda each: each.mean_square)
+        limit = best.mean_square + best.standard_error_degC2
+        return next(each for each in self.sizes if each.mean_square <= limit)
 
 
 def counted(sensors: int) -> str:
@@ -185,13 +187,6 @@ def counted(sensors: int) -> str:
 def pareto_front(errors: Sequence[float]) -> list[int]:
     """The places whose error is below that of all before them."""
     return [index for index, error in enumerate(errors) if all(error < other for other in errors[:index])]
-
-
-def fewest_within_one_error(sizes: Sequence[ScoredSystem]) -> int:
-    """The first place whose mean square is at most the least one plus its standard error."""
-    best = min(sizes, key=lambda each: each.mean_square)
-    limit = best.mean_square + best.standard_error_degC2
-    return next(index for index, each in enumerate(sizes) if each.mean_square <= limit)
 
 
 def flat_from(errors: Sequence[float], gain_degC: float) -> int:
@@ -263,21 +258,13 @@ def searched(
         if absent := [each.column for each in data.sensors if each.column not in trace.columns]:
             raise refuse(trace.path, "line 1", f"no column {', '.join(absent)}", "check a trace of the same device")
     search = _Search(data, pool, checks)
-    best = search.best(range(len(data.sensors)))
+    best = best_sets(range(len(data.sensors)), data.options.most, search.score)
     sets = search.selected([*best, compared] if compared else best)
     sizes = [replace(each, alternatives=search.alternatives(members)) for each, members in zip(sets, best)]
     unnamed = tuple(each for each in data.names if not can_be_named(each))
     circuits = search.circuits(unnamed) if with_circuits else {}
-    return SearchResult(
-        data=data,
-        poles_s=search.poles_s,
-        sets_tried=len(search.errors),
-        sizes=tuple(sizes),
-        against=sets[-1] if compared else None,
-        circuits=circuits,
-        unnamed=unnamed,
-        checks=tuple(each.path for each in checks),
-    )
+    given, paths = sets[-1] if compared else None, tuple(each.path for each in checks)
+    return SearchResult(data, search.poles_s, len(search.errors), tuple(sizes), given, circuits, unnamed, paths)
 
 
 class _Search:
@@ -290,17 +277,13 @@ class _Search:
         self.gathered = partial(
             gathered, data.segments, data.blocks, data.sensors, tolerance_degC=data.options.tolerance_degC
         )
-        self.poles_s = self._best_poles()
+        # over the best poles the best few sensors leave the least error
+        longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
+        offered = banks(data.options.order, data.period_s, longest_s)
+        few = min(data.options.most, _POLES_BY_SENSORS)
+        errors = pool.results("fixed poles", partial(_pole_errors, self.gathered, len(data.sensors), few), offered)
+        self.poles_s = min(offered, key=lambda each: (errors[each], each))
         self.grams: Grams = self.gathered(poles_s=self.poles_s)
-
-    def _best_poles(self) -> tuple[float, ...]:
-        """The poles over which the best few sensors leave the least error."""
-        longest_s = max(each.inputs.shape[1] for each in self.data.segments) * self.data.period_s
-        offered = banks(self.options.order, self.data.period_s, longest_s)
-        few = min(self.options.most, _POLES_BY_SENSORS)
-        scoring = partial(_pole_errors, self.gathered, len(self.data.sensors), few)
-        errors = self.pool.results("fixed poles", scoring, offered)
-        return min(offered, key=lambda each: (errors[each], each))
 
     def score(self, candidates: Sequence[Sensors]) -> list[float]:
         """The held-out RMSE in degC of sets of one size."""
@@ -309,10 +292,6 @@ class _Search:
             what, name = f"sets of {counted(len(missing[0]))}", f"set {self.poles_s}"
             self.errors.update(self.pool.results(what, self.grams.rmse_degC, missing, _SETS_AT_ONCE, name))
         return [self.errors[each] for each in candidates]
-
-    def best(self, allowed: Sequence[int]) -> list[Sensors]:
-        """The best set of each size."""
-        return best_sets(allowed, self.options.most, self.score)
 
     def selected(self, sets: Sequence[Sensors]) -> list[SelectedSet]:
         """The sets, with their filters and errors."""
@@ -363,9 +342,11 @@ class _Search:
         slowest_s = max(_SLOWEST_SHARE * longest_s, self.poles_s[0])
         tau_s = tuple(np.geomspace(slowest_s, self.poles_s[0], max(options.order, 2)).tolist())
         structure_of = partial(circuit_structure, coarse, data.names, tau_s)
-        task, samples = partial(_fits, structure_of, blocks, _CIRCUIT), _samples(coarse, blocks)
+        task = partial(_fits, structure_of, blocks, _CIRCUIT)
+        samples = tuple(float(_known(coarse, each.segment, each.start, each.stop)) for each in blocks)
         found = {}
-        for members in self.best([index for index, name in enumerate(data.names) if name not in unnamed]):
+        allowed = [index for index, name in enumerate(data.names) if name not in unnamed]
+        for members in best_sets(allowed, options.most, self.score):
             fit = partial(self.pool.results, f"circuits of {counted(len(members))}", task)
             names = [data.names[each] for each in members]
             found[len(members)] = self._best_circuit(fit, structure_of, names, samples)
@@ -439,8 +420,3 @@ def _on_grid(traces: Sequence[Trace], sensors: Sequence[Sensor], period_s: float
 def _known(laid: Sequence[Segment], segment: int, start: int, stop: int) -> int:
     """How many samples from ``start`` to ``stop`` of a segment have a reference."""
     return int(np.count_nonzero(~np.isnan(laid[segment].outputs[0, start:stop])))
-
-
-def _samples(laid: Sequence[Segment], blocks: Sequence[Block]) -> tuple[float, ...]:
-    """With a reference, by block."""
-    return tuple(float(_known(laid, each.segment, each.start, each.stop)) for each in blocks)

@@ -71,19 +71,15 @@ class FreeObserver(Estimator):
 
         main, tried = fitted(training, effort, progress), selection.tried
         details = {"choice": choice.as_json(), "tried": [each.as_json() for each in tried]}
-        remark, offset_degC = _remark(choice, [*tried]), choice.offset_degC
-        return with_fallbacks_and_variance(main, segments, tried[choice], fallback, remark, details, offset_degC)
-
-
-def _remark(choice: Choice, tried: Sequence[Choice]) -> str:
-    best = {order: min(each.rmse_degC for each in tried if each.order == order) for order in _ORDERS}
-    orders = ", ".join(f"{order}: {rmse:.3f}" for order, rmse in best.items())
-    return (
-        f"Selected on the training data alone, by {_BLOCKS} blocks held out in turn: order {choice.order}, "
-        f"{choice.noise_degC:g} degC of noise and an offset of {choice.offset_degC:g} degC assumed on every sensor, "
-        f"{choice.rmse_degC:.3f} degC RMSE "
-        f"(the best of each order: {orders})."
-    )
+        best = {order: min(each.rmse_degC for each in tried if each.order == order) for order in _ORDERS}
+        remark = (
+            f"Selected on the training data alone, by {_BLOCKS} blocks held out in turn: order {choice.order}, "
+            f"{choice.noise_degC:g} degC of noise and an offset of {choice.offset_degC:g} degC assumed on every "
+            f"sensor, {choice.rmse_degC:.3f} degC RMSE (the best of each order: "
+            f"{', '.join(f'{order}: {rmse:.3f}' for order, rmse in best.items())})."
+        )
+        unseen, offset_degC = tried[choice], choice.offset_degC
+        return with_fallbacks_and_variance(main, segments, unseen, fallback, remark, details, offset_degC)
 
 
 def constrained(order: int, logged: Sequence[Segment], noise_degC: float, offset_degC: float = 0.0) -> FreeFilter:
