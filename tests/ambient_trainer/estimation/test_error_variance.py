@@ -47,14 +47,6 @@ def test_the_levels_cover_another_run():
             assert np.mean(off[part] <= high * sigma[part]) == pytest.approx(level / 100, abs=0.02)
 
 
-def test_errors_of_constant_variance_have_a_constant_width():
-    moment, _ = run(3, weight=0.0)
-    model = fit_error_variance([moment], PERIOD_S)
-    half = half_widths(model, [moment], PERIOD_S)
-    assert half["90"] < 1.1 * half["10"]
-    assert all(term.weight > 0 for term in model.terms)
-
-
 def test_missing_references_do_not_count():
     moment, _ = run(1)
     holes = moment.reference_degC.copy()

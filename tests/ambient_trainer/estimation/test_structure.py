@@ -253,13 +253,6 @@ def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, s
     np.testing.assert_allclose(_poles(structure, theta), poles, rtol=1e-6)
 
 
-def test_a_stretch_between_two_gaps_may_be_three_samples_long():
-    segments = [Segment(2.0, np.ones((2, size)), np.zeros((1, size))) for size in (3, 50)]
-    structure = FreeFilter(2, segments)
-    shapes = [structure.regressors(structure.search.initial, index)[1].shape[-1] for index in (0, 1)]
-    assert shapes == [3, 50]
-
-
 @pytest.mark.parametrize("there", [slice(None), slice(8990, 9000), slice(0, 3), slice(5000, 5100)])
 def test_long_segments_are_compressed_in_blocks(there):
     """Blocks and a rest have the inner products of the whole; some may hold nothing, or fewer samples than signals."""

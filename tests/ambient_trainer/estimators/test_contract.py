@@ -1,7 +1,6 @@
 """Every estimator keeps one contract; what a user calls a circuit becomes what fits it, or is refused."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -65,15 +64,6 @@ ONE = Effort(starts=1)
 @pytest.fixture
 def trace():
     return made(0, 600, ("soc", "flash", "battery", "usb", "display"))
-
-
-def test_a_shipped_name_a_file_and_a_free_filter(trace):
-    assert estimator("linear_usb").fit([trace], ONE).inputs == ("usb_degC",)
-    path = Path(__file__).parents[2] / "data" / "circuits" / "three_nodes.yaml"
-    with pytest.raises(Refused, match="no column 'cpu_power_W'"):
-        estimator(str(path)).fit([trace], ONE)
-    assert len(estimator("free-2").fit([trace], ONE).inputs) == 5
-    assert estimator("free-2").fit([trace], ONE, inputs=["usb_degC"]).inputs == ("usb_degC",)
 
 
 def test_an_unknown_name_one_of_another_kind_or_sensors_of_a_circuit_are_refused_before_any_trace_is_read():

@@ -57,9 +57,3 @@ def test_gaps_in_time_inputs_and_sensors(inputs):
     )
     assert np.array_equal(np.isnan(left), np.isnan(outputs[:, there]))
     assert np.sqrt(np.nanmean(left**2)) < 3 * NOISE_DEGC
-
-
-def test_without_inputs_the_spread_of_the_sensor_is_left():
-    outputs = np.random.default_rng(5).normal(20.0, 0.5, (1, SAMPLES))
-    constant = {"ambient_degC": np.full(SAMPLES, 22.0)}
-    assert black_box_rmse_degC(TIME_S, constant, outputs, BLOCKS) == pytest.approx(0.5, rel=0.05)

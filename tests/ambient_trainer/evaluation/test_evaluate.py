@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -202,16 +201,6 @@ def test_the_terminal_shows_the_figures_of_the_json(files, trace_of, tmp_path):
     assert any(rmse[1] in line for line in findings)
     assert f"{100 * only['coverage']['90']:.1f} %" in result.output
     assert "7 more samples have no estimate" in result.output
-
-
-def test_the_title_counts_every_sample_once(files, trace_of, tmp_path):
-    model, trace = files(trace_of(300))
-    other = str(tmp_path / "other.csv")
-    os.link(trace, other)
-    result = CliRunner().invoke(command, [model, trace, other], catch_exceptions=False)
-    title = result.output.splitlines()[0]
-    assert "600 samples" in title
-    assert "2 traces" in title
 
 
 @pytest.mark.parametrize(("apart_degC", "status"), [(1.0, "warning"), (-1.0, "plain")])

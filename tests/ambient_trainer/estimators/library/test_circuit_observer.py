@@ -106,21 +106,3 @@ def test_cancelled_in_the_main_search_or_in_a_fallback_it_keeps_the_main_one(sim
     assert not found.converged
     assert found.fallbacks == {}
     assert model_of(found, [], {}).provenance["fit"]["stopped"]
-
-
-@pytest.mark.parametrize("dropped", [0, 1, 2])
-def test_a_node_struck_out_leaves_the_others_as_they_are(dropped):
-    """What the others exchange among themselves and with the ambient, and how much they walk, does not change."""
-    names = ("a_degC", "b_degC", "c_degC")
-    theta = np.random.default_rng(5).normal(0, 1, 14)
-    whole = RandomWalkAmbient(names, 0.3)
-    kept = [index for index in range(3) if index != dropped]
-    smaller = RandomWalkAmbient([names[index] for index in kept], 0.3)
-    left = whole.struck_out(theta, dropped)
-    found = smaller.process(np.array([left[name] for name in smaller.names]))
-    rows = [*kept, 3]
-    off_diagonal = ~np.eye(3, dtype=bool)
-    for ours, theirs in zip(found[:2], whole.process(theta)[:2]):
-        np.testing.assert_allclose(ours[off_diagonal], theirs[np.ix_(rows, rows)][off_diagonal], rtol=1e-12)
-    np.testing.assert_allclose(np.diag(found[1]), np.diag(whole.process(theta)[1])[rows], rtol=1e-12)
-    np.testing.assert_allclose(found[2], whole.process(theta)[2][kept], rtol=1e-12)
