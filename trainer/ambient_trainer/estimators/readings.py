@@ -38,6 +38,7 @@ _WIDER = 1.2
 """Settled is an interval that is at most so much wider than the usual one."""
 
 
+@threadpool_limits.wrap(limits=1)
 def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     """The distribution of the readings of ``fit`` in its training traces; None where those are too short for one."""
     period_s = slowest_period_s(traces)
@@ -49,11 +50,6 @@ def reading_model(fit: Fit, traces: Sequence[Trace]) -> ReadingModel | None:
     others = any(not each.endswith("_degC") for each in fit.inputs)
     if fit.outputs != ("ambient",) or count > _MOST_INPUTS or too_short or others:
         return None
-    with threadpool_limits(1):
-        return _reading_model(fit, traces, runs, period_s)
-
-
-def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], period_s: float) -> ReadingModel:
     # the standard deviation of each reading's white noise; at least a 1000th of its own
     least = np.maximum(1e-3 * np.concatenate(runs, axis=1).std(axis=1), 1e-3)
     noise = np.maximum([noise_of(rows) for rows in zip(*runs)], least)
@@ -70,7 +66,6 @@ def _reading_model(fit: Fit, traces: Sequence[Trace], runs: Sequence[Array], per
     rate = max(np.abs(each[stride:] - each[:-stride]).max() for each in estimates) / (stride * period_s)
     both = [fit, *([fit.secondary.fit] if fit.secondary else [])]
     starts = [_expected_start(each, runs, period_s, ridge * noise) for each in both]
-    count = len(noise)
     at_rest = [np.column_stack([np.ones(run.shape[1]), np.tile(run.T, 1 + len(chosen.lags_s))]) for run in runs]
     apart = np.concatenate([_differences(each, count, mean, precision) for each in at_rest])
     sensors = zip(

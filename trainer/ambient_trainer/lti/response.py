@@ -77,15 +77,12 @@ def _schur(A: Array) -> tuple[Array, Array]:
 
 def _triangular(upper: Array, drive: Array, start: Array) -> Array:
     """As :func:`states`, in real Schur coordinates."""
-    n, N = len(upper), drive.shape[-1]
     x = np.concatenate([start[..., None], drive[..., :-1]], axis=-1)
-    row = n
+    row = len(upper)
     while row:
         # a pole, or a damped pair of them
         rows = slice(row - (2 if row > 1 and upper[row - 1, row - 2] else 1), row)
-        if row < n:
-            coupled = upper[rows, row:] @ x[row:].reshape(n - row, -1)
-            x[rows, ..., 1:] += coupled.reshape(-1, *x.shape[1:-1], N)[..., :-1]
+        x[rows, ..., 1:] += np.tensordot(upper[rows, row:], x[row:], 1)[..., :-1]
         x[rows] = _run(upper[rows, rows], x[rows])
         row = rows.start
     return x

@@ -24,7 +24,6 @@ from ambient_trainer.selection.search import (
     SelectedSet,
     counted,
     flat_from,
-    pareto_front,
 )
 
 if TYPE_CHECKING:
@@ -147,7 +146,8 @@ def findings(result: SearchResult) -> list[str]:
 def as_json(result: SearchResult) -> dict[str, Any]:
     """The content of ``search --json``."""
     data, sizes, against = result.data, result.sizes, result.against
-    front = pareto_front([each.rmse_degC for each in sizes])
+    errors = [each.rmse_degC for each in sizes]
+    better = [all(error < other for other in errors[:index]) for index, error in enumerate(errors)]
     return {
         "traces": [each.path for each in data.traces],
         "simulated": data.simulated,
@@ -160,7 +160,7 @@ def as_json(result: SearchResult) -> dict[str, Any]:
         "left_out": [{"column": column, "why": why} for column, why in data.left_out.items()],
         "sets_tried": result.sets_tried,
         "sizes": [_size_data(each, result.circuits.get(len(each.sensors))) for each in sizes],
-        "front": [len(sizes[each].sensors) for each in front],
+        "front": [len(each.sensors) for each, is_better in zip(sizes, better) if is_better],
         "named": len(result.recommended.sensors),
         "against": against and _size_data(against, None),
         "checks": [

@@ -19,7 +19,6 @@ from ambient_trainer.estimation.workers import results, workers
 
 _HEADER = {"format": "ambient-search-state", "version": 2}
 Task = Callable[[Sequence[Any]], Sequence[Any]]
-Results = dict[Any, Any]
 _ANEW = "remove it to start anew, or name another --state"
 
 
@@ -48,7 +47,9 @@ class ResumablePool:
         self._parallel.__exit__(*raised)
         self._database.close()
 
-    def results(self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1, name: str = "") -> Results:
+    def results(
+        self, what: str, task: Task, keys: Sequence[Hashable], at_once: int = 1, name: str = ""
+    ) -> dict[Any, Any]:
         """The results by key, computed ``at_once`` by a process where they are not known yet.
 
         ``task`` is a pure function of keys whose results JSON can hold, ``name`` or ``what`` its own among tasks.

@@ -184,11 +184,6 @@ def counted(sensors: int) -> str:
     return f"{sensors} sensor{'s' * (sensors > 1)}"
 
 
-def pareto_front(errors: Sequence[float]) -> list[int]:
-    """The places whose error is below that of all before them."""
-    return [index for index, error in enumerate(errors) if all(error < other for other in errors[:index])]
-
-
 def flat_from(errors: Sequence[float], gain_degC: float) -> int:
     """The first place after which no error is lower by more than ``gain_degC``."""
     return next(index for index, error in enumerate(errors) if error - min(errors[index:]) <= gain_degC)
@@ -274,16 +269,15 @@ class _Search:
         self.data, self.pool, self.options, self.checks = data, pool, data.options, checks
         self.errors: dict[Sensors, float] = {}
         """The held-out RMSE in degC of every set that was tried."""
-        self.gathered = partial(
-            gathered, data.segments, data.blocks, data.sensors, tolerance_degC=data.options.tolerance_degC
-        )
+        tolerance_degC = data.options.tolerance_degC
+        gathering = partial(gathered, data.segments, data.blocks, data.sensors, tolerance_degC=tolerance_degC)
         # over the best poles the best few sensors leave the least error
         longest_s = max(each.inputs.shape[1] for each in data.segments) * data.period_s
         offered = banks(data.options.order, data.period_s, longest_s)
         few = min(data.options.most, _POLES_BY_SENSORS)
-        errors = pool.results("fixed poles", partial(_pole_errors, self.gathered, len(data.sensors), few), offered)
+        errors = pool.results("fixed poles", partial(_pole_errors, gathering, len(data.sensors), few), offered)
         self.poles_s = min(offered, key=lambda each: (errors[each], each))
-        self.grams: Grams = self.gathered(poles_s=self.poles_s)
+        self.grams: Grams = gathering(poles_s=self.poles_s)
 
     def score(self, candidates: Sequence[Sensors]) -> list[float]:
         """The held-out RMSE in degC of sets of one size."""

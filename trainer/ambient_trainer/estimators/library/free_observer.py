@@ -55,7 +55,8 @@ class FreeObserver(Estimator):
         selection = _Selection(segments, effort, progress)
         choice = selection.run()
         if choice is None:
-            order, result = selection.best_so_far()
+            order = selected([*selection.tried]).order if selection.tried else min(selection.whole)
+            result = replace(selection.whole[order], stopped=True)
             remark = f"Stopped before order and noise were selected: this is order {order}."
             main = filter_fit(self.name, training.columns, segments, order, result, effort)
             return with_fallbacks_and_variance(main, segments, (), None, remark, {})
@@ -132,7 +133,7 @@ class _Selection:
     def __init__(self, segments: Sequence[Segment], effort: Effort, progress: Progress | None) -> None:
         self.segments, self.effort, self.progress = segments, effort, progress
         self.tried: dict[Choice, list[Moment]] = {}
-        self._whole: dict[int, SearchResult] = {}
+        self.whole: dict[int, SearchResult] = {}
 
     def run(self) -> Choice | None:
         """What is selected of all that was tried; None where that was cancelled."""
@@ -146,24 +147,19 @@ class _Selection:
         best = selected([*self.tried])
         yield from ((best.order, best.noise_degC, each) for each in _OFFSETS_DEGC[1:])
 
-    def best_so_far(self) -> tuple[int, SearchResult]:
-        """The order to take where :meth:`run` was cancelled, and its search."""
-        order = selected([*self.tried]).order if self.tried else min(self._whole)
-        return order, replace(self._whole[order], stopped=True)
-
     def _try(self, order: int, noise_degC: float, offset_degC: float) -> bool:
         """Whether these were scored before the search was cancelled."""
         budget = self.effort.budget
-        if order not in self._whole:
+        if order not in self.whole:
             structure, starts = constrained(order, self.segments, noise_degC), min(_FIRST_STARTS, self.effort.starts)
-            self._whole[order] = search(structure, starts, self.effort.seed, self.progress, budget)
-        if self._whole[order].stopped:
+            self.whole[order] = search(structure, starts, self.effort.seed, self.progress, budget)
+        if self.whole[order].stopped:
             return False
 
         def without(kept: Sequence[Segment]) -> FreeFilter:
             return constrained(order, kept, noise_degC, offset_degC)
 
-        start = self._whole[order].best.theta
+        start = self.whole[order].best.theta
         blocks = held_out(without, self.segments, _BLOCKS, start, self.progress, budget)
         if budget.cancelled:
             return False
