@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import pytest
 
+from ambientd.sources.replay import TraceSource
+
 
 def rows_of(path):
     with open(path, newline="") as stream:
@@ -113,3 +115,14 @@ def test_a_trace_is_not_overwritten_by_its_own_replay(ambientd, model_file, trac
     assert done.returncode == 1
     assert f"{trace_file}: would be overwritten" in done.stderr
     assert len(rows_of(trace_file)) == 600
+
+
+@pytest.mark.parametrize("period_s", [0.1, 0.5, 1.0, 10.0])
+def test_the_period_is_learned_through_jitter_gaps_and_a_late_start(make_model, write_trace, period_s):
+    rng = random.Random(3)
+    times = [0.0]
+    for k in range(500):
+        times.append(times[-1] + period_s * (40 if k % 50 == 3 else 1) * rng.uniform(0.99, 1.01))
+    with TraceSource(write_trace([(t, 30.0, 25.0) for t in times]), make_model().main.inputs) as source:
+        assert source.period_s == pytest.approx(period_s, rel=2e-3)
+        assert [time_s for time_s, _ in source] == times  # none of the rows that were read first is lost

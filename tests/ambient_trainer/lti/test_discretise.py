@@ -1,12 +1,14 @@
-"""Discretisation is exact: against scipy, and one equilibrium."""
+"""Discretisation is exact: against an integrator, against scipy, against differences."""
 
 import numpy as np
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import cont2discrete
 
-from ambient_trainer.lti.discretise import discretised
+from ambient_trainer.lti.discretise import discretised, discretised_slopes
 from ambient_trainer.lti.statespace import StateSpace
+
+MATRICES = ("A", "B", "C", "D", "offset")
 
 
 def _system(A, m=2, q=2, seed=0):
@@ -17,6 +19,12 @@ def _system(A, m=2, q=2, seed=0):
 
 DEFECTIVE = [[-0.5, 1.0, 0.0], [0.0, -0.5, 1.0], [0.0, 0.0, -0.5]]
 STIFF = [[-200.0, 1.0], [0.5, -0.001]]
+
+
+def test_without_states_it_is_the_static_map():
+    found = discretised(_system(np.zeros((0, 0))), 1.0, "first-order")
+    assert (found.A.shape, found.B.shape, found.C.shape) == ((0, 0), (0, 2), (2, 0))
+    np.testing.assert_array_equal(found.D, _system(np.zeros((0, 0))).D)
 
 
 @st.composite
@@ -63,3 +71,33 @@ def test_one_equilibrium_serves_every_period_and_hold(system):
             scale = np.abs(X0).max()
             np.testing.assert_allclose(X0 - found.A @ X0, found.B, rtol=1e-9, atol=1e-11 * scale)
             np.testing.assert_allclose(found.D + found.C @ X0, gain, rtol=1e-9, atol=1e-10 * scale)
+
+
+@settings(max_examples=30)
+@given(stable_systems(), st.sampled_from([0.1, 1.0, 10.0]), st.sampled_from(["zero-order", "first-order"]))
+def test_slopes_are_those_of_differences(system, period_s, hold):
+    random = np.random.default_rng(7)
+    # along the last direction A stands still
+    still = np.array([1.0, 1.0, 0.0])
+    dA, dB, dC, dD, doffset = (
+        random.normal(size=(3, *np.shape(getattr(system, each)))) * (still.reshape(3, 1, 1) if each == "A" else 1.0)
+        for each in MATRICES
+    )
+    directions = StateSpace(dA, dB, dC, dD, doffset)
+    found = discretised_slopes(system, directions, period_s, hold)
+    h = 1e-4 / max(1.0, period_s)
+    for index in range(3):
+
+        def along(step, index=index):
+            systems = (
+                StateSpace(*(getattr(system, each) + s * getattr(directions, each)[index] for each in MATRICES))
+                for s in (step, -step)
+            )
+            moved = [discretised(each, period_s, hold) for each in systems]
+            return {each: (getattr(moved[0], each) - getattr(moved[1], each)) / (2 * step) for each in MATRICES}
+
+        fine, coarse = along(h), along(2 * h)
+        for each in MATRICES:
+            wanted = (4 * fine[each] - coarse[each]) / 3
+            scale = np.abs(wanted).max(initial=1.0)
+            np.testing.assert_allclose(getattr(found, each)[index], wanted, rtol=1e-6, atol=1e-7 * scale, err_msg=each)

@@ -3,6 +3,8 @@
 import sqlite3
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
 from ambient_trainer.selection.resumable import ResumablePool
@@ -67,3 +69,19 @@ def test_two_searches_cannot_share_one(path):
     with ResumablePool(1, path, IDENTITY), pytest.raises(Refused, match="another search"):
         ResumablePool(1, path, IDENTITY)
     assert computed(path, [(1,)])[1] == 1
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):
+    path = tmp_path_factory.mktemp("state") / "state"
+    computed(str(path), [(1,), (2,)])
+    whole = bytearray(path.read_bytes())
+    start = data.draw(st.integers(0, len(whole) - 1))
+    whole[start : start + 20] = data.draw(st.binary(min_size=1, max_size=20))
+    path.write_bytes(whole)
+    try:
+        results, _ = computed(str(path), [(7,)])
+    except Refused:
+        return
+    assert results[(7,)]["value"] == 7 / 3

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.heat import Demand, HeatBalance
+from ambient_trainer.simulator.heat import Demand, HeatBalance, rk4_step
 from ambient_trainer.simulator.run import Run, integrate
 
 _PHONE = load_device()
@@ -120,3 +120,23 @@ def test_phones_of_a_batch_are_themselves_and_not_each_other():
         assert one.nodes_degC == pytest.approx(other.nodes_degC, abs=1e-8)
     assert abs(together[0].nodes_degC[-1] - together[2].nodes_degC[-1]).max() > 1
     assert shipped.nodes["battery"].capacitance_J_K != 80.0
+
+
+@pytest.mark.parametrize(("activity", "air_degC"), [("cpu_100", -10.0), ("charging", 50.0), ("streaming", 20.0)])
+def test_heat_in_is_heat_stored_plus_heat_lost(balance, activity, air_degC):
+    demand = _demand(balance, activity)
+    size = len(NODES)
+
+    def derivative(t, x):
+        nodes, air = x[:, :size], np.array([air_degC + 0.05 * t])
+        sums = balance.heat_in(nodes, demand).sum(), balance.lost(nodes, air).sum()
+        return np.concatenate([balance.rates(nodes, air, demand), [sums]], axis=1)
+
+    start = balance.equilibrium(np.array([air_degC]), _demand(balance, "idle"))
+    state = np.concatenate([start, [[0.0, 0.0]]], axis=1)
+    for k in range(1200):
+        state = rk4_step(derivative, 0.5 * k, state, 0.5)
+    taken_J, lost_J = state[0, size:]
+    stored_J = float(balance.capacitance[0] @ (state[0, :size] - start[0]))
+    assert taken_J == pytest.approx(stored_J + lost_J, rel=1e-9)
+    assert taken_J > 30.0
