@@ -28,7 +28,7 @@ _CENTRE, _SLOPE = 0.05, 8.0
 _EITHER = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
 heater, and in a measured box one sensor's drift and heat that creeps read the same; another box, which had come to
-rest at 30 degC, seemed to melt there. Six sensors of measured sets seemed to lag: their heaters did."""
+rest at 30 degC, seemed to melt there. Six measured sensors seemed to lag where a logged heater's body may."""
 _TWINS = 0.9
 """Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
