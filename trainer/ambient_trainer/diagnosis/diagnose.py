@@ -167,7 +167,10 @@ def _diagnosis(
         steps, share = (unknown_step(bare, longest),), None
     elif much_left and share is not None:
         steps = tuple(replace(each, confidence=share * each.confidence) for each in steps)
-    fitted = with_values(forward(circuit), {each.name: each.value for each in bare.model.own})
+    if bare.model.mechanisms:
+        fitted = extended_circuit(circuit, bare.model)
+    else:
+        fitted = with_values(forward(circuit), {each.name: each.value for each in bare.model.own})
     record = bare.records[longest]
     own = bare.model.network(record, bare.model.z()[None])
     simulated = record.sensors - bare.residual_degC(longest)
@@ -177,7 +180,7 @@ def _diagnosis(
         circuit=circuit.name,
         baselines=tuple(baselines),
         time_s=record.time_s,
-        signals={name: row for name, row in record.signals.items() if name == REFERENCE or name[-5:] != "_degC"},
+        signals={name: row for name, row in record.signals.items() if name == REFERENCE or not name.endswith("_degC")},
         misfit=misfit_of(bare.model.circuit, own, record, simulated),
         steps=steps,
         verdict=steps[0] if steps else None,
@@ -185,7 +188,7 @@ def _diagnosis(
         next_experiment=next_experiment(selection, steps),
         extended=extended_circuit(circuit, final.model) if named else None,
         candidates_tried=selection.compared.tried,
-        fitted=extended_circuit(circuit, bare.model) if bare.model.mechanisms else fitted,
+        fitted=fitted,
         floor_degC=floor_degC,
         explained_share=share,
         notes=(f"{final.rmse_degC:.2f} degC is left: something else is missing, too.",) if named and much_left else (),
@@ -286,7 +289,8 @@ def _settles_in_s(mass: Mechanism, fitted: Fitted) -> float:
 
 
 def _check(circuit: Circuit, traces: Sequence[Trace]) -> None:
-    faults = [each for trace in traces for each in _faults(forward(circuit), trace)]
+    plain = forward(circuit)
+    faults = [each for trace in traces for each in _faults(plain, trace)]
     if faults:
         raise Refused("diagnose", faults)
 

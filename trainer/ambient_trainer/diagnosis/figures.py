@@ -55,8 +55,9 @@ def simulated(diagnosis: Diagnosis) -> go.Figure:
     for number, sensor in enumerate(misfit.sensors):
         measured, given = misfit.measured_degC[number], misfit.simulated_degC[number]
         lines = [Line("measured", measured, MEASURED, 1.4), Line("simulated, circuit as given", given, SIMULATED, 1.4)]
-        for last in diagnosis.explained[-1:]:
-            lines.append(Line("simulated with the causes", measured - last.residual_degC[number], EXTENDED, 1.4))
+        if diagnosis.explained:
+            with_causes = measured - diagnosis.explained[-1].residual_degC[number]
+            lines.append(Line("simulated with the causes", with_causes, EXTENDED, 1.4))
         panels.append(Panel(f"{sensor} [°C]", lines, height_px=170))
     return stacked_figure(diagnosis.time_s, panels, _shades(diagnosis))
 
