@@ -22,8 +22,19 @@ MAX_AGE_RANGE_S = (1.0, 3600.0)
 COAST_RANGE_S = (0.0, 600.0)
 """All readings since the loss are kept: at 20 Hz ten minutes are some megabytes."""
 _KEYS = (
-    *("model", "rate_hz", "sysfs_root", "publish", "level_percent", "zones", "coast_s", "state", "zones_by_name"),
-    *("sensors", "supervision", "access", "reference"),
+    "model",
+    "rate_hz",
+    "sysfs_root",
+    "publish",
+    "level_percent",
+    "zones",
+    "coast_s",
+    "state",
+    "zones_by_name",
+    "sensors",
+    "supervision",
+    "access",
+    "reference",
 )
 _LARGEST_BYTES = 2**16
 _LONGEST_TEXT = 1000

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import click
 
 import ambient_trainer as at
@@ -37,7 +35,16 @@ def _fixed(text: str) -> tuple[str, float | None]:
 @cli.period_option()
 @cli.output_options()
 def command(
-    trace_path: str, circuit: str, fixes: tuple[tuple[str, float | None], ...], output: cli.Output, **how: Any
+    trace_path: str,
+    circuit: str,
+    fixes: tuple[tuple[str, float | None], ...],
+    starts: int,
+    replicates: int,
+    seed: int,
+    from_s: float | None,
+    to_s: float | None,
+    period_s: float | None,
+    output: cli.Output,
 ) -> None:
     """Fit a circuit to TRACE and test whether its inputs and output identify its parameters.
 
@@ -52,7 +59,7 @@ def command(
 
     output.check([trace_path, circuit])
     thermal = thermal_circuit(circuit)
-    trace, effort = load_trace(trace_path).cut(how["from_s"], how["to_s"]), at.Effort(how["starts"], how["seed"])
+    trace = load_trace(trace_path).cut(from_s, to_s)
     with cli.counted_progress() as progress:
-        result = identifiability(thermal, trace, dict(fixes), effort, how["replicates"], progress, how["period_s"])
+        result = identifiability(thermal, trace, dict(fixes), at.Effort(starts, seed), replicates, progress, period_s)
     output.show(report_of(result))

@@ -66,8 +66,10 @@ def command(scenario: str, truth_path: str | None, output: str, units: int | Non
     """
     drawn = {name: of.pop(name) for name in ("minutes", "cased")}
     if units is not None:
-        if of.pop("all_zones") | bool(of.pop("decoys")):
+        if of["all_zones"] or of["decoys"]:
             raise click.UsageError("--units logs each unit's main sensors: leave out --zones and --decoy")
+        for name in ("all_zones", "decoys"):
+            of.pop(name)
         return _fleet(output, truth_path, {"scenario": scenario, "count": units, **drawn, **of})
     if drawn["minutes"] is not None:
         raise click.UsageError("--minutes is for --units: cut a trace with --from and --to where it is read")
