@@ -17,11 +17,12 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.findings import left_degC, ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.choice import Limits
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
 from ambient_trainer.diagnosis.greybox.screening import changed_candidates
-from ambient_trainer.diagnosis.greybox.stepwise import Limits, Progress, Selection, anchors, bare_fit, stepwise
+from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, anchors, bare_fit, stepwise
 from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
 from ambient_trainer.diagnosis.next_experiment import next_experiment

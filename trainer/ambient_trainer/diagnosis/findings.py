@@ -9,10 +9,10 @@ from scipy.stats import norm, wilcoxon
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
 from ambient_trainer.diagnosis.greybox.choice import ANSWERS, COINCIDE, INSTRUMENT, WANDERS, correlation, left_by_window
+from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside, carries
-from ambient_trainer.diagnosis.greybox.stepwise import Step as Chosen
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, Step, bare_fit
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import UNKNOWN
 

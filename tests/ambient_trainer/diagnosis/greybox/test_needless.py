@@ -7,9 +7,10 @@ import pytest
 
 from ambient_trainer.diagnosis.diagnose import diagnose
 from ambient_trainer.diagnosis.findings import steps_of
+from ambient_trainer.diagnosis.greybox.choice import Step
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.regression import fit
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, Step, bare_fit, beside, pruned
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, bare_fit, beside, pruned
 from ambient_trainer.diagnosis.greybox.trials import Trial
 
 from .conftest import heat

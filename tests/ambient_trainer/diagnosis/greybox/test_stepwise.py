@@ -10,10 +10,12 @@ from scipy.signal import lfilter
 from ambient_trainer.circuits.circuit import Addition
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox.choice import Limits, Step
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms import mass
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat, HeatInTheCold
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Number
+from ambient_trainer.diagnosis.greybox.pairs import pair
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
@@ -23,7 +25,7 @@ from ambient_trainer.diagnosis.greybox.screening import (
     screen,
     shortlist,
 )
-from ambient_trainer.diagnosis.greybox.stepwise import Limits, Step, _pair, anchors, bare_fit, stepwise
+from ambient_trainer.diagnosis.greybox.stepwise import anchors, bare_fit, stepwise
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.result import Cause
 
@@ -262,9 +264,9 @@ def test_what_is_no_finding_keeps_no_pair_away(circuit, simulated, recorded, mon
             return [replace(tried(before, onset_s=18000.0), rmse_degC=1e-3)]
         return [tried(before)]
 
-    monkeypatch.setitem(_pair.__globals__, "compared", compared)
+    monkeypatch.setitem(pair.__globals__, "compared", compared)
     plain, squared = (tried(bare, driver) for driver in ("current_A", "current_A^2"))
-    steps = _pair(Step(bare, plain, (plain, squared), 2), Limits(), lasting_candidates, lambda *given: None)
+    steps = pair(Step(bare, plain, (plain, squared), 2), Limits(), lasting_candidates, lambda *given: None)
     assert [each.chosen.mechanism.key[2] for each in steps] == ["current_A^2", ""]
 
 

@@ -1,6 +1,7 @@
 """Which trial is taken, if any: one that gains on data it was not fitted to, physics before instruments."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -25,6 +26,29 @@ _BESIDE, _NEAR = 3, 8
 _SWITCHES, _AT_ONCE, _CHANCE = 0.3, 3, 0.05
 """Of a column's range, what it jumps by where something is switched; within how many samples of the end of a window;
 and how probable it may be that the ends are near such jumps by chance."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: the model before and after, and all trials, best first."""
+
+    before: Fitted
+    chosen: Trial | None
+    trials: tuple[Trial, ...]
+    tried: int
+    """Candidates that were screened."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Held-out errors: below ``floor_degC``, which a black box leaves, only large gains count; ``least_degC`` is what
+    every step has to gain."""
+
+    floor_degC: float = 0.0
+    least_degC: float = 0.0
+
+
+UNLIMITED = Limits()
 
 
 def choose(before: Fitted, trials: Sequence[Trial], least_degC: float) -> Trial | None:

@@ -1,15 +1,16 @@
 """Mechanisms are added one at a time, or two, screened, fitted and compared; what later ones make needless goes."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ambient_model.faults import refuse
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, choose, gains
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.screening import (
@@ -20,7 +21,7 @@ from ambient_trainer.diagnosis.greybox.screening import (
     screen,
     shortlist,
 )
-from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, cheap, compared, complexity, identified, penalised
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, cheap, compared, complexity
 from ambient_trainer.diagnosis.greybox.windows import sharpened
 from ambient_trainer.diagnosis.record import Record
 
@@ -28,20 +29,6 @@ _log = logging.getLogger(__name__)
 
 MOST_STEPS = 6
 _BELOW_FLOOR = 0.55
-_PAIRED, _LITTLE, _ABOVE_FLOOR = 4, 0.7, 2.0
-
-Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class Step:
-    """One step: the model before and after, and all trials, best first."""
-
-    before: Fitted
-    chosen: Trial | None
-    trials: tuple[Trial, ...]
-    tried: int
-    """Candidates that were screened."""
 
 
 @dataclass(frozen=True)
@@ -57,19 +44,10 @@ class Selection:
     compared: Step
 
 
-@dataclass(frozen=True)
-class Limits:
-    """Held-out errors: below ``floor_degC``, which a black box leaves, only large gains count; ``least_degC`` is what
-    every step has to gain."""
-
-    floor_degC: float = 0.0
-    least_degC: float = 0.0
-
-
 def stepwise(
     bare: Fitted,
     beside: Sequence[Fitted] = (),
-    limits: Limits = Limits(),
+    limits: Limits = UNLIMITED,
     progress: Progress | None = None,
     offered: Offered = every_candidate,
 ) -> Selection:
@@ -85,9 +63,11 @@ def stepwise(
         points = [fitted] if steps else [fitted, *beside]
         step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
         alone = alone or step
-        paired = beside and (not steps or _stuck(step, limits))
-        pair = _pair(step, limits, offered, partial(_numbered, said, len(steps) + 1)) if paired else []
-        steps += pair or [_compact(step) if steps else step]
+        together: list[Step] = []
+        if beside and (not steps or _stuck(step, limits)):
+            together = pair(step, limits, offered, partial(_numbered, said, len(steps) + 1))
+        together = together or each_its_own(step, limits)
+        steps += together or [_compact(step) if steps else step]
         last = steps[-1].chosen
         if last is not None:
             _log.info("%s: %.3f -> %.3f", last.mechanism, fitted.held_out_rmse_degC, last.rmse_degC)
@@ -106,7 +86,7 @@ def stepwise(
 
 def _stuck(step: Step, limits: Limits) -> bool:
     """Whether nothing by itself gains, though a black box with the same inputs leaves much less."""
-    return step.chosen is None and step.before.held_out_rmse_degC > _ABOVE_FLOOR * limits.floor_degC
+    return step.chosen is None and step.before.held_out_rmse_degC > ABOVE_FLOOR * limits.floor_degC
 
 
 def _retuned(fitted: Fitted, given: int) -> Fitted:
@@ -135,15 +115,7 @@ def _logged_first(steps: Sequence[Step]) -> Sequence[Step]:
     heats = first.mechanism.cause == second.mechanism.cause == "heat_source"
     if not heats or first.mechanism.driver is not None or second.mechanism.driver is None:
         return steps
-    return [steps[1], _beside(steps[0], first, second), *steps[2:]]
-
-
-def _beside(step: Step, first: Trial, second: Trial) -> Step:
-    """The step of ``first`` where ``second`` is there, too: beside the model that holds that one alone."""
-    alone = (each for each in sorted(step.trials, key=penalised) if each.lasting)
-    before = next((each.fitted for each in alone if each.mechanism.key == second.mechanism.key), step.before)
-    together = replace(first, fitted=second.fitted, rmse_degC=second.rmse_degC)
-    return Step(before, together, step.trials, step.tried)
+    return [steps[1], beside_second(steps[0], first, second), *steps[2:]]
 
 
 def _numbered(said: Progress, number: int, stage: str, done: int, total: int) -> None:
@@ -177,84 +149,6 @@ def _without_a_place(mechanism: Mechanism) -> list[Mechanism]:
     if count < 2 or len(mechanism.numbers) % count:
         return []
     return [mechanism.at_places([each for each in range(count) if each != out]) for out in range(count)]
-
-
-def _pair(step: Step, limits: Limits, offered: Offered, said: Progress) -> list[Step]:
-    """Two steps at once where one alone gains little, or nothing logged drives it: heat and the mass that stores it, or
-    heat by a driver and what is there without it, show themselves together.
-
-    Each is then compared with the model that holds the other alone.
-    """
-    error = step.before.held_out_rmse_degC
-    single = error if step.chosen is None else step.chosen.rmse_degC
-    chosen = None if step.chosen is None else step.chosen.mechanism
-    enough = single < min(_LITTLE * error, _ABOVE_FLOOR * limits.floor_degC)
-    # as long as a mass is missing a driver may do better than its square
-    squared = chosen is not None and f"{chosen.key[2]}^2" in {each.mechanism.key[2] for each in step.trials}
-    if chosen is not None and (chosen.evident or (enough and chosen.driver is not None and not squared)):
-        return []
-    # heat that nothing logged drives may stand for a driver and for what is there without it, or hide it
-    unlogged = chosen is None or (chosen.cause == "heat_source" and chosen.driver is None)
-    begun: dict[object, Trial] = {}
-    for each in [*([step.chosen] if step.chosen else []), *sorted(step.trials, key=penalised)]:
-        if _stores_or_heats(each.mechanism, unlogged):
-            begun.setdefault(each.mechanism.key, each)
-    alone = float(np.log(error)) if step.chosen is None else penalised(step.chosen)
-    best: tuple[float, Trial, Trial, list[Trial]] | None = None
-    for index, first in enumerate(list(begun.values())[:_PAIRED]):
-        said("try pairs", index, _PAIRED)
-        logged = first.mechanism.driver is not None
-        others = [
-            each
-            for each in screen(Scene(first.fitted), offered if logged else lasting_candidates)
-            if _stores_or_heats(each.mechanism, unlogged or logged) or (logged and _changes(each.mechanism))
-        ]
-        # of two heats by drivers each shows itself alone, but a driver's rate only beside it
-        driven = first.mechanism.key[2]
-        others = [each for each in others if each.mechanism.key != first.mechanism.key]
-        others = [each for each in others if not driven or each.mechanism.key[2] in ("", f"d({driven})/dt")]
-        rivals = compared(first.fitted, shortlist(others), lambda done, total: None)
-        for second in rivals:
-            score = penalised(second) + PENALTY * complexity(first.mechanism)
-            before = len(second.fitted.model.mechanisms) - 2
-            free = not any(
-                number.at_bound for each in second.fitted.model.mechanisms[before:] for number in each.numbers
-            )
-            sound = free and not second.at_bounds and second.identified and identified(second.fitted, before)
-            # what only seems to gain, as a window in what wanders by itself, is not followed
-            sound = sound and gains(first.fitted, second, limits.least_degC)
-            if sound and first is step.chosen:
-                # it is followed anyway
-                alone = min(alone, score)
-            elif sound and (best is None or score < best[0]):
-                best = score, first, second, rivals
-    if best is None or best[0] > alone - LEAST_GAIN or not gains(step.before, best[2], limits.least_degC):
-        return []
-    return _two_steps(step, *best[1:])
-
-
-def _two_steps(step: Step, first: Trial, second: Trial, rivals: Sequence[Trial]) -> list[Step]:
-    """What is logged before what stores it, either beside the model that holds the other alone; what comes second is
-    compared with what else goes with the first."""
-    if first.mechanism.driver is not None or second.mechanism.driver is None:
-        return [_beside(step, first, second), Step(first.fitted, second, tuple(rivals), step.tried)]
-    stored = _beside(step, first, second)
-    screened = screen(Scene(stored.before), lasting_candidates)
-    others = shortlist([each for each in screened if _stores_or_heats(each.mechanism, True)])
-    storing = compared(stored.before, others, lambda done, total: None)
-    heated = Step(first.fitted, second, (*rivals, *step.trials), step.tried)
-    return [heated, replace(stored, trials=tuple(storing))]
-
-
-def _stores_or_heats(mechanism: Mechanism, unlogged: bool) -> bool:
-    """Whether it is heat by a driver, or ``unlogged`` by none, or a mass, all the time."""
-    heat = mechanism.cause == "heat_source" and (unlogged or mechanism.driver is not None)
-    return (heat or mechanism.cause == "thermal_mass") and mechanism.lasts
-
-
-def _changes(mechanism: Mechanism) -> bool:
-    """Whether it is a loss that is another for a while, or from some time on: what it hides looks like no heater's."""
-    return mechanism.cause == "ambient_coupling" and not mechanism.lasts
 
 
 def pruned(fitted: Fitted, given: int) -> Fitted:

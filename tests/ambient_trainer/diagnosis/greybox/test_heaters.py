@@ -1,0 +1,53 @@
+"""Two heaters that go up together: each heats its own place, unless the readings of both follow one of them."""
+
+import numpy as np
+import pytest
+
+from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.data.trace import Trace
+from ambient_trainer.diagnosis.forward import forward
+from ambient_trainer.diagnosis.greybox.choice import Limits, Step, choose
+from ambient_trainer.diagnosis.greybox.mechanisms import heat
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.pairs import each_its_own
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.screening import screen
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.trials import compared
+from ambient_trainer.diagnosis.record import records
+
+from .test_places import PAIR
+
+PERIOD_S, SAMPLES, SUBSTEPS = 5.0, 400, 10
+
+
+def warmed(seed: int, into: tuple[str, str]) -> Trace:
+    """Two bodies that lose heat by free convection; controllers hold the first where ``one`` is, and ``other`` too,
+    which follow each a reading of its own; ``into`` is the heater of each body."""
+    draw = np.random.default_rng(seed)
+    held_degC, degC, rows = draw.uniform([130, 90], [160, 110]), np.full(2, 25.0), []
+    for _ in range(SAMPLES):
+        share = np.clip(0.01 * (held_degC - degC + draw.normal(0, 2.0, 2)) + [0.4, 0.45], 0.0, 1.0)
+        rows.append([*degC, *share])
+        power_W = [{"one": share[0], "other": share[1]}[each] for each in into] * np.array([60.0, 90.0])
+        for _ in range(SUBSTEPS):
+            loss_W = np.array([0.06, 0.2]) * np.maximum(degC - 25.0, 0.0) ** 1.25
+            degC = degC + PERIOD_S / SUBSTEPS * (power_W - loss_W) / np.array([60.0, 150.0])
+    read, shares = np.split(np.array(rows).T, 2)
+    read = read + draw.normal(0, 0.2, read.shape)
+    columns = dict(zip(("fast_degC", "slow_degC", "one_frac", "other_frac"), (*read, *shares)))
+    return Trace("heated", PERIOD_S * np.arange(SAMPLES), {**columns, "ambient_degC": np.full(SAMPLES, 25.0)})
+
+
+@pytest.mark.parametrize("into", [("one", "other"), ("one", "one")])
+def test_each_of_two_heaters_is_told_from_one_of_both(into):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    circuit = forward(parse_circuit(PAIR, "pair"))
+    held = records(warmed(seed, into), circuit.inputs, ["fast_degC", "slow_degC"], PERIOD_S)
+    bare = bare_fit(GreyBox.of(circuit), held)
+    by_one = [each for each in heat.candidates(Scene(bare)) if each.key == ("heat_source", ("fast", "slow"), "one_frac")]
+    trials = compared(bare, screen(Scene(bare), lambda scene, columns: iter(by_one)), lambda done, total: None)
+    assert (chosen := choose(bare, trials, 0.0)) is not None, seed
+    own = [each.chosen.mechanism.key[1:] for each in each_its_own(Step(bare, chosen, tuple(trials), 1), Limits())]
+    expected = [(("fast",), "one_frac"), (("slow",), "other_frac")] if into == ("one", "other") else []
+    assert sorted(own) == expected, (seed, own)
