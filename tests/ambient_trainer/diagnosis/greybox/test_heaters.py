@@ -22,8 +22,7 @@ PERIOD_S, SAMPLES, SUBSTEPS = 5.0, 400, 10
 
 
 def warmed(seed: int, into: tuple[str, str]) -> Trace:
-    """Two bodies that lose heat by free convection; controllers hold the first where ``one`` is, and ``other`` too,
-    which follow each a reading of its own; ``into`` is the heater of each body."""
+    """Two bodies that lose heat by free convection, with a controller each; ``into`` names the heater of each body."""
     draw = np.random.default_rng(seed)
     held_degC, degC, rows = draw.uniform([130, 90], [160, 110]), np.full(2, 25.0), []
     for _ in range(SAMPLES):
@@ -45,7 +44,9 @@ def test_each_of_two_heaters_is_told_from_one_of_both(into):
     circuit = forward(parse_circuit(PAIR, "pair"))
     held = records(warmed(seed, into), circuit.inputs, ["fast_degC", "slow_degC"], PERIOD_S)
     bare = bare_fit(GreyBox.of(circuit), held)
-    by_one = [each for each in heat.candidates(Scene(bare)) if each.key == ("heat_source", ("fast", "slow"), "one_frac")]
+    by_one = [
+        each for each in heat.candidates(Scene(bare)) if each.key == ("heat_source", ("fast", "slow"), "one_frac")
+    ]
     trials = compared(bare, screen(Scene(bare), lambda scene, columns: iter(by_one)), lambda done, total: None)
     assert (chosen := choose(bare, trials, 0.0)) is not None, seed
     own = [each.chosen.mechanism.key[1:] for each in each_its_own(Step(bare, chosen, tuple(trials), 1), Limits())]
