@@ -48,7 +48,8 @@ def test_each_of_two_heaters_is_told_from_one_of_both(into):
         each for each in heat.candidates(Scene(bare)) if each.key == ("heat_source", ("fast", "slow"), "one_frac")
     ]
     trials = compared(bare, screen(Scene(bare), lambda scene, columns: iter(by_one)), lambda done, total: None)
-    assert (chosen := choose(bare, trials, 0.0)) is not None, seed
+    chosen = choose(bare, trials, 0.0)
+    assert chosen is not None, seed
     own = [each.chosen.mechanism.key[1:] for each in each_its_own(Step(bare, chosen, tuple(trials), 1), Limits())]
     expected = [(("fast",), "one_frac"), (("slow",), "other_frac")] if into == ("one", "other") else []
     assert sorted(own) == expected, (seed, own)
