@@ -1,7 +1,5 @@
 """No traceback reaches a user: status 0 is done, 1 the work failed, 2 the call was wrong, and a message says why."""
 
-from __future__ import annotations
-
 import ast
 import importlib
 import importlib.util

@@ -1,7 +1,5 @@
 """Options that several commands share, each written once: a decorator gives a command its arguments."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import math

@@ -4,8 +4,6 @@ Everything that a command is about to write is looked at before it starts: no in
 vain.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

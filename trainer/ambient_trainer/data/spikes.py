@@ -3,8 +3,6 @@
 A Hampel filter (Pearson 2002, https://doi.org/10.1109/87.974338) whose limit grows with what the column does anyway.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

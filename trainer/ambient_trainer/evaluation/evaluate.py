@@ -4,8 +4,6 @@ Each sample is scored where there is both a reference and an estimate, the first
 counted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

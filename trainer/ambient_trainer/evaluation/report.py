@@ -1,13 +1,11 @@
 """The report of an evaluation: a model's errors on traces beside the static formula's, and every sample as a plot."""
 
-from __future__ import annotations
-
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,24 +15,8 @@ from ambient_trainer.estimators.base import STATIC_LINEAR
 from ambient_trainer.evaluation.evaluate import Evaluation
 from ambient_trainer.evaluation.metrics import ROLLING_LEVEL_PERCENT, ROLLING_SAMPLES, Metrics, rolling_band
 from ambient_trainer.evaluation.provenance import training_spans
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
-from ambient_trainer.report.palette import (
-    AMBER,
-    BASELINE,
-    ERROR,
-    ESTIMATE,
-    INTERVAL,
-    RED,
-    REFERENCE,
-    TEAL,
-    VIOLET,
-    sensor_colours,
-)
-from ambient_trainer.report.plots import Band, Line, Panel, Shade, spans_where, stacked_figure
+from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section, Table, palette, plots
 from ambient_trainer.report.units import written
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
 
 _COLUMNS = ("trace", "method", "RMSE", "MAE", "MBE", "98 % interval", "in 50/90/98 %", "samples")
 _CAPTION = (
@@ -45,7 +27,7 @@ _AS_THEY_ARE = "without_estimate", "without_reference", "trace_period_s", "perio
 """Of an evaluation, in its JSON."""
 _TOO_FEW = 0.8
 """Of the errors, in an interval that is meant to hold 0.9 of them."""
-_SHADES = {WARMING_UP: AMBER, DEGRADED: TEAL, COASTING: VIOLET, FAULTED: RED}
+_SHADES = {WARMING_UP: palette.AMBER, DEGRADED: palette.TEAL, COASTING: palette.VIOLET, FAULTED: palette.RED}
 
 
 def report_of(model: Model, evaluations: Sequence[Evaluation]) -> Report:
@@ -157,31 +139,33 @@ def _note(evaluation: Evaluation) -> str:
     )
 
 
-def _figure(evaluation: Evaluation) -> go.Figure:
+def _figure(evaluation: Evaluation) -> Plot:
     estimates = [
-        Line("estimate", evaluation.estimate_degC, ESTIMATE),
-        Line("reference", evaluation.reference_degC, REFERENCE),
+        plots.Line("estimate", evaluation.estimate_degC, palette.ESTIMATE),
+        plots.Line("reference", evaluation.reference_degC, palette.REFERENCE),
     ]
     if evaluation.baseline:
-        estimates.insert(0, Line(STATIC_LINEAR, evaluation.baseline.estimate_degC, BASELINE, width=1.0))
-    published = Band("published 90 %", evaluation.low_degC, evaluation.high_degC, INTERVAL)
+        estimates.insert(0, plots.Line(STATIC_LINEAR, evaluation.baseline.estimate_degC, palette.BASELINE, width=1.0))
+    published = plots.Band("published 90 %", evaluation.low_degC, evaluation.high_degC, palette.INTERVAL)
     rolling = f"{ROLLING_LEVEL_PERCENT} % of the error over {ROLLING_SAMPLES} samples"
-    band = Band(rolling, *rolling_band(evaluation.error_degC), ESTIMATE)
+    band = plots.Band(rolling, *rolling_band(evaluation.error_degC), palette.ESTIMATE)
     panels = [
-        Panel("ambient [°C]", estimates, [published], height_px=320),
-        Panel("true − estimate [°C]", [Line("error", evaluation.error_degC, ERROR, width=1.0)], [band]),
+        plots.Panel("ambient [°C]", estimates, [published], height_px=320),
+        plots.Panel(
+            "true − estimate [°C]", [plots.Line("error", evaluation.error_degC, palette.ERROR, width=1.0)], [band]
+        ),
     ]
-    colours = sensor_colours(each.name for each in evaluation.inputs)
+    colours = palette.sensor_colours(each.name for each in evaluation.inputs)
     for unit in dict.fromkeys(each.unit for each in evaluation.inputs):
         sensors = [(each.name, values) for each, values in evaluation.inputs.items() if each.unit == unit]
-        lines = [Line(name, values, colours[name]) for name, values in sensors]
-        panels.append(Panel(f"sensors [{written(unit)}]", lines))
+        lines = [plots.Line(name, values, colours[name]) for name, values in sensors]
+        panels.append(plots.Panel(f"sensors [{written(unit)}]", lines))
     shades = [
-        Shade(status.replace("_", " "), colour, spans)
+        plots.Shade(status.replace("_", " "), colour, spans)
         for status, colour in _SHADES.items()
-        if (spans := spans_where(evaluation.time_s, evaluation.status == status))
+        if (spans := plots.spans_where(evaluation.time_s, evaluation.status == status))
     ]
-    return stacked_figure(evaluation.time_s, panels, shades)
+    return plots.stacked_figure(evaluation.time_s, panels, shades)
 
 
 def _trace_data(evaluation: Evaluation) -> dict[str, Any]:

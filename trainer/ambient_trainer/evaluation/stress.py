@@ -4,12 +4,9 @@ Every condition changes a trace and runs it through the recursion that the devic
 20 minutes from the middle of the trace on, after an hour of right readings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +15,7 @@ from ambient_model.tracking import TRACKING
 from ambient_trainer.data.grid import sampling_period_s
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.evaluation.evaluate import evaluate_trace
-from ambient_trainer.report import Figure, Section, Table
-from ambient_trainer.report.plots import panel_figure
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
+from ambient_trainer.report import Figure, Plot, Section, Table, plots
 
 _BEFORE_S = 3600.0
 _WRONG_S = 1200.0
@@ -149,8 +142,8 @@ def section_of(results: Sequence[Stressed]) -> Section:
     return Section("Stress", [Table(_CAPTION, _COLUMNS, rows), Figure(partial(_figure, results))])
 
 
-def _figure(results: Sequence[Stressed]) -> go.Figure:
-    figure = panel_figure("error [°C]", "", 120 + 18 * len(results))
+def _figure(results: Sequence[Stressed]) -> Plot:
+    figure = plots.panel_figure("error [°C]", "", 120 + 18 * len(results))
     shown = list(reversed(results))
     names = [each.condition for each in shown]
     figure.add_bar(x=[each.largest_degC for each in shown], y=names, orientation="h", name="largest")

@@ -43,11 +43,9 @@ plotly at the top of no module. Colours come from :mod:`.palette`, by what they 
 because each needs a counterpart on a dark page.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
-from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Report, Section, Status, Table
+from ambient_trainer.report.structure import Block, Facts, Figure, Finding, Plot, Report, Section, Status, Table
 
 if TYPE_CHECKING:
     from ambient_trainer.report import palette, plots  # numpy: commands should not wait for it

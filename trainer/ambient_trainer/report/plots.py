@@ -4,14 +4,11 @@ A line of many samples is drawn from fewer, and no peak is lost: of every stretc
 plotly takes half a second to import: the functions that draw import it, and only a page calls them.
 """
 
-from __future__ import annotations
-
 import html
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -19,9 +16,7 @@ from numpy.typing import NDArray
 
 from ambient_trainer.data.trace import Array
 from ambient_trainer.report.palette import AXIS, DIVERGING, GRID, TEXT
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
+from ambient_trainer.report.structure import Plot
 
 POINTS_PER_LINE = 6000
 """Lines of more samples than this are drawn from the extremes of stretches."""
@@ -91,7 +86,7 @@ def spans_where(time_s: Array, flags: NDArray[np.bool_]) -> list[tuple[float, fl
     return [(spans[i][0], spans[j - 1][1]) for i, j in pairwise(breaks) if j > i]
 
 
-def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shade] = ()) -> go.Figure:
+def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shade] = ()) -> Plot:
     """``panels`` over ``time_s`` (n,), with one legend above: what has the same name in several is named once."""
     from plotly.subplots import make_subplots  # type: ignore[import-untyped]
 
@@ -118,7 +113,7 @@ def stacked_figure(time_s: Array, panels: Sequence[Panel], shades: Sequence[Shad
     return figure
 
 
-def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
+def panel_figure(x_title: str, y_title: str, height_px: int) -> Plot:
     """An empty plot of one panel that is not over time, in the same style."""
     import plotly.graph_objects as go
 
@@ -131,7 +126,7 @@ def panel_figure(x_title: str, y_title: str, height_px: int) -> go.Figure:
 
 
 def add_curve(
-    figure: go.Figure,
+    figure: Plot,
     x: Sequence[float],
     y: Sequence[float],
     name: str,
@@ -167,7 +162,7 @@ def matrix_figure(
     texts: Sequence[Sequence[str]],
     x_title: str = "",
     cell_px: int = 30,
-) -> go.Figure:
+) -> Plot:
     """Cells of text, blue where ``values`` (rows, columns) are above 0 and orange below; None is an empty cell."""
     largest = max((abs(value) for row in values for value in row if value is not None), default=1.0) or 1.0
     figure = panel_figure(x_title, "", height_px=110 + cell_px * len(rows))
@@ -236,7 +231,7 @@ def broken_at_gaps(x: Array, y: Array) -> tuple[Array, Array]:
     return np.insert(x, after, x[after - 1]), np.insert(y, after, np.nan)
 
 
-def to_markup(figure: go.Figure, identity: str) -> Markup:
+def to_markup(figure: Plot, identity: str) -> Markup:
     """``figure`` as an element with the id ``identity``, for a page that has loaded plotly's script."""
     config = {
         "displaylogo": False,
@@ -248,7 +243,7 @@ def to_markup(figure: go.Figure, identity: str) -> Markup:
     return Markup(figure.to_html(include_plotlyjs=False, full_html=False, div_id=identity, config=config))
 
 
-def _draw_panel(figure: go.Figure, row: int, panel: Panel, x: Array) -> None:
+def _draw_panel(figure: Plot, row: int, panel: Panel, x: Array) -> None:
     place = {"row": row, "col": 1}
     for band in panel.bands:
         outline_x, outline_y = _outline(x, band)
@@ -288,7 +283,7 @@ def _outline(x: Array, band: Band) -> tuple[Array, Array]:
     return (np.concatenate(xs), np.concatenate(ys).astype(np.float32)) if parts else (np.empty(0), np.empty(0))
 
 
-def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
+def _draw_shade(figure: Plot, shade: Shade, seconds: float) -> None:
     box = {"type": "rect", "xref": "x", "yref": "paper", "y0": 0, "y1": 1, "line": {"width": 0}, "layer": "below"}
     for start_s, stop_s in shade.spans:
         figure.add_shape(**box, x0=start_s / seconds, x1=stop_s / seconds, fillcolor=shade.colour, opacity=0.18)
@@ -303,7 +298,7 @@ def _draw_shade(figure: go.Figure, shade: Shade, seconds: float) -> None:
     )
 
 
-def _style(figure: go.Figure, height_px: int) -> None:
+def _style(figure: Plot, height_px: int) -> None:
     """One look, with the legend in rows above and no buttons: narrow screens have no room beside a plot."""
     axis = {"gridcolor": GRID, "linecolor": AXIS, "zerolinecolor": AXIS, "showline": True}
     figure.update_xaxes(**axis, ticks="outside", tickcolor=AXIS, hoverformat=".3f", zeroline=False, title_font_size=12)

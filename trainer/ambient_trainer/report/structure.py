@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
-
+Plot: TypeAlias = Any
+"""A plotly figure. Only a page waits for plotly: no module imports it at its top."""
 Status = Literal["plain", "result", "good", "warning", "bad"]
 
 
@@ -48,7 +47,7 @@ class Table:
 class Figure:
     """A plot; ``draw`` is called by the page only, so that nothing else imports plotly."""
 
-    draw: Callable[[], go.Figure]
+    draw: Callable[[], Plot]
     caption: str = ""
 
 

@@ -1,18 +1,16 @@
 """The report of a search: which sensors, how many of them, which circuit."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ambient_trainer.circuits.circuit import AMBIENT
-from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
+from ambient_trainer.report import Facts, Figure, Finding, Plot, Report, Section, Table
 from ambient_trainer.report.palette import BASELINE, BLUE, GREY, INK, ORANGE, SAND, SENSOR_COLOURS, SKY
 from ambient_trainer.report.plots import add_curve, matrix_figure, panel_figure
 from ambient_trainer.selection.search import (
@@ -25,10 +23,6 @@ from ambient_trainer.selection.search import (
     counted,
     flat_from,
 )
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
-
 
 _NAMED_ALTERNATIVES = 3
 _CIRCUITS = (
@@ -270,7 +264,7 @@ _THINNEST_PX, _THICKEST_PX = 1.0, 7.0
 _CHECK_COLOURS = tuple(SENSOR_COLOURS[each] for each in (2, 3, 5, 6))
 
 
-def errors_figure(result: SearchResult) -> go.Figure:
+def errors_figure(result: SearchResult) -> Plot:
     """Held-out error by number of sensors, and what the same filters score elsewhere."""
     figure = panel_figure("sensors", "error, RMSE [°C]", height_px=460)
     counts = [len(each.sensors) for each in result.sizes]
@@ -299,7 +293,7 @@ def errors_figure(result: SearchResult) -> go.Figure:
     return figure
 
 
-def gains_figure(result: SearchResult) -> go.Figure:
+def gains_figure(result: SearchResult) -> Plot:
     """Which sensors are in which set, by their DC gains."""
     names = list(dict.fromkeys(name for each in result.sizes for name in each.sensors))
     gains = [dict(zip(each.sensors, each.dc_gains)) for each in result.sizes]
@@ -312,7 +306,7 @@ def gains_figure(result: SearchResult) -> go.Figure:
     )
 
 
-def circuit_figure(selected: SelectedCircuit) -> go.Figure:
+def circuit_figure(selected: SelectedCircuit) -> Plot:
     """The circuit: sensors on a ring, what is not measured within it."""
     circuit, topology = selected.circuit, selected.topology
     inner = [AMBIENT] if topology.form == "rise" else list(topology.states)

@@ -1,7 +1,5 @@
 """``ambient-trainer calibrate``: the probes' offsets from a reference thermometer in the same bath."""
 
-from __future__ import annotations
-
 import datetime
 import re
 import time

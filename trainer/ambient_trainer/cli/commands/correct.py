@@ -1,7 +1,5 @@
 """``ambient-trainer correct``: a model file for one unit, from ten minutes at a known ambient."""
 
-from __future__ import annotations
-
 import click
 
 from ambient_model.codec import load_model, save_model

@@ -1,7 +1,5 @@
 """``ambient-trainer demo``: the whole path on a simulated phone, with no data and nothing to set up."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

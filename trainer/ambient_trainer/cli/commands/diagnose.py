@@ -1,7 +1,5 @@
 """``ambient-trainer diagnose``: what a circuit gets wrong about traces, its cause, and what adding that gains."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

@@ -1,7 +1,5 @@
 """``ambient-trainer evaluate``: how wrong a model is on traces, on the terminal, for a machine and as a page."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

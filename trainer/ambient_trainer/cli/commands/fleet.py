@@ -1,7 +1,5 @@
 """``ambient-trainer fleet``: an estimator for each of many units, from their logs and what they have in common."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import click

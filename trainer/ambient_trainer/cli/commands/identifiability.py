@@ -1,7 +1,5 @@
 """``ambient-trainer identifiability``: which of a circuit's parameters a trace determines."""
 
-from __future__ import annotations
-
 import click
 
 import ambient_trainer as at

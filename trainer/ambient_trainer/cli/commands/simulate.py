@@ -1,7 +1,5 @@
 """``ambient-trainer simulate``: the trace of a simulated device in a scenario; effects may be hidden in it."""
 
-from __future__ import annotations
-
 import os
 from functools import partial
 from typing import Any

@@ -6,8 +6,6 @@ change, with the swing and noise of the log's calmest hour; the load is episodes
 the resolution of the logged ones.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
