@@ -10,13 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.faults import Refused
-from ambient_trainer.circuits import schema
 from ambient_trainer.circuits.circuit import Circuit, Edge, Node, Output, Parameter
 from ambient_trainer.circuits.schema import circuit_names, load_circuit, parse_circuit
 from documents import anything, damaged
 
 DOCS = Path(__file__).parents[3] / "trainer" / "docs" / "reference"
-EXAMPLE = re.search(r"```yaml\n(.*?)```", schema.__doc__, re.DOTALL)[1]
+EXAMPLE = re.search(r"```yaml\n(.*?)```", (DOCS / "circuit.md").read_text(), re.DOTALL)[1]
 
 LINEAR = ("linear_battery", "linear_combined", "linear_flash", "linear_usb")
 STATES = ("model1_kirchhoff", "model1_ss", "model1_ss_single_input", "model2_ss", "model2_ss_free_cd")

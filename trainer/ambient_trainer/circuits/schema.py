@@ -1,31 +1,8 @@
 """A circuit file is YAML, taken whole or refused with every fault and its place in one message.
 
-```yaml
-format: ambient-circuit
-version: 1
-name: two_nodes
-about: A board between a chip and the air
-form: rise                        # or temperature
-nodes:
-  board: {capacitance: C_board, sensor: board}   # a state
-  chip: {sensor: chip}                           # no capacitance: its sensor prescribes it
-edges:
-  - {between: [chip, board], resistance: R_chip_board}
-  - {between: [board, ambient], resistance: R_board_ambient}
-outputs:
-  ambient: {states: parallel, inputs: {board_degC: w}}
-parameters:
-  C_board: {unit: J/K, initial: 10}
-  R_chip_board: {unit: K/W, initial: 5, min: 0.1, max: 50}
-  R_board_ambient: {unit: K/W, initial: 20}
-  w: {unit: "1", initial: 1, free: false}
-```
-
-A number may stand wherever a parameter's name does; it is then fixed. ``outputs: sensors`` predicts every sensor on a
-state. ``states: parallel`` weighs the states by their conductances to the ambient; ``inputs: parallel`` balances what
-the measured nodes and a ``heat`` in W give off to the ambient (thesis equation 4.4). ``mechanisms`` holds what
-``diagnose --extended`` writes beyond that; only a simulation knows them. Resistances and capacitances are
-positive by construction.
+Its keys stand in the documentation, ``reference/circuit.md``. A number may stand wherever a parameter's name does; it is
+then fixed. ``mechanisms`` holds what ``diagnose --extended`` writes beyond that; only a simulation knows them.
+Resistances and capacitances are positive by construction.
 """
 
 from __future__ import annotations

@@ -268,23 +268,7 @@ def device_path(name: str) -> str:
 
 
 def load_device(name: str = DEFAULT) -> Device:
-    """A simulated device.
-
-    Parameters
-    ----------
-    name : str
-        Name of a shipped device, or a YAML file.
-
-    Returns
-    -------
-    Device
-        Its nodes, activities, zones and tolerances, and the chamber that it is simulated in.
-
-    Raises
-    ------
-    Refused
-        With every fault in the file.
-    """
+    """The shipped device of that name, or the one in a YAML file; raises :class:`Refused` with every fault in it."""
     return _shipped(name) if name in device_names() else _loaded(name)
 
 

@@ -35,22 +35,11 @@ _THERE = 0.5
 
 @dataclass(frozen=True)
 class Hidden:
-    """One effect.
+    """One effect; its ``cause`` names what says what the others mean.
 
-    Parameters
-    ----------
-    cause : str
-        Name of an effect, which says what the others mean.
-    location : str, optional
-        A node, ``a-b`` of two, a surface or a sensor of the device; None: all of them.
-    signal : str, optional
-        The trace column that drives it.
-    onset_s, end_s : float
-        Of the recording's time; from 0: since ever, to None: to the end.
-    size : float, optional
-        In the effect's unit.
-    body : str, optional
-        What makes contact.
+    ``location`` is a node, ``a-b`` of two, a surface or a sensor of the device, None for all of them; ``signal`` is the
+    trace column that drives it, ``body`` what makes contact. ``onset_s`` and ``end_s`` are of the recording's time:
+    from 0 is since ever, to None to the end. ``size`` is in the effect's unit.
     """
 
     cause: str

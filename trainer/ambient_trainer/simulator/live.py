@@ -129,19 +129,8 @@ class Probe:
 
 
 class Stepper:
-    """A batch of units of one device with the sensors of some zones.
+    """A batch of units of one device with the sensors of some zones, in steps of ``period_s``.
 
-    Parameters
-    ----------
-    devices : sequence of Device
-        The units.
-    zones : sequence of Zone
-        Of which readings are taken.
-    period_s : float
-        Between two steps.
-
-    Notes
-    -----
     :meth:`start` gives the steady state. Each :meth:`step` integrates the heat balance over ``period_s`` by RK4 in
     steps of at most ``LONGEST_STEP_S``, and the sensors' first-order lags exactly for a straight line.
     """

@@ -101,23 +101,9 @@ def _shipped() -> tuple[str, ...]:
 
 
 def load_scenario(name: str) -> Scenario:
-    """A scenario to simulate.
+    """The shipped scenario of that name, or the one in a YAML file, to be simulated; a campaign is one, too.
 
-    Parameters
-    ----------
-    name : str
-        Name of a shipped scenario, or a YAML file: ``about``, ``steps`` and, where the recording begins later,
-        ``before``. A campaign of the laboratory is one, too.
-
-    Returns
-    -------
-    Scenario
-        Each of its steps has a duration and at most one load.
-
-    Raises
-    ------
-    Refused
-        With every fault in the file.
+    Each of its steps has a duration and at most one load. Raises :class:`Refused` with every fault in the file.
     """
     path = scenario_path(name)
     data = load_yaml(path)

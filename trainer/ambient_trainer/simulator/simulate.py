@@ -82,17 +82,8 @@ def simulate(
     """Simulate what a device logs in a scenario.
 
     As :func:`ambient_trainer.simulate`, which describes the parameters; ``device`` and effects may be data, too.
-    ``sizes`` runs once more without the effects, and with each alone, for ``clean`` and ``Truth.size_degC``.
-
-    Raises
-    ------
-    Refused
-        With every fault of the scenario, the device or the effects.
-
-    Examples
-    --------
-    >>> simulate("1", period_s=60).trace.columns["usb_degC"].shape
-    (30,)
+    ``sizes`` runs once more without the effects, and with each alone, for ``clean`` and ``Truth.size_degC``. Raises
+    :class:`Refused` with every fault of the scenario, the device or the effects.
     """
     unit = load_device(device) if isinstance(device, str) else device
     texts = [each for each in hide if isinstance(each, str)]

@@ -1,29 +1,8 @@
-"""A column map is a YAML file that says which columns of a foreign CSV file become which columns of a trace.
+"""A column map is a YAML file that says which columns of a foreign table become which columns of a trace.
 
-```yaml
-time: {column: t, unit: ms}              # or format: "%d.%m.%Y %H:%M:%S", or format: iso
-columns:
-  battery_degC: T_battery                                    # shorthand for {from: T_battery}
-  cpu_degC: {from: T_cpu, unit: mdegC}
-  ambient_degC: {from: [T1, T2], combine: mean, offset: -0.1}
-```
-
-A value is converted from ``unit`` to the unit that the trace column's name ends with, then multiplied by ``scale``,
-then raised by ``offset``.
-
-A table need not be parted by commas, nor start with its names, nor be whole:
-
-```yaml
-delimiter: whitespace                    # runs of blanks; or one character
-skip_rows: 15                            # lines above the names
-skip_under_header: 1                     # lines with something in them between the names and the rows: their units
-drop_rows: {Status: [RANGE, STO]}        # rows to leave out, by what a column says
-bad_rows: drop                           # leave out what cannot be read, instead of refusing the file
-constants: {ambient_degC: 22}            # a column that nobody logged; the trace's notes call it assumed
-notes: {room: nobody logged it}          # more to say in the trace's notes
-```
-
-Without names, ``header: false``, its columns are called 1, 2, 3, ...
+Its keys stand in the documentation, ``how-to/import.md``. A value is converted from ``unit`` to the unit that the trace
+column's name ends with, then multiplied by ``scale``, then raised by ``offset``. Without names, ``header: false``, the
+table's columns are called 1, 2, 3, ...
 """
 
 from __future__ import annotations
