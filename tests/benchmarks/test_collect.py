@@ -16,6 +16,7 @@ from ambient_trainer.laboratory.messages import DEVICE, MULTIPLEXER, Clock, Samp
 from ambient_trainer.laboratory.run import Run, Supervision
 from ambient_trainer.laboratory.simulation import simulated_laboratory
 from ambient_trainer.simulator.scenario import scenario_path
+from breaking import distort
 
 RUN_MIN = 0.75
 PERIOD_S = 0.5
@@ -33,7 +34,7 @@ class _SlowDown:
     def update(self, run: Run) -> None:
         """The first look is the beginning."""
         for _ in range(200 if self._instrument else 0):
-            self._instrument.distort(lambda reply: [(SLOW_S, reply)])
+            distort(self._instrument, bytes, SLOW_S)
         self._instrument = None
 
     def event(self, at_s: float, text: str) -> None:

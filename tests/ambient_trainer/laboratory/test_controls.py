@@ -15,6 +15,7 @@ from ambient_trainer.laboratory.messages import Clock, Crash, Failure, LoadState
 from ambient_trainer.laboratory.shell import connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target
 from ambient_trainer.simulator.scenario import scenario_path
+from breaking import mute
 
 SHIPPED = load_campaign(scenario_path("1"), ports=False).campaign.laboratory
 
@@ -73,12 +74,12 @@ def test_a_pulled_cable_a_lost_answer_and_somebody_else_leave_the_target_in_forc
     lab.simulated.plug()
     lab.until(lambda: lab.control.confirmed)
     assert lab.simulated.held_degC == 20.0
-    lab.simulated.muted = True
+    mute(lab.simulated)
     lab.control.go_to(Target(45.0))
     lab.until(lambda: lab.simulated.held_degC == 45.0)  # it receives
     lab.next(Failure)
     assert not lab.control.confirmed
-    lab.simulated.muted = False
+    mute(lab.simulated, False)
     lab.until(lambda: lab.control.confirmed)
     lab.simulated.put((5.0, 0.0, 0.0, 0.0, 0.0), (False,) * 16)  # as after a power cut
     assert lab.simulated.held_degC is None

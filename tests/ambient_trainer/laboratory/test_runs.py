@@ -17,6 +17,7 @@ from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.report import problems_of
 from ambient_trainer.laboratory.run import Ending
 from ambient_trainer.simulator.scenario import scenario_path
+from breaking import acknowledge, mute, open_probe, plug_cable, pull_cable, raise_alarm, reboot
 
 SPEED = 150.0
 in_real_time = pytest.mark.slow  # a busy machine misses samples
@@ -80,7 +81,7 @@ def test_a_stop_comes_to_safety_first_and_goes_on_later(night):
 
 def open_probes(there):
     for channel in (101, 102, 103):
-        there.multiplexer.probes[channel].open = True
+        open_probe(there.multiplexer.probes[channel])
 
 
 @pytest.mark.parametrize("deed", [lambda there: there.multiplexer.unplug(), open_probes])
@@ -103,15 +104,11 @@ def test_a_hot_device_ends_the_run_safely(night):
 def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     held = []
 
-    def acknowledge(there):
-        there.chamber.repair()
-        there.chamber.answer("Q")
-
     lab = night(minutes((3, 40), (4, 45, ["cpu_100"])))
     events = lab.run(
         [
-            (60.0, lambda there: there.chamber.raise_alarm(7, "overtemperature")),
-            (150.0, acknowledge),
+            (60.0, lambda there: raise_alarm(there.chamber, 7, "overtemperature")),
+            (150.0, lambda there: acknowledge(there.chamber)),
             (300.0, lambda there: held.append(there.chamber.held_degC)),
         ]
     )
@@ -125,12 +122,12 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
 
 @in_real_time
 def test_a_rebooted_phone_goes_on_with_its_load(night):
-    def reboot(there):
-        there.phone.reboot()
-        threading.Timer(60.0 / SPEED, there.phone.plug_cable).start()
+    def start_anew(there):
+        reboot(there.phone)
+        threading.Timer(60.0 / SPEED, plug_cable, [there.phone]).start()
 
     lab = night(minutes((2, 20), (10, 20, ["cpu_100"])))
-    events = lab.run([(240.0, reboot)])
+    events = lab.run([(240.0, start_anew)])
     assert lab.outcome.ending is Ending.FINISHED
     assert "device: was started anew" in events
     load = lab.trace.column("cpu_load_frac")
@@ -176,8 +173,8 @@ def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
     lab = night(minutes((10, 22)), {"instruments.thermometer": link})
     events = lab.run(
         [
-            (60.0, lambda there: setattr(there.thermometer, "switched_on", False)),
-            (140.0, lambda there: setattr(there.thermometer, "switched_on", True)),
+            (60.0, lambda there: mute(there.thermometer)),
+            (140.0, lambda there: mute(there.thermometer, False)),
         ]
     )
     assert lab.outcome.ending is Ending.FINISHED
@@ -199,9 +196,9 @@ def test_a_monitor_that_fails_is_no_reason_to_stop(night):
 
 def test_what_is_not_ready_is_named_and_nothing_moves(night):
     def prepare(there):
-        there.multiplexer.probes[102].open = True
-        there.phone.pull_cable()
-        there.chamber.raise_alarm(7, "overtemperature")
+        open_probe(there.multiplexer.probes[102])
+        pull_cable(there.phone)
+        raise_alarm(there.chamber, 7, "overtemperature")
 
     lab = night(minutes((2, 22)))
     with pytest.raises(Refused) as refused:

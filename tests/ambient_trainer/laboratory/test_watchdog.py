@@ -11,6 +11,7 @@ from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.laboratory.watchdog import Watchdog
+from breaking import mute
 
 SAFE_DEGC = 20.0
 
@@ -72,7 +73,7 @@ def test_it_takes_over_where_it_is_asked_to_or_after_an_error(chamber, error, ta
 
 
 def test_a_chamber_that_hears_and_does_not_answer_is_sent_to_safety(chamber, process, until):
-    chamber.muted = True
+    mute(chamber)
     process.stdin.close()
     until(lambda: chamber.held_degC == SAFE_DEGC)
 

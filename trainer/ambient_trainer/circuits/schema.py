@@ -1,7 +1,7 @@
 """A circuit file is YAML, taken whole or refused with every fault and its place in one message.
 
-Its keys stand in the documentation, ``reference/circuit.md``. A number may stand wherever a parameter's name does; it is
-then fixed. ``mechanisms`` holds what ``diagnose --extended`` writes beyond that; only a simulation knows them.
+Its keys stand in the documentation, ``reference/circuit.md``. A number may stand wherever a parameter's name does; it
+is then fixed. ``mechanisms`` holds what ``diagnose --extended`` writes beyond that; only a simulation knows them.
 Resistances and capacitances are positive by construction.
 """
 

@@ -8,7 +8,7 @@ import threading
 import tty
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,19 +27,15 @@ class Response(NamedTuple):
 
 
 class SimulatedInstrument(ABC):
-    """An instrument in a thread of its own; its port is a link that outlives the terminal behind it.
-
-    While ``muted`` it obeys and does not answer.
-    """
+    """An instrument in a thread of its own; its port is a link that outlives the terminal behind it."""
 
     def __init__(self, name: str, clock: Clock, baud: int) -> None:
-        self.muted = self._stopped = self._ended = False
+        self._stopped = self._ended = False
         self._clock, self._byte_s = clock, _BITS_A_BYTE / baud
         self._folder = tempfile.TemporaryDirectory(prefix="ambient-laboratory-")
         self._link = Path(self._folder.name, name)
         self._lock = threading.RLock()
         self._due: deque[tuple[float, bytes]] = deque()
-        self._distortions: deque[Callable[[bytes], Sequence[tuple[float, bytes]]]] = deque()
         self._free_s = self._sent_s = clock.now_s()
         self._received = b""
         self._ends: tuple[int, int] | None = None
@@ -72,17 +68,6 @@ class SimulatedInstrument(ABC):
                 os.set_blocking(self._ends[0], False)
                 self._stopped = False
                 self._link.symlink_to(os.ttyname(self._ends[1]))
-        os.write(self._wake, b"!")
-
-    def distort(self, function: Callable[[bytes], Sequence[tuple[float, bytes]]]) -> None:
-        """Let the next reply be ``function(reply)``: parts, each so many seconds later than it would have come."""
-        with self._lock:
-            self._distortions.append(function)
-
-    def send(self, data: bytes) -> None:
-        """Send ``data`` unasked, at once."""
-        with self._lock:
-            self._due.appendleft((self._clock.now_s(), data))
         os.write(self._wake, b"!")
 
     def close(self) -> None:
@@ -128,9 +113,8 @@ class SimulatedInstrument(ABC):
         self._free_s = max(self._free_s, self._clock.now_s() + len(received) * self._byte_s)
         for duration_s, reply in self._respond(received):
             self._free_s += duration_s
-            if reply and not self.muted:
-                parts = self._distortions.popleft()(reply) if self._distortions else ((0.0, reply),)
-                self._due.extend((self._free_s + delay_s, part) for delay_s, part in parts)
+            if reply:
+                self._due.append((self._free_s, reply))
 
     def _send_due(self) -> float | None:
         """Send what should be there by now; the machine's seconds until there is more, None for ever."""

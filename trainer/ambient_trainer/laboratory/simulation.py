@@ -115,27 +115,6 @@ class SimulatedPhone:
             os.close(file)
         self._folder.cleanup()
 
-    def pull_cable(self) -> None:
-        """Pull the cable: its shells end, and no other can be had."""
-        with contextlib.suppress(FileNotFoundError):
-            (self._here / "cable").unlink()
-        self._end_shells()
-
-    def plug_cable(self) -> None:
-        """Put it in again."""
-        (self._here / "cable").touch()
-
-    def reboot(self) -> None:
-        """Start it anew, with the cable out until ``plug_cable``: nothing runs, and its zones have new numbers."""
-        self.pull_cable()
-        with self._lock:
-            (self._here / "activity").write_text(f"{self._idle}\n")
-            self._booted_s = self._clock.now_s()
-            folder, count = self._here / "sys/class/thermal", len(self._types)
-            was = [(folder / f"thermal_zone{index}").rename(folder / f"was{index}") for index in range(count)]
-            for index, zone in enumerate(reversed(was)):
-                zone.rename(folder / f"thermal_zone{index}")
-
     def _made_files(self, activity: str) -> dict[int, Callable[[], float]]:
         """The files that are held, and what stands in each."""
         live, places = self._live, dict[Path, Callable[[], float]]()
@@ -162,7 +141,7 @@ class SimulatedPhone:
             (programs / name).write_text(text)
             (programs / name).chmod(0o755)
         (self._here / "activity").write_text(f"{activity}\n")
-        self.plug_cable()
+        (self._here / "cable").touch()
         return {os.open(place, os.O_WRONLY | os.O_CREAT, 0o644): value for place, value in places.items()}
 
     def _pass(self) -> None:

@@ -99,17 +99,14 @@ class Probe:
     """A thermocouple behind a first-order lag: exact where the air goes straight from second to second."""
 
     def __init__(self, air: Callable[[float], float], error_K: float, random: np.random.Generator) -> None:
-        self.open = False
         self._air = air
         self._error_K = error_K
         self._random = random
         self._last: tuple[float, float, float] | None = None
 
-    def read(self, at_s: float) -> float | None:
-        """What the instrument reads; None where the probe is open."""
+    def read(self, at_s: float) -> float:
+        """What the instrument reads."""
         felt_degC = self.felt(at_s)
-        if self.open:
-            return None
         noise_K = _THERMOCOUPLE.noise_degC * float(self._random.standard_normal())
         return round(felt_degC + self._error_K + noise_K, _THERMOCOUPLE.digits)
 

@@ -4,6 +4,7 @@ from ambient_trainer.data.probe_offsets import ProbeOffset
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.instruments.agilent_34970a import Driver, Simulated
 from ambient_trainer.laboratory.messages import InstrumentError
+from breaking import distort, open_probe
 
 CHANNELS = {"c101": 101, "c102": 102, "c103": 103, "c105": 105, "c203": 203}
 
@@ -35,7 +36,7 @@ def temps(multiplexer):
 
 
 def test_each_probes_offset_is_added(driver, simulated):
-    simulated.probes[103].open = True
+    open_probe(simulated.probes[103])
     offsets = {"a": offset((0.0, 5.0)), "b": offset((0.0, 0.0), (20.4, 20.0)), "c": offset((0.0, 1.0))}
     found = driver({"a": 101, "b": 102, "c": 103, "d": 105}, offsets).read().values
     assert list(found.values()) == [
@@ -47,14 +48,14 @@ def test_each_probes_offset_is_added(driver, simulated):
 
 
 def other_channel(reply):
-    return [(0.0, reply.replace(b",101,", b",103,"))]
+    return reply.replace(b",101,", b",103,")
 
 
 @pytest.mark.parametrize(
     ("spoil", "probes", "expected", "got"),
     [
         (lambda simulated: list(simulated._execute("*RST")), {"a": 101}, "(@101)", '-221,"Settings conflict"'),
-        (lambda simulated: simulated.distort(other_channel), {"a": 101, "b": 102}, "(@101,102)", "103"),
+        (lambda simulated: distort(simulated, other_channel), {"a": 101, "b": 102}, "(@101,102)", "103"),
     ],
     ids=["its scan was forgotten", "of other channels"],
 )

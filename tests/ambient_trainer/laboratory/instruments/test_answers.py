@@ -8,6 +8,7 @@ import pytest
 
 from ambient_trainer.laboratory.messages import Disconnected, InstrumentError, NoResponse
 from ambient_trainer.laboratory.pseudo_terminal import XOFF
+from breaking import distort, mute, send
 
 STATE = b"0010.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0000.0 0011.2 0101010101010100\r"
 SCAN = b"+2.61950000E+01,101,+2.61950000E+01,103\r\n"
@@ -23,11 +24,11 @@ def recovered(bench) -> None:
 
 def sends(made):
     """The next answer is what is made of it."""
-    return lambda bench: bench.simulated.distort(lambda reply: [(0.0, made(reply))])
+    return lambda bench: distort(bench.simulated, made)
 
 
 def noise(data):
-    return lambda bench: (bench.simulated.send(data), bench.clock.sleep(2.0))
+    return lambda bench: (send(bench.simulated, data), bench.clock.sleep(2.0))
 
 
 OTHERS = (STATE, b"0\r", SCAN, b'+0,"No error"\r\n', VALUE)
@@ -60,7 +61,7 @@ def test_an_instrument_that_falls_one_answer_behind_gives_no_reading(bench, role
     bench.driver.read()
     held: list[bytes] = [OWN[role]]
     for _ in range(20):
-        bench.simulated.distort(lambda reply: (held.append(reply), [(0.0, held.pop(0))])[1])
+        distort(bench.simulated, lambda reply: (held.append(reply), held.pop(0))[1])
     bench.air_degC[0] = 40.0
     for _ in range(3):
         time.sleep(0.06)  # in fast time, what comes in between is asked for less often
@@ -72,11 +73,11 @@ def test_an_instrument_that_falls_one_answer_behind_gives_no_reading(bench, role
 def test_silence(bench, role):
     bench = bench(role)
     bench.driver.read()
-    bench.simulated.muted = True
+    mute(bench.simulated)
     error = bench.failure(NoResponse)
     assert (error.hint == "switch it on") == (role == "thermometer")
     bench.failure(NoResponse)
-    bench.simulated.muted = False
+    mute(bench.simulated, False)
     recovered(bench)
 
 
@@ -84,12 +85,12 @@ def test_an_instrument_that_sends_all_the_time_does_not_hold_up_for_ever(bench):
     bench = bench("thermometer")
     ended = threading.Event()
 
-    def send() -> None:
+    def keep_sending() -> None:
         while not ended.is_set():
-            bench.simulated.send(b"\x55" * 20)
+            send(bench.simulated, b"\x55" * 20)
             time.sleep(0.005)
 
-    sender = threading.Thread(target=send)
+    sender = threading.Thread(target=keep_sending)
     sender.start()
     try:
         bench.failure()
@@ -137,7 +138,7 @@ def test_a_cable_that_is_pulled_and_put_in_again_and_a_port_that_went_is_let_go(
 def test_a_cable_that_is_pulled_in_the_middle_of_an_answer(bench, role):
     bench = bench(role)
     bench.driver.read()
-    bench.simulated.distort(lambda reply: [(0.0, reply[:3]), (1000.0, reply[3:])])
+    distort(bench.simulated, lambda reply: reply[:3])
     puller = threading.Timer(0.1, bench.simulated.unplug)
     puller.start()
     bench.failure(Disconnected)
@@ -169,7 +170,7 @@ def test_a_port_that_is_no_port(driver_at, role, tmp_path):
 def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench):
     bench = bench("multiplexer")
     bench.driver.read()
-    bench.simulated.send(XOFF)
+    send(bench.simulated, XOFF)
     bench.clock.sleep(2.0)
     assert "XOFF" in bench.failure(NoResponse).got
     recovered(bench)

@@ -8,6 +8,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.laboratory.instruments import AIR, RUNNING, SET_POINT, ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
+from breaking import mute, send
 
 
 @pytest.fixture
@@ -73,7 +74,7 @@ def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min):
 def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench, until):
     bench = bench("chamber")
     bench.driver.set_point(50.0)
-    bench.simulated.muted = True
+    mute(bench.simulated)
     with pytest.raises(NoResponse):
         bench.driver.read()
     with pytest.raises(NoResponse):
@@ -87,7 +88,7 @@ def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench, until):
 def test_noise_does_not_keep_a_set_point_from_being_sent(bench):
     bench = bench("chamber")
     bench.driver.set_point(50.0)
-    bench.simulated.send(b"\xff\x00")
+    send(bench.simulated, b"\xff\x00")
     bench.clock.sleep(2.0)
     bench.driver.set_point(20.0)
     assert bench.simulated.held_degC == 20.0

@@ -204,34 +204,27 @@ def _query(address: int, code: int, what: str) -> Query:
 _ANSWERS_AFTER_S = 0.02  # chosen
 _NUMBER = 0x32407008
 _DECIMALS = 2
-_NO_SENSOR = 17 << 27 | (_FAULTS_32 + 16365)
+_DEGC = 1  # as in NAMES
 
 
 class Simulated(SimulatedInstrument):
-    """The thermometer in ``air``, switched on."""
+    """The thermometer in ``air``, which shows degC."""
 
     def __init__(self, settings: Settings, clock: Clock, air: Air) -> None:
-        self.switched_on = self.sensor_plugged = True
-        self.unit = 1
-        self._air = air
-        self._address = settings.address
+        self._air, self._address = air, settings.address
         super().__init__("thermometer", clock, _BAUD)
 
     def _respond(self, data: bytes) -> Iterator[Response]:
-        self._received = self._received + data if self.switched_on else b""
+        self._received += data
         while size := _frame_size(self._received, replies=0):
             asked, self._received = self._received[: max(size, 1)], self._received[max(size, 1) :]
             for code in (VALUE, IDENTITY, UNIT):
                 if asked == request(self._address, code):
-                    frame = reply(self._address, min(code, FURTHER), self._body(code), not self.sensor_plugged)
-                    yield Response(_ANSWERS_AFTER_S, frame)
+                    yield Response(_ANSWERS_AFTER_S, reply(self._address, min(code, FURTHER), self._body(code)))
 
     def _body(self, code: int) -> bytes:
         if code == IDENTITY:
             return body_of_number(_NUMBER)
         if code == UNIT:
-            return bytes((~UNIT & 0xFF, 0)) + _upright(self.unit.to_bytes(2, "big"))
-        if not self.sensor_plugged:
-            return body_of_number(_NO_SENSOR)
-        scale, zero = UNITS[NAMES[self.unit]]
-        return body_of_value(scale * self._air(self._clock.now_s()) + zero, _DECIMALS)
+            return bytes((~UNIT & 0xFF, 0)) + _upright(_DEGC.to_bytes(2, "big"))
+        return body_of_value(self._air(self._clock.now_s()), _DECIMALS)

@@ -309,7 +309,7 @@ class Simulated(SimulatedInstrument):
         self._settings, self._receives_from_s = settings, -math.inf
         self._nominal: tuple[float, ...] = (room_degC, *(0.0,) * ((settings.values or VALUES) - 1))
         self._outputs: tuple[bool, ...] = (False,) * (settings.outputs or OUTPUTS)
-        self._fault, self._broken = Fault(0, ""), False
+        self._fault = Fault(0, "")
         super().__init__("chamber", clock, _BAUD)
 
     def air_degC(self, at_s: float | None = None) -> float:
@@ -320,16 +320,6 @@ class Simulated(SimulatedInstrument):
     def held_degC(self) -> float | None:
         """The set point that it holds; None while it is stopped."""
         return self._nominal[0] if self._outputs[START] else None
-
-    def raise_alarm(self, number: int, text: str) -> None:
-        """Break something: the chamber stops, and starts only when that is repaired and acknowledged."""
-        with self._lock:
-            self._fault, self._broken = Fault(number, text), True
-            self.put(self._nominal, self._outputs)
-
-    def repair(self) -> None:
-        """Repair what broke; its fault is still to be acknowledged."""
-        self._broken = False
 
     def put(self, nominal: tuple[float, ...], outputs: tuple[bool, ...]) -> None:
         """Set nominal values and outputs, as at the chamber's panel."""
@@ -345,9 +335,6 @@ class Simulated(SimulatedInstrument):
             return encode(State(tuple(values), self._outputs))
         if command == "F":
             return encode(self._fault)
-        if command == "Q":  # acknowledges the fault
-            self._fault = self._fault if self._broken else Fault(0, "")
-            return encode(Done())
         if match := _SET.fullmatch(command):
             nominal = tuple(float(number) for number in match[1].split())
             layout = (len(nominal), len(match[2])) == (len(self._nominal), len(self._outputs))
