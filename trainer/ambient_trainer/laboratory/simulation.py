@@ -17,13 +17,13 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ambient_model.faults import Fault, Refused
 from ambient_trainer.laboratory.campaign import Campaign, LoadedCampaign, PowerSupply
-from ambient_trainer.laboratory.instruments import ROLES, Air, instrument
+from ambient_trainer.laboratory.instruments import ROLES, instrument
 from ambient_trainer.laboratory.messages import Clock
 from ambient_trainer.simulator import Device, Zone, load_device
 from ambient_trainer.simulator.live import LiveDevice
@@ -54,35 +54,20 @@ echo "$next" >"$activity.$$" && mv "$activity.$$" "$activity"
 
 
 class SimulatedPhone:
-    """The phone, settled in the air of the clock's now; a ``with`` block is its life.
+    """The phone's files, which show what is ``live``; a ``with`` block is its life.
 
-    ``phone`` is the simulated device; ``zones`` maps the types that its kernel shows to the simulated zones
-    behind them; ``began_s`` is the clock's time that the noise of ``seed`` counts from, ``recording_s`` how long
-    after it a scenario's recording begins.
+    ``types`` are those that its kernel shows of the simulated zones, in their order.
     """
 
     def __init__(
-        self,
-        clock: Clock,
-        air_degC: Air,
-        phone: Device,
-        zones: Mapping[str, Zone],
-        supply: PowerSupply | None,
-        activity: str | None = None,
-        seed: int = 0,
-        recording_s: float = 0.0,
+        self, clock: Clock, live: LiveDevice, types: Sequence[str], supply: PowerSupply | None, activity: str
     ) -> None:
-        self._clock = clock
-        self._types = tuple(zones)
-        self._supply = supply
-        self._idle, began_s = phone.idle, clock.now_s()
-        self._booted_s = began_s - _UPTIME_S
+        self._clock, self._live, self._types, self._supply = clock, live, types, supply
+        self._idle, self._booted_s = live.device.idle, clock.now_s() - _UPTIME_S
         self._folder = tempfile.TemporaryDirectory(prefix="simulated-phone-")
         self._here = Path(self._folder.name)
         self._ending = threading.Event()
         self._lock = threading.Lock()
-        activity = activity or phone.idle
-        self._live = LiveDevice(phone, tuple(zones.values()), air_degC, began_s, activity, seed, recording_s)
         self._files = self._made_files(activity)
         self._show()
         self._threads = [
@@ -231,8 +216,9 @@ def simulated_laboratory(loaded: LoadedCampaign, clock: Clock, seed: int = 0) ->
         if named.thermometer is not None:
             made["thermometer"] = simulated(named.thermometer, air_degC)
         supply, activity = campaign.laboratory.device.power_supply, first.load[0] if first.load else device.idle
-        phone = SimulatedPhone(clock, air_degC, device, zones, supply, activity, seed, campaign.before_s)
-        stack.enter_context(phone)
+        seen = tuple(zones.values())
+        live = LiveDevice(device, seen, air_degC, clock.now_s(), activity, seed, campaign.before_s)
+        phone = stack.enter_context(SimulatedPhone(clock, live, tuple(zones), supply, activity))
         ports = {role: each.port for role, each in made.items() if each}
         there = loaded._replace(campaign=_with_simulated(campaign, ports, phone.root))
         yield SimulatedLaboratory(there, phone.environment, **made, air_degC=air_degC, phone=phone)

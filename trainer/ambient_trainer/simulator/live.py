@@ -181,7 +181,7 @@ class LiveDevice:
         seed: int = 0,
         recording_s: float = 0.0,
     ) -> None:
-        self._device, self._air_degC, self._start_s = device, air_degC, start_s
+        self.device, self._air_degC, self._start_s = device, air_degC, start_s
         self._seed, self._recording_s = seed, recording_s
         self._stepper = Stepper([device], zones, _STEP_S)
         self._noise = [stream(seed, f"zone {zone.name}") for zone in zones]
@@ -197,24 +197,24 @@ class LiveDevice:
 
     def advance(self, now_s: float, activity: str) -> None:
         """Bring it to the last whole second before ``now_s``; what it does not know, it does not do."""
-        index = self._device.activity_index([activity] if activity in self._device.activities else [])
+        index = self.device.activity_index([activity] if activity in self.device.activities else [])
         while self.next_s <= now_s:
             self._step(index)
 
     @property
     def battery_degC(self) -> float:
         """The battery's temperature."""
-        assert self._device.battery
-        return float(self._stepper.nodes_degC[0, self._device.index(self._device.battery.node)])
+        assert self.device.battery
+        return float(self._stepper.nodes_degC[0, self.device.index(self.device.battery.node)])
 
     @property
     def battery_V(self) -> float:
         """The battery's voltage, with the drop in its own resistance."""
-        assert self._device.battery
-        return self._device.battery.volt_V + self.current_A * self._device.battery.ohm
+        assert self.device.battery
+        return self.device.battery.volt_V + self.current_A * self.device.battery.ohm
 
     def _step(self, activity: int) -> None:
-        swing, burst = tuple(self._device.activities.values())[activity].bursts, np.ones(1)
+        swing, burst = tuple(self.device.activities.values())[activity].bursts, np.ones(1)
         if swing:
             burst = bursts(np.array([self._seconds - self._recording_s]), swing, stream(self._seed, "bursts"))
         demand = self._stepper.balance.demand(np.array([activity]), burst)
