@@ -13,7 +13,7 @@ from ambient_trainer.diagnosis.findings import _confidence, _numbers, _rival
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
 from ambient_trainer.diagnosis.greybox.mechanisms.mass import HiddenMass
-from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Lag
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Clock, Lag
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.trials import Trial
 from ambient_trainer.diagnosis.later import Later
@@ -65,6 +65,19 @@ def test_a_sensor_that_lags_where_something_logged_heats_may_be_the_heaters_own_
     step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
     sure = _confidence(step, chosen, SimpleNamespace(model=model, records=[]))
     assert sure < 0.61 if heated == "board" else sure > 0.9
+
+
+@pytest.mark.parametrize("by_day", [True, False])
+def test_a_clock_that_is_off_may_be_heat_by_day_where_the_ambient_is_warm_by_day(by_day):
+    """A bare thermometer in a pond, measured: the sun warms it before the water, as if its clock were ahead."""
+    draw = np.random.default_rng()
+    row = np.sin(np.arange(600) * 2 * np.pi / 144) if by_day else np.cumsum(draw.standard_normal(600))
+    record = SimpleNamespace(signals={"ambient_degC": row}, period_s=600.0, samples=600, time_s=600.0 * np.arange(600))
+    clock = Clock((), (Number("clock", "s", 2000.0),))
+    chosen = Trial(clock, SimpleNamespace(records=[record]), 0.2, False)
+    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
+    sure = _confidence(step, chosen, SimpleNamespace(model=SimpleNamespace(mechanisms=[clock]), records=[record]))
+    assert sure < 0.61 if by_day else sure > 0.9
 
 
 @pytest.mark.parametrize(("onset_s", "sure"), [(55.0, True), (10.0, False)])

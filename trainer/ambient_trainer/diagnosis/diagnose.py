@@ -3,6 +3,7 @@
 Without known-good records the question is what the circuit lacks, with them what has changed since.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -17,12 +18,13 @@ from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.diagnosis.findings import left_degC, ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.choice import Limits
+from ambient_trainer.diagnosis.greybox.backward import eliminated, score
+from ambient_trainer.diagnosis.greybox.choice import ANSWERS, Limits
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
 from ambient_trainer.diagnosis.greybox.screening import changed_candidates
-from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, anchors, bare_fit, stepwise
+from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, anchors, bare_fit, continued, stepwise
 from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
 from ambient_trainer.diagnosis.next_experiment import next_experiment
@@ -47,6 +49,8 @@ _SLOW = 1.0 / 3.0
 """Of the record: a mass that is slower is a boundary of unknown temperature."""
 _NO_ROOM_DEGC = 20.0
 """No room is so much warmer than its log says."""
+_MUCH_BETTER = 0.3
+"""Of the held-out error's logarithm, with what a model assumes: what was found together by more is taken."""
 _SHORTEST = 5
 """Samples; a shorter stretch between gaps says where it began, and little else."""
 
@@ -136,9 +140,25 @@ def diagnose_changed(
 def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progress: Progress | None) -> Diagnosis:
     plain = forward(circuit)
     own = _long_enough([each for trace in traces for each in finely_simulated(plain, trace, period_s)])
-    model, floor = greybox_of(plain), _floor_degC(own)
-    selection = stepwise(bare_fit(model, own), anchors(model, own), Limits(floor, _LEAST_DEGC), progress)
-    return _diagnosis(circuit, traces, selection, floor, ())
+    model, limits = greybox_of(plain), Limits(_floor_degC(own), _LEAST_DEGC)
+    bare, beside = bare_fit(model, own), anchors(model, own)
+    selection = stepwise(bare, beside, limits, progress)
+    found = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
+    together = eliminated(bare)
+    if together is None or score(together) > _most(selection, found, together) - _MUCH_BETTER:
+        return found
+    selection = continued(selection, together, beside, limits, progress)
+    again = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
+    return found if again.verdict_cause.name == UNKNOWN else again
+
+
+def _most(selection: Selection, found: Diagnosis, together: Fitted) -> float:
+    """The score that causes which were found together have to beat: that of the circuit by itself where steps have led
+    to none; else the steps', by more where another temperature, which may answer to the same cause, is among them."""
+    if found.verdict_cause.name == UNKNOWN:
+        return score(selection.bare)
+    answers = any(each.responds for each in together.model.mechanisms)
+    return score(selection.final) - math.log(ANSWERS) * answers
 
 
 def _long_enough(records: list[Record]) -> list[Record]:

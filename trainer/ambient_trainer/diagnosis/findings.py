@@ -6,12 +6,22 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import norm, wilcoxon
 
+from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array
-from ambient_trainer.diagnosis.greybox.choice import ANSWERS, COINCIDE, INSTRUMENT, WANDERS, correlation, left_by_window
+from ambient_trainer.diagnosis.greybox.choice import (
+    ANSWERS,
+    COINCIDE,
+    INSTRUMENT,
+    WANDERS,
+    correlation,
+    left_by_window,
+    twins,
+)
 from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
+from ambient_trainer.diagnosis.greybox.scene import Scene
 from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside, carries
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
@@ -29,8 +39,6 @@ _EITHER = 0.6
 """Of the confidence in a fault that heat could be as well: readings jump where water begins to flow, too, in a measured
 heater, and in a measured box one sensor's drift and heat that creeps read the same; another box, which had come to
 rest at 30 degC, seemed to melt there. Six measured sensors seemed to lag where a logged heater's body may."""
-_TWINS = 0.9
-"""Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 
 
 def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
@@ -172,7 +180,8 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), needed)
-    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_physics(chosen)
+    # what was found together with others was compared with no other cause
+    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_physics(chosen) or not step.trials
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
@@ -193,8 +202,11 @@ def _needed(final: Fitted, index: int) -> float:
 
 def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
-    no other sensor's, and a body of the heater's own, where something logged heats the node."""
+    no other sensor's, and a body of the heater's own, where something logged heats the node. As a clock that is off
+    where the ambient repeats itself: heat by day that nothing logged shows."""
     cause, fitted = trial.mechanism.cause, trial.fitted
+    if cause == "clock_offset":
+        return (Cause("heat_source", None, None),) if math.isfinite(Scene(fitted).repeats_s(REFERENCE)) else ()
     if cause not in ("sensor_drift", "sensor_lag"):
         return ()
     network = fitted.model.network(fitted.records[0], fitted.model.z()[None])
@@ -226,8 +238,7 @@ def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) 
 def _twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
     """Whether both have the same cause at the same places, by logged drivers that go together all the time."""
     alike = (one.cause, one.places) == (other.cause, other.places) and one.lasts and other.lasts
-    driven = one.driver is not None and other.driver is not None
-    return alike and driven and correlation(one, other, records) > _TWINS
+    return alike and one.driver is not None and other.driver is not None and twins(one, other, records)
 
 
 def _handicap(other: Trial, chosen: Trial) -> float:

@@ -64,6 +64,9 @@ def next_experiment(selection: Selection, steps: Sequence[Step]) -> str:
     if rival is not None and rival.mechanism.instrument > chosen.mechanism.instrument and rival.mechanism.places:
         return _second_thermometer(rival.mechanism.places[0], str(steps[0].cause), name)
     heat = [str(each) for each in steps[0].indistinguishable_from if each.name == "heat_source"]
+    if chosen.mechanism.instrument and heat and not chosen.mechanism.places:
+        moved = "Put the device and its reference into another room at once: their readings turn at one logged time"
+        return f"{moved} if {heat[0]}, and not if {steps[0].cause}."
     if chosen.mechanism.instrument and heat:
         return _second_thermometer(chosen.mechanism.places[0], heat[0], str(steps[0].cause))
     found = _largest(taken, other)

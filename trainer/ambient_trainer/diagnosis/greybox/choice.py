@@ -16,6 +16,8 @@ LEAST_GAIN = 0.05
 INSTRUMENT, _HALF = 1.3, 0.5
 _SURE = 1.645
 _LASTING, ANSWERS, COINCIDE = 1.3, 1.5, 0.6
+_TWINS = 0.9
+"""Correlation of drivers that say the same: two pyranometers of one sun, a wind and its gusts."""
 _SHAKEN = 1.5
 """Times the error of folds, which a window that is no finding makes worse: chosen on a measured heater block."""
 WANDERS, _STRETCHES = 0.38, 60
@@ -126,6 +128,11 @@ def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> 
     """Of what drives two mechanisms; 0 where either is there all the time."""
     rows = np.array([np.concatenate([each.weight(record) for record in records]) for each in (one, other)])
     return float(np.corrcoef(rows)[0, 1]) if np.ptp(rows, axis=1).all() else 0.0
+
+
+def twins(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:
+    """Whether logged columns that drive two mechanisms go together all the time."""
+    return one.key[2] == other.key[2] or correlation(one, other, records) > _TWINS
 
 
 def _jumps(trial: Trial) -> bool:

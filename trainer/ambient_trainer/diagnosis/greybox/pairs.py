@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, gains
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, gains, twins
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
@@ -90,7 +90,7 @@ def each_its_own(step: Step, limits: Limits) -> list[Step]:
         first = Trial.of(step.before, fitted)
         kin = partial(_heaters, place, mechanism)
         rivals = compared(fitted, screen(Scene(fitted), kin), lambda done, total: None)
-        for second in (each for each in rivals if each.mechanism.key[2] != mechanism.key[2]):
+        for second in (each for each in rivals if not twins(each.mechanism, mechanism, step.before.records)):
             score = penalised(second) + PENALTY * complexity(rest) - penalised(chosen)
             own = len(mechanism.places) == 2 and second.fitted.rmse_degC < chosen.fitted.rmse_degC
             better = score < (_OWN if own else -LEAST_GAIN) and _sound(first, second, limits)

@@ -26,6 +26,7 @@ _AGAIN = 0.5
 """Of an autocorrelation: how far a peak of it stands out where a column repeats itself."""
 _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
+_POWERS = ("_W", "_kW")
 _WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
 _RATES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
@@ -114,8 +115,8 @@ class Scene:
 
     @cached_property
     def columns(self) -> list[str]:
-        """Logged columns that all records have and that vary."""
-        return [name for name, row in self._logged.items() if _varies(row)]
+        """Logged columns that all records have and that vary; a power heats though it hardly does."""
+        return [name for name, row in self._logged.items() if _varies(row) or (name.endswith(_POWERS) and row.all())]
 
     @cached_property
     def drivers(self) -> list[Expression]:
@@ -142,7 +143,7 @@ class Scene:
         delays_s = np.geomspace(shortest_s, longest_s, 8) if shortest_s < longest_s else np.zeros(0)
         found = []
         for each in plain:
-            sooner_s = delays_s[delays_s < self._repeats_s(each)]
+            sooner_s = delays_s[delays_s < self.repeats_s(each)]
             found += [f"{late}({each}, {delay_s:.4g})" for late in LATE for delay_s in sooner_s]
         for each in plain:
             row = self._logged[each]
@@ -150,7 +151,7 @@ class Scene:
                 found += [f"{each} > {level:.3g}" for level in np.quantile(row, (0.2, 0.4, 0.6, 0.8))]
         return self._usable(found)
 
-    def _repeats_s(self, name: str) -> float:
+    def repeats_s(self, name: str) -> float:
         """Half the time after which a column does again what it did, as its autocorrelation has it: a controller's
         swings delayed by more are those of another one."""
         row = max((record.signals[name] for record in self.records), key=len)

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from ambient_model.faults import refuse
+from ambient_trainer.diagnosis.greybox.backward import steps_to
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, UNLIMITED, Limits, Step, choose
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.pairs import ABOVE_FLOOR, Progress, beside_second, each_its_own, pair
@@ -55,14 +56,27 @@ def stepwise(
 
     The first candidates are screened at the points ``beside``, too.
     """
+    return _forward(Selection(bare, bare, (), Step(bare, None, (), 0)), beside, limits, progress, offered)
+
+
+def continued(
+    found: Selection, together: Fitted, beside: Sequence[Fitted], limits: Limits, progress: Progress | None = None
+) -> Selection:
+    """The model whose mechanisms were found together, with what that lacks; compared is what ``found`` compared."""
+    steps = steps_to(found.bare, together, found.compared.tried)
+    return _forward(replace(found, final=together, steps=tuple(steps)), beside, limits, progress, every_candidate)
+
+
+def _forward(
+    begun: Selection, beside: Sequence[Fitted], limits: Limits, progress: Progress | None, offered: Offered
+) -> Selection:
     said = progress or (lambda stage, done, total: None)
-    fitted, given = bare, len(bare.model.mechanisms)
-    steps: list[Step] = []
-    alone: Step | None = None
+    bare, fitted, given = begun.bare, begun.final, len(begun.bare.model.mechanisms)
+    steps, compared = list(begun.steps), begun.compared if begun.steps else None
     while len(steps) < MOST_STEPS:
         points = [fitted] if steps else [fitted, *beside]
         step = _next(fitted, points, limits, offered, partial(_numbered, said, len(steps) + 1))
-        alone = alone or step
+        compared = compared or step
         together: list[Step] = []
         if beside and (not steps or _stuck(step, limits)):
             together = pair(step, limits, offered, partial(_numbered, said, len(steps) + 1))
@@ -80,8 +94,7 @@ def stepwise(
         steps.pop()
     else:
         fitted = _retuned(fitted, given)
-    assert alone is not None
-    return Selection(bare, fitted, tuple(_logged_first(steps)), alone)
+    return Selection(bare, fitted, tuple(_logged_first(steps)), compared or begun.compared)
 
 
 def _stuck(step: Step, limits: Limits) -> bool:
@@ -173,9 +186,12 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
 
 
 def carries(model: GreyBox, index: int) -> bool:
-    """Whether a mechanism made a node on which another one acts."""
-    hidden = {place for each in model.mechanisms for place in each.places} - {n.name for n in model.circuit.states}
-    return any(each.startswith(place) for place in model.mechanisms[index].places for each in hidden)
+    """Whether a mechanism made a body on which another one acts."""
+    acted_on = {place for each in model.mechanisms for place in each.places}
+    acted_on -= {node.name for node in model.circuit.states}
+    mechanism = model.mechanisms[index]
+    bodies = tuple(f"{place}_mass" for place in mechanism.places)
+    return mechanism.adds_nodes and any(each.startswith(bodies) for each in acted_on)
 
 
 def beside(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:

@@ -66,11 +66,11 @@ class Trial:
         new = after.at_bounds - before.at_bounds
         numbers, own = after.model.numbers, len(after.model.numbers) - len(mechanism.numbers)
         bounded = any(index >= own or not numbers[index].log for index in new)
-        bounded = bounded or _begins_apart(after)
+        bounded = bounded or begins_apart(after)
         return Trial(mechanism, after, error if np.isfinite(error) else float("inf"), bounded)
 
 
-def _begins_apart(fitted: Fitted) -> bool:
+def begins_apart(fitted: Fitted) -> bool:
     """Whether a body that was added begins far outside of all temperatures that are known then."""
     own = len(fitted.model.circuit.states)
     if not any(each.adds_nodes for each in fitted.model.mechanisms):

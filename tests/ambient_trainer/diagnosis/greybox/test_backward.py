@@ -1,0 +1,56 @@
+"""Everything at once, and what is needless goes: what shows itself only beside others is found, and nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox.backward import eliminated
+from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
+from ambient_trainer.diagnosis.greybox.model import GreyBox
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, carries
+
+from .conftest import heat
+
+
+def together(now, degC):
+    return 0.004 * now["sun_W_m2"] + 0.8 * now["current_A"] ** 2 - 1.5
+
+
+def test_what_was_hidden_together_is_left_of_everything(circuit, simulated, recorded):
+    """Sun, a current and constant cooling beside a body: humidity, wind and the current itself heat nothing."""
+    seed = int(np.random.default_rng().integers(1 << 30))
+    bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed, heat_W=together, mass=(0.4, 500.0))))
+    found = eliminated(bare)
+    assert found is not None, seed
+    heats = {each.key[2] for each in found.model.mechanisms if each.cause == "heat_source"}
+    assert heats == {"", "sun_W_m2", "current_A^2"}, (seed, heats)
+    assert found.rmse_degC < 0.06, seed
+
+
+def test_nothing_is_left_where_nothing_is_hidden(circuit, simulated, recorded):
+    seed = int(np.random.default_rng().integers(1 << 30))
+    bare = bare_fit(GreyBox.of(circuit), recorded(simulated(seed)))
+    assert eliminated(bare) is None, seed
+
+
+def test_a_power_that_hardly_moves_heats_all_the_same(circuit, simulated):
+    """Constant heat fits as well, and is wrong as soon as the power changes."""
+    draw = np.random.default_rng()
+    power_W = draw.uniform(1.0, 5.0)
+    trace = simulated(int(draw.integers(1 << 30)), heat_W=power_W)
+    logged = power_W * (1 + draw.normal(0, 0.002, len(trace.time_s)))
+    found = diagnose(circuit, [replace(trace, columns={**trace.columns, "chip_power_W": logged})])
+    assert found.verdict_cause.signal == "chip_power_W", trace.path
+
+
+def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
+    trace = simulated(4)
+    panel = {**trace.columns, "panel_degC": trace.columns["ambient_degC"] + 5}
+    scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=panel))))
+    beside = scene.fitted.model.with_mechanism(heat("sun_W_m2", 0.1)).with_mechanism(next(path.candidates(scene)))
+    assert not carries(beside, 0)
+    behind = scene.fitted.model.with_mechanism(next(mass.candidates(scene)))
+    second = replace(heat("sun_W_m2", 0.1), places=("board_mass",))
+    assert carries(behind.with_mechanism(second), 0)

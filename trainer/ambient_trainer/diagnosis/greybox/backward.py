@@ -1,0 +1,124 @@
+"""All that a log offers at once, and what is needless goes: some causes show themselves only beside several others.
+
+Heat by every column that may heat, constant heat, paths and bodies at all places are fitted together; then whatever the
+held-out error does not miss is left out, one amount after the other.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
+from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
+from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
+from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, begins_apart, complexity, identified
+
+_HEATING = ("_W", "_kW", "_W_m2", "_kW_m2", "_frac", "_on", "_lux", "_A^2")
+_MOST_NUMBERS, _SAMPLES_PER_NUMBER = 30, 20
+_STARTED, _TRIED, _LAGS = 0.3, 4, (1, 3)
+_MANY, _FEW = 60, 20
+
+
+def score(fitted: Fitted) -> float:
+    """The logarithm of the held-out error, and what a model takes for granted."""
+    return float(np.log(fitted.held_out_rmse_degC)) + PENALTY * sum(map(complexity, fitted.model.mechanisms))
+
+
+def eliminated(bare: Fitted) -> Fitted | None:
+    """What is left of everything, with or without bodies; None where that is too much for the record, or nothing."""
+    scene, given, found = Scene(bare), len(bare.model.mechanisms), []
+    samples = sum(record.samples for record in bare.records)
+    for bodies in ([], *([each] for each in _bodies(scene))):
+        everything = [*bodies, *_heats(scene), *_paths(scene)]
+        model = bare.model
+        for each in everything:
+            model = model.with_mechanism(each.started([_STARTED] * len(each.probes())) or each)
+        if not everything or len(model.numbers) > min(_MOST_NUMBERS, samples / _SAMPLES_PER_NUMBER):
+            continue
+        fitted = _fit(model, bare, _MANY)
+        if fitted is not None:
+            found.append(_sound(_needed(fitted.refitted(), given), given))
+    return min((each for each in found if len(each.model.mechanisms) > given), key=score, default=None)
+
+
+def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
+    """The steps to a model whose mechanisms were found together, each beside all others; what is missed most first."""
+    steps = []
+    for index in range(len(bare.model.mechanisms), len(fitted.model.mechanisms)):
+        without = fitted.model.without(index)
+        before = _fit(without, fitted, _FEW) or bare
+        after = _fit(without.with_mechanism(fitted.model.mechanisms[index]), fitted, _FEW) or fitted
+        before, after = before.refitted(), after.refitted()
+        steps.append(Step(before, Trial.of(before, after), (), tried))
+    return sorted(steps, key=lambda each: -each.before.held_out_rmse_degC)
+
+
+def _fit(model: GreyBox, near: Fitted, most: int) -> Fitted | None:
+    starts = [run.start[: len(near.model.circuit.states)] for run in near.runs]
+    return fit(model, near.records, starts, most=most, tolerance=1e-3, prior=near.prior)
+
+
+def _needed(fitted: Fitted, given: int) -> Fitted:
+    """The model without amounts, and then paths and bodies, that it does as well without."""
+    for model in _less(fitted, given):
+        without = _fit(model, fitted, _FEW)
+        if without is None:
+            continue
+        without = without.refitted()
+        if score(without) <= score(fitted) + LEAST_GAIN:
+            return _needed(without, given)
+    return fitted
+
+
+def _sound(fitted: Fitted, given: int) -> Fitted:
+    """The model without what is not surely there, and bodies that begin far from all temperatures that are known."""
+    apart = begins_apart(fitted)
+    for index, each in list(enumerate(fitted.model.mechanisms))[given:]:
+        if not identified(fitted, index) or (apart and each.adds_nodes):
+            without = _fit(fitted.model.without(index), fitted, _FEW)
+            return fitted if without is None else _sound(_needed(without.refitted(), given), given)
+    return fitted
+
+
+def _less(fitted: Fitted, given: int) -> Iterator[GreyBox]:
+    """Models with an amount of heat less, the least sure ones, or with a path or a body less."""
+    model, others = fitted.model, []
+    sure: list[tuple[float, int, GreyBox]] = []
+    deviation = np.sqrt(np.maximum(np.diag(fitted.covariance), 1e-300))
+    for index, mechanism in list(enumerate(model.mechanisms))[given:]:
+        span = model.span(index)
+        if mechanism.cause != "heat_source":
+            others.append(model.without(index))
+            continue
+        for place, (number, sd) in enumerate(zip(mechanism.numbers, deviation[span])):
+            kept = [each for each in range(len(mechanism.places)) if each != place]
+            less = model.replaced(index, mechanism.at_places(kept)) if kept else model.without(index)
+            sure.append((0.0 if number.at_bound else abs(number.z) / sd, len(sure), less))
+    yield from (each for _, _, each in sorted(sure)[:_TRIED])
+    yield from others
+
+
+def _heats(scene: Scene) -> Iterator[Mechanism]:
+    """Constant heat at all places, and heat by each column that may heat."""
+    for each in heat.candidates(scene):
+        text = "" if each.driver is None else each.driver.text
+        plain = each.driver is None or each.driver.columns == (text.removesuffix("^2"),)
+        heats = not text or text.endswith(_HEATING)
+        if each.places == tuple(scene.nodes) and type(each) is heat.Heat and plain and heats:
+            yield each
+
+
+def _paths(scene: Scene) -> Sequence[Mechanism]:
+    return list({each.key: each for each in path.candidates(scene)}.values())
+
+
+def _bodies(scene: Scene) -> Sequence[Mechanism]:
+    """A body behind every node, quick or slow."""
+    bodies = [
+        each
+        for each in mass.candidates(scene)
+        if each.places == tuple(scene.nodes) and len(each.numbers) == 2 * len(each.places)
+    ]
+    return [bodies[each] for each in _LAGS]
