@@ -40,7 +40,7 @@ def test_a_power_that_hardly_moves_heats_all_the_same(circuit, simulated):
     draw = np.random.default_rng()
     power_W = draw.uniform(1.0, 5.0)
     trace = simulated(int(draw.integers(1 << 30)), heat_W=power_W)
-    logged = power_W * (1 + draw.normal(0, 0.002, len(trace.time_s)))
+    logged = power_W * (1 + draw.normal(0, 0.0005, len(trace.time_s)))
     found = diagnose(circuit, [replace(trace, columns={**trace.columns, "chip_power_W": logged})])
     assert found.verdict_cause.signal == "chip_power_W", trace.path
 

@@ -28,10 +28,10 @@ def warmed(seed: int, into: tuple[str, str]) -> Trace:
     for _ in range(SAMPLES):
         share = np.clip(0.01 * (held_degC - degC + draw.normal(0, 2.0, 2)) + [0.4, 0.45], 0.0, 1.0)
         rows.append([*degC, *share])
-        power_W = [{"one": share[0], "other": share[1]}[each] for each in into] * np.array([60.0, 90.0])
+        power_W = [{"one": share[0], "other": share[1]}[each] for each in into] * np.array([50.0, 90.0])
         for _ in range(SUBSTEPS):
             loss_W = np.array([0.06, 0.2]) * np.maximum(degC - 25.0, 0.0) ** 1.25
-            degC = degC + PERIOD_S / SUBSTEPS * (power_W - loss_W) / np.array([60.0, 150.0])
+            degC = degC + PERIOD_S / SUBSTEPS * (power_W - loss_W) / np.array([25.0, 300.0])
     read, shares = np.split(np.array(rows).T, 2)
     read = read + draw.normal(0, 0.2, read.shape)
     columns = dict(zip(("fast_degC", "slow_degC", "one_frac", "other_frac"), (*read, *shares)))
