@@ -236,7 +236,7 @@ def _usual_update(
     code: "CodeType", main: Tracker, observer: "Observer | None"
 ) -> Callable[[float, Readings], Estimate | None]:
     """The function of :mod:`ambient_model.straight` at work on these."""
-    space: dict[str, Any] = {"main": main, "observer": observer}
+    space: dict[str, Any] = {"main": main, "observer": observer, "secondary": None, "validation": None}
     if observer is not None:
         space.update(secondary=observer.secondary, validation=observer.validation)
     exec(code, space)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from ambient_model.faults import Refused, refuse
 from ambient_model.model import Model
+from ambient_model.tracking import TRACKING
 from ambientd.fallback import FallbackTracker
 from ambientd.notices import Notice, log
 from ambientd.notify import Notifier
@@ -127,7 +128,8 @@ class _Poll:
     """Ticks of one configuration; :meth:`run` continues where another thread has hung."""
 
     def __init__(self, work: _Work, service: Service, notifier: Notifier, waiter: Waiter) -> None:
-        self._work = work
+        # a record's fields take longer to get
+        self._model, self._tracker, self._sensors, self._state = work.model, work.tracker, work.sensors, work.state
         self._tick = service.tick
         self._notifier = notifier
         period_s = 1 / work.settings.rate_hz
@@ -141,7 +143,7 @@ class _Poll:
 
     def run(self) -> None:
         """Tick until a signal comes."""
-        self._work.sensors.reader.begin()
+        self._sensors.reader.begin()
         if self._unfinished_s is not None:
             self._round(self._unfinished_s)
         for now_s in self._each:
@@ -149,23 +151,27 @@ class _Poll:
             self._round(now_s)
 
     def _round(self, now_s: float) -> None:
-        work, notifier, ticks = self._work, self._notifier, self._ticks
-        estimate = self._tick((now_s, work.sensors.read(now_s)), ticks.missed, ticks.steps_back)
-        pace = self._pace
+        ticks, pace = self._ticks, self._pace
+        estimate = self._tick((now_s, self._sensors.read(now_s)), ticks.missed, ticks.steps_back)
         if ticks.missed != pace.missed or ticks.back_s or pace.is_reported:
             pace.ticked(now_s)
-        refused = work.tracker.refused
-        if refused is not self._refused:
-            if refused.keys() != self._refused.keys():
-                _note_refused(self._refused, refused)
-            self._refused = refused
-        if estimate.status != self._status:
-            report = notifier.status if self._status else notifier.ready
-            self._status = estimate.status
-            report(f"model '{work.model.name}': {self._status}")
-        notifier.ticked(now_s)
-        if work.state is not None:
-            work.state.ticked(work.tracker, now_s)
+        status = estimate.status
+        if status != TRACKING or self._status != TRACKING:
+            self._report(status)
+        self._notifier.ticked(now_s)
+        if self._state is not None:
+            self._state.ticked(self._tracker, now_s)
+
+    def _report(self, status: str) -> None:
+        """Report a change of ``status``, and of what is refused: while it is ``tracking`` nothing is."""
+        refused = self._tracker.refused
+        if refused.keys() != self._refused.keys():
+            _note_refused(self._refused, refused)
+        self._refused = refused
+        if status != self._status:
+            report = self._notifier.status if self._status else self._notifier.ready
+            self._status = status
+            report(f"model '{self._model.name}': {status}")
 
 
 class _Pace:

@@ -43,13 +43,13 @@ class Service:
         """One round; the estimate that was published."""
         time_s, raw = sample
         estimate = self._tracker.update(time_s, raw)
-        learner = self._learner
+        learner, offset = self._learner, None
         if learner is not None:
             estimate = learner.update(time_s, estimate)
+            offset = learner.report()
         if estimate.status in ALL_INPUTS:
             self._fresh_s = time_s
         age_s = None if self._fresh_s is None else time_s - self._fresh_s
-        offset = None if learner is None else learner.report()
         name, inputs, level_percent = self._about
         report = (name, inputs, level_percent, time_s, raw, estimate, age_s, missed_ticks, clock_steps_back, offset)
         self._publish(_NEW(Report, report))

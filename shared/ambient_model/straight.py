@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from types import CodeType
 
 from ambient_model.error_variance import gains
-from ambient_model.model import SCORES, Discrete, ErrorVariance, Model, ReadingModel
+from ambient_model.model import SCORES, Discrete, ErrorVariance, Input, Model, ReadingModel
 from ambient_model.tracking import DEGRADED, TRACKING, WARMING_UP
 from ambient_model.validation import DOUBT_S, SENTINELS_DEGC, SLOW_S, Validation
 
@@ -24,14 +24,15 @@ from ambient_model.blend import blended
 from ambient_model.error_variance import VarianceState
 from ambient_model.tracking import Estimate
 new = tuple.__new__  # a named tuple's own costs a call more
+def update(time_s, readings, main=main, observer=observer, secondary=secondary, validation=validation):  # as locals
 """
 
 
 def compiled(model: Model, discrete: Discrete, level: int) -> CodeType:
     """The code of the main estimator's usual sample at the period of ``discrete``; ``level`` is the interval's percent.
 
-    Run with the names ``main`` and ``secondary`` (trackers), ``observer`` and ``validation``, as far as the model has
-    them, it defines ``update(time_s, readings)``: the estimate, or None.
+    Run with the names ``main`` and ``secondary`` (trackers), ``observer`` and ``validation``, None where the model has
+    none, it defines ``update(time_s, readings)``: the estimate, or None.
     """
     return compile(source(model, discrete, level), "<usual sample>", "exec")
 
@@ -41,9 +42,6 @@ def source(model: Model, discrete: Discrete, level: int) -> str:
     inputs = model.main.inputs
     u, p = _names("u", len(inputs)), _names("p", len(inputs))
     period_s = discrete.period_s
-    ranges = " or ".join(
-        f"{name} is None or not {each.min!r} <= {name} <= {each.max!r}" for name, each in zip(u, inputs)
-    )
     lines = [
         "step = main._step + 1",
         f"if not (main._begun and main._away is None"
@@ -55,11 +53,12 @@ def source(model: Model, discrete: Discrete, level: int) -> str:
         lines += ["if observer._variance is None or observer._step != step - 1:", "    return None"]
     if model.readings is not None:
         lines += ["if observer._last is None:", "    return None"]
-        lines += _validation(model, model.readings, period_s, u, ranges)
+        lines += _validation(model, model.readings, period_s, u)
     else:
-        lines += [f"if {ranges}:", "    return None"]
+        ranges = " or ".join(_outside(name, each) for name, each in zip(u, inputs))
+        lines += [f"if {ranges}:", "    return None", f"used = {_list(u)}"]
     lines += [f"{_list(p)} = main.last", *_tracker("main", model.main.offset, discrete, "x", u, p)]
-    lines += ["main._step = step", f"main.last = {_list(u)}"]
+    lines += ["main._step = step", "main.last = used"]
     lines += [f"status = {TRACKING!r} if step >= main.settling_steps else {WARMING_UP!r}", "ambient = y_main"]
     if model.secondary is not None:
         lines += _secondary(model, period_s, u, p)
@@ -71,7 +70,12 @@ def source(model: Model, discrete: Discrete, level: int) -> str:
     if model.readings is not None:
         lines += _bounds(model.readings, level)
     lines.append(f"return new(Estimate, (ambient, low, high, status, ({', '.join(u)},)))")
-    return _HEAD + "\n    ".join(["def update(time_s, readings):", *lines, ""])
+    return _HEAD + "".join([f"    {line}\n" for line in lines])
+
+
+def _outside(name: str, given: Input) -> str:
+    """The condition of a reading that is missing or out of range."""
+    return f"{name} is None or not {given.min!r} <= {name} <= {given.max!r}"
 
 
 def _names(letter: str, count: int) -> list[str]:
@@ -83,9 +87,9 @@ def _list(names: Sequence[str]) -> str:
 
 
 def _sum(*products: tuple[Sequence[float], Sequence[str]]) -> str:
-    """Factors times names, added one by one from 0 as the loops do; what adds 0 changes no bit."""
+    """Factors times names, added one by one as the loops do; what adds 0 changes no bit."""
     terms = [f"{factor!r} * {name}" for factors, names in products for factor, name in zip(factors, names) if factor]
-    return " + ".join(["0.0", *terms])
+    return " + ".join(terms or ["0.0"])
 
 
 def _tracker(of: str, offset: float, discrete: Discrete, letter: str, u: list[str], p: list[str]) -> list[str]:
@@ -105,7 +109,7 @@ def _secondary(model: Model, period_s: float, u: list[str], p: list[str]) -> lis
     return [
         *_tracker("secondary", estimator.offset, discrete, "v", u, p),
         "secondary._step = step",
-        "secondary.last = main.last",
+        "secondary.last = used",
         "difference = y_main - y_secondary",
         f"if not {-threshold_degC!r} <= difference <= {threshold_degC!r}:",
         f"    ambient, difference, weight = blended(y_main, y_secondary, {threshold_degC!r})",
@@ -138,16 +142,15 @@ def _sigma(model: ErrorVariance, period_s: float, level: int, has_secondary: boo
     ]
 
 
-def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str], ranges: str) -> list[str]:
+def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]) -> list[str]:
     """:meth:`ambient_model.validation.Validation.update` while nothing is set aside.
 
-    ``ranges`` is the condition of readings that are out of range: what was used before and reads the same is not.
+    What was used before and reads the same is in its range, and no jump.
     """
     count = len(u)
     lows, before, slow = _names("l", len(model.mean) - count), _names("b", count), _names("s", count)
     z, d, last = [*u, *lows], _names("d", count), _names("t", count)
-    limits = [name for i in range(count) for name in (f"gate{i}", f"slow_gate{i}", f"release{i}")]
-    jumps = " or ".join(f"abs({u[i]} - {before[i]}) > {each.jump!r}" for i, each in enumerate(model.sensors))
+    slow_gates, releases = _names("slow_gate", count), _names("release", count)
     slow_a = -math.expm1(-period_s / SLOW_S)
     a = [-math.expm1(-period_s / lag_s) for lag_s in model.lags_s for _ in range(count)]
     lines = [
@@ -157,11 +160,17 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         "moved = readings != validation._used",
         "if moved:",
         f"    {_list(before)} = validation._used",
-        f"    if {ranges} or {jumps}:",
-        "        return None",
-        f"{_list(lows)} = validation._lows",
+    ]
+    for i, (given, each) in enumerate(zip(whole.main.inputs, model.sensors)):
+        lines += [
+            f"    if {u[i]} != {before[i]}:",
+            f"        if {_outside(u[i], given)} or abs({u[i]} - {before[i]}) > {each.jump!r}:",
+            "            return None",
+        ]
+    lines += [
+        f"{_list(lows)} = lows = validation._lows",
         f"{_list(slow)} = validation._slow",
-        f"{_list(limits)} = validation._limits",
+        f"gates, {_list(slow_gates)}, {_list(releases)} = validation._limits",
         *([f"{_list(last)} = validation._last"] if any(each.turn for each in model.sensors) else []),
         "doubt_degC2 = 0.0",
     ]
@@ -169,17 +178,16 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         turn = model.sensors[i].turn
         lines += [
             f"{d[i]} = {u[i]} - {constant!r} - ({_sum((weights, z))})",
-            f"if {d[i]} > release{i} or {d[i]} < -release{i}:",
+            f"if {d[i]} > {releases[i]} or {d[i]} < -{releases[i]}:",
             f"    if {u[i]} in {SENTINELS_DEGC!r}:",
             "        return None",
-            f"    if not -gate{i} <= {d[i]} <= gate{i}:",
+            f"    if not -gates[{i}] <= {d[i]} <= gates[{i}]:",
             f"        doubt_degC2 = max(doubt_degC2, ({gain!r} * {d[i]}) ** 2)",
             *([f"if not {-turn!r} <= {d[i]} - {last[i]} <= {turn!r}:", "    return None"] if turn else []),
-            f"if {slow[i]} > slow_gate{i} or {slow[i]} < -slow_gate{i}:",
+            f"if {slow[i]} > {slow_gates[i]} or {slow[i]} < -{slow_gates[i]}:",
             f"    doubt_degC2 = max(doubt_degC2, ({gain!r} * {slow[i]}) ** 2)",
         ]
-    lines.append(f"validation._z = z = {_list(z)}")
-    lines.append("if moved:")
+    lines += [f"validation._used = used = {_list(u)}", "validation._z = z = used + lows", "if moved:"]
     for i in range(count):
         lines += [f"    if {u[i]} != {before[i]}:", f"        validation._still[{i}] = (time_s, {u[i]}, z)"]
     followed = [f"{low} + {gain!r} * ({u[k % count]} - {low})" for k, (low, gain) in enumerate(zip(lows, a))]
@@ -187,7 +195,6 @@ def _validation(whole: Model, model: ReadingModel, period_s: float, u: list[str]
         *lines,
         "validation._time_s = time_s",
         "validation.starts_anew = False",
-        f"validation._used = {_list(u)}",
         f"validation._last = {_list(d)}",
         f"validation._slow = {_list([f'{s} + {slow_a!r} * ({each} - {s})' for s, each in zip(slow, d)])}",
         f"validation._lows = {_list(followed)}",

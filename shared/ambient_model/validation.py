@@ -275,8 +275,8 @@ class Validation:
         self._current: list[_Expectation] = []
         self._predictions: dict[tuple[Sensors, int], tuple[list[float], float]] = {}
         """Of sensors that are missing for a short while, while the same are set aside."""
-        self._limits: tuple[float, ...] = ()
-        """Per sensor gate, slow gate and release while nothing is set aside, where they have been asked for."""
+        self._limits: tuple[tuple[float, ...], ...] = ()
+        """Gates, slow gates and releases while nothing is set aside, where they have been asked for."""
         effects = [step * each.effect_degC for step, each in zip(self._steps, self._model.sensors)]
         self._coarse_degC2 = sum([effect * effect for effect in effects])
 
@@ -666,7 +666,7 @@ class Validation:
             still[1] for still in self._still
         ]
         if self.is_usual and not self._limits:
-            self._limits = tuple([limit for each in self._expectations() for limit in each[2:5]])
+            self._limits = tuple(zip(*[each[2:5] for each in self._expectations()]))
         return None if len(self._apart) == count else used
 
 

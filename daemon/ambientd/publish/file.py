@@ -75,9 +75,9 @@ def configured(spec: Spec, place: str, data: dict[str, Any], fault: NoteFault) -
 
 def content(report: Report, spec: Spec) -> bytes | None:
     """The file's content for ``report``, or None where there is to be no file."""
-    ambient_degC = report.estimate.ambient_degC
+    ambient_degC, options = report.estimate.ambient_degC, spec.options
     if ambient_degC is not None and -_FLOAT_LIMIT < (millidegC := ambient_degC * 1000) < _FLOAT_LIMIT:
-        return b"%d\n" % (round(millidegC) + (0 if spec.options is None else spec.options.offset_millidegC))
+        return b"%d\n" % (round(millidegC) if options is None else round(millidegC) + options.offset_millidegC)
     return poison(spec)
 
 

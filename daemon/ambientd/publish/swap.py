@@ -22,12 +22,13 @@ def put(path: str, content: bytes, access: Access) -> int:
     Raises OSError, and then leaves the old file as it was.
     """
     temporary = path + _PART
+    is_usual = access == _AS_USUAL
     descriptor = -1
     try:
-        descriptor = _created(temporary, 0o644 if access.mode is None else 0o600)
+        descriptor = _created(temporary, 0o644 if is_usual or access.mode is None else 0o600)
         if os.write(descriptor, content) < len(content):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
-        if access != _AS_USUAL:
+        if not is_usual:
             grant(descriptor, access)
         os.rename(temporary, path)
         return descriptor

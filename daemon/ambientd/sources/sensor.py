@@ -35,9 +35,9 @@ class Sensor:
         """Why the last reading gave no value."""
         self.descriptor = -1
         """What is to be read; below 0 where there is nothing."""
-        self._content: Content = None
-        """What was last read that holds a value."""
-        self._value = 0.0
+        self.content: Content = OSError()
+        """What was last read that holds a value in its input's range, and that value:"""
+        self.value = 0.0
         self._slow = False
         self._trial: Trial | None = None
 
@@ -71,8 +71,13 @@ class Sensor:
 
     def take(self, content: Content) -> float | None:
         """The value in its unit from what was read of ``descriptor``, or None where there is none now."""
-        if content is not None and content == self._content:
-            return self._value
+        if isinstance(content, bytes):
+            value = self._convert(content)
+            if value is None:
+                self.trouble = f"its content is {content!r}"
+            elif self.given.min <= value <= self.given.max:
+                self.content, self.value = content, value
+            return value
         if self.descriptor < 0:
             return None
         if content is None:
@@ -80,17 +85,10 @@ class Sensor:
             self._slow = True
             self.close()
             return None
-        if isinstance(content, OSError):
-            self.trouble = content.strerror or str(content)
-            if content.errno not in _PASSING:
-                self.close()
-            return None
-        value = self._convert(content)
-        if value is None:
-            self.trouble = f"its content is {content!r}"
-        else:
-            self._content, self._value = content, value
-        return value
+        self.trouble = content.strerror or str(content)
+        if content.errno not in _PASSING:
+            self.close()
+        return None
 
     def hint(self) -> str:
         """What to name instead, of what is here."""

@@ -32,13 +32,15 @@ class Sensors:
     ) -> None:
         self._sensors = sensors
         self._back_offs = [BackOff() for _ in sensors]
-        self._watched = [(each, Notice(), each.given.min, each.given.max) for each in sensors]
+        self._notices = [Notice() for _ in sensors]
         self.reader = Reader(set_alarm, period_s)
         self._supervision = Supervision([each.given for each in sensors], rules)
         self._note = note
         self._contents: list[Content] = []
-        """What the last reading read, where every sensor gave a value and none is doubted, and its values:"""
+        """What the last reading read, where every sensor gave a value in its range, and its values:"""
         self._values: list[float | None] = []
+        self._is_calm = False
+        """Whether nothing is wrong that was reported, and no rule asks for the time of each reading."""
         self._descriptors: list[int] = []
         for sensor in sensors:
             sensor.open()
@@ -56,27 +58,38 @@ class Sensors:
         contents = self.reader.read(self._descriptors)
         if contents == self._contents:  # most zones read the same for a second
             return self._values
-        values = [sensor.take(content) for sensor, content in zip(self._sensors, contents)]
-        self._contents = []
+        values: list[float | None] = []
+        is_calm = self._is_calm
+        for sensor, content in zip(self._sensors, contents):
+            if content == sensor.content:
+                values.append(sensor.value)
+            else:
+                values.append(sensor.take(content))
+                is_calm = is_calm and sensor.content is content
+        if is_calm:
+            self._contents, self._values = contents, values
+        else:
+            self._contents = []
+            self._judge(now_s, values)
+        return values
+
+    def _judge(self, now_s: float, values: list[float | None]) -> None:
+        """Search for what is missing, set aside what is implausible, and report what has changed."""
         if None in values:
             self._try_again(now_s, values)
         doubts = self._supervision.doubts(now_s, values) if self._supervision.watches else _NO_DOUBTS
-        for value, (sensor, notice, low, high) in zip(values, self._watched):
-            if value is not None and low <= value <= high and not (doubts or notice.wrong):
-                continue
-            contents = []
+        self._is_calm = not self._supervision.watches
+        for index, (value, sensor, notice) in enumerate(zip(values, self._sensors, self._notices)):
             if value is None:
                 trouble = f"no value ({sensor.trouble})"
             else:
-                doubt = doubts.get(self._sensors.index(sensor)) or outside(sensor.given, value)
+                doubt = doubts.get(index) or outside(sensor.given, value)
                 trouble = f"set aside ({doubt})" if doubt else ""
             if notice.changed(now_s, bool(trouble)):
                 self._note(f"sensor {sensor.name}: {trouble or 'is back'}")
+            self._is_calm = self._is_calm and not notice.wrong
         for index in doubts:
             values[index] = None
-        if not self._supervision.watches:  # which needs the time of each reading
-            self._contents, self._values = contents, values
-        return values
 
     def faults(self, names: Collection[str]) -> list[Fault]:
         """What is wrong with those of ``names`` that give no value now."""
