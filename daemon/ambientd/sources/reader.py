@@ -45,17 +45,13 @@ class Reader:
         contents: list[Content] = []
         self._rounds += 1
         for descriptor in descriptors:
-            if descriptor in skipped:
-                contents.append(None)
-                continue
             self._current = descriptor
             try:
-                content: Content = pread(descriptor, BUFFER_BYTES, 0)
+                contents.append(None if descriptor in skipped else pread(descriptor, BUFFER_BYTES, 0))
             except OSError as error:
-                content = error
+                contents.append(error)
             if turn != self._turn:  # another thread has taken over
                 _thread.exit()
-            contents.append(content)
         self._current = -1
         self._set_alarm(self._look_s)
         if len(skipped) > 1:
