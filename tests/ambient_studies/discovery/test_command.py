@@ -80,15 +80,6 @@ def test_an_interruption_leaves_what_is_done(trainer, monkeypatch, tmp_path, ask
     assert "sensor_bias" in (folder / "index.html").read_text()
 
 
-def test_an_interruption_before_any_case_leaves_nothing(trainer, monkeypatch, asked):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(f"{PACKAGE}.runner.train", interrupted)
-    status, shown, err = trainer("discover")
-    assert (status, shown, "stopped" in err) == (1, "", True)
-
-
 def test_a_circuit_has_to_exist_and_to_read_every_sensor(trainer, asked):
     status, _, err = trainer("discover", "--circuit", "phones")
     assert (status, "'phones'" in err) == (1, True)

@@ -1,11 +1,26 @@
-"""What counts as found, on diagnoses and truths made by hand."""
+"""What counts as found, and the benchmark's figures against counts made by hand and scipy's interval."""
 
+import json
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
+from ambient_studies.discovery.figures import (
+    Outcome,
+    Share,
+    confident_verdicts,
+    confusion,
+    detection_by_size,
+    false_alarms,
+    large_effects,
+    pairs_found,
+    reliability,
+)
+from ambient_studies.discovery.report import as_json
 from ambient_studies.discovery.score import place_in, score
 from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Step
@@ -116,3 +131,77 @@ def test_places_by_the_circuits_names():
     assert others == {"battery": "cell", "back": "case", "frame": "case"}
     places = [place_in(load_circuit("model2_ss"), node) for node in ("board2", "battery", "usb", "soc")]
     assert places == ["battery", "battery", "usb", "soc"]
+
+
+DIE, CASE, HAND = Cause("heat_source", "soc", "a_on"), Cause("ambient_coupling"), Cause("contact", "soc")
+NONE, UNKNOWN = Cause("none"), Cause("unknown")
+
+
+def outcome(true, found, size=6.0):
+    return Outcome(true, size, found, set(true) == set(found), None, None, None, 1.0)
+
+
+@pytest.mark.parametrize(("hits", "cases"), [(0, 20), (1, 20), (10, 20), (20, 20), (190, 200)])
+def test_the_interval_of_a_share_is_wilsons(hits, cases):
+    expected = binomtest(hits, cases).proportion_ci(method="wilson")
+    assert Share(hits, cases).ci95 == pytest.approx((expected.low, expected.high))
+
+
+def test_the_confusion_counts_first_causes_of_single_cases():
+    matrix = confusion(
+        [
+            outcome((DIE,), (DIE,)), outcome((DIE,), (HAND, DIE)), outcome((DIE,), ()),
+            outcome((), (UNKNOWN,)), outcome((), (NONE,)), outcome((NONE,), ()), outcome((DIE, CASE), (CASE,)),
+        ]
+    )  # fmt: skip
+    assert matrix.true == ("none", "heat_source")
+    assert matrix.found == ("none", "contact", "heat_source", "unknown")
+    assert matrix.counts.tolist() == [[2, 0, 0, 1], [1, 1, 1, 0]]
+
+
+def test_detection_goes_by_size():
+    cases = [outcome((DIE,), (DIE,), size) for size in (1.0, 1.2, 5.0)]
+    cases += [outcome((DIE,), (), 1.9), outcome((), (), 0.0), outcome((DIE, CASE), (DIE,), 5.5)]
+    found = detection_by_size(cases, (0.0, 1.0, 2.0, 5.0, math.inf))
+    assert [(each.low, each.high, each.middle) for each in found] == [(1.0, 2.0, 1.2), (5.0, math.inf, 5.0)]
+    assert [(each.share.hits, each.share.cases) for each in found] == [(2, 3), (1, 1)]
+    assert large_effects(cases) == Share(1, 1)
+
+
+def test_unknown_is_a_false_alarm_and_none_is_not():
+    assert false_alarms(
+        [outcome((), (UNKNOWN,)), outcome((), (NONE,)), outcome((), ()), outcome((DIE,), (DIE,))]
+    ) == Share(1, 3)
+
+
+def test_of_two_effects_each_is_counted_in_any_order():
+    pairs = pairs_found(
+        [
+            outcome((DIE, CASE), (CASE, Cause("heat_source", "soc"))), outcome((DIE, CASE), (DIE, HAND)),
+            outcome((DIE, CASE), ()), outcome((DIE, CASE), (HAND,)), outcome((DIE,), (DIE, CASE)),
+        ]
+    )  # fmt: skip
+    assert (pairs.both, pairs.one, pairs.nothing) == (Share(1, 4), Share(2, 4), Share(1, 4))
+
+
+def test_confidence_is_held_against_the_share_that_is_right():
+    def verdict(sure, right, *more):
+        found = (DIE if right else HAND, *(cause for cause, _ in more))
+        return Outcome((DIE,), 6.0, found, right, None, None, None, 1.0, (sure, *(own for _, own in more)))
+
+    cases = [verdict(0.95, True), verdict(0.97, False), verdict(1.0, True, (CASE, 0.2)), verdict(0.6, True)]
+    cases += [Outcome((DIE,), 6.0, (UNKNOWN,), False, None, None, None, 1.0, (0.0,)), outcome((), ())]
+    found = [(each.low, each.high, each.share.hits, each.share.cases) for each in reliability(cases)]
+    assert found == [(0.5, 0.7, 1, 1), (0.95, 1.0, 2, 3)]
+    assert reliability(cases)[1].middle == pytest.approx((0.95 + 0.97 + 1.0) / 3)
+    assert confident_verdicts(cases) == Share(2, 3)
+    assert [right for _, _, right in cases[2].named] == [True, False]
+
+
+def test_a_machine_gets_the_counts(outcomes):
+    data = json.loads(json.dumps(as_json(outcomes), allow_nan=False))
+    assert data["cases"] == 400
+    assert (data["false_alarms"]["hits"], data["false_alarms"]["cases"]) == (2, 60)
+    assert sum(map(sum, data["confusion"]["counts"])) == 360
+    assert (data["two_at_once"]["both"]["hits"], data["two_at_once"]["both"]["cases"]) == (30, 40)
+    assert json.loads(json.dumps(as_json([]), allow_nan=False))["large_effects"]["share"] is None

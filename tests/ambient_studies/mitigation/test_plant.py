@@ -69,19 +69,6 @@ def test_under_a_cap_it_agrees_with_an_adaptive_solver():
     assert plant.drawn_W(np.array([1.5])) == pytest.approx([1.5])
 
 
-def test_a_cap_cuts_the_processor_and_nothing_else():
-    run = run_of(3, ("idle", 1), ("camera_4k", 99))
-    plant = Plant([run, run, run], [1, 1, 1], ZONES, 1.0)
-    nodes, readings, drawn_W = stepped(plant, 100, np.array([np.inf, 1.0, np.inf]))
-    assert drawn_W[1:, 1] == pytest.approx(np.ones(99))
-    assert drawn_W[1:, 0].min() > 1.5
-    assert (nodes[2:, 1] < nodes[2:, 0]).all()
-    # the uncapped phones of one seed agree, noise included; not to the last bit, because a BLAS product may round equal
-    # rows of a batch differently
-    assert nodes[:, 0] == pytest.approx(nodes[:, 2], abs=1e-9)
-    assert readings[:, 0] == pytest.approx(readings[:, 2], abs=1e-9)
-
-
 def test_the_skin_is_the_hottest_surface_node():
     nodes = np.arange(2.0 * len(PHONE.nodes)).reshape(2, -1)
     nodes[0, PHONE.index("back")] = 50.0

@@ -1,6 +1,5 @@
 """Every method, trained once on a simulated phone; synthetic sensors that move independently; the thesis's text."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -63,11 +62,6 @@ def wandering(samples: int, seed: int, period_s: float = 5.0) -> Trace:
     columns["charging_on"] = np.zeros(samples)
     columns["battery_current_A"] = -np.abs(smooth(5.0))
     return Trace(f"synthetic {seed}", np.arange(samples) * period_s, columns)
-
-
-@pytest.fixture(scope="session")
-def synthetic() -> Callable[..., Trace]:
-    return wandering
 
 
 @pytest.fixture

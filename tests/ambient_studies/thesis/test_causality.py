@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambient_studies.thesis.names import OURS, RELATED
-from ambient_studies.thesis.printed import PRINTED
-from ambient_studies.thesis.published import MODELS, NONCAUSAL
+from ambient_studies.thesis.published import NONCAUSAL
 
 pytestmark = pytest.mark.slow
 
@@ -30,17 +28,6 @@ def corruptions(trace):
     found = {name: replace(trace, columns={**trace.columns, "ambient_degC": each}) for name, each in changed.items()}
     sensors = {name: values for name, values in trace.columns.items() if name != "ambient_degC"}
     return {**found, "absent": replace(trace, columns=sensors)}
-
-
-def test_every_method_in_every_variant_that_applies(methods):
-    assert set(methods) == {
-        *((model, variant) for model in MODELS for variant in ("corrected", "published_parameters")),
-        *((model, "as_printed") for model in PRINTED),
-        (NONCAUSAL, "noncausal"),
-        *((model, "corrected") for model in RELATED),
-        *((model, "ours") for model in OURS),
-    }
-    assert all(each.about for each in methods.values())
 
 
 def test_a_corrupted_reference_changes_no_bit_of_a_causal_estimate(causal, runs):

@@ -1,8 +1,6 @@
 """The related methods: what all four do with what is missing, and that each recovers data of its own making."""
 
-from collections.abc import Callable
 from dataclasses import astuple, replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,24 +10,21 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 from scipy.signal import lsim
-from sklearn.svm import SVR
 
 from ambient_model.faults import Refused
 from ambient_studies.thesis.names import RELATED
 from ambient_studies.thesis.related import chau, he, ishii, li, related_estimators, related_methods
+from ambient_studies.thesis.related._ratios import FirstOrderRatios
 from ambient_studies.thesis.related._samples import lagged
+from ambient_trainer.data.grid import Segment
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.check import check_estimator
 
-Synthetic = Callable[..., Trace]
+from .conftest import wandering
 
 
 def with_columns(trace: Trace, **columns: np.ndarray) -> Trace:
     return replace(trace, columns={**trace.columns, **columns})
-
-
-def without(trace: Trace, *names: str) -> Trace:
-    return replace(trace, columns={name: values for name, values in trace.columns.items() if name not in names})
 
 
 def calm(trace: Trace) -> Trace:
@@ -40,8 +35,8 @@ def calm(trace: Trace) -> Trace:
 
 
 @pytest.fixture(scope="module")
-def traces(synthetic: Synthetic) -> tuple[Trace, Trace]:
-    return calm(synthetic(400, 1, 10.0)), calm(synthetic(400, 2, 10.0))
+def traces() -> tuple[Trace, Trace]:
+    return calm(wandering(400, 1, 10.0)), calm(wandering(400, 2, 10.0))
 
 
 @pytest.fixture(scope="module")
@@ -50,17 +45,17 @@ def trained(traces: tuple[Trace, Trace]):
     return list(zip(related_methods(*traces), [each.inputs for each in related_estimators()]))
 
 
-def test_each_follows_the_ambient_and_is_the_same_each_time(trained, traces, synthetic: Synthetic) -> None:
+def test_each_follows_the_ambient_and_is_the_same_each_time(trained, traces) -> None:
     assert [method.name for method, _ in trained] == list(RELATED)
-    unseen = calm(synthetic(1000, 5, 10.0))
+    unseen = calm(wandering(1000, 5, 10.0))
     for (method, _), again in zip(trained, related_methods(*traces)):
         error = method.estimate(unseen) - unseen.reference
         assert np.sqrt(np.mean(error**2)) < 0.5 * unseen.reference.std(), method.name
         assert method.estimate(unseen).tobytes() == again.estimate(unseen).tobytes(), method.name
 
 
-def test_a_missing_value_leaves_that_sample_without_an_estimate(trained, synthetic: Synthetic) -> None:
-    trace = calm(synthetic(500, seed=5))
+def test_a_missing_value_leaves_that_sample_without_an_estimate(trained) -> None:
+    trace = calm(wandering(500, seed=5))
     for method, columns in trained:
         whole = method.estimate(trace)
         for column in trace.columns:
@@ -74,60 +69,13 @@ def test_a_missing_value_leaves_that_sample_without_an_estimate(trained, synthet
         assert np.isnan(method.estimate(empty)).all(), method.name
 
 
-def test_missing_columns_are_refused_in_one_message(trained, traces, synthetic: Synthetic) -> None:
-    for method, columns in trained:
-        with pytest.raises(Refused) as refused:
-            method.estimate(without(synthetic(50, seed=5), *columns))
-        assert [fault.problem for fault in refused.value.faults] == [f"no column '{name}'" for name in columns]
-    training, idle = traces
-    for lacking in ((without(training, "display_degC"), idle), (training, without(idle, "cpu_load_frac"))):
-        with pytest.raises(Refused, match="no column"):
-            related_methods(*lacking)
-
-
-def test_training_samples_with_gaps_are_left_out(traces, synthetic: Synthetic) -> None:
-    training, idle = traces
-    for offset, (column, values) in enumerate(training.columns.items()):
-        holed = values.copy()
-        holed[offset::29] = np.nan
-        training = with_columns(training, **{column: holed})
-    for method in related_methods(training, idle):
-        assert np.isfinite(method.estimate(calm(synthetic(300, seed=7)))).all(), method.name
-
-
-def test_each_keeps_the_contract_of_estimators(traces, synthetic: Synthetic) -> None:
+def test_each_keeps_the_contract_of_estimators(traces) -> None:
     for each in related_estimators():
-        fit = check_estimator(each, [traces[0]], calm(synthetic(300, seed=7)))
+        fit = check_estimator(each, [traces[0]], calm(wandering(300, seed=7)))
         assert fit.discrete(1.0) is None
 
 
 # the first-order response
-
-
-@pytest.mark.parametrize("tau_s", [0.7, 900.0])
-@pytest.mark.parametrize("spacing", ["even", "uneven"])
-def test_the_response_is_that_of_the_differential_equation(tau_s: float, spacing: str) -> None:
-    rng = np.random.default_rng(3)
-    steps_s = np.ones(60) if spacing == "even" else rng.uniform(0.2, 3.0, 60)
-    time_s = np.concatenate([[5.0], 5.0 + np.cumsum(steps_s)])
-    values = 20.0 + np.cumsum(rng.normal(0.0, 1.0, 61))
-
-    def slope(t: float, x: np.ndarray) -> np.ndarray:
-        return (np.interp(t, time_s, values) - x) / tau_s
-
-    expected = [values[0]]
-    for start, stop in pairwise(time_s):  # the input has a kink at every sample
-        expected.append(solve_ivp(slope, (start, stop), expected[-1:], rtol=1e-11, atol=1e-11).y[0, -1])
-    assert lagged(time_s, values, tau_s) == pytest.approx(np.array(expected), abs=1e-8)
-
-
-def test_the_response_starts_again_after_a_gap_too_long_to_bridge() -> None:
-    time_s = np.concatenate([np.arange(50.0), [79.0], 110.0 + np.arange(5.0)])
-    values = np.linspace(0.0, 10.0, 56)
-    found = lagged(time_s, values, 20.0)
-    assert found[0] == values[0]
-    assert found[50] != values[50], "30 s are bridged"
-    assert found[51] == values[51], "31 s are not"
 
 
 # Chau
@@ -160,20 +108,6 @@ def test_chaus_line_is_recovered_from_idle_samples_and_applied_to_all() -> None:
     assert np.array_equal(fit.estimate_degC(traces[0]), line.slope * battery + line.offset_degC)
 
 
-def test_chaus_battery_is_stable_when_it_is_where_it_was_five_minutes_before_and_idle_since() -> None:
-    time_s = np.arange(0.0, 1200.0, 10.0)
-    stepping = chau.stable(time_s, np.where(time_s < 600.0, 20.0, 21.0), np.ones(120, dtype=bool))
-    assert np.array_equal(stepping, ((time_s >= 300.0) & (time_s < 600.0)) | (time_s >= 900.0))
-    worked = chau.stable(time_s, np.full(120, 35.0), (time_s < 400.0) | (time_s > 600.0))
-    assert np.array_equal(worked, ((time_s >= 300.0) & (time_s < 400.0)) | (time_s > 900.0))
-
-
-@pytest.mark.parametrize("column", ["cpu_load_frac", "charging_on"])
-def test_a_busy_phone_is_refused_by_chau(column: str) -> None:
-    with pytest.raises(Refused, match="0 samples of an idle phone"):
-        chau.train([with_columns(idle_phone(1), **{column: np.ones(5400)})])
-
-
 # He
 
 
@@ -184,8 +118,8 @@ def quadratic(trace: Trace, noise: float = 0.0) -> Trace:
     return with_columns(trace, ambient_degC=ambient + noise * random)
 
 
-def test_hes_regression_recovers_a_quadratic_and_is_the_expansion_over_its_support_vectors(synthetic) -> None:
-    training, unseen = quadratic(synthetic(600, seed=1), noise=0.1), quadratic(synthetic(3000, seed=2))
+def test_hes_regression_recovers_a_quadratic_and_is_the_expansion_over_its_support_vectors() -> None:
+    training, unseen = quadratic(wandering(600, seed=1), noise=0.1), quadratic(wandering(3000, seed=2))
     regression = he.ESTIMATOR.fit([training])
     found = regression.estimate_degC(unseen)
     assert np.sqrt(np.mean((found - unseen.reference) ** 2)) < 0.1
@@ -202,35 +136,6 @@ def test_hes_regression_recovers_a_quadratic_and_is_the_expansion_over_its_suppo
     )
     assert np.array_equal(charged, idle)
     assert not np.array_equal(used, idle)
-
-
-def test_hes_selection_is_that_of_contiguous_blocks() -> None:
-    """Every C and epsilon, scored by hand on fifths that the fit did not see; the relation drifts over the trace."""
-    rng = np.random.default_rng(6)
-    time_s = np.arange(100.0)
-    battery, current = 25.0 + 6.0 * np.sin(time_s / 15.0), -np.abs(np.sin(time_s / 4.0))
-    ambient = battery + 5.0 * current + 6.0 * np.sin(time_s / 11.0) + rng.normal(0.0, 0.3, 100)
-    columns = {"battery_degC": battery, "battery_current_A": current, "ambient_degC": ambient}
-    x = np.column_stack([battery, -current])
-    scores = {}
-    for C in (0.1, 1.0, 10.0, 100.0):
-        for epsilon in (0.1, 0.3, 1.0, 3.0):
-            errors = []
-            for block in np.array_split(np.arange(100), 5):
-                rest = np.setdiff1d(np.arange(100), block)
-                mean, std = x[rest].mean(axis=0), x[rest].std(axis=0)
-                svr = SVR(kernel="poly", degree=2, gamma=1.0, coef0=1.0, C=C, epsilon=epsilon, tol=0.01)
-                svr.fit((x[rest] - mean) / std, ambient[rest])
-                errors.append(ambient[block] - svr.predict((x[block] - mean) / std))
-            scores[C, epsilon] = np.mean([np.sqrt(np.mean(error**2)) for error in errors])
-    svr = he.train([Trace("drifting", time_s, columns)]).pipeline["svr"]
-    assert (svr.C, svr.epsilon) == min(scores, key=scores.__getitem__)
-
-
-def test_too_few_samples_are_refused_by_he(synthetic: Synthetic) -> None:
-    trace = synthetic(400, seed=1)
-    with pytest.raises(Refused, match=r"9 samples hold .*the least is 10"):
-        he.train([with_columns(trace, ambient_degC=np.where(np.arange(400) < 9, trace.reference, np.nan))])
 
 
 # Ishii and Nakashima
@@ -250,8 +155,8 @@ def through_transfer_functions(trace: Trace, separation: np.ndarray, noise: floa
     return with_columns(trace, ambient_degC=ambient)
 
 
-def test_ishiis_transfer_functions_are_recovered(synthetic: Synthetic) -> None:
-    trace = synthetic(5000, seed=1)
+def test_ishiis_transfer_functions_are_recovered() -> None:
+    trace = wandering(5000, seed=1)
     separation = ishii.separated(trace)
     fit = ishii.ESTIMATOR.fit([through_transfer_functions(trace, separation, noise=0.1)])
     found = fit.predictor
@@ -260,12 +165,15 @@ def test_ishiis_transfer_functions_are_recovered(synthetic: Synthetic) -> None:
     assert found.gain == pytest.approx(GAIN, abs=0.01)
     assert found.direct * found.time_constant_s / found.gain == pytest.approx(ZERO_S, rel=0.1, abs=2.0)
     assert found.offset_degC == pytest.approx(-0.5, abs=0.1)
-    unseen = through_transfer_functions(synthetic(3000, seed=2), separation)
+    unseen = through_transfer_functions(wandering(3000, seed=2), separation)
     assert np.sqrt(np.mean((fit.estimate_degC(unseen) - unseen.reference) ** 2)) < 0.03
 
 
-def test_ishiis_sources_are_what_no_stronger_source_explains(synthetic: Synthetic) -> None:
-    trace = synthetic(3000, seed=1)
+# Li
+
+
+def test_ishiis_sources_are_what_no_stronger_source_explains() -> None:
+    trace = wandering(3000, seed=1)
     usb, *others = rows = np.vstack([trace.columns[name] for name in ishii.SENSORS])
     reference, *sources = ishii.separated(trace) @ rows
     assert np.array_equal(reference, usb)
@@ -278,8 +186,6 @@ def test_ishiis_sources_are_what_no_stronger_source_explains(synthetic: Syntheti
     with pytest.raises(Refused, match="not independent"):
         ishii.train([with_columns(trace, flash_degC=usb)])
 
-
-# Li
 
 TRUTH = li.Surface(
     usb_share=0.4, battery=0.8, flash=0.3, soc=0.03, own_heat_K=0.4, storage_s=500.0, convection=0.6, lag_s=5.0
@@ -300,13 +206,6 @@ def test_lis_fixed_point_is_the_root(surface: float, heat: float, convection: fl
     reach = abs(heat) + 1.0
     assert found[0] == pytest.approx(surface - brentq(balance, -reach, reach, xtol=1e-13), abs=1e-9)
     assert found[0] == li.fixed_point(np.array([surface]), np.array([heat]), convection)[0]
-
-
-def test_what_does_not_settle_is_no_number() -> None:
-    # a loss that falls with the difference is no circuit, and the iteration wanders
-    found = li.fixed_point(np.array([20.0, 20.0]), np.array([5.0, 0.0]), -0.5)
-    assert np.isnan(found[0])
-    assert found[1] == 20.0
 
 
 def on_the_circuit(seed: int, samples: int = 8000, period_s: float = 2.0) -> Trace:
@@ -349,10 +248,32 @@ def test_lis_circuit_is_recovered() -> None:
     assert np.sqrt(np.mean((fit.estimate_degC(unseen) - unseen.reference)[60:] ** 2)) < 0.15
 
 
-def test_at_steady_state_lis_ambient_is_the_root_of_the_balance() -> None:
-    rows = np.repeat([[30.0], [32.0], [36.0], [40.0], [60.0]], 50, axis=1)
-    found = TRUTH.ambient_degC(np.arange(50.0), rows)
-    surface = 0.4 * 30.0 + 0.6 * 32.0
-    heat = 0.4 + 0.8 * (36.0 - surface) + 0.3 * (40.0 - surface) + 0.03 * (60.0 - surface)
-    rise = brentq(lambda y: (1.0 + 0.6 * y**0.25) * y - heat, 0.0, 50.0, xtol=1e-13)
-    assert found == pytest.approx(np.full(50, surface - rise), abs=1e-8)
+TAUS_S = np.array([15.0, 90.0])
+PERIOD_S = 2.0
+
+
+def structure_of(signs: tuple[int, int] = (1, -1)) -> FirstOrderRatios:
+    rng = np.random.default_rng(1)
+    found = []
+    for count in (300, 200):
+        inputs = 20.0 + np.cumsum(rng.normal(0.0, 0.5, (2, count)), axis=1)
+        outputs = expected(inputs, np.array([2.0, -0.5]), np.array([1.2, -0.8]), 3.0)
+        found.append(Segment(PERIOD_S, inputs, outputs[None]))
+    return FirstOrderRatios(found, signs)
+
+
+def expected(inputs: np.ndarray, direct: np.ndarray, gain: np.ndarray, offset: float) -> np.ndarray:
+    time_s = np.arange(inputs.shape[1]) * PERIOD_S
+    slow = np.vstack([lagged(time_s, row, tau) for row, tau in zip(inputs, TAUS_S)])
+    return offset + direct @ (inputs - slow) + gain @ slow
+
+
+def test_the_outputs_are_the_filters_and_the_slopes_are_derivatives() -> None:
+    structure, beta, step = structure_of(), np.array([0.7, -0.2, 1.1, -0.4, 5.0]), 1e-5
+    for index, segment in enumerate(structure.segments):
+        filtered = expected(segment.inputs, beta[:2], beta[2:4], 5.0)
+        assert structure.predicted(np.log(TAUS_S), beta, index)[0] == pytest.approx(filtered, abs=1e-8)
+    theta = np.log([30.0, 40.0])
+    for slope, move in zip(structure.slopes(theta, beta, 0), step * np.eye(2)):
+        around = (structure.predicted(theta + each, beta, 0) for each in (move, -move))
+        assert slope == pytest.approx(np.subtract(*around) / (2 * step), rel=1e-6, abs=1e-6)

@@ -1,16 +1,60 @@
-"""The study against its own pieces, put together by hand, and against what must hold whatever is drawn."""
+"""Units' runs, the study against its own pieces put together by hand, and the command."""
 
+import json
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_studies.unit_variation.report import report_of, scatter
+from ambient_model.model import Model
 from ambient_studies.unit_variation.study import CALIBRATION, LIE_DEGC, Asked, Plan, learnt, study, traces
+from ambient_trainer.estimators.base import Effort
+from ambient_trainer.estimators.model_file import model_of
+from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.evaluation.evaluate import evaluate_trace
+from ambient_trainer.simulator import simulate
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.fleet import drawn
+from ambient_trainer.simulator.fleet import drawn, nominal
+
+PERIOD_S = 5.0
+ZONES = load_device().main_zones
+
+
+@pytest.fixture(scope="module")
+def unit():
+    return nominal(ZONES)
+
+
+def test_the_nominal_unit_logs_what_the_simulated_phone_does(unit):
+    found = traces([Asked(unit, False, "2.5", 3), Asked(unit, True, "2.5", 3)], PERIOD_S)[0]
+    expected = simulate("2.5", seed=3, period_s=PERIOD_S).trace
+    assert found.columns.keys() == expected.columns.keys()
+    for name, values in expected.columns.items():
+        np.testing.assert_array_equal(found.columns[name], values)
+
+
+def test_a_gain_acts_about_25_degC_and_an_offset_everywhere(unit):
+    usb = next(index for index, zone in enumerate(ZONES) if zone.name == "usb")
+    moved = ZONES[usb].model_copy(update={"offset_degC": 0.4, "step_degC": 1e-6, "noise_degC": 0.0})
+    still = ZONES[usb].model_copy(update={"step_degC": 1e-6, "noise_degC": 0.0})
+    off = replace(unit, zones=(*ZONES[:usb], moved, *ZONES[usb + 1 :]), gains={"usb": 0.02})
+    on = replace(unit, zones=(*ZONES[:usb], still, *ZONES[usb + 1 :]))
+    skewed, straight = traces([Asked(off, False, "3", 3), Asked(on, False, "3", 3)], PERIOD_S)
+    plain = straight.columns["usb_degC"]
+    np.testing.assert_allclose(skewed.columns["usb_degC"], plain + 0.4 + 0.02 * (plain - 25.0), atol=2e-6)
+    for name in ("soc_degC", "display_degC", "ambient_degC"):
+        np.testing.assert_array_equal(skewed.columns[name], straight.columns[name])
+
+
+def test_a_case_keeps_a_phone_warmer_at_rest_and_slower_under_load(unit):
+    asked = [Asked(unit, cased, name, 3) for name in ("1", "2.1") for cased in (False, True)]
+    rise = [trace.columns["battery_degC"] - trace.reference for trace in traces(asked, PERIOD_S)]
+    assert rise[1].mean() > rise[0].mean() + 0.03
+    third = slice(len(rise[2]) // 2, 3 * len(rise[2]) // 4)
+    assert rise[3][third].mean() < rise[2][third].mean() - 0.2
+
 
 PLAN = Plan(count=5, seed=2, scenarios=("1",), period_s=5.0)
 
@@ -47,17 +91,6 @@ def test_a_unit_is_scored_as_by_hand(done, free_model):
     assert [score.cased for score in scored.scores] == [False, True]
 
 
-@pytest.mark.slow
-def test_processes_change_nothing(done, free_model):
-    assert study(free_model, PLAN, 2, lambda *_: None) == done
-
-
-def test_units_differ_and_their_offset_mends_some_of_it(done):
-    before, after = scatter(done, 0, "bias_degC"), scatter(done, 0, "corrected_bias_degC")
-    assert before.deviation > 0.05
-    assert after.deviation < before.deviation
-
-
 def test_readings_of_a_week_teach_units_their_offset_and_a_liar_none(done):
     rows = 2400
     day = SimpleNamespace(time_s=np.arange(rows), status=np.full(rows, "degraded"), reference_degC=np.full(rows, 21.6))
@@ -71,21 +104,27 @@ def test_readings_of_a_week_teach_units_their_offset_and_a_liar_none(done):
             assert score.learnt_bias_degC == pytest.approx(score.bias_degC - unit.learnt_offset_degC)
 
 
-def test_the_report_holds_every_figure(done):
-    report = report_of(done)
-    table, *findings = report.sections[0].blocks
-    assert [row[2] for row in table.rows] == ["as it is", "corrected", "learnt"] * 2
-    rmse = [each.scores[0].rmse_degC for each in done.units]
-    assert table.rows[0][4] == f"{np.median(rmse):.2f}"
-    assert table.rows[0][6] == f"{max(rmse):.2f}"
-    assert report.data["groups"][0]["as it is"]["rmse_degC"]["median"] == np.median(rmse)
-    assert [each["number"] for each in report.data["units"]] == list(range(6))
-    assert f"{np.median(rmse):.2f} degC" in findings[0].text
-    assert f"{np.std([each.offset_degC for each in done.units]):.2f} degC" in findings[-2].text
-
-
 def test_another_devices_model_is_refused(free_model):
     inputs = (free_model.main.inputs[0]._replace(name="ch102"), *free_model.main.inputs[1:])
     other = free_model._replace(main=free_model.main._replace(inputs=inputs))
     with pytest.raises(Refused, match="reads ch102_degC"):
         study(other, PLAN, 1, lambda *_: None)
+
+
+def test_units_prints_writes_and_draws(trainer, saved, free_model, tmp_path):
+    figures, report = tmp_path / "out.json", tmp_path / "report"
+    options = ("--count", 2, "--scenarios", "1", "--period", 5, "--jobs", 1, "--json", figures, "--report", report)
+    status, out, err = trainer("units", saved(free_model), *options)
+    assert (status, err) == (0, "")
+    found = json.loads(figures.read_text())
+    assert found["plan"] == {"count": 2, "seed": 1, "scenarios": ["1"], "period_s": 5.0}
+    for group in found["groups"]:
+        assert f" {group['as it is']['rmse_degC']['median']:.2f} " in out
+    assert out.splitlines()[-2:] == [f"Figures: {figures}", f"Report: {report}/index.html"]
+    assert "Scenario 1, in its case" in (report / "index.html").read_text()
+
+
+@pytest.fixture(scope="session")
+def free_model() -> Model:
+    """A filter of order 2, for a period of 5 s."""
+    return model_of(estimator("free-2").fit([simulate("5", period_s=PERIOD_S).trace], Effort(starts=1)), [], {})
