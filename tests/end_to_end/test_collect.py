@@ -40,26 +40,6 @@ def test_a_dry_run_prints_the_schedule_and_the_length(call):
     assert all(map(os.path.isfile, files.groups()))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (["6", "--dry-run"], 2, "'6'"),
-        (["1"], 2, "-o TRACE.csv"),
-        (["1", "--speed", "5", "-o", "t.csv"], 2, "--simulate"),
-        (["1", "--simulate", "--resume", "-o", "t.csv"], 2, "t.csv.part"),
-        (["1", "--simulate", "-o", "nowhere/t.csv"], 2, "no folder"),
-        (["1", "-o", "t.csv"], 1, "laboratory.instruments.chamber.port: /dev/ttyUSB0"),
-        (["no.yaml", "-o", "t.csv"], 1, "no.yaml: cannot be read"),
-    ],
-)
-def test_a_wrong_call_says_what_to_do(call, tmp_path, monkeypatch, arguments, status, message):
-    monkeypatch.chdir(tmp_path)
-    found, _, said = call("ambient-trainer", "collect", *arguments)
-    assert found == status
-    assert message in said
-    assert os.listdir(tmp_path) == []
-
-
 def test_a_campaign_is_not_overwritten_by_its_trace(call, short, tmp_path):
     for output in ("short.yaml", "lab.yaml"):
         status, _, said = call("ambient-trainer", "collect", short, "--simulate", "-o", tmp_path / output)

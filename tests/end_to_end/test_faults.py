@@ -77,22 +77,6 @@ def test_a_model_that_is_broken_or_of_another_trace(call, good, tmp_path, fault)
         assert out.read_text() == OLD
 
 
-def test_no_output_takes_the_place_of_another_file(call, good, tmp_path):
-    trace, model = good
-    old = tmp_path / "old.json"
-    old.write_text(OLD)
-    before = {path: path.read_bytes() for path in (trace, model, old)}
-    for arguments, named in [
-        (("fit", trace, "--circuit", "free-1", "-o", trace), trace),
-        (("evaluate", model, trace, "--json", model), model),
-        (("compare", trace, "--circuit", "free-1", "--split", "40", "--json", trace), trace),
-    ]:
-        status, printed, said = call("ambient-trainer", *arguments)
-        assert (status, printed) == (2, ""), "it is refused before the work"
-        assert named.name in said
-        assert {path: path.read_bytes() for path in before} == before
-
-
 def test_a_link_keeps_leading_where_it_led(call, good, tmp_path):
     (tmp_path / "link.json").symlink_to(tmp_path / "real.json")
     assert call("ambient-trainer", "fit", good[0], "--circuit", "free-1", "-o", tmp_path / "link.json")[0] == 0

@@ -114,19 +114,3 @@ def emptied(trace, column, from_s, path):
     table.loc[table.time_s >= from_s, column] = np.nan
     table.to_csv(path, index=False)
     return path
-
-
-@pytest.mark.slow
-def test_another_choice_of_four_channels(process, chamber_log, tmp_path):
-    trace = import_chamber(
-        process, chamber_log, tmp_path, {channel: f"ch{channel}" for channel in (104, 105, 107, 109)}
-    )
-    found = compare(process, trace, split_of(trace), "--circuit", "free-3")[1]["free-3"]
-    assert found["held_out_rmse_degC"] < 0.3 * found["static_linear_held_out_rmse_degC"]
-
-
-@pytest.mark.slow
-def test_a_single_channel_is_worse(process, chamber):
-    found = compare(process, chamber, split_of(chamber), "--sensors", "ch105", "--circuit", "free-3")[1]["free-3"]
-    assert found["inputs"] == ["ch105_degC"]
-    assert 2 * 0.75 < found["held_out_rmse_degC"] < found["static_linear_held_out_rmse_degC"]

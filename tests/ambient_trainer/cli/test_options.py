@@ -15,31 +15,6 @@ from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.estimators.registry import LIBRARY, estimator, estimator_names
 
 
-@pytest.mark.parametrize(
-    ("call", "named"),
-    [
-        ("diagnose x.csv --circuit phone --period nan", ("--period", "nan")),
-        ("fit x.csv --circuit phone -o x.json --period inf", ("--period", "inf")),
-        ("simulate 5 -o x.csv --period 0.01", ("--period", "0.01")),
-        ("mitigate x.json --limit nan", ("--limit", "nan")),
-        ("evaluate x.json x.csv --from 20 --to 10", ("--from 20", "--to 10")),
-        ("limit x.json --seeds 1,-2", ("--seeds", "1,-2")),
-        ("fit", ("TRACE",)),
-        ("fit t.csv --circuit free-1", ("-o",)),
-        ("fit t.csv --circuit free-1 -o m.json --starts 0", ("--starts", "0")),
-        ("evaluate m.json t.csv --run-in", ("--run-in", "--from")),
-        ("compare t.csv --circuit free-1", ("--split", "--held-out")),
-        ("compare t.csv --circuit free-1 --held-out t.csv", ("t.csv",)),
-        ("nonsense", ("nonsense",)),
-    ],
-)
-def test_a_call_that_makes_no_sense_is_named(call, named):
-    done = CliRunner().invoke(trainer, call.split())
-    assert done.exit_code == 2
-    for part in named:
-        assert part in done.output
-
-
 def test_a_list_of_sensors_is_taken_with_and_without_the_unit():
     assert names(" usb, battery_degC,,") == ("usb", "battery_degC")
     assert sensor_columns(names("usb,battery_degC")) == ("usb_degC", "battery_degC")

@@ -68,24 +68,6 @@ def test_files_beside_a_report(here, wanted, inputs, place, reason):
     assert "\n" not in refused.value.message
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        "diagnose nothere.csv --circuit phone",
-        "discover --circuit nosuch",
-        "evaluate nothere.json nothere.csv",
-        "mitigate nothere.json",
-        "reproduce",
-        "search nothere.csv",
-    ],
-)
-def test_before_anything_is_read_or_done(here, trainer, arguments):
-    status, _, errors = trainer(*arguments.split(), "--report", "notes.txt")
-    assert status == 2
-    assert "notes.txt: is no folder" in errors
-    assert (here / "notes.txt").read_text() == "kept"
-
-
 def test_a_report_is_shown_and_written_where_asked(here, capsys):
     report = Report("1.5 degC", [Finding("It [holds].")], [], {"rmse_degC": 1.5})
     Output("out.json", "new").show(report)

@@ -40,20 +40,6 @@ def test_every_channel_comes_in_without_a_map(write):
     assert trace.notes == {"source": "a.csv", "start": "02/02/2000 23:59:55:402"}
 
 
-def test_a_map_chooses_renames_combines_and_calibrates(write):
-    path = write(
-        "a.csv", _export("Chan 101 (C)", "Chan 102 (C)", "Chan 103 (F)", rows=(("1", "3", "50"), ("2", "4", "68")))
-    )
-    mapped = write(
-        "m.yaml", "columns:\n  ambient_degC: {from: [101, 102], combine: mean, offset: 0.5}\n  usb_degC: Chan 103 (F)\n"
-    )
-    trace = import_file(path, mapped).trace
-    assert {name: values.tolist() for name, values in trace.columns.items()} == {
-        "ambient_degC": [2.5, 3.5],
-        "usb_degC": [10.0, 20.0],
-    }
-
-
 def test_an_open_thermocouple_is_missing(write):
     path = write("a.csv", _export("Chan 101 (C)", "Chan 102 (F)", rows=(("+9.90000000E+37",) * 2, ("-9.9E+37", "50"))))
     columns = import_file(path).trace.columns
@@ -66,12 +52,6 @@ def test_lines_above_the_header_are_skipped_and_counted_and_without_one_it_is_an
     assert f"{path}: line 5, column Chan 101 (C): 'x'" in _message(path)
     path = write("a.csv", "t,a\n0,1\n")
     assert f"{path}: no line starts with 'Sweep #,'" in _message(path)
-
-
-@pytest.mark.parametrize("delimiter", [";", "\t"])
-def test_the_header_tells_the_delimiter(write, delimiter):
-    path = write("a.csv", _export("Chan 101 (C)").replace(",", delimiter))
-    assert import_file(path).trace.columns["ch101_degC"].tolist() == [10.0, 20.0]
 
 
 def test_a_voltage_is_refused_unless_left_out_or_explained(write):

@@ -44,14 +44,6 @@ def test_a_trace_lies_on_the_grid(what):
     np.testing.assert_array_equal(found.outputs, [outputs])
 
 
-def test_samples_before_every_input_is_there_are_left_out():
-    trace = _trace(range(6), a=[NAN, 1, 2, 3, 4, 5], b=[0, 1, NAN, 3, 4, NAN], ambient=range(6))
-    [found] = segments(trace, ["a_degC", "b_degC"], ["ambient_degC"])
-    assert found.period_s == 1.0
-    np.testing.assert_array_equal(found.inputs, [[1, 2, 3, 4], [1, 2, 3, 4]])
-    np.testing.assert_array_equal(found.outputs, [[1, 2, 3, 4]])
-
-
 def test_a_gap_beyond_the_bridge_begins_anew_on_a_grid_of_its_own():
     time_s = [*range(5), *(np.arange(5) + 35.4)]
     found = segments(_trace(time_s, a=range(10), ambient=range(10)), ["a_degC"], ["ambient_degC"])

@@ -4,8 +4,6 @@ import os
 import subprocess
 import sys
 
-import pytest
-
 from ambient_trainer.data.trace import load_trace
 
 _MAP = "time: {column: t, unit: s, not_increasing: drop}\ncolumns: {usb_degC: {from: a, unit: mdegC}, b_degC: b}\n"
@@ -43,24 +41,6 @@ def test_a_failure_leaves_the_output_as_it_was(run, write, tmp_path):
     assert f"{path}: line 3, column a: 'warm'" in error
     assert (tmp_path / "o.csv").read_text() == "precious"
     assert sorted(each.name for each in tmp_path.iterdir()) == ["a.csv", "m.yaml", "o.csv"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["{a}", "--format", "csv", "-o", "{o}"], "--format csv needs --map MAP.yaml"),
-        (["{a}", "--format", "xls", "-o", "{o}"], "'xls' is not one of 'benchlink', 'csv'"),
-        (["{a}", "--format", "benchlink", "-o", "{a}"], "would be overwritten by what is made from it"),
-        (["{a}.none", "--format", "benchlink", "-o", "{o}"], "does not exist"),
-        (["{a}", "--format", "benchlink"], "Missing option '-o'"),
-    ],
-)
-def test_a_wrong_call_is_status_2(run, write, tmp_path, arguments, message):
-    names = {"a": write("a.csv", _TABLE), "o": str(tmp_path / "o.csv")}
-    status, _, error = run(*[argument.format(**names) for argument in arguments])
-    assert status == 2
-    assert message in " ".join(error.split())
-    assert not (tmp_path / "o.csv").exists()
 
 
 HERTZ = """

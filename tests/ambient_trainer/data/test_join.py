@@ -33,15 +33,6 @@ def test_a_column_is_drawn_averaged_or_held_and_absent_in_a_gap():
     np.testing.assert_array_equal(first.time_s[there], time_s)
 
 
-def test_a_name_that_is_taken_gets_a_number():
-    each = [trace(name, [0, 10, 20], {"ambient_degC": value}) for name, value in (("a", 1), ("b", 2), ("c", 3))]
-    assert {name: row[0] for name, row in joined(each).columns.items()} == {
-        "ambient_degC": 1.0,
-        "ambient_2_degC": 2.0,
-        "ambient_3_degC": 3.0,
-    }
-
-
 @pytest.mark.parametrize(
     ("starts", "times", "epoch_s"),
     [
@@ -93,17 +84,3 @@ def test_a_shift_is_applied_only_when_asked(two, monkeypatch, apply):
     assert list(result.columns) == ["board_degC", "ambient_degC", "ambient_2_degC", "wall_degC"]
     off = np.nanmax(np.abs(result.columns["wall_degC"] - result.columns["ambient_degC"]))
     assert off < 0.02 if apply else off > 0.1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [(["board.csv", "-o", "out.csv"], "two"), (["board.csv", "room.csv", "-o", "room.csv"], "room.csv")],
-)
-def test_a_wrong_call_writes_nothing(two, monkeypatch, arguments, named):
-    monkeypatch.chdir(two)
-    before = (two / "room.csv").read_bytes()
-    done = CliRunner().invoke(command, arguments)
-    assert done.exit_code == 2
-    assert named in done.output
-    assert not (two / "out.csv").exists()
-    assert (two / "room.csv").read_bytes() == before

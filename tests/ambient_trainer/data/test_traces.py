@@ -31,12 +31,6 @@ def test_a_frame_is_the_trace_it_came_from(frame):
     assert (list(found.columns), found.notes) == (["usb_degC"], TRACE.notes)
 
 
-def test_a_trace_owns_its_arrays():
-    frame = TRACE.to_frame()
-    load_trace(frame).columns["usb_degC"][0] = 99.0
-    assert frame["usb_degC"].iloc[0] == 20.0
-
-
 @pytest.mark.parametrize(
     ("columns", "index", "named"),
     [
@@ -55,11 +49,6 @@ def test_what_is_no_trace_is_refused_by_place(columns, index, named):
     assert all(each in str(refused.value) for each in ["DataFrame", *named])
 
 
-def test_a_column_that_stands_twice_is_refused():
-    with pytest.raises(Refused, match="usb_degC"):
-        load_trace(pd.DataFrame([[1.0, 2.0]], columns=["usb_degC", "usb_degC"]))
-
-
 @given(st.sampled_from([1.0, 0.5, 0.25, 0.125, 0.1, 0.0625, 0.05, 0.01]), st.integers(0, 1000))
 def test_a_step_is_recognised(step, seed):
     values = step * np.round(np.random.default_rng(seed).uniform(-40, 90, 300) / step)
@@ -74,12 +63,6 @@ def test_what_has_no_step_has_none_and_a_trace_is_rounded_where_asked():
     assert coarse.columns["a_degC"][:2].tolist() == [1.0, 1.5]
     assert np.isnan(coarse.columns["a_degC"][2])
     assert coarse.columns["b_degC"] is trace.columns["b_degC"]
-
-
-@pytest.mark.parametrize(("name", "step"), [("c_degC", 1.0), ("a_degC", 0.0), ("a_degC", float("nan"))])
-def test_an_unknown_sensor_and_a_step_of_nothing_are_refused(name, step):
-    with pytest.raises(Refused):
-        with_resolution(Trace("t", np.arange(2.0), {"a_degC": np.zeros(2)}), {name: step})
 
 
 SAMPLES = 3000

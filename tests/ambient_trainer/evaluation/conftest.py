@@ -64,21 +64,6 @@ def sensor_trace(samples: int, seed: int = 1, period_s: float = 1.0) -> Trace:
 
 
 @pytest.fixture
-def model_of() -> Callable[..., Model]:
-    return two_sensor_model
-
-
-@pytest.fixture
-def guarded_of() -> Callable[..., Model]:
-    return guarded_model
-
-
-@pytest.fixture
-def trace_of() -> Callable[..., Trace]:
-    return sensor_trace
-
-
-@pytest.fixture
 def files(tmp_path: Path) -> Callable[..., tuple[str, str]]:
     """Writes a model and a trace and returns their paths."""
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import lfilter
 
 from ambient_model.faults import Refused
-from ambient_trainer.evaluation.bath import Settled, calibrated, settled_windows, unsettled
+from ambient_trainer.evaluation.bath import Settled, calibrated, unsettled
 
 PERIOD_S = 2.0
 
@@ -47,15 +47,6 @@ def test_standard_errors_hold_for_autocorrelated_noise(kept):
         (point,) = calibrated([window], "bath")["a"].points
         inside += abs(point.offset_K - 0.1) < 1.96 * point.standard_error_K
     assert 0.86 <= inside / 200 <= 0.99  # of 0.95; the estimated autocorrelation time is a little short
-
-
-def test_each_temperature_gives_a_point_and_a_ramp_gives_none():
-    ramp = np.linspace(40.0, 0.0, 400)
-    levels = [np.full(200, 40.0), ramp, np.full(200, 0.0), ramp[::-1], np.full(200, 40.3)]
-    windows = settled_windows(bath(np.concatenate(levels), {"a": 0.3}), Settled(), "bath")
-    points = calibrated(windows, "bath")["a"].points
-    assert [point.reading_degC for point in points] == [pytest.approx(-0.3, abs=0.05), pytest.approx(39.85, abs=0.2)]
-    assert [point.offset_K for point in points] == pytest.approx([0.3, 0.3], abs=0.01)
 
 
 @pytest.mark.parametrize(

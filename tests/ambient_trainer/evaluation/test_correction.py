@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ambient_model.codec import decode, encode, load_model
-from ambient_model.conformance import conformance_of, worst_difference_degC
+from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model, Secondary
 from ambient_trainer.data.trace import Trace, save_trace
 from ambient_trainer.evaluation.correction import corrected, correction, known_between
@@ -73,22 +73,6 @@ def test_the_corrected_file_is_right_on_average_and_otherwise_the_same():
         assert evaluate_trace(alone, trace).metrics.mbe_degC == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_file_stands_by_itself():
-    """It decodes, its test vector is its own, and it says where the correction is from; twice is said twice."""
-    model = mean_model(guarded=False)
-    once = corrected(model, correction(model, known_trace()), SOURCE)
-    twice = corrected(once, correction(once, known_trace(seed=1)), SOURCE)
-    assert decode(encode(twice).encode(), "twice") == twice
-    assert worst_difference_degC(twice) == 0.0
-    assert twice.secondary is None
-    said = twice.provenance["corrections"]
-    assert [each["trace"] for each in said] == ["known.csv", "known.csv"]
-    assert model.main.offset + sum(each["offsets_degC"]["main"] for each in said) == pytest.approx(twice.main.offset)
-    assert abs(said[1]["offsets_degC"]["main"]) < 0.05
-    assert twice.provenance["circuit"] == "mean"
-    assert "corrections" not in model.provenance
-
-
 def test_only_what_is_known_counts_but_the_estimate_runs_from_the_start():
     """A lag's error after it has settled, not that of its start."""
     trace = known_trace(samples=3000)
@@ -127,15 +111,3 @@ def test_correct_writes_a_model_that_is_right_there(trainer, saved, tmp_path):
     again = tmp_path / "again.json"
     status, out, _ = trainer("correct", output, trace, "-o", again, "--from", 300)
     assert status == 0
-
-
-def test_a_wrong_call_of_correct(trainer, saved, tmp_path):
-    trace, model = tmp_path / "known.csv", saved(mean_model())
-    save_trace(str(trace), known_trace(samples=60))
-    status, _, err = trainer("correct", model, trace, "-o", model)
-    assert (status, "would be overwritten by what is made from it" in err) == (2, True)
-    status, _, err = trainer("correct", model, trace, "-o", tmp_path / "o.json", "--from", 5, "--to", 5)
-    assert (status, "--from 5 does not come before --to 5" in err) == (2, True)
-    status, _, err = trainer("correct", model, trace, "-o", tmp_path / "o.json", "--from", 500)
-    assert (status, "too few samples to score" in err) == (1, True)
-    assert not (tmp_path / "o.json").exists()

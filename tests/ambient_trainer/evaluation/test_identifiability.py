@@ -1,7 +1,6 @@
 """Resistance against capacitance comes out of the two-sided circuits, and known capacitances cure it."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,35 +123,6 @@ def test_single_input_circuits_keep_the_scale_of_their_losses(name):
     assert all_known.blind_directions == 0
 
 
-def test_free_c_and_d_need_more_than_the_capacitances():
-    """The thesis's remedy leaves each exchange resistance against the weights of what it drives."""
-    circuit = load_circuit("model2_ss_free_cd")
-    values = {**TRUTH, **{f"w{k}": 0.1 * k for k in range(1, 8)}}
-    for fixed, blind in (((), 5), (CAPACITANCES, 2), ((*CAPACITANCES, "w1", "w2"), 0)):
-        one = held(circuit, {each: values[each] for each in fixed})
-        found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
-        known = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
-        assert known.blind_directions == blind
-        if blind == 2:
-            assert list(known.symmetries) == [
-                {"R_display_flash": 1.0, "w1": 1.0},
-                {"R_display_battery": 1.0, "R_battery_usb": 1.0, "w2": 1.0, "w3": 1.0},
-            ]
-
-
-def test_what_a_resistance_out_of_sight_leaves_open_is_known_apart():
-    """Without its exchange the flash's loss is a free gain: one more direction here, none in the structure."""
-    circuit = load_circuit("model2_ss")
-    values = {**TRUTH, "R_display_flash": 1e6}
-    one = held(circuit, {each: values[each] for each in CAPACITANCES})
-    found = own_output(one, values, [inputs_of(circuit.inputs)], NOISE_DEGC, 1.0)
-    known = sensitivity(found.structure(), *unknowns_at(found.structure(), values))
-    assert known.blind_directions == 0
-    assert known.silent == ("R_display_flash",)
-    assert known.blind_directions_here == 1
-    assert known.mixed_here == ("R_flash_ambient", "R_display_battery", "R_battery_usb")
-
-
 def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
     """Oracle: sigma times the root of the diagonal of (J'J)^-1, by differences of plain simulations."""
     found, _ = subject("model1_ss", CAPACITANCES)
@@ -172,16 +142,6 @@ def test_profiles_have_the_interval_of_the_quadratic_where_the_data_tell_much():
     assert np.log(got.interval95[1] / got.interval95[0]) / 2 == pytest.approx(width[index], rel=0.1)
     assert list(got.values) == sorted(got.values)
     assert min(got.deviances) == 0.0
-
-
-def test_a_confounded_parameter_has_a_flat_profile():
-    found, _ = subject("model2_ss")
-    got = profile(found, "C_flash")
-    assert got.flat
-    assert got.interval95 == (None, None)
-    assert max(got.deviances) < THRESHOLD
-    assert got.values[0] == pytest.approx(0.04)
-    assert got.values[-1] == pytest.approx(400)
 
 
 def test_the_mean_of_noisy_replicates_is_within_two_standard_errors_and_what_is_confounded_is_not_said():
@@ -220,20 +180,6 @@ def test_a_trace_tells_it_from_the_fit_on(trace):
     assert cured.held == CAPACITANCES
     assert cured.values["R_display_battery"] == pytest.approx(6.0, rel=0.1)
     assert "R_display_battery" not in cured.flat
-
-
-def test_what_only_this_fit_leaves_open_is_said_to_be_so(trace):
-    """Two exchanges out of sight: what moves is what the fit confounds, though the structure does not."""
-    circuit = load_circuit("model2_ss")
-    free = identifiability(circuit, trace, {each: TRUTH[each] for each in CAPACITANCES}, Effort(2, 0), 0, quiet)
-    end = replace(free.reestimates[0], fit_percent=100.0, moved={"R_flash_ambient": 4.0, "R_battery_usb": 0.2, "w1": 0})
-    lost = replace(free.sensitivity, blind_directions_here=1, mixed_here=("R_flash_ambient", "R_battery_usb"))
-    found = replace(free, reestimates=(end,), sensitivity=lost)
-    here = [each.text for each in report_of(found).sections[1].blocks]
-    assert any("at this fit" in each and "R_battery_usb, R_flash_ambient" in each for each in here)
-    end = replace(end, moved={"R_flash_ambient": 4.0, "w1": 4.0})
-    elsewhere = [each.text for each in report_of(replace(found, reestimates=(end,))).sections[1].blocks]
-    assert not any("at this fit" in each for each in elsewhere)
 
 
 def test_the_command(trace, tmp_path):

@@ -64,36 +64,6 @@ def test_the_command_makes_offsets_of_a_recorded_bath_and_writes_nothing_of_one_
     assert not output.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        ([], ["TRACE.csv", "--thermometer", "--simulate"]),
-        (["--simulate", "--probe", "a=101"], ["TRACE.csv", "--thermometer", "--simulate"]),
-        (["--thermometer", "/dev/a"], ["--multiplexer PORT", "--probe"]),
-        (["--thermometer", "/dev/a", "--multiplexer", "/dev/a", "--probe", "a=101"], ["/dev/a", "both"]),
-        (["--probe", "a"], ["--probe a", "NAME=CHANNEL"]),
-        (["--probe", "a=101", "--probe", "a=102"], ["--probe a=102", "twice"]),
-        (["--probe", "1a=101"], ["--probe 1a=101", "NAME=CHANNEL"]),
-        (["--simulate", "--points", "5"], ["4 temperatures"]),
-        (["--simulate", "--window", "30", "--period", "2"], ["16 readings", "--window 58"]),
-        (["bath.csv", "--points", "2"], ["--points"]),
-        (["bath.csv", "--record", "other.csv"], ["--record"]),
-    ],
-)
-def test_a_call_that_is_wrong(arguments, parts, tmp_path):
-    ran = CliRunner().invoke(command, [*arguments, "-o", str(tmp_path / "offsets.yaml")])
-    assert ran.exit_code == 2
-    assert all(part in " ".join(ran.output.split()) for part in parts)
-
-
-def test_a_port_that_is_not_there_is_named(tmp_path):
-    ports = ["--thermometer", "/nowhere/a", "--multiplexer", "/nowhere/b", "--probe", "a=101"]
-    ran = CliRunner().invoke(command, [*ports, "-o", str(tmp_path / "offsets.yaml")])
-    assert ran.exit_code == 1
-    assert isinstance(ran.exception, SystemExit)
-    assert "multiplexer on /nowhere/b" in ran.output
-
-
 def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_path):
     output, again, record = (str(tmp_path / name) for name in ("offsets.yaml", "again.yaml", "bath.csv"))
     ran = CliRunner().invoke(command, ["--simulate", "--window", "120", "-o", output, "--record", record])

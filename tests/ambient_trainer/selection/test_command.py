@@ -21,7 +21,6 @@ from .conftest import made_up
 
 COMMAND = (sys.executable, "-m", "ambient_trainer", "search")
 OPTIONS = ("--most", "2", "--order", "2", "--blocks", "5", "--tolerance", "0.05")
-QUICK = ("--most", "1", "--order", "1", "--no-circuits", "--jobs", "1")
 
 
 @pytest.fixture(scope="module")
@@ -101,45 +100,3 @@ def _is_group(group):
     except ProcessLookupError:
         return False
     return True
-
-
-def test_a_changed_trace_makes_the_state_stale(trainer, trace, tmp_path):
-    state, other = tmp_path / "state", str(tmp_path / "other.csv")
-    assert trainer("search", trace, *QUICK, "--state", state)[0] == 0
-    save_trace(other, made_up(1))
-    status, _, errors = trainer("search", other, *QUICK, "--state", state)
-    assert status == 1
-    assert "traces: the state was made with [" in errors
-    assert "--state" in errors
-
-
-def test_without_a_reference_the_zones_are_still_screened(trainer, tmp_path):
-    columns = {**made_up().columns, "flat_degC": np.full(1500, 25.0)}
-    del columns["ambient_degC"]
-    save_trace(str(tmp_path / "t.csv"), replace(made_up(), columns=columns))
-    status, shown, errors = trainer("search", tmp_path / "t.csv")
-    assert status == 1
-    assert shown.startswith("Left out: flat: ")
-    assert "'ambient_degC'" in errors
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status", "named"),
-    [
-        (["--circuits", "c", "--no-circuits"], 2, ("--circuits", "--no-circuits")),
-        (["--json", "TRACE"], 2, ("overwritten",)),
-        (["--state", "x", "--json", "x"], 2, ("twice",)),
-        (["--gap", "1e9"], 1, ("0 samples are left", "--gap")),
-        (["--circuits", "TRACE"], 2, ("is no folder",)),
-        (["--check", "none.csv"], 1, ("none.csv",)),
-        (["--from", "5000"], 1, ("--from",)),
-        (["--to", "40"], 1, ("20 samples for up to 26 unknowns",)),
-        (["--most", "0"], 2, ("--most",)),
-    ],
-)
-def test_a_call_that_cannot_be_done_is_refused(trainer, trace, tmp_path, monkeypatch, arguments, status, named):
-    monkeypatch.chdir(tmp_path)
-    code, _, errors = trainer("search", trace, *[trace if each == "TRACE" else each for each in arguments])
-    assert code == status
-    for part in named:
-        assert part in errors

@@ -15,7 +15,14 @@ from ambient_trainer.selection.grams import best_sets
 from ambient_trainer.selection.report import as_json
 from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import Options, circuit_structure, numbered, prepared, searched
+from ambient_trainer.selection.search import (
+    ScoredSystem,
+    SearchResult,
+    circuit_structure,
+    flat_from,
+    prepared,
+    searched,
+)
 from ambient_trainer.selection.topology import initial_topologies
 
 from .conftest import AGAIN, LONER, OPTIONS, PAIR, found_in, made_up
@@ -62,33 +69,6 @@ def test_several_traces_are_searched_together():
         result = searched(data, pool, with_circuits=False)
     assert result.sizes[1].sensors == PAIR
     assert tuple(each.path for each in result.data.traces) == ("made-up.csv", "other.csv")
-
-
-@pytest.mark.parametrize(
-    ("change", "place"),
-    [
-        (lambda columns: columns.pop("ambient_degC"), "ambient_degC"),
-        (lambda columns: columns.update(ambient_degC=np.full(1500, 20.0)), "ambient_degC: never changes"),
-        (lambda columns: columns.update(ambient_degC=np.full(1500, np.nan)), "ambient_degC: never changes"),
-    ],
-)
-def test_a_trace_without_a_reference_to_learn_from_is_refused(change, place):
-    trace = made_up()
-    change(trace.columns)
-    with pytest.raises(Refused, match=place):
-        prepared([trace], *screened([trace]), Options())
-
-
-def test_no_usable_zone_and_a_set_to_compare_with_that_is_not_there_are_refused():
-    trace = replace(made_up(), columns={"flat_degC": np.full(1500, 3.0), "ambient_degC": made_up().reference})
-    with pytest.raises(Refused, match=r"flat_degC: constant: 3 degC"):
-        prepared([trace], *screened([trace]), Options())
-    trace = made_up()
-    trace.columns["flat_degC"] = np.full(1500, 3.0)
-    data = prepared([trace], *screened([trace]), Options())
-    for name, reason in (("skin", "no such sensor"), ("flat", "constant")):
-        with pytest.raises(Refused, match=f"{name}: .*{reason}"):
-            numbered(data, [name])
 
 
 def test_a_trace_to_check_on_is_looked_at_before_the_work():
@@ -151,16 +131,36 @@ def test_squares_are_those_of_independent_fits(small, pair):
         assert square == pytest.approx(np.sum(errors**2), rel=1e-4)
 
 
-def test_a_budget_ends_a_search_and_keeps_its_best(small, pair):
-    few, _ = refitted(FreeFilter(2, pair), small.blocks, 1, 5, 2)
-    many, _ = refitted(FreeFilter(2, pair), small.blocks, 1, 100, 20)
-    assert few.evaluations <= 5
-    assert many.sum_of_squares <= few.sum_of_squares
-
-
 def test_a_circuit_reads_the_sensors_that_it_names(small):
     """A circuit orders its inputs by its nodes, a trace as it was logged."""
     for topology in initial_topologies(("right", "left"), 2):
         structure = circuit_structure(small.segments, small.names, (90.0, 20.0), topology)
         for row, column in enumerate(structure.circuit.inputs):
             np.testing.assert_array_equal(structure.segments[0].inputs[row], small.trace.columns[column])
+
+
+def held_out(*mean_squares):
+    squares = tuple(10 * each for each in mean_squares)
+    return ScoredSystem(None, squares, (10.0,) * len(mean_squares), ())
+
+
+def test_mean_square_and_its_standard_error():
+    scored = held_out(1.0, 4.0, 4.0, 7.0)
+    assert (scored.mean_square, scored.rmse_degC) == (4.0, 2.0)
+    assert scored.standard_error_degC2 == pytest.approx((18 / 3) ** 0.5 / 2)
+    low, high = scored.interval_degC
+    assert (low**2, high**2) == pytest.approx((4 - scored.standard_error_degC2, 4 + scored.standard_error_degC2))
+    assert replace(held_out(1, 9), samples=(10.0, 30.0)).mean_square == 2.5  # long blocks count more
+
+
+def test_the_fewest_within_one_standard_error_and_where_it_is_flat():
+    least = held_out(3.0, 4.0, 5.0)  # 4 and 0.577
+    for second, place in ((4.5, 1), (4.6, 2)):
+        sizes = (held_out(9.0, 9.0, 9.0), held_out(second, second, second), least)
+        assert SearchResult(None, (), 0, sizes, None, {}, (), ()).recommended is sizes[place]
+    assert flat_from([3.0, 1.0, 0.99, 0.985], 0.02) == 1
+    assert flat_from([3.0, 1.0, 0.99, 0.975], 0.02) == 2
+
+
+def blocks(report):
+    return [block for section in report.sections for block in section.blocks]

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ambient_trainer.simulator.device import load_device
-from ambient_trainer.simulator.heat import Demand, HeatBalance, rk4_step
+from ambient_trainer.simulator.heat import HeatBalance, rk4_step
 from ambient_trainer.simulator.run import Run, integrate
 
 _PHONE = load_device()
@@ -71,11 +71,6 @@ def test_equilibrium_is_what_waiting_leads_to(balance, activity, air_degC):
     assert balance.equilibrium(air, demand)[0] == pytest.approx(found, abs=1e-5)
 
 
-def test_a_body_without_power_takes_the_airs_temperature(balance):
-    off = Demand(np.zeros((1, len(NODES))), np.zeros(1))
-    assert balance.equilibrium(np.array([-3.0]), off)[0] == pytest.approx(np.full(len(NODES), -3.0), abs=1e-6)
-
-
 def test_convection_grows_with_the_power_of_five_quarters(balance):
     nodes = np.full((1, len(NODES)), 20.0)
     area = _PHONE.nodes["display"].surface_m2
@@ -105,21 +100,6 @@ def test_the_batterys_heat_is_its_current_squared_times_a_resistance_that_grows_
     warm, cold = balance.battery_ohm(np.array([25.0])), balance.battery_ohm(np.array([-10.0]))
     assert warm == pytest.approx([0.08])
     assert cold / warm == pytest.approx(np.exp(2000 * (1 / 263.15 - 1 / 298.15)))
-
-
-def test_phones_of_a_batch_are_themselves_and_not_each_other():
-    shipped = _PHONE
-    glossy = shipped.with_values({f"nodes.{node}.emissivity": 0.1 for node in NODES})
-    heavy = shipped.with_values({"nodes.battery.capacitance_J_K": 80.0, "conductance_W_K.soc-board1": 0.02})
-    phones = [shipped, glossy, heavy]
-    activities = np.full(300, _PHONE.activity_index(["cpu_100"]))
-    runs = [Run(phone, 20.0, np.full(300, 20.0), activities, np.ones(300), 0) for phone in phones]
-    together = integrate(runs, 1.0)
-    alone = [integrate([run], 1.0)[0] for run in runs]
-    for one, other in zip(together, alone):
-        assert one.nodes_degC == pytest.approx(other.nodes_degC, abs=1e-8)
-    assert abs(together[0].nodes_degC[-1] - together[2].nodes_degC[-1]).max() > 1
-    assert shipped.nodes["battery"].capacitance_J_K != 80.0
 
 
 @pytest.mark.parametrize(("activity", "air_degC"), [("cpu_100", -10.0), ("charging", 50.0), ("streaming", 20.0)])

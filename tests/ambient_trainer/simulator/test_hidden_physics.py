@@ -9,13 +9,12 @@ from ambient_trainer.simulator.device import load_device
 from ambient_trainer.simulator.heat import HeatBalance
 from ambient_trainer.simulator.hidden import Hidden, Setting
 from ambient_trainer.simulator.run import Run, integrate
-from ambient_trainer.simulator.signals import SIGNALS, signal, switched
+from ambient_trainer.simulator.signals import SIGNALS, signal
 from ambient_trainer.simulator.simulate import Instruments
 from ambient_trainer.simulator.text import hidden_text
 
 _PHONE = load_device()
 NODES = tuple(_PHONE.nodes)
-SOC = _PHONE.index("soc")
 _COUNT = 1500
 _ONSET_S, _END_S = 300.0, 1200.0
 
@@ -206,18 +205,6 @@ def test_a_signal_is_zero_outside_its_window_and_alive_inside(name):
     if name.endswith("_on"):
         assert set(np.unique(inside)) == {0.0, 1.0}
         assert 0.2 < inside.mean() < 0.8
-
-
-def test_sessions_begin_soon_and_last_about_as_long_as_asked():
-    random = np.random.default_rng(7)
-    time_s = np.arange(0.0, 400_000.0)
-    session = switched(time_s, (0.0, 400_000.0), random, 10.0)
-    assert np.argmax(session) or session[0]
-    assert np.argmax(session > 0) < 120
-    lasting_s = np.bincount(session.astype(int))[1:-1]
-    assert lasting_s.mean() == pytest.approx(600, rel=0.1)
-    assert lasting_s.min() >= 299
-    assert lasting_s.max() <= 901
 
 
 def _ailing(*effects, count=3000):

@@ -12,7 +12,6 @@ from ambient_trainer.data.trace import load_trace, save_trace
 from ambient_trainer.lti.lag import lagged
 from ambient_trainer.simulator.chamber import Chamber, coloured, ramped, wobble
 from ambient_trainer.simulator.device import (
-    Bursts,
     Zone,
     device_path,
     load_constants,
@@ -21,7 +20,8 @@ from ambient_trainer.simulator.device import (
     with_calibrated,
 )
 from ambient_trainer.simulator.instruments import felt_weights, probe_reading, zone_reading
-from ambient_trainer.simulator.run import bursts, schedule
+from ambient_trainer.simulator.live import ChamberAir
+from ambient_trainer.simulator.run import schedule
 from ambient_trainer.simulator.scenario import load_scenario, scenario_names
 from ambient_trainer.simulator.simulate import simulate
 
@@ -91,23 +91,6 @@ def test_any_period_covers_the_scenario_and_a_step_takes_effect_at_its_first_sam
     assert [list(_PHONE.activities)[index] for index in activity] == ["idle"] * 300 + ["cpu_100"] * 600
 
 
-def test_progress_is_told():
-    told = []
-    simulate("2.5", progress=lambda done, total: told.append((done, total)))
-    assert told == [(0, 1800), (500, 1800), (1000, 1800), (1500, 1800)]
-
-
-def test_the_die_reaches_about_90_degrees_at_full_load_whatever_the_ambient(tmp_path):
-    path = tmp_path / "loaded.yaml"
-    steps = "".join(f"  - {{duration_min: 8, chamber_degC: {degC}, load: [cpu_100]}}\n" for degC in (50, -10, 30))
-    path.write_text("about: Loaded\nsteps:\n" + steps.replace("8, chamber_degC: -10", "40, chamber_degC: -10"))
-    trace = simulate(str(path), period_s=5.0).trace
-    steady = trace.time_s > 180.0
-    assert trace.reference[steady].min() < -9
-    assert 87 < trace.column("soc_degC")[steady].min() < trace.column("soc_degC").max() < 93
-    assert trace.column("soc_power_W").min() > 0.0
-
-
 def test_the_recording_begins_where_what_came_before_ended():
     trace = simulate("3", period_s=5.0).trace
     assert trace.reference[0] == pytest.approx(50, abs=2)  # the chamber then falls to -10 degC
@@ -147,6 +130,17 @@ def test_the_chamber_ramps_at_its_rate_and_starts_settled():
     assert np.argmax(air > 49.5) == pytest.approx(3 + 600 + 60 * np.log(3 / 0.5), abs=5)  # settles behind the ramp
 
 
+def test_the_air_of_a_laboratory_that_runs_is_that_of_a_run():
+    still = Chamber(heating_K_min=2.0, cooling_K_min=1.5, wobble_degC=0.0)
+    wanted = np.repeat([20.0, 35.0, 5.0, 20.0], [60, 1200, 1800, 600])
+    live, found = ChamberAir(0.0, 20.0, 0, still), []
+    for second, wanted_degC in enumerate(wanted.tolist()):
+        live.drive(second - 0.5, wanted_degC)
+        live.at(second - 0.5)
+        found.append(live._mean_degC)  # without draughts
+    assert found[:-1] == pytest.approx(ramped(wanted, 1.0, still)[:-1], abs=1e-9)
+
+
 def test_a_lag_is_exact_between_straight_lines():
     values = np.cumsum(np.random.default_rng(3).normal(size=40))
     solved = [values[0]]
@@ -171,14 +165,6 @@ def test_the_wobbles_statistics_do_not_depend_on_the_period(period_s):
     assert noise.std() == pytest.approx(1.0, rel=0.1)
     lag = round(60 / period_s)
     assert np.corrcoef(noise[:-lag], noise[lag:])[0, 1] == pytest.approx(np.exp(-1), abs=0.06)
-
-
-def test_bursts_have_the_stated_spread_about_one():
-    swing = Bursts(frac=0.4, period_s=400.0)
-    factor = bursts(np.arange(0.0, 1200.0), swing, np.random.default_rng(1))  # three whole periods
-    assert factor.mean() == pytest.approx(1.0, abs=1e-3)
-    assert factor.std() == pytest.approx(0.4, rel=1e-3)
-    assert bursts(np.arange(0.0, 1200.0), swing.model_copy(update={"frac": 2.0}), np.random.default_rng(1)).min() == 0.1
 
 
 def test_instruments_round_and_err_as_stated():

@@ -23,24 +23,6 @@ def test_a_fresh_process_writes_the_same_bytes_for_the_same_seed(trainer, tmp_pa
     assert header.count("_degC") > 48
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["7"], "2.1"),
-        (["1", "--seed", "-1"], "x>=0"),
-        (["1", "--period", "0"], "0.1<=x<=60"),
-        (["1", "--hide", "sensor_bias:usb:2W"], "'sensor_bias:usb:2W', size: 'W'"),
-        (["1", "--decoy", "moon_on"], "decoy 'moon_on'"),
-        (["1", "--truth", "nowhere/t.json"], "nowhere/t.json"),
-    ],
-)
-def test_a_wrong_call_is_status_2(trainer, tmp_path, arguments, message):
-    status, _, err = trainer("simulate", *arguments, "-o", tmp_path / "o.csv")
-    assert status == 2
-    assert message in err
-    assert not list(tmp_path.iterdir())
-
-
 def test_an_effect_is_hidden_in_the_trace_and_described_elsewhere(trainer, tmp_path):
     clean, trace, truth = (tmp_path / name for name in ("clean.csv", "trace.csv", "truth.json"))
     calm = ["simulate", "2.3", "--period", "5", "-o"]

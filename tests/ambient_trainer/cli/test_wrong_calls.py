@@ -1,0 +1,95 @@
+"""Wrong calls of the product's commands: what is wrong is named before the work, and nothing is written."""
+
+import os
+import shlex
+
+import numpy as np
+import pytest
+
+from ambient_trainer.data.trace import Trace, save_trace
+
+from ..evaluation.conftest import two_sensor_model
+
+# the call, its status, and what the message names
+CALLS = [
+    ("diagnose x.csv --circuit phone --period nan", 2, "--period; nan"),
+    ("simulate 5 -o x.csv --period 0.01", 2, "--period; 0.01"),
+    ("mitigate x.json --limit nan", 2, "--limit; nan"),
+    ("evaluate x.json x.csv --from 20 --to 10", 2, "--from 20; --to 10"),
+    ("limit x.json --seeds 1,-2", 2, "--seeds; 1,-2"),
+    ("fit t.csv --circuit free-1 -o m.json --starts 0", 2, "--starts; 0"),
+    ("evaluate m.json t.csv --run-in", 2, "--run-in; --from"),
+    ("compare t.csv --circuit free-1", 2, "--split; --held-out"),
+    ("compare t.csv --circuit free-1 --held-out t.csv", 2, "t.csv"),
+    ("nonsense", 2, "nonsense"),
+    ("fit t.csv --circuit free-1 -o t.csv", 2, "t.csv"),
+    ("evaluate m.json t.csv --json m.json", 2, "m.json"),
+    ("compare t.csv --circuit free-1 --split 40 --json t.csv", 2, "t.csv"),
+    ("diagnose nothere.csv --circuit phone --report t.csv", 2, "t.csv: is no folder"),
+    ("discover --circuit nosuch --report t.csv", 2, "t.csv: is no folder"),
+    ("evaluate nothere.json nothere.csv --report t.csv", 2, "t.csv: is no folder"),
+    ("mitigate nothere.json --report t.csv", 2, "t.csv: is no folder"),
+    ("reproduce --report t.csv", 2, "t.csv: is no folder"),
+    ("search nothere.csv --report t.csv", 2, "t.csv: is no folder"),
+    ("import t.csv --format csv -o o.csv", 2, "--format csv needs --map MAP.yaml"),
+    ("import t.csv --format xls -o o.csv", 2, "'xls' is not one of 'benchlink', 'csv'"),
+    ("import t.csv --format benchlink -o t.csv", 2, "would be overwritten by what is made from it"),
+    ("import none.csv --format benchlink -o o.csv", 2, "does not exist"),
+    ("import t.csv --format benchlink", 2, "Missing option '-o'"),
+    ("join t.csv -o o.csv", 2, "two"),
+    ("join t.csv u.csv -o u.csv", 2, "u.csv"),
+    ("simulate 7 -o o.csv", 2, "2.1"),
+    ("simulate 1 -o o.csv --seed -1", 2, "x>=0"),
+    ("simulate 1 -o o.csv --period 0", 2, "0.1<=x<=60"),
+    ("simulate 1 -o o.csv --hide sensor_bias:usb:2W", 2, "'sensor_bias:usb:2W', size: 'W'"),
+    ("simulate 1 -o o.csv --decoy moon_on", 2, "decoy 'moon_on'"),
+    ("simulate 1 -o o.csv --truth nowhere/t.json", 2, "nowhere/t.json"),
+    ("correct m.json t.csv -o m.json", 2, "would be overwritten by what is made from it"),
+    ("correct m.json t.csv -o o.json --from 5 --to 5", 2, "--from 5 does not come before --to 5"),
+    ("correct m.json t.csv -o o.json --from 5000", 1, "too few samples to score"),
+    ("search t.csv --circuits c --no-circuits", 2, "--circuits; --no-circuits"),
+    ("search t.csv --json t.csv", 2, "overwritten"),
+    ("search t.csv --state x --json x", 2, "twice"),
+    ("search t.csv --gap 1e9", 1, "0 samples are left; --gap"),
+    ("search t.csv --circuits t.csv", 2, "is no folder"),
+    ("search t.csv --from 5000", 1, "--from"),
+    ("search t.csv --to 40", 1, "20 samples for up to"),
+    ("calibrate -o o.yaml", 2, "TRACE.csv; --thermometer; --simulate"),
+    ("calibrate -o o.yaml --thermometer /dev/a", 2, "--multiplexer PORT; --probe"),
+    ("calibrate -o o.yaml --thermometer /dev/a --multiplexer /dev/a --probe a=101", 2, "/dev/a; both"),
+    ("calibrate -o o.yaml --probe a", 2, "--probe a; NAME=CHANNEL"),
+    ("calibrate -o o.yaml --probe a=101 --probe a=102", 2, "--probe a=102; twice"),
+    ("calibrate -o o.yaml --simulate --points 5", 2, "4 temperatures"),
+    ("calibrate -o o.yaml --simulate --window 30 --period 2", 2, "16 readings; --window 58"),
+    ("calibrate -o o.yaml t.csv --points 2", 2, "--points"),
+    ("calibrate -o o.yaml t.csv --record other.csv", 2, "--record"),
+    ("collect 6 --dry-run", 2, "'6'"),
+    ("collect 1", 2, "-o TRACE.csv"),
+    ("collect 1 --speed 5 -o o.csv", 2, "--simulate"),
+    ("collect 1 --simulate --resume -o o.csv", 2, "o.csv.part"),
+    ("collect 1 --simulate -o nowhere/o.csv", 2, "no folder"),
+    ("collect 1 -o o.csv", 1, "laboratory.instruments.chamber.port: /dev/ttyUSB0"),
+    ("collect no.yaml -o o.csv", 1, "no.yaml: cannot be read"),
+]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, saved):
+    """Two traces and a model."""
+    random = np.random.default_rng(1)
+    usb, battery = 25.0 + np.cumsum(random.normal(0.0, 0.3, (2, 300)), axis=1)
+    columns = {"usb_degC": usb, "battery_degC": battery, "ambient_degC": usb - 3.0}
+    for name in ("t.csv", "u.csv"):
+        save_trace(str(tmp_path / name), Trace(name, 2.0 * np.arange(300), columns))
+    os.rename(saved(two_sensor_model()), tmp_path / "m.json")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(("words", "status", "facts"), CALLS)
+def test_a_wrong_call(folder, trainer, words, status, facts):
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    found, _, said = trainer(*shlex.split(words))
+    assert found == status
+    assert all(fact in " ".join(said.split()) for fact in facts.split("; "))
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
