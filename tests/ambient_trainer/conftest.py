@@ -1,6 +1,5 @@
 """Small circuits with known parameters, data made of them by integration, and problems solved the slow way."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -93,13 +92,3 @@ def response_of(circuit: Circuit, u: np.ndarray, start=None, values: dict[str, f
 def rest(discrete: StateSpace, u: np.ndarray) -> np.ndarray:
     """The state of a discrete system that has seen ``u`` for ever."""
     return np.linalg.solve(np.eye(len(discrete.A)) - discrete.A, discrete.B @ u)
-
-
-@pytest.fixture
-def simulated() -> Callable[..., np.ndarray]:
-    return run_loop
-
-
-@pytest.fixture
-def at_rest() -> Callable[[StateSpace, np.ndarray], np.ndarray]:
-    return rest

@@ -15,7 +15,6 @@ import pytest
 
 import ambient_trainer as at
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.estimation.search import Budget
 
 VERBS = ("", "fitting", "evaluating", "simulating", "data")
 SLOW_EXAMPLE = pytest.param(".api.diagnosing", marks=pytest.mark.slow)
@@ -139,14 +138,6 @@ def test_results_show_themselves(fitted, log, tmp_path):
         assert os.path.basename(page) == "index.html"
         assert os.path.exists(page)
     assert "<table>" in fitted._repr_html_()
-
-
-def test_a_circuit_that_predicts_sensors_has_no_model(tmp_path):
-    budget = Budget(evaluations=2)
-    result = at.fit(at.simulate("1", period_s=60.0).trace, "phone", effort=at.Effort(starts=1, budget=budget))
-    assert result.fitted.outputs != ("ambient",)
-    with pytest.raises(at.Refused):
-        result.save(tmp_path / "model.json")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambient_trainer.circuits.circuit import Circuit
-from ambient_trainer.circuits.schema import load_circuit, parse_circuit
+from ambient_trainer.circuits.schema import parse_circuit
 from ambient_trainer.circuits.write import write_circuit
 
 ONE_NODE = {
@@ -27,11 +27,3 @@ BREAKS = "\x85 or \u2028 or \n breaks a line, \ufeff none: 20 \N{DEGREE SIGN}C"
 @example(parse_circuit(yaml.safe_dump({**ONE_NODE, "about": BREAKS}), "one node"))
 def test_every_circuit_comes_back(circuit):
     assert parse_circuit(write_circuit(circuit), "written") == circuit
-
-
-def test_one_line_stands_for_each_part():
-    lines = write_circuit(load_circuit("model1_kirchhoff")).splitlines()
-    assert "- {between: [usb, ambient], resistance: R_usb_ambient}" in lines
-    assert "  q_e: {unit: W, initial: 1.0, free: false}" in lines
-    assert "    inputs: parallel" in lines
-    assert "    heat: q_e" in lines

@@ -14,6 +14,8 @@ from ambient_trainer.estimation.free_filter import FreeFilter
 from ambient_trainer.estimation.structure import linearise, project
 from ambient_trainer.lti.discretise import discretised
 
+from ..conftest import rest, run_loop
+
 CIRCUITS = (
     "model1_kirchhoff",
     "model1_ss",
@@ -37,7 +39,7 @@ def _segments(m, q, lengths=(120, 70), periods_s=(1.0, 1.0), seed=0, level=25.0)
     return found
 
 
-def _regressors_of_circuit(structure, theta, simulated, at_rest):
+def _regressors_of_circuit(structure, theta):
     """Per segment the outputs without the weights (q, N), and what each weight adds (p, q, N), by simulation."""
     p = len(structure.linear_parameters)
     found = []
@@ -45,8 +47,8 @@ def _regressors_of_circuit(structure, theta, simulated, at_rest):
         outputs = []
         for beta in [np.zeros(p), *np.eye(p)]:
             discrete = discretised(_system(structure, theta, beta), segment.period_s, structure.circuit.hold)
-            start = at_rest(discrete, segment.inputs[:, 0])
-            outputs.append(simulated(discrete, segment.inputs, start))
+            start = rest(discrete, segment.inputs[:, 0])
+            outputs.append(run_loop(discrete, segment.inputs, start))
         found.append((outputs[0], np.array([each - outputs[0] for each in outputs[1:]])))
     return found
 
@@ -55,7 +57,7 @@ def _system(structure, theta, beta):
     return structure.system(theta, np.concatenate([beta, np.zeros(len(structure.linear.names) - len(beta))]))
 
 
-def _with_starts(structure, theta, found, simulated):
+def _with_starts(structure, theta, found):
     """One more regressor for each segment's state: its own decay, nothing in the other segments."""
     n, count = len(structure.circuit.states), len(structure.segments)
     grown = []
@@ -64,7 +66,7 @@ def _with_starts(structure, theta, found, simulated):
         still = replace(discrete, offset=np.zeros_like(discrete.offset))
         decays = np.zeros((count * n, *fixed.shape))
         for k, x in enumerate(np.eye(n)):
-            decays[index * n + k] = simulated(still, np.zeros_like(segment.inputs), x)
+            decays[index * n + k] = run_loop(still, np.zeros_like(segment.inputs), x)
         grown.append((fixed, np.concatenate([free.reshape(-1, *fixed.shape), decays])))
     return grown
 
@@ -111,12 +113,12 @@ def _residual(structure, found):
     return target - F @ beta
 
 
-def _brute(structure, simulated, at_rest):
+def _brute(structure):
     """The residual of every sample as a function of theta."""
 
     def residual(theta):
-        found = _regressors_of_circuit(structure, theta, simulated, at_rest)
-        whole = _with_starts(structure, theta, found, simulated) if structure.free_start else found
+        found = _regressors_of_circuit(structure, theta)
+        whole = _with_starts(structure, theta, found) if structure.free_start else found
         return _residual(structure, whole)
 
     return residual
@@ -148,14 +150,14 @@ def _somewhere(structure, seed):
 
 
 @pytest.mark.parametrize("name", CIRCUITS)
-def test_a_circuit_from_equilibrium(name, simulated, at_rest):
+def test_a_circuit_from_equilibrium(name):
     circuit = load_circuit(name)
     structure = CircuitStructure(circuit, _segments(len(circuit.inputs), 1, periods_s=(1.0, 0.5)))
     theta = _somewhere(structure, 1)
-    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
+    _assert_same(structure, theta, _brute(structure))
 
 
-def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
+def test_weights_at_their_bounds_are_held_there():
     """An output that is beyond the hottest input wants weights above 1 and below 0."""
     circuit = load_circuit("model2_ss")
     segments = [replace(each, outputs=each.outputs + 8 * (each.inputs[0] - each.inputs[1])) for each in _segments(4, 1)]
@@ -164,17 +166,17 @@ def test_weights_at_their_bounds_are_held_there(simulated, at_rest):
     found = project(structure, theta)
     assert (found.beta == 0).any()
     assert (found.beta == 1).any()
-    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
+    _assert_same(structure, theta, _brute(structure))
 
 
-def test_a_circuit_that_starts_anywhere(forward, simulated, at_rest):
+def test_a_circuit_that_starts_anywhere(forward):
     structure = CircuitStructure(forward, _segments(2, 3, periods_s=(1.0, 0.5)))
     theta = _somewhere(structure, 2) - np.array([3.0] * 3 + [0.0] * 6)
-    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
+    _assert_same(structure, theta, _brute(structure))
 
 
 @pytest.mark.parametrize("apart", [0.0, 0.9e-3, 1.1e-3])
-def test_modes_that_lie_close(apart, forward, simulated, at_rest):
+def test_modes_that_lie_close(apart, forward):
     """Three nodes that only see the ambient, with rates that differ by ``apart`` or not at all; each kind of start."""
     for free_start, circuit in ((False, load_circuit("model2_ss_free_cd")), (True, forward)):
         structure = CircuitStructure(circuit, _segments(len(circuit.inputs), len(circuit.outputs)))
@@ -183,10 +185,10 @@ def test_modes_that_lie_close(apart, forward, simulated, at_rest):
             between = [name in ("R_ab", "R_bc", "R_ac") for name in structure.search.names]
             theta[between] += np.log(1e9)
         theta[structure.search.names.index("C_b" if free_start else "C_battery")] += apart
-        _assert_same(structure, theta, _brute(structure, simulated, at_rest), tolerance=1e-5)
+        _assert_same(structure, theta, _brute(structure), tolerance=1e-5)
 
 
-def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(forward, simulated, at_rest):
+def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(forward):
     """Every kind of unknown in one circuit: logarithmic, plain, weight, offset and start."""
     share, weight = (replace(forward.parameters[0], name=name, unit="1", initial=1.0, low=-9.0, high=9.0)
                      for name in ("share", "weight"))  # fmt: skip
@@ -207,7 +209,7 @@ def test_source_shares_are_searched_and_weights_are_solved_beside_free_starts(fo
     assert structure.linear.names[:3] == ("weight", "offset", "w_ambient")
     assert "share" not in structure.logarithmic_names
     theta = _somewhere(structure, 3) - np.array([3.0] * 3 + [0.0] * 7)
-    _assert_same(structure, theta, _brute(structure, simulated, at_rest))
+    _assert_same(structure, theta, _brute(structure))
 
 
 @pytest.mark.parametrize(
@@ -235,7 +237,7 @@ def test_inputs_that_say_nothing_the_same_or_on_other_scales():
 
 @pytest.mark.parametrize("zeta", [0.35, 1.0, 6.0], ids=["damped pair", "double pole", "two real poles"])
 @pytest.mark.parametrize("order", [1, 3, 4])
-def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, simulated, at_rest):
+def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta):
     structure = FreeFilter(order, _segments(2, 1))
     random = np.random.default_rng(order)
     sections = [np.log(0.15), np.log(zeta), np.log(0.04), np.log(zeta)]
@@ -244,7 +246,7 @@ def test_a_free_filter_is_a_system_that_does_what_its_signals_say(order, zeta, s
     system = structure.system(theta, beta)
     discrete = discretised(system, structure.period_s, "first-order")
     for index, segment in enumerate(structure.segments):
-        looped = simulated(discrete, segment.inputs, at_rest(discrete, segment.inputs[:, 0]))
+        looped = run_loop(discrete, segment.inputs, rest(discrete, segment.inputs[:, 0]))
         np.testing.assert_allclose(
             structure.predicted(theta, beta, index), looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max()
         )
@@ -306,21 +308,6 @@ def test_a_mode_of_two_nodes_that_lose_nothing_together_is_penalised():
     np.testing.assert_allclose(slope, _slope_by_differences(structure, theta, 1e-5), atol=1e-4)
 
 
-def test_random_starts_differ_and_stay_in_the_box(forward):
-    circuit = load_circuit("model2_ss")
-    random = np.random.default_rng(0)
-    for structure in (
-        CircuitStructure(circuit, _segments(4, 1)),
-        CircuitStructure(forward, _segments(2, 3)),
-        FreeFilter(4, _segments(3, 1)),
-    ):
-        starts = np.array([structure.random_start(random) for _ in range(50)])
-        assert (starts >= structure.search.low).all()
-        assert (starts <= structure.search.high).all()
-        assert len(np.unique(starts, axis=0)) == 50
-        assert (np.ptp(starts, axis=0) > 0.1).all()
-
-
 def _poles(structure, theta):
     pairs = np.exp(theta[: 2 * structure.pairs]).reshape(-1, 2)
     roots = [np.roots([1.0, 2 * zeta * omega, omega**2]) for omega, zeta in pairs]
@@ -335,23 +322,6 @@ def test_regrouping_keeps_the_poles(order):
         theta = structure.random_start(random)
         again = structure.regrouped(theta)
         np.testing.assert_allclose(_poles(structure, again), _poles(structure, theta), rtol=1e-6)
-
-
-@pytest.mark.parametrize(("single", "slow"), [(0.11, 0.01), (0.012, 0.01), (0.05, 0.049)])
-def test_the_closest_of_three_real_poles_become_one_section(single, slow):
-    structure = FreeFilter(3, _segments(2, 1, lengths=(2000,), periods_s=(1.0,)))
-    pair = (slow, 0.1)
-    theta = np.log([np.sqrt(pair[0] * pair[1]), sum(pair) / 2 / np.sqrt(pair[0] * pair[1]), single])
-    again = structure.regrouped(theta)
-    rates = np.sort([*pair, single])
-    alone = rates[0] if rates[2] / rates[1] < rates[1] / rates[0] else rates[2]
-    assert np.exp(again[2]) == pytest.approx(alone)
-
-
-def test_a_damped_pair_stays_one():
-    structure = FreeFilter(4, _segments(2, 1, lengths=(2000,), periods_s=(1.0,)))
-    theta = np.log([0.1, 0.5, 0.05, 3.0])
-    np.testing.assert_array_equal(structure.regrouped(theta), theta)
 
 
 def test_a_pole_that_the_data_hardly_show_is_penalised():

@@ -13,7 +13,7 @@ from ambient_trainer.estimation.search import Solution, search
 from ambient_trainer.estimation.uncertainty import residual_memory, residuals, uncertainty
 from ambient_trainer.lti.discretise import discretised
 
-from ..conftest import response_of, truth_of
+from ..conftest import response_of, rest, run_loop, truth_of
 
 FITS = 200
 SAMPLES = 2000
@@ -66,7 +66,7 @@ def test_intervals_of_a_rise_circuit_cover_the_truth(rise, phi):
     assert (np.abs(bias) < 0.5).all()
 
 
-def test_white_errors_give_the_textbook_covariance(rise, simulated, at_rest):
+def test_white_errors_give_the_textbook_covariance(rise):
     """With white residuals the sandwich is sigma^2 (J'J)^-1, J by differences of plain simulations."""
     _, u, y = _rise_outputs(rise)
     noise = _noise(np.random.default_rng(0), y.shape, 0.0)
@@ -78,7 +78,7 @@ def test_white_errors_give_the_textbook_covariance(rise, simulated, at_rest):
 
     def outputs(values):
         discrete = discretised(structure.system(values[:P], values[P:]), 1.0, "first-order")
-        return simulated(discrete, u, at_rest(discrete, u[:, 0]))[0]
+        return run_loop(discrete, u, rest(discrete, u[:, 0]))[0]
 
     h = 1e-5
     J = np.array([(outputs(unknowns + h * e) - outputs(unknowns - h * e)) / (2 * h) for e in np.eye(len(unknowns))]).T
@@ -95,12 +95,6 @@ def test_the_memory_of_an_autoregression(phi):
     """(1 + phi)/(1 - phi), the sum of phi^|lag| over all lags."""
     found = [residual_memory(_noise(np.random.default_rng(seed), (1, 20000), phi)[0]) for seed in range(10)]
     assert np.mean(found) == pytest.approx((1 + phi) / (1 - phi), rel=0.12)
-
-
-def test_the_memory_of_nothing_is_one():
-    assert residual_memory(np.zeros(50)) == 1.0
-    assert residual_memory(np.array([0.3])) == 1.0
-    assert residual_memory(np.array([1.0, -1.0] * 30)) == 1.0
 
 
 def _wandering(circuit, truth, samples=4000):

@@ -39,11 +39,6 @@ def test_the_contract_holds(name):
     check_estimator(estimator(name), [made(1, 160)], made(2, 80))
 
 
-def test_it_holds_for_a_circuit_with_states():
-    names = ("soc", "flash", "battery", "usb")
-    check_estimator(estimator("model1_kirchhoff"), [made(1, 240, names)], made(2, 120, names))
-
-
 class Peeking(FreeFilterEstimator):
     """Its estimate looks ahead."""
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from ambient_model.faults import Refused
-from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace
 from ambient_trainer.estimators.base import Effort, temperature_columns
 from ambient_trainer.estimators.library import free
@@ -64,15 +63,6 @@ def test_a_whole_trace(rise, logged):
     for each in fit.parameters[2:]:
         low, high = each.interval95
         assert low < each.value < high
-
-
-def test_a_logarithmic_interval_is_a_factor_and_a_plain_one_a_distance(rise, logged):
-    found = {each.name: each for each in CircuitEstimator(rise).fit([logged()], ONE).parameters}
-    R, w = found["R_board"], found["w1"]
-    assert R.interval95[0] * R.interval95[1] == pytest.approx(R.value**2)
-    assert R.interval95[1] / R.value == pytest.approx(np.exp(1.96 * R.standard_error / R.value), rel=1e-3)
-    assert sum(w.interval95) / 2 == pytest.approx(w.value)
-    assert w.interval95[1] - w.value == pytest.approx(1.96 * w.standard_error, rel=1e-3)
 
 
 def test_holes_and_missing_samples_cost_no_accuracy(rise, logged):
@@ -156,16 +146,6 @@ def test_a_free_filter_reads_every_temperature_but_the_reference_and_has_one_to_
     assert FreeFilterEstimator(1).fit([trace], ONE, inputs=["chip_degC"]).inputs == ("chip_degC",)
     assert [free.find(name).order for name in ("free-1", "free-4")] == [1, 4]
     assert [free.find(name) for name in ("free-0", "free-5", "free-", "free-11", "xfree-1", "free-1\n")] == [None] * 6
-
-
-def test_a_static_line_has_no_state(logged):
-    trace = logged()
-    trace.columns["usb_degC"] = trace.columns["shell_degC"]
-    fit = CircuitEstimator(load_circuit("linear_usb")).fit([trace], ONE)
-    k, m = np.polyfit(trace.columns["usb_degC"], trace.reference, 1)
-    assert [each.value for each in fit.parameters] == pytest.approx([k, m])
-    assert (fit.states, fit.converged, fit.evaluations) == ((), True, 1)
-    assert fit.rmse_degC == pytest.approx(fit.baseline.rmse_degC)
 
 
 def _with(trace, **columns):

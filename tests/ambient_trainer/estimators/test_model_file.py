@@ -113,18 +113,6 @@ def test_it_says_the_quantiles_of_the_training_errors_and_how_and_of_what_it_was
     }
 
 
-def test_a_circuit_without_states_is_exported_too(trace):
-    text = CIRCUIT.replace("capacitance: 12, ", "")
-    text = text[: text.index("edges:")] + (
-        "outputs:\n  ambient: {inputs: {board_degC: k}, offset: bias}\n"
-        'parameters:\n  k: {unit: "1", initial: 1}\n  bias: {unit: degC, initial: 0}\n'
-    )
-    fit = CircuitEstimator(parse_circuit(text, "line.yaml")).fit([trace], Effort(starts=1))
-    model = decode(encode(model_of(fit, [], {})).encode(), "line.json")
-    assert model.main.states == ()
-    assert worst_difference_degC(model) <= TOLERANCE_DEGC
-
-
 @pytest.mark.parametrize(
     ("change", "zones", "facts"),
     [

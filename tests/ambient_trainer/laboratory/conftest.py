@@ -181,9 +181,3 @@ def night(campaign_file, tmp_path):
         return Night(campaign_file(steps, {**patient, **(changes or {})}, **further), tmp_path / "trace.csv", speed)
 
     return make
-
-
-@pytest.fixture
-def night_of():
-    """Makes the night of a campaign's file."""
-    return Night

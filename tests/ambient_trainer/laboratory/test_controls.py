@@ -197,13 +197,6 @@ def sampled(durations_s, period_s, begin_s=0.0, errors=()):
     return posted
 
 
-def test_each_period_is_asked_for_when_it_begins_and_none_is_caught_up():
-    asked = [sample.asked_s for sample in sampled([0.3, 0.1, 0.9, 0.2], 1.0, begin_s=0.5)]
-    assert asked == [1.0, 2.0, 3.0, 4.0]
-    asked = [sample.asked_s for sample in sampled([0.1, 3.4, 0.1, 0.1], 1.0)]
-    assert asked == [1.0, 2.0, 6.0, 7.0]
-
-
 @given(st.lists(st.floats(0.0, 5.0), min_size=1, max_size=20), st.floats(0.05, 3.0))
 def test_every_sample_is_asked_for_at_a_multiple_of_its_own(durations_s, period_s):
     asked = [sample.asked_s for sample in sampled(durations_s, period_s)]

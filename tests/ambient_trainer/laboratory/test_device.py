@@ -52,20 +52,6 @@ def test_zones_and_gauge_in_the_units_of_their_columns(zones, device_of):
     assert values(other)["battery_current_A"] == 0.4125
 
 
-@pytest.mark.parametrize(
-    ("connect", "begin", "end"),
-    [
-        ("adb", ("adb", "shell"), ("-T", "sh")),
-        ("adb 192.168.1.7:5555", ("adb", "-s", "192.168.1.7:5555"), ("shell", "-T", "sh")),
-        ("local", ("sh",), ("sh",)),
-        ("ssh root@board", ("ssh", "-T", "-o", "BatchMode=yes"), ("root@board", "sh")),  # asks for no password
-    ],
-)
-def test_connections(connect, begin, end):
-    argv = connection_to(connect).argv
-    assert (argv[: len(begin)], argv[-len(end) :]) == (begin, end)
-
-
 def test_the_clock_offset_is_known_to_half_the_delay(zones, device_of):
     clock = Clock()
     device = device_of(zones, clock=clock)

@@ -70,18 +70,6 @@ def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
         path.unlink()
 
 
-def test_samples_on_disk_are_those_that_another_process_would_find(tmp_path):
-    path = str(tmp_path / "t.part")
-    journal = Journal(path, HEAD)
-    for k in range(100):
-        journal.add(Sample("device", k, k, {}))
-    while journal.samples_on_disk < 100:  # nobody asks for it: it comes by itself
-        found = sum(isinstance(entry, Sample) for entry in read_journal(path).entries)
-        assert found >= journal.samples_on_disk or journal.samples_on_disk == 100
-    assert len(read_journal(path).entries) == 100
-    journal.close()
-
-
 def test_a_full_disk_is_noticed_and_nothing_is_written_after_it(tmp_path, monkeypatch):
     path = str(tmp_path / "t.part")
     journal = Journal(path, HEAD)
@@ -148,13 +136,6 @@ def test_what_is_no_journal_is_refused(text, place, tmp_path):
     path.write_text(text.replace("HEAD", head))
     with pytest.raises(Refused, match=place):
         read_journal(str(path))
-
-
-def test_nowhere_to_write(tmp_path):
-    with pytest.raises(Refused, match="No such file"):
-        Journal(str(tmp_path / "nowhere" / "t.part"), HEAD)
-    with pytest.raises(Refused, match="No such file"):
-        read_journal(str(tmp_path / "t.part"))
 
 
 def test_nothing_is_acknowledged_before_the_disk_has_it(tmp_path, monkeypatch):

@@ -17,9 +17,10 @@ from ambient_trainer.laboratory.device_under_test import DeviceUnderTest
 from ambient_trainer.laboratory.report import problems_of
 from ambient_trainer.laboratory.run import Ending
 from ambient_trainer.simulator.scenario import scenario_path
-from breaking import acknowledge, mute, open_probe, plug_cable, pull_cable, raise_alarm, reboot
+from breaking import acknowledge, open_probe, pull_cable, raise_alarm
 
-SPEED = 150.0
+from .conftest import Night
+
 in_real_time = pytest.mark.slow  # a busy machine misses samples
 
 
@@ -49,34 +50,6 @@ def test_a_run_leaves_a_trace_and_a_safe_chamber(night):
     assert set(set_degC[np.isfinite(set_degC)]) == {20.0, 25.0, 22.0}
     probes = np.stack([beside.column(f"probe_air{k}_degC") for k in range(1, 5)])
     assert np.nanmean(probes.mean(axis=0)) == pytest.approx(np.nanmean(probes[0]), abs=0.3)
-
-
-@in_real_time
-def test_a_stop_comes_to_safety_first_and_goes_on_later(night):
-    held = []
-
-    def stop(there):
-        held.append(there.chamber.held_degC)
-        lab.stop = "stopped by SIGINT"
-
-    lab = night(minutes((3, 25), (6, 30, ["charging"]), (1, 25)))
-    events = lab.run([(480.0, stop)])
-    assert (held, lab.held_degC, lab.outcome.ending) == ([30.0], 20.0, Ending.STOPPED)
-    assert events[-1] == "stopped by SIGINT"
-    first = lab.trace
-    assert first.notes["complete"] == "no: stopped by SIGINT"
-    assert 480 <= len(first.time_s) < 600
-
-    lab.run(work=resume)
-    assert (lab.outcome.ending, lab.held_degC) == (Ending.FINISHED, 20.0)
-    second, kept = lab.trace, slice(len(first.time_s) - 1)
-    assert np.array_equal(second.column("soc_degC")[kept], first.column("soc_degC")[kept], equal_nan=True)
-    charging = second.column("charging_on")
-    assert charging[-200] == 1.0
-    assert np.isnan(charging[len(first.time_s) :]).any()
-    # six minutes of the program, whatever the time in between
-    assert abs(np.nansum(charging == 1.0) - 360.0) < 150.0
-    assert len(second.time_s) > 600
 
 
 def open_probes(there):
@@ -120,22 +93,6 @@ def test_an_alarm_stops_the_chamber_and_not_the_logging(night):
     assert np.nanmax(lab.trace.column("cpu_load_frac")) == 0.02
 
 
-@in_real_time
-def test_a_rebooted_phone_goes_on_with_its_load(night):
-    def start_anew(there):
-        reboot(there.phone)
-        threading.Timer(60.0 / SPEED, plug_cable, [there.phone]).start()
-
-    lab = night(minutes((2, 20), (10, 20, ["cpu_100"])))
-    events = lab.run([(240.0, start_anew)])
-    assert lab.outcome.ending is Ending.FINISHED
-    assert "device: was started anew" in events
-    load = lab.trace.column("cpu_load_frac")
-    assert np.flatnonzero(np.isnan(load[130:]))[0] > 105
-    assert set(load[-60:]) == {1.0}
-    assert np.isnan(lab.trace.column("soc_degC")[235:]).sum() > 30
-
-
 def test_an_error_in_the_program_itself_comes_to_safety_first(night, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("a mistake")
@@ -165,24 +122,6 @@ def test_a_run_that_only_lacks_its_trace_is_brought_to_its_end(night, tmp_path):
     assert lab.run(work=resume) == []
     assert (lab.held_degC, lab.part.exists()) == (None, False), "nothing was moved"
     assert Path(lab.output).read_bytes() == whole
-
-
-@in_real_time
-def test_a_thermometer_that_switches_itself_off_ends_nothing(night):
-    link = {"kind": "greisinger-easybus", "port": "/dev/ttyUSB2", "period_s": 2}
-    lab = night(minutes((10, 22)), {"instruments.thermometer": link})
-    events = lab.run(
-        [
-            (60.0, lambda there: mute(there.thermometer)),
-            (140.0, lambda there: mute(there.thermometer, False)),
-        ]
-    )
-    assert lab.outcome.ending is Ending.FINISHED
-    assert any(text.startswith("thermometer on ") and "switch it on" in text for text in events)
-    assert any(text.startswith("thermometer is back") for text in events)
-    reading = load_trace(laboratory_path(lab.output)).column("thermometer_degC")
-    assert np.nanmean(reading) == pytest.approx(np.nanmean(lab.trace.reference), abs=1.0)
-    assert "thermometer" in lab.trace.notes
 
 
 def test_a_monitor_that_fails_is_no_reason_to_stop(night):
@@ -252,7 +191,7 @@ MQTT = {"kind": "mqtt-topic", "port": "mqtt://nowhere", "topic": "home/desk"}
 
 
 @pytest.mark.parametrize("reference", ["host-sensors", "mqtt-topic"])
-def test_on_a_desk_there_is_no_chamber(night_of, tmp_path, reference):
+def test_on_a_desk_there_is_no_chamber(tmp_path, reference):
     """It loads, waits until the device is settled, and watches the sensors of this machine, or a topic."""
     desk = yaml.safe_load(Path(scenario_path("desk")).read_text())
     if reference == "mqtt-topic":
@@ -260,7 +199,7 @@ def test_on_a_desk_there_is_no_chamber(night_of, tmp_path, reference):
     desk["before"] = [{"settle": {"within_K": 2, "drift_K": 3, "for_min": 1, "at_most_min": 5}}]
     desk["steps"] = minutes((1, None, ["cpu_100"]), (1, None))
     (tmp_path / "desk.yaml").write_text(yaml.safe_dump(desk))
-    lab = night_of(str(tmp_path / "desk.yaml"), tmp_path / "trace.csv")
+    lab = Night(str(tmp_path / "desk.yaml"), tmp_path / "trace.csv")
     lab.run()
     assert (lab.outcome.ending, lab.outcome.safe, lab.activity) == (Ending.FINISHED, True, "idle")
     trace = lab.trace
@@ -275,10 +214,10 @@ def test_on_a_desk_there_is_no_chamber(night_of, tmp_path, reference):
         assert trace.notes["thermometer"] == "MQTT topic home/desk"
 
 
-def test_another_campaign_does_not_go_on_with_it(night, night_of, campaign_file):
+def test_another_campaign_does_not_go_on_with_it(night, campaign_file):
     lab = night(minutes((2, 22)))
     lab.run([(30.0, lambda there: setattr(lab, "stop", "enough"))])
-    other = night_of(campaign_file(minutes((2, 23))), lab.output)
+    other = Night(campaign_file(minutes((2, 23))), lab.output)
     with pytest.raises(Refused, match=r"'night'.*SHA-256"):
         other.run(work=resume)
     with pytest.raises(Refused, match="--resume"):

@@ -1,15 +1,17 @@
-"""A page is written whole, all its text is text, and its colours have counterparts in the dark."""
+"""A report as a page and on a terminal: all its text is text, and its colours have counterparts in the dark."""
 
 import html
 import os
 import re
 
 import pytest
+from rich.console import Console
 
 from ambient_model.faults import Refused
 from ambient_trainer.report import Facts, Figure, Finding, Report, Section, Table
 from ambient_trainer.report.page import page_of, write_report
 from ambient_trainer.report.palette import SENSOR_COLOURS, sensor_colours
+from ambient_trainer.report.terminal import for_terminal, print_report
 
 HOSTILE = "<b>x</b> & `<i>` 3 degC usb_degC"
 SAFE = "&lt;b&gt;x&lt;/b&gt; &amp; <code>&lt;i&gt;</code> 3 °C usb_degC"
@@ -37,13 +39,6 @@ def test_text_is_text_wherever_it_stands():
     assert "<i>" not in page
 
 
-def test_what_has_no_content_is_left_out_and_a_page_without_plots_loads_no_script():
-    page = page_of(Report("title", [None, ""], [Section("empty", [None]), Section("full", [Finding("this")])], {}))
-    assert "empty" not in page
-    assert "<h2>full</h2>" in page
-    assert "<script" not in page
-
-
 def test_plots_are_numbered_and_sections_listed(tmp_path):
     from ambient_trainer.report.plots import panel_figure
 
@@ -60,3 +55,40 @@ def test_a_sensor_has_one_colour_wherever_it_is_drawn():
     assert len(set(phone.values())) == 5
     many = sensor_colours(map(str, range(50)))
     assert set(many.values()) == set(SENSOR_COLOURS)
+
+
+def shown(draw, width=100):
+    console = Console(width=width, color_system=None)
+    with console.capture() as capture:
+        draw(console)
+    return capture.get().splitlines()
+
+
+def test_a_terminal_shows_titles_findings_and_tables_in_order():
+    hidden = Section("hidden", [Finding("too much")], detail=True)
+    figure = Figure(lambda: 1 / 0)  # drawn for a page only
+    report = Report(
+        "first: [b]1[/b] degC",
+        [Finding("second", "warning"), None, Facts([("no", "fact")])],
+        [
+            Section("third", ["a note", Finding("fourth", "good", label="cause"), figure, Section("fifth", [hidden])]),
+            hidden,
+            Section("sixth", [Section("seventh", [Table("", ("a",), (("[bold]x[/bold]",),)), "a note"])]),
+            Section("empty", ["a note"]),
+        ],
+        {},
+    )
+    text = "\n".join(shown(lambda console: print_report(console, report)))
+    order = ["first: [b]1[/b] degC", "second", "third", "cause: fourth", "sixth", "seventh", "[bold]x[/bold]"]
+    assert sorted(order, key=text.index) == order
+    for absent in ("too much", "hidden", "fact", "note", "fifth", "empty"):
+        assert absent not in text
+
+
+def test_a_narrow_terminal_folds_names_and_keeps_figures():
+    columns = ("trace", "method", *(f"figure {k}" for k in range(5)))
+    table = Table("", columns, (("a_rather_long_name_of_a_trace.csv", "static linear", *["-12.34"] * 5),), labels=2)
+    lines = shown(lambda console: console.print(for_terminal(table)), 72)
+    assert max(map(len, lines)) <= 72
+    assert sum(line.count("-12.34") for line in lines) == 5
+    assert "".join(line[1:].split("  ")[0] for line in lines[3:]) == "a_rather_long_name_of_a_trace.csv"

@@ -7,40 +7,14 @@ from hypothesis import strategies as st
 
 from ambient_trainer.report.plots import (
     Band,
-    Line,
     Panel,
     Shade,
-    add_curve,
     broken_at_gaps,
     envelope,
     extremes,
-    matrix_figure,
-    panel_figure,
     spans_where,
     stacked_figure,
-    time_axis,
 )
-
-
-@pytest.mark.parametrize(("last_s", "unit"), [(600.0, "min"), (3 * 3600.0, "min"), (3 * 3600.0 + 1, "h")])
-def test_the_time_axis_has_the_unit_that_fits(last_s, unit):
-    assert time_axis(np.array([0.0, last_s]))[1] == unit
-
-
-def test_the_panels_share_one_time_axis_and_one_legend_of_names_as_they_stand():
-    time_s = np.arange(0.0, 601.0, 60.0)
-    panels = [
-        Panel("a [°C]", [Line("<i>", time_s, "#000")]),
-        Panel("b [W]", [Line("<i>", -time_s, "#000"), Line("two", time_s, "#111")]),
-    ]
-    figure = stacked_figure(time_s, panels)
-    assert figure.layout.xaxis.matches == "x2"
-    assert figure.layout.xaxis2.title.text == "time [min]"
-    assert (figure.layout.yaxis.title.text, figure.layout.yaxis2.title.text) == ("a [°C]", "b [W]")
-    assert figure.data[0].x.tolist() == list(range(11))
-    shown = [(each.name, each.yaxis, each.showlegend) for each in figure.data]
-    assert shown == [("&lt;i&gt;", "y", True), ("&lt;i&gt;", "y2", False), ("two", "y2", True)]
-    assert (figure.layout.legend.orientation, figure.layout.legend.yanchor) == ("h", "bottom")
 
 
 def test_a_band_is_an_outline_for_each_stretch_that_has_it():
@@ -50,14 +24,6 @@ def test_a_band_is_an_outline_for_each_stretch_that_has_it():
     assert outline.fill == "toself"
     assert outline.x == pytest.approx([0, 1, 1, 0, np.nan, 3, 4, 4, 3, np.nan], nan_ok=True)
     assert outline.y == pytest.approx([1, 2, 12, 11, np.nan, 3, 4, 14, 13, np.nan], nan_ok=True)
-
-
-def test_long_lines_are_thinned_and_keep_their_peak():
-    values = np.zeros(100_000)
-    values[77_777] = 5.0
-    figure = stacked_figure(np.arange(100_000.0), [Panel("a", [Line("one", values, "#000")])])
-    assert len(figure.data[0].y) < 6_010
-    assert figure.data[0].y.max() == 5.0
 
 
 def test_a_shade_spans_to_the_next_sample_and_flickering_is_one_stretch():
@@ -72,19 +38,6 @@ def test_a_shade_spans_to_the_next_sample_and_flickering_is_one_stretch():
     time_s = np.arange(10_000.0)
     assert spans_where(time_s, np.arange(10_000) % 2 == 0) == [(0.0, 9999.0)]
     assert spans_where(time_s, np.zeros(10_000, dtype=bool)) == []
-
-
-def test_the_ends_of_a_curve_are_its_intervals():
-    figure = panel_figure("x", "y", 200)
-    add_curve(figure, [1, 2], [3.0, 5.0], "one", "#000", ends=[(2.0, 3.5), (5.0, 9.0)])
-    assert figure.data[0].error_y.array == pytest.approx([0.5, 4.0])
-    assert figure.data[0].error_y.arrayminus == pytest.approx([1.0, 0.0])
-
-
-def test_the_colours_of_a_matrix_are_centred_on_nothing():
-    cells = matrix_figure(["a", "b"], ["c"], [[-1.0, None]], [["-1", ""]]).data[0]
-    assert (cells.zmin, cells.zmax) == (-1.0, 1.0)
-    assert matrix_figure(["a"], ["c"], [[0.0]], [["0"]]).data[0].zmax == 1.0
 
 
 NAN = float("nan")

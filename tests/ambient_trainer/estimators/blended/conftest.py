@@ -1,7 +1,5 @@
 """A small device with known constants, its log made by integration, and an observer file for it that fits fast."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -92,17 +90,6 @@ def brick_log() -> Trace:
 
 
 @pytest.fixture(scope="session")
-def brick_logged() -> Callable[..., Trace]:
-    """Another log of the same brick, by seed and hours."""
-    return logged
-
-
-@pytest.fixture(scope="session")
 def observer_file() -> str:
     """The observer of the brick, beside its circuit."""
     return str(CIRCUITS / "brick_observer.yaml")
-
-
-@pytest.fixture(scope="session")
-def brick_truth() -> dict[str, float]:
-    return TRUTH

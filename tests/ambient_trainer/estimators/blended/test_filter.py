@@ -5,10 +5,8 @@ import pytest
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import search
-from ambient_trainer.estimators.base import Effort
 from ambient_trainer.estimators.blended.recipe import FilterRules
 from ambient_trainer.estimators.library.recipes import recipe_filter
-from ambient_trainer.estimators.searched import filter_fit
 from ambient_trainer.lti.response import noise_gain, response_degC
 from ambient_trainer.lti.statespace import dc_gain
 
@@ -50,12 +48,3 @@ def test_the_search_keeps_to_the_bounds_of_the_recipe():
     assert np.exp(theta[1]) >= np.cosh(np.log(1.5) / 2) * 0.999
     assert np.exp(theta[3]) >= 0.699
     assert second > 0
-
-
-def test_its_fit_reports_the_errors_on_the_log():
-    logged = run(11)
-    structure = recipe_filter({"logged": [logged]}, {"logged": 1.0}, RULES, 1.0)
-    fit = filter_fit("mine", ("a_degC", "b_degC", "c_degC"), [logged], 4, search(structure, 1, 0), Effort())
-    errors = logged.outputs[0] - response_degC(fit.system, "first-order", logged.inputs, 1.0)
-    assert fit.rmse_degC == pytest.approx(np.sqrt(np.mean(errors**2)))
-    assert sum(fit.dc_gains) == pytest.approx(1.0, abs=1e-12)

@@ -1,6 +1,5 @@
 """An observer from log to model file, scored on other logs of the same device through the file."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +16,8 @@ from ambient_trainer.estimators.registry import estimator
 from ambient_trainer.estimators.report import report_of
 from ambient_trainer.evaluation.evaluate import evaluate_trace
 from ambient_trainer.report import Finding
+
+from .conftest import logged
 
 EFFORT = Effort(seed=0)
 
@@ -50,25 +51,9 @@ def test_the_file_holds_all_that_a_device_needs(fitted, model):
     assert low == -high < 0
 
 
-def test_every_search_calls_the_progress(fitted):
-    fit, calls = fitted
-    stages = [stage for stage, _, _ in calls]
-    assert stages == sorted(stages)
-    assert set(stages) == set(range(6)), "circuit, main, secondary and three fallbacks"
-    assert all(square > 0 for _, _, square in calls)
-    assert fit.evaluations <= len(calls) <= fit.evaluations + 100, "the curvature at the end is evaluated, too"
-
-
-def test_the_report_has_the_figures(fitted):
-    data = json.loads(json.dumps(report_of(fitted[0]).data, allow_nan=False))
-    assert data["threshold_degC"] > 0
-    assert data["declared"]["unlogged"]["patterns"]["charge"]["watts"] == [{"board": 1.0}, {"board": 0.7, "shell": 0.3}]
-    assert set(data["forward_circuit"]["misfit_degC"]) == {"chip", "board", "shell"}
-
-
 @pytest.fixture(scope="session")
-def unseen(brick_logged):
-    return [brick_logged(seed, 4.0) for seed in (11, 12)]
+def unseen():
+    return [logged(seed, 4.0) for seed in (11, 12)]
 
 
 @pytest.fixture(scope="session")
@@ -86,9 +71,9 @@ def test_unseen_logs_are_estimated_as_well_as_by_the_free_filter_and_inside_the_
     assert 0.87 < held < 0.96
 
 
-def test_heat_that_nobody_logs_is_seen_by_the_guard(model, free, brick_logged):
+def test_heat_that_nobody_logs_is_seen_by_the_guard(model, free):
     """A watt into the board that no log tells of: filters that never saw such heat take it for the ambient."""
-    odd = brick_logged(14, 4.0, unlogged_W=1.0)
+    odd = logged(14, 4.0, unlogged_W=1.0)
     guarded = evaluate_trace(model, odd)
     for each in (model._replace(secondary=None, error_variance=None), free):
         assert guarded.metrics.rmse_degC < 0.3 * evaluate_trace(each, odd).metrics.rmse_degC

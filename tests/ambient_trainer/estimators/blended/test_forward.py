@@ -7,6 +7,8 @@ from ambient_trainer.estimators.blended.forward import Forward, factor
 from ambient_trainer.estimators.blended.recipe import Loss, find_recipe
 from ambient_trainer.estimators.library.recipes import record_of
 
+from .conftest import TRUTH
+
 LAW = Loss(rho=0.5, exponent=0.25, at_rise_K=5, at_degC=20)
 
 
@@ -34,24 +36,24 @@ def truly(forward, truth):
     return np.array([*positive, truth["share_board"], np.log(truth["rho"] / (1 - truth["rho"]))])
 
 
-def test_with_the_true_constants_only_noise_is_left_and_few_passes_are_near(forward, record, brick_truth):
-    x = truly(forward, brick_truth)
-    assert forward.values(x) == pytest.approx(brick_truth)
+def test_with_the_true_constants_only_noise_is_left_and_few_passes_are_near(forward, record):
+    x = truly(forward, TRUTH)
+    assert forward.values(x) == pytest.approx(TRUTH)
     [misfit] = forward.plant(x).misfits([record], 5.0)
     # between samples 5 s apart the nodes bend a little
     assert (np.sqrt(np.mean(misfit**2, axis=1)) < 0.025).all()
-    plant = forward.plant(truly(forward, brick_truth))
+    plant = forward.plant(truly(forward, TRUTH))
     heat = plant.heat_W(record.measured_W, record.shared_W)
     four, ten, twenty = (plant.readings_degC(record.ambient_degC, heat, 5.0, passes) for passes in (4, 10, 20))
     assert np.abs(ten - twenty).max() < 1e-4
     assert np.abs(four - twenty).max() < 0.1
 
 
-def test_a_brick_s_constants_come_back_from_its_log(forward, record, brick_truth):
+def test_a_brick_s_constants_come_back_from_its_log(forward, record):
     heard = []
     found = forward.fit([record], 5.0, lambda evaluation, square: heard.append((evaluation, square)))
     assert found.converged
-    assert found.values == pytest.approx(brick_truth, rel=0.05)
+    assert found.values == pytest.approx(TRUTH, rel=0.05)
     assert max(found.misfit_degC.values()) < 0.025
     assert [count for count, _ in heard] == list(range(1, found.evaluations + 1))
 

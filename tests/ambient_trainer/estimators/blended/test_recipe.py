@@ -77,11 +77,6 @@ def test_every_fault_is_reported_at_once_with_its_place(wrong):
         assert fault.startswith(place.replace("__", "."))
 
 
-def test_the_residuals_of_the_circuit_are_no_errors_of_an_estimate():
-    [only] = faults(changed(weights__interval={"logged": 1, "residual": 1}))
-    assert only.startswith("weights.interval.residual")
-
-
 @pytest.mark.parametrize(("name", "facts"), [("model2_ss", ("model2_ss",)), ("phon", ("'phon'", "linear_battery"))])
 def test_a_circuit_that_is_unknown_or_not_driven_by_the_ambient_is_refused(name, facts):
     [first, *_] = faults(changed(circuit=name))

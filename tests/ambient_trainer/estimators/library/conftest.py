@@ -1,10 +1,8 @@
 """Runs of a circuit under a walking ambient, simulated by small steps that share nothing with the filters."""
 
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-import pytest
 from scipy.signal import lfilter
 
 from ambient_trainer.data.trace import Trace
@@ -40,8 +38,3 @@ def walked(
     seen = seen + noise_degC * random.standard_normal(seen.shape)
     columns = {f"{name}_degC": row for name, row in zip("abc", seen)}
     return Trace(f"walked {seed}", np.arange(samples) * period_s, {**columns, "ambient_degC": truth})
-
-
-@pytest.fixture(scope="session")
-def simulated() -> Callable[..., Trace]:
-    return walked

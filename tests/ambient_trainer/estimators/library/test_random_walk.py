@@ -9,6 +9,8 @@ from ambient_trainer.estimators.library.circuit_observer import RandomWalkAmbien
 from ambient_trainer.lti.response import response_degC
 from ambient_trainer.lti.statespace import dc_gain
 
+from .conftest import walked
+
 SENSORS = ("a_degC", "b_degC", "c_degC")
 
 
@@ -39,9 +41,9 @@ def test_unknowns_have_units_and_a_degree_more_everywhere_is_a_degree_more(circu
     assert np.linalg.eigvals(found.A).real.max() < 0
 
 
-def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta, simulated):
+def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta):
     """A discrete Kalman filter at a hundredth of the period, its covariance running from what is known at first."""
-    segment = segment_of(simulated(1, samples=60))
+    segment = segment_of(walked(1, samples=60))
     h = 0.1
     A, Q, variance = circuit.process(theta)
     step, H, R, P = expm(A * h), np.eye(3, 4), np.diag(variance / h), np.eye(4)
@@ -62,14 +64,14 @@ def test_it_is_the_kalman_filter_stepped_through_time(circuit, theta, simulated)
     assert np.abs(found - segment.inputs.mean(axis=0)).max() > 1.0  # it is no mean of its inputs
 
 
-def test_slopes_are_differences_and_far_off_all_is_finite(theta, simulated):
-    segment = segment_of(simulated(2, samples=200))
+def test_slopes_are_differences_and_far_off_all_is_finite(theta):
+    segment = segment_of(walked(2, samples=200))
     structure = searched([segment], theta)
     slopes = structure.slopes(theta, np.zeros(1), 0)
     for index, h in enumerate(1e-5 * np.eye(len(theta))):
         across = (structure.regressors(theta + h, 0)[0] - structure.regressors(theta - h, 0)[0]) / 2e-5
         np.testing.assert_allclose(slopes[index], across, atol=1e-6 * max(1.0, np.abs(across).max()))
-    structure = searched([segment_of(simulated(2, samples=50))], theta)
+    structure = searched([segment_of(walked(2, samples=50))], theta)
     with np.errstate(all="ignore"):
         for far in (theta + 300.0, theta + 8.0, theta - 8.0):
             assert np.isfinite(structure.regressors(far, 0)[0]).all()

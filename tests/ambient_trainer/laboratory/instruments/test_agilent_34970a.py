@@ -75,11 +75,3 @@ def test_a_channel_that_is_not_there_is_the_instruments_own_complaint(driver):
     with pytest.raises(InstrumentError) as caught:
         driver({"a": 301}).configure()
     assert '-224,"Illegal parameter value"' in caught.value.got
-
-
-def test_a_probe_follows_the_air_with_its_lag(clock, closed):
-    air = lambda at_s: 0.0 if at_s < 1000.0 else 10.0  # noqa: E731
-    simulated = closed(Simulated(named(probes={"a": 101}), clock, air, 0, {"a": 0.0}))
-    felt = [simulated.probes[101].felt(at_s) for at_s in (990.0, 1000.0, 1004.5, 1008.5, 1060.0)]
-    # a lag of 4 s behind a step that is laid straight over the second before it
-    assert felt == pytest.approx([0.0, 1.2, 7.1, 8.9, 10.0], abs=0.15)

@@ -159,14 +159,6 @@ def test_a_port_that_is_in_use(bench, driver_at, role):
     assert second.read()
 
 
-@each_role
-def test_a_port_that_is_no_port(driver_at, role, tmp_path):
-    (tmp_path / "a file").write_text("")
-    with pytest.raises(Disconnected) as caught:
-        driver_at(role, str(tmp_path / "a file")).read()
-    assert caught.value.port == str(tmp_path / "a file")
-
-
 def test_an_instrument_that_stops_the_sender_does_not_hold_up_for_ever(bench):
     bench = bench("multiplexer")
     bench.driver.read()

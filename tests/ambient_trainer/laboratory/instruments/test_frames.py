@@ -11,7 +11,7 @@ from ambient_trainer.laboratory.instruments import agilent_34970a as agilent
 from ambient_trainer.laboratory.instruments import greisinger_easybus as easybus
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
 from ambient_trainer.laboratory.instruments.agilent_34970a import ErrorText, Identity, Scan
-from ambient_trainer.laboratory.instruments.greisinger_easybus import Frame, Value
+from ambient_trainer.laboratory.instruments.greisinger_easybus import Frame
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Done, Fault, State
 from ambient_trainer.laboratory.serial_line import Malformed
 
@@ -71,18 +71,6 @@ TABLE: dict[str, tuple[Any, bytes, Any]] = {
         Frame(1, easybus.IDENTITY, easybus.body_of_number(0x32407008)),
     ),
 }
-VALUES = {
-    bytes.fromhex("71 00 F7 80"): Value(21.76, None),
-    bytes.fromhex("72 FF 00 FC"): Value(-0.04, None),
-    bytes.fromhex("70 F6 DF ED"): Value(None, "no sensor"),
-    # of one group
-    easybus._upright((2 << 14 | 2176 + 2048).to_bytes(2, "big")): Value(21.76, None),
-    easybus._upright((1 << 14 | 2048 - 5).to_bytes(2, "big")): Value(-0.5, None),
-    easybus._upright(0x3FED.to_bytes(2, "big")): Value(None, "no sensor"),
-    easybus._upright(0x3FFE.to_bytes(2, "big")): Value(None, "fault 16382"),
-    b"": Malformed("a value of one group or two", "0 groups"),
-    bytes.fromhex("FE 05 71 00"): Malformed("a value of 0 to 7 decimals", "-15 decimals"),
-}
 each_frame = pytest.mark.parametrize(("protocol", "data", "reply"), TABLE.values(), ids=TABLE)
 
 
@@ -128,11 +116,6 @@ def test_noise_in_between_is_malformed_and_changes_nothing(protocol, data, reply
     assert rest == b""
 
 
-@pytest.mark.parametrize(("body", "value"), VALUES.items())
-def test_the_value_in_a_body(body, value):
-    assert easybus.value_of(body) == value
-
-
 @pytest.mark.parametrize(
     ("protocol", "ending", "longest"), [(voetsch, b"\r", 400), (agilent, b"\n", 8192), (easybus, None, 12)]
 )
@@ -159,11 +142,3 @@ def test_one_wrong_byte_leaves_no_reply_of_this_thermometer(data, at, flip):
     broken[at] ^= flip
     replies = [each for each in easybus.decode(bytes(broken))[0] if isinstance(each, Frame)]
     assert not [each for each in replies if each.address == 1 and len(each.body) == 4]
-
-
-@pytest.mark.parametrize("cut", range(1, 9))
-def test_a_frame_after_a_part_of_one(cut):
-    found, _ = easybus.decode(WARM[:cut] + WARM)
-    values = [easybus.value_of(each.body) for each in found if isinstance(each, Frame)]
-    assert values == [Value(21.76, None)] or cut % 3 == 0  # there the frame's head may be a value's groups
-    assert len(values) < len(found)

@@ -10,7 +10,7 @@ import pytest
 
 from ambient_model.faults import Refused
 from ambient_trainer.laboratory.instruments import settings
-from ambient_trainer.laboratory.instruments.mqtt_topic import Driver, Simulated
+from ambient_trainer.laboratory.instruments.mqtt_topic import Driver
 from ambient_trainer.laboratory.messages import Clock, Disconnected, InstrumentError, NoResponse
 
 MOSQUITTO = shutil.which("mosquitto", path="/usr/sbin:/usr/bin:/usr/local/sbin:/usr/local/bin")
@@ -134,17 +134,6 @@ def test_a_broker_that_goes_is_an_error_and_is_used_again(broker, driver):
     broker.stop()
     with pytest.raises(Disconnected):
         driver()
-
-
-@pytest.mark.parametrize(("unit", "key"), [("degC", ""), ("degF", "a.b")])
-def test_the_simulated_one_is_read_alike(unit, key, closed):
-    pytest.importorskip("paho.mqtt")
-    clock = Clock(50.0)
-    named = settings("mqtt-topic", port="mqtt://localhost", topic=TOPIC, unit=unit, key=key)
-    simulated = closed(Simulated(named, clock, lambda at_s: 12.34))
-    thermometer = closed(Driver(named.model_copy(update={"port": simulated.port}), clock))
-    for _ in range(3):
-        assert thermometer.read().values == {"thermometer_degC": pytest.approx(12.34, abs=0.01)}
 
 
 @pytest.mark.parametrize("values", [{"topic": "home/#"}, {"topic": ""}, {"port": "/dev/ttyUSB0"}, {"unit": "R"}])
