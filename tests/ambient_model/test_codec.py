@@ -234,14 +234,6 @@ def test_a_broken_file_is_refused_with_the_place_of_every_fault(edits: str, plac
     assert found == (places.split() or [edits.partition("=")[0]])
 
 
-def test_the_secondary_estimator_and_the_error_variance_come_alone_too() -> None:
-    alone = decode(edited("spread=", FROZEN_GUARDED), "m.json")
-    assert alone == GUARDED._replace(error_variance=None)
-    alone = decode(edited("guard= & spread.terms[2]=", FROZEN_GUARDED), "m.json")
-    assert alone.secondary is None
-    assert alone.error_variance == GUARDED.error_variance._replace(terms=TERMS[:2])
-
-
 @pytest.mark.parametrize(
     ("text", "shown"),
     [

@@ -10,9 +10,6 @@ from ambient_model.error_variance import advanced, gains, initial_state, sigma_d
 from ambient_model.model import ErrorVariance, Term
 
 QUANTILES = {50: (-0.7, 0.7), 90: (-1.6, 1.6), 98: (-2.3, 2.3)}
-PHONE = ErrorVariance(
-    0.25, (Term("movement", 300.0, 0.5), Term("movement", 60.0, 12.0), Term("guard", 120.0, 0.125)), QUANTILES
-)
 
 
 def low_pass(z: np.ndarray, time_s: np.ndarray, lag_s: float) -> np.ndarray:
@@ -52,11 +49,3 @@ def test_any_spread_over_any_sequence(spread: ErrorVariance, count: int, seed: i
     time_s = np.cumsum(random.choice([0.1, 1.0, 1.0, 25.0], count))
     y, d = random.normal(20, 5, count), random.normal(0, 2, count)
     np.testing.assert_allclose(followed_through(spread, time_s, y, d), sigmas(spread, time_s, y, d), rtol=0, atol=1e-9)
-
-
-def test_no_time_passes_within_a_period_and_all_of_it_in_a_long_pause() -> None:
-    start = initial_state(PHONE, 20.0, 0.0)
-    assert advanced(PHONE, start, gains(PHONE, 0.0), 30.0, 7.0) == start
-    late = advanced(PHONE, start, gains(PHONE, 1e9), 30.0, 7.0)
-    assert late.means_degC == (30.0,) * 3
-    assert late.squares_degC2 == (0.0, 0.0, 49.0)

@@ -113,17 +113,6 @@ def test_it_is_its_parts_whatever_comes(model: Model, seed: int, coast_s: float 
         assert (said.low_degC, said.high_degC) == (ambient + low, ambient + high)
 
 
-def test_after_a_gap_it_goes_on_from_the_last_whole_moment() -> None:
-    """Twenty seconds without samples, or without an input: the unrest afterwards is the same."""
-    rows = moving(900)
-    silent, coasting = observer_of(phone()), observer_of(phone())
-    fed(silent, rows)
-    fed(coasting, [*rows, *[(float(k), (None, None)) for k in range(900, 919)]])
-    assert coasting.background() == silent.background()
-    late = moving(1, start=919)
-    assert fed(silent, late) == fed(coasting, late)
-
-
 def test_a_new_start_is_initial_state() -> None:
     observer = observer_of(phone())
     assert observer.background() == Background(None, None)
@@ -132,18 +121,6 @@ def test_a_new_start_is_initial_state() -> None:
     assert (anew.low_degC, anew.high_degC) == pytest.approx((20.0 - 1.5 * 0.5, 20.0 + 2.0 * 0.5))
     assert observer.update(9000.0, (None, 30.0)).status == "faulted"
     assert (observer.sigma_degC, observer.background()) == (None, Background(None, None))
-
-
-def test_a_coast_right_after_a_restart_does_not_shrink_either() -> None:
-    """After some heat and a minute of rest the unrest is on its way down."""
-    first, second = observer_of(phone()), observer_of(phone())
-    usb_degC = [25.0] * 100 + [29.0] * 20 + [25.0] * 60
-    fed(first, [(float(k), (each, 30.0)) for k, each in enumerate(usb_degC)])
-    main, background = first.tracker.snapshot(), first.background()
-    second.tracker.restore(main)
-    second.restore(main, background)
-    lost = [(180.0, (None, 30.0)), (190.0, (None, 30.0))]
-    assert fed(second, lost) == fed(first, lost)
 
 
 def test_a_background_of_another_model_or_moment_does_not_fit() -> None:

@@ -45,14 +45,6 @@ def test_a_note_may_hold_quotes_commas_and_colons_and_two_lines_become_one(tmp_p
     assert read(path)[0].notes == {"map": 'a,"b",",c', "at": "12:30", "remark": "warm windy"}
 
 
-def test_numpy_numbers_and_integers_are_written_as_numbers(tmp_path) -> None:
-    import numpy as np
-
-    path = tmp_path / "trace.csv"
-    write_trace(str(path), ["usb_degC", "charging_on"], [(np.float64(0.1), [np.float64(20.5), 1])])
-    assert path.read_text() == "time_s,usb_degC,charging_on\n0.1,20.5,1.0\n"
-
-
 @pytest.mark.parametrize(
     ("content", "wanted"),
     [
@@ -132,16 +124,6 @@ def test_a_faulty_file_is_refused_with_its_place(tmp_path, case: str) -> None:
     assert fault.place.startswith(place)
     assert fact in fault.problem
     assert fault.hint
-
-
-@pytest.mark.parametrize("suffix", ["csv", "csv.gz"])
-def test_what_is_no_file_is_refused(tmp_path, suffix: str) -> None:
-    path = tmp_path / f"trace.{suffix}"
-    with pytest.raises(Refused, match=f"^{path}: .*No such file"):
-        read(str(path))
-    path.mkdir()
-    with pytest.raises(Refused, match=f"^{path}: .*Is a directory"):
-        read(str(path))
 
 
 def test_good_rows_come_before_the_fault(tmp_path) -> None:

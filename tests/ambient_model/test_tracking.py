@@ -74,19 +74,6 @@ def assert_starts_again(tracker: Tracker, at_s: float, period_s: float = 1.0) ->
 ESTIMATOR = random_estimator()
 
 
-def test_an_input_that_stays_away_is_held_and_bridged_when_it_is_back() -> None:
-    path, away = wander(60), slice(20, 36)
-    holed, held, bridged = path.astype(object), path.copy(), path.copy()
-    holed[away, 1] = None
-    held[away, 1] = path[19, 1]
-    bridged[away, 1] = np.interp(range(20, 36), [19, 36], path[[19, 36], 1])
-    given = fed(tracker_of(ESTIMATOR), holed)
-    assert_close(given[:36], numpy_outputs(ESTIMATOR, held)[:36], 1e-11)
-    assert_close(given[36:], numpy_outputs(ESTIMATOR, bridged)[36:], 1e-11)
-    assert [each.used for each in given[:36]] == [tuple(u) for u in held[:36].tolist()]
-    assert [k for k, each in enumerate(given) if each.status == COASTING] == [*range(20, 36)]
-
-
 @given(st.data(), st.sampled_from([0.0, -7.3, 1.7e9]))
 @settings(max_examples=150)
 def test_after_any_holes_the_state_is_that_of_the_lines_through_what_was_read(data: st.DataObject, start_s) -> None:
@@ -149,25 +136,6 @@ def test_jitter_never_adds_up(period_s: float) -> None:
     late = np.random.default_rng(3).uniform(-0.2, 0.2, size=5_000).tolist()
     for k, u in enumerate(wander(5_000).clip(-50, 100).tolist()):
         assert jittered.update((k + late[k]) * period_s, u) == regular.update(k * period_s, u)
-
-
-def test_a_clock_that_runs_slow_loses_no_time() -> None:
-    """Samples every 1.05 periods: of 1,000 samples, 50 stand two periods after the one before."""
-    path = wander(1000)
-    steps = np.floor(1.05 * np.arange(1000) + 0.5)
-    filled = np.column_stack([np.interp(np.arange(steps[-1] + 1), steps, path[:, k]) for k in range(3)])
-    assert_close(
-        fed(tracker_of(ESTIMATOR), path, 0.0, 1.05), numpy_outputs(ESTIMATOR, filled)[steps.astype(int)], 1e-10
-    )
-
-
-def test_samples_within_one_period_count_once() -> None:
-    path, tracker, given = wander(40), tracker_of(ESTIMATOR), []
-    for k, u in enumerate(path.tolist()):
-        tracker.update(k - 0.2, (99.0, 99.0, 99.0)) if k else None
-        given.append(tracker.update(float(k), u))
-        assert tracker.update(float(k), u) == given[-1]
-    assert_close(given, numpy_outputs(ESTIMATOR, path))
 
 
 @pytest.mark.parametrize("back_s", [1.0, 3.0, 1e9])

@@ -61,11 +61,6 @@ def test_a_reference_far_off_moves_nothing_however_uncertain_it_claims_to_be(off
     assert updated(prior, state, sign * off_degC, R) is None
 
 
-@pytest.mark.parametrize("y", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_refused(y):
-    assert updated(OffsetPrior(), initial(OffsetPrior()), y, 0.25) is None
-
-
 def test_estimate_and_interval_move_and_keep_their_width():
     estimate = Estimate(20.0, 19.0, 22.0, TRACKING, (1.0,))
     assert shifted(estimate, 0.5) == Estimate(20.5, 19.5, 22.5, TRACKING, (1.0,))

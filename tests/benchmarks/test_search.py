@@ -1,6 +1,5 @@
 """How long the search over a phone's zones takes, and a candidate by its Gram matrices beside a refit from scratch."""
 
-import os
 import time
 
 import numpy as np
@@ -8,49 +7,17 @@ import pytest
 from scipy.linalg import lstsq
 
 from ambient_trainer.selection.grams import gathered, low_passes, noise_gram
-from ambient_trainer.selection.resumable import ResumablePool
 from ambient_trainer.selection.screen import screened
-from ambient_trainer.selection.search import Options, prepared, searched
+from ambient_trainer.selection.search import Options, prepared
 from ambient_trainer.simulator import simulate
 
 POLES_S = (10.0, 30.0, 90.0, 270.0)
 FIVE = ("soc", "flash", "battery", "usb", "display")
-JOBS = 2
 
 
 @pytest.fixture(scope="module")
 def trace():
     return simulate("5", seed=0, all_zones=True).trace
-
-
-@pytest.mark.benchmark(group="search")
-def test_the_whole_search(trace, benchmark, noted):
-    """Sensors from one to six of all zones, the winners' fits, and circuits; nothing is known before."""
-    stages: dict[str, float] = {}
-    last = ["reading", time.perf_counter()]
-
-    def told(what, done, count):
-        stage, since = last
-        now = time.perf_counter()
-        stages[str(stage)] = stages.get(str(stage), 0.0) + now - float(since)
-        last[:] = [what.split(" of ")[0], now]
-
-    def search():
-        options = Options()
-        data = prepared([trace], *screened([trace]), options)
-        with ResumablePool(JOBS, progress=told) as pool:
-            return searched(data, pool, against=FIVE)
-
-    found = benchmark.pedantic(search, rounds=1, iterations=1)
-    told("", 0, 0)
-    cores = f"{JOBS} processes on {len(os.sched_getaffinity(0))} cores, load {os.getloadavg()[0]:.0f}"
-    task = f"search, {len(found.data.sensors)} zones, {len(trace.time_s):,} samples"
-    circuits = sum(each.tried for each in found.circuits.values())
-    parts = ", ".join(f"{stage} {seconds:.0f} s" for stage, seconds in stages.items())
-    result = f"{found.sets_tried:,} sets, {circuits} circuits; {cores}; {parts}"
-    noted(task, "this project's search", benchmark.stats.stats.min, result)
-    errors = [each.rmse_degC for each in found.sizes]
-    assert min(errors) < found.against.rmse_degC
 
 
 @pytest.mark.benchmark(group="candidate")

@@ -172,11 +172,6 @@ def number_in(content: bytes) -> int:
     return int(content)
 
 
-@pytest.fixture(name="number_in")
-def _number_in() -> Callable[[bytes], int]:
-    return number_in
-
-
 def content_of(path: Path) -> bytes | None:
     try:
         return path.read_bytes()
@@ -308,11 +303,6 @@ Start = Callable[..., Daemon]
 @pytest.fixture
 def model_file(saved: Callable[[Model], str]) -> str:
     return saved(made_model())
-
-
-@pytest.fixture
-def make_outputs() -> type[Outputs]:
-    return Outputs
 
 
 @pytest.fixture

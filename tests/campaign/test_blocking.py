@@ -1,11 +1,12 @@
 """A sensor whose driver blocks, for seconds or for ever, deaf to signals: it is left behind, and nothing else waits."""
 
 import re
-import signal
 import subprocess
 import sys
 
 from processes import ran
+
+from .conftest import Outputs
 
 FOR_EVER_S = 1e6
 PATIENCE_S = 0.25
@@ -33,27 +34,19 @@ def test_one_that_blocks_is_done_without_until_it_answers(tracking, zones):
     ]
 
 
-def test_it_ends_and_reloads_while_one_blocks(tracking, zones):
-    zones.fail("cpu-0-0", block_s=FOR_EVER_S)
-    tracking.steps(3)
-    tracking.process.send_signal(signal.SIGHUP)
-    tracking.steps(3)
-    assert [line.split(":")[1] for line in tracking.end()] == [" sensor soc", " reloaded", " sensor soc"]
-
-
-def test_check_names_one_that_blocks(device_library, config, make_outputs, clock, zones, tmp_path):
+def test_check_names_one_that_blocks(device_library, config, clock, zones, tmp_path):
     zones.fail("battery", block_s=FOR_EVER_S)
-    call = [sys.executable, "-m", "ambientd", "check", "--config", config(make_outputs(tmp_path / "out"))]
+    call = [sys.executable, "-m", "ambientd", "check", "--config", config(Outputs(tmp_path / "out"))]
     done = ran(*call, status=1, env={"LD_PRELOAD": str(device_library), "CAMPAIGN_CLOCK": str(clock.path)})
     assert "sensor battery: a reading takes more than 0.25 s" in done.stderr
     assert "usb, " in done.stdout
 
 
 def test_ticks_that_slow_sensors_do_not_leave_time_for_are_reported_and_counted(
-    device_library, config, make_outputs, zones, tmp_path
+    device_library, config, zones, tmp_path
 ):
     """On the real clock, at 10 Hz, with 0.2 s a reading."""
-    outputs = make_outputs(tmp_path / "out")
+    outputs = Outputs(tmp_path / "out")
     for kind in ("usb-therm", "battery", "cpu-0-0"):
         zones.fail(kind, block_s=0.2)
     patient = "import sys; from ambientd.sources import reader; reader.PATIENCE_S = 30.0; from ambientd import __main__"

@@ -3,16 +3,17 @@
 import contextlib
 import json
 import os
-import resource
 import shutil
 import socket
 import subprocess
 
 import pytest
 
+from .conftest import Outputs, number_in
+
 
 @pytest.fixture
-def newest_or_nothing(zones, number_in):
+def newest_or_nothing(zones):
     """Ticks in which every value differs from the last: of those that are published, none is older than the tick."""
 
     def tick(daemon, count, first):
@@ -36,22 +37,6 @@ def newest_or_nothing(zones, number_in):
     return tick
 
 
-def test_nothing_can_be_written_not_even_the_log(tracking, zones, newest_or_nothing):
-    """No file may grow, the log's neither: it lives, leaves no old value, and goes on when it can."""
-    descriptors = tracking.descriptors
-    before = resource.prlimit(tracking.process.pid, resource.RLIMIT_FSIZE, (0, -1))
-    newest_or_nothing(tracking, 20, 1)
-    zones.fail("battery", "EIO")  # which is worth a word that no one takes
-    tracking.tick()
-    zones.heal("battery")
-    newest_or_nothing(tracking, 20, 22)
-    resource.prlimit(tracking.process.pid, resource.RLIMIT_FSIZE, before)
-    tracking.tick()
-    assert tracking.steps(3)[-1]["status"] == "tracking"
-    assert tracking.descriptors == descriptors
-    tracking.end()
-
-
 @pytest.fixture
 def small_disk(tmp_path):
     """A file system of 64 KiB; yields its folder."""
@@ -71,8 +56,8 @@ def fill(folder):
             stream.write(bytes(512))
 
 
-def test_a_full_disk_holds_no_old_value_and_is_told_of_once(start, small_disk, make_outputs, newest_or_nothing):
-    outputs = make_outputs(small_disk / "out")
+def test_a_full_disk_holds_no_old_value_and_is_told_of_once(start, small_disk, newest_or_nothing):
+    outputs = Outputs(small_disk / "out")
     daemon = start(outputs)
     newest_or_nothing(daemon, 40, 1)
     descriptors = daemon.descriptors

@@ -12,6 +12,8 @@ import pytest
 from ambient_model.conformance import conformance_of
 from ambient_model.model import Discrete, Estimator, Input, Model
 
+from .conftest import number_in
+
 OBSERVER = Path(__file__).parent / "observer.py"
 KILLS = 24
 ROWS = 3000
@@ -46,7 +48,7 @@ def observed(tmp_path):
     observer.stdout.close()
 
 
-def test_killed_at_random_moments_it_never_misleads(tmp_path, echo_model, observed, number_in, until):
+def test_killed_at_random_moments_it_never_misleads(tmp_path, echo_model, observed, until):
     """Half of them while it starts or publishes, half surely while it publishes, a thousand times a second."""
     folder, end = observed
     moments = random.Random(20240501)

@@ -21,15 +21,6 @@ def warmed(passed_s, rising_K, over_s):
     return REST_DEGC - 0.3 * (ramp(passed_s) - ramp(passed_s - over_s))
 
 
-def test_a_suspend_of_a_second_changes_nothing(tracking):
-    with tracking.suspended(1.0):
-        pass
-    report = tracking.settled()
-    assert (report["status"], report["age_s"]) == ("tracking", 0.0)
-    assert report["ambient_degC"] == pytest.approx(REST_DEGC)
-    assert tracking.end() == []
-
-
 def test_a_short_suspend_is_bridged_along_a_straight_line(tracking, zones):
     """20 s in which the soc warms by 8 K: exactly what the lag makes of a straight line, to the steps' own corners."""
     with tracking.suspended(20.0):
@@ -65,21 +56,6 @@ def test_ticks_that_were_missed_are_skipped(start):
         pass
     times_s = [daemon.settled()["time_s"], *(each["time_s"] for each in daemon.steps(8, 0.25))]
     assert [each - 1005.0 for each in times_s] == [3600.25] * 3 + [3601.0] * 4 + [3602.0] * 2
-
-
-def test_sensors_that_fail_after_the_resume_are_waited_for(tracking, zones):
-    """As drivers do that wake later than the daemon."""
-    with tracking.suspended(3600.0):
-        zones.fail("usb-therm", "ENXIO")
-        zones.fail("battery", "EAGAIN")
-    assert tracking.settled()["status"] == "faulted"
-    tracking.steps(3)
-    for kind in ("usb-therm", "battery"):
-        zones.heal(kind)
-    statuses = [each["status"] for each in tracking.steps(60)]
-    assert statuses[-1] == "tracking"
-    assert statuses.index("tracking") < 45
-    assert len(tracking.end()) == 4
 
 
 @pytest.mark.parametrize("by_s", [86400.0, -86400.0], ids=["back", "forward"])

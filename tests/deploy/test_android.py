@@ -143,20 +143,6 @@ def test_two_modules_are_the_same_bytes_and_hold_the_same_daemon(module, build, 
         ]
 
 
-def test_its_properties_are_as_magisk_wants_them(module):
-    from ambient_model import __version__
-
-    with zipfile.ZipFile(module) as archive:
-        text = archive.read("module.prop").decode()
-        assert archive.read("META-INF/com/google/android/updater-script") == b"#MAGISK\n"
-    properties = dict(line.split("=", 1) for line in text.splitlines())
-    assert list(properties) == ["id", "name", "version", "versionCode", "author", "description"]
-    assert re.fullmatch(r"[a-zA-Z][a-zA-Z0-9._-]+", properties["id"])
-    assert properties["version"] == __version__
-    assert int(properties["versionCode"]) > 0
-    assert "\r" not in text
-
-
 @pytest.mark.parametrize("shell", ["sh", "mksh"])
 def test_the_module_keeps_the_daemon_running_until_it_is_disabled(
     shell, installed, model_file, phone, keeper, until, children, tmp_path

@@ -108,11 +108,3 @@ def test_a_call_that_cannot_be_done_is_told(bridge, zone, arguments, status, mes
     said, _ = process.communicate(timeout=15)
     assert (process.returncode, said) == (status, f"emul_temp: {message}\n")
     assert zone.says() == ""
-
-
-def test_a_kernel_without_emulation_is_told(bridge, zone, tmp_path):
-    process = bridge("f", "battery", "60000")
-    said, _ = process.communicate(timeout=15)
-    file = tmp_path / "sys/class/thermal/thermal_zone0/emul_temp"
-    mend = "be root, on a kernel with CONFIG_THERMAL_EMULATION"
-    assert (process.returncode, said) == (1, f"emul_temp: {file}: cannot be written; {mend}\n")

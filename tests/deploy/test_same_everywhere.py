@@ -19,7 +19,6 @@ from ambient_model.model import Discrete, Estimator, Input, Model
 from processes import ran
 
 ROOT = Path(__file__).resolve().parents[2]
-NOBODY = 65534
 
 
 INPUTS = tuple(Input(name, "degC", f"{name}-therm", -20.0, 90.0) for name in ("usb", "battery", "cpu", "skin", "modem"))
@@ -127,33 +126,6 @@ def test_every_environment_says_the_same(name, case, reference):
     done = ran(*words, "check", "--model", case / "model.json", env=env, text=False)
     assert b"Tastentelefon" in done.stdout
     assert b"Traceback" not in done.stderr
-
-
-def test_every_folder_says_the_same(case, reference, tmp_path):
-    """Even one that holds modules by the names of the standard library's, and that names its files from there."""
-    for name in ("json.py", "math.py", "csv.py", "ambientd.py"):
-        (tmp_path / name).write_text("raise SystemExit('the wrong module')\n")
-    words = [sys.executable, "-I", "-S", str(case / "ambientd.pyz")]
-    assert outputs(words, case, case / "folder.csv", cwd=tmp_path) == reference
-    relative = [sys.executable, "-I", "-S", "ambientd.pyz", "replay", "model.json", "trace.csv", "-o", "relative.csv"]
-    ran(*relative, cwd=case, env={})
-    assert (case / "relative.csv").read_bytes() == reference[0]
-
-
-def test_nobody_says_the_same_as_root(case, reference):
-    if os.geteuid() != 0:
-        pytest.skip("only root can become somebody else")
-    python = next((path for path in PYTHONS.values() if path.startswith("/usr/")), None)
-    if python is None:
-        pytest.skip("every Python here lies in a folder that only its owner may enter")
-    own = case / "nobody"
-    own.mkdir()
-    os.chown(own, NOBODY, NOBODY)
-    options = {"user": NOBODY, "group": NOBODY, "extra_groups": []}
-    words = [python, "-I", "-S", str(case / "ambientd.pyz")]
-    assert outputs(words, case, own / "out.csv", **options) == reference
-    said = ran(python, "-c", "import os; print(os.getuid())", **options).stdout
-    assert said == f"{NOBODY}\n", "it was root all the time"
 
 
 def pip(*arguments, **options):

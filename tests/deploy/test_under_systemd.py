@@ -157,14 +157,6 @@ def test_node_exporter_as_debian_starts_it_serves_the_estimate(started, until):
         started.run("systemctl", "stop", "prometheus-node-exporter")
 
 
-def test_it_is_closed_in(started):
-    """As the kernel says of the process itself."""
-    status = started.run("cat", f"/proc/{started.show('MainPID')}/status")
-    told = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
-    assert (told["NoNewPrivs"], told["Seccomp"], told["CapEff"]) == ("1", "2", "0" * 16)
-    assert "0" not in told["Uid"].split()
-
-
 def test_a_replay_under_systemd_run_is_that_of_a_shell(machine, deployed, model_file):
     rows = [f"{k},{25 + k % 7 / 3!r},{24 + k % 5 / 7!r}" for k in range(200)]
     rows[50] = "50,,24"

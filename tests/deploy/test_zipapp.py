@@ -1,6 +1,5 @@
 """One file that needs nothing but an interpreter: built twice alike, and of the same opinion as the packages."""
 
-import importlib.util
 import os
 import stat
 import sys
@@ -72,21 +71,6 @@ def test_the_file_runs_by_its_own_name(build, tmp_path, model_file):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize(
-    ("arguments", "status", "message"),
-    [
-        (["--python", "python3"], 2, "argument --python: 'python3' is no absolute path without spaces"),
-        (["--python", "/opt/my python"], 2, "argument --python: '/opt/my python' is no absolute path without spaces"),
-        (["-o", "/none/ambientd.pyz"], 1, "No such file or directory"),
-    ],
-)
-def test_a_call_that_cannot_be_done_is_told(build, arguments, status, message):
-    done = build("build_zipapp.py", *arguments)
-    assert (done.returncode, done.stdout) == (status, "")
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-
-
 @pytest.fixture
 def compiled(build, tmp_path):
     path = tmp_path / "compiled.pyz"
@@ -100,28 +84,9 @@ def checked(path, model_file):
     return done.stdout
 
 
-def test_each_module_has_its_byte_code_beside_it(compiled, zipapp):
-    with zipfile.ZipFile(compiled) as full, zipfile.ZipFile(zipapp) as plain:
-        modules = {name for name in plain.namelist() if name.endswith(".py")}
-        assert set(full.namelist()) == {*plain.namelist(), *(f"{name}c" for name in modules)}
-        assert all(full.read(name) == plain.read(name) for name in plain.namelist())
-
-
 def test_it_says_the_same_from_the_byte_code(compiled, zipapp, model_file):
     ask = "import sys; sys.path[:0] = sys.argv[1:]; import ambientd.cli as cli; print(cli.call.__doc__)"
     words = [sys.executable, "-I", "-S", "-c", ask, str(compiled)]
     loaded = run(words).stdout
     assert loaded == "None\n", "the sources have docstrings, the byte code has none"
     assert checked(compiled, model_file) == checked(zipapp, model_file)
-
-
-def test_the_byte_code_of_another_python_is_passed_by(compiled, zipapp, model_file, tmp_path):
-    other = tmp_path / "other.pyz"
-    with zipfile.ZipFile(compiled) as full, zipfile.ZipFile(other, "w") as changed:
-        for name in full.namelist():
-            content = full.read(name)
-            if name.endswith(".pyc"):
-                assert content.startswith(importlib.util.MAGIC_NUMBER)
-                content = b"\x01\x00\r\n" + content[4:]
-            changed.writestr(name, content)
-    assert checked(other, model_file) == checked(zipapp, model_file)
