@@ -1,4 +1,3 @@
-import ast
 import sys
 
 import pytest
@@ -34,19 +33,6 @@ def test_yaml_is_imported_late_and_by_the_configuration_alone(sources) -> None:
     found = [each for each in sources.imports("ambientd") if each.top == "yaml"]
     wrong = [str(each) for each in found if not each.in_function or not each.importer.startswith(CONFIG)]
     assert wrong == [], "a device with a JSON configuration has no PyYAML, and does not pay for it"
-
-
-def test_no_package_exports_the_name_of_a_folder_in_it(sources) -> None:
-    """Whoever imports that folder would find it in the place of what was exported."""
-    packages = [path for trees in sources.trees.values() for path in trees if path.name == "__init__.py"]
-    folders = {path.parent: {each.parent.name for each in path.parent.glob("*/__init__.py")} for path in packages}
-    exported = {
-        path.parent: {name.asname or name.name for node in ast.walk(tree) for name in getattr(node, "names", ())}
-        for trees in sources.trees.values()
-        for path, tree in trees.items()
-        if path in packages
-    }
-    assert [str(each) for each in folders if folders[each] & exported[each]] == []
 
 
 IMPORT_ALL = """

@@ -1,35 +1,6 @@
 """Time that passes unseen: suspends, and a wall clock that someone sets."""
 
-import math
-
 import pytest
-
-LAG_S = 10.0
-REST_DEGC = 28.0
-
-
-def warmed(passed_s, rising_K, over_s):
-    """The ambient, from rest, ``passed_s`` after the soc began a ramp of ``rising_K`` over ``over_s``; by hand.
-
-    The lag of a ramp is the ramp, late, and an exponential.
-    """
-    slope = rising_K / over_s
-
-    def ramp(t):
-        return slope * (t - LAG_S * (1 - math.exp(-t / LAG_S))) if t > 0 else 0.0
-
-    return REST_DEGC - 0.3 * (ramp(passed_s) - ramp(passed_s - over_s))
-
-
-def test_a_short_suspend_is_bridged_along_a_straight_line(tracking, zones):
-    """20 s in which the soc warms by 8 K: exactly what the lag makes of a straight line, to the steps' own corners."""
-    with tracking.suspended(20.0):
-        zones.say("cpu-0-0", 38000)
-    report = tracking.settled()
-    assert report["status"] == "tracking"
-    assert report["ambient_degC"] == pytest.approx(warmed(20.0, 8.0, 20.0), abs=0.3 * 8.0 / 20.0)
-    assert report["ambient_degC"] < REST_DEGC - 0.8
-    assert report["sensors"]["soc"]["used"] == 38.0
 
 
 @pytest.mark.parametrize("for_s", [60.0, 3600.0])

@@ -9,8 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from processes import ran
-
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 GUIDE = DEPLOY / "node-exporter" / "README.md"
 
@@ -155,16 +153,3 @@ def test_node_exporter_as_debian_starts_it_serves_the_estimate(started, until):
         assert "node_textfile_scrape_error 1" in metrics()
     finally:
         started.run("systemctl", "stop", "prometheus-node-exporter")
-
-
-def test_a_replay_under_systemd_run_is_that_of_a_shell(machine, deployed, model_file):
-    rows = [f"{k},{25 + k % 7 / 3!r},{24 + k % 5 / 7!r}" for k in range(200)]
-    rows[50] = "50,,24"
-    (machine.box / "trace.csv").write_text("\n".join(["time_s,usb_degC,battery_degC", *rows]) + "\n")
-    there, here = machine.box / "there.csv", machine.box / "here.csv"
-    run = ["systemd-run", "--quiet", "--property=Type=oneshot", "/usr/bin/env", "ambientd", "replay"]
-    machine.run(*run, "/etc/ambientd/model.json", "/box/trace.csv", "-o", f"/box/{there.name}")
-    words = deployed("replay", model_file, machine.box / "trace.csv", "-o", here)
-    ran(*words, env={})
-    assert there.read_bytes() == here.read_bytes()
-    assert len(here.read_bytes().splitlines()) == 201
