@@ -68,20 +68,3 @@ def pull_cable(phone: Any) -> None:
     with contextlib.suppress(FileNotFoundError):
         (phone._here / "cable").unlink()
     phone._end_shells()
-
-
-def plug_cable(phone: Any) -> None:
-    """Put it in again."""
-    (phone._here / "cable").touch()
-
-
-def reboot(phone: Any) -> None:
-    """Start the phone anew, with its cable out: nothing runs, and its zones have new numbers."""
-    pull_cable(phone)
-    with phone._lock:
-        (phone._here / "activity").write_text(f"{phone._idle}\n")
-        phone._booted_s = phone._clock.now_s()
-        folder, count = phone._here / "sys/class/thermal", len(phone._types)
-        was = [(folder / f"thermal_zone{index}").rename(folder / f"was{index}") for index in range(count)]
-        for index, zone in enumerate(reversed(was)):
-            zone.rename(folder / f"thermal_zone{index}")
