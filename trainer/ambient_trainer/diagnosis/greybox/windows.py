@@ -144,7 +144,8 @@ def _best(
     amounts = np.hstack([b[first], b[first] - b[last]])
     # a window that ends needs one number more
     price = np.array([1.0] + [0.97] * len(off))
-    gains = np.where(sizes > 1e-12 * G.max(), price * amounts**2 / np.maximum(sizes, 1e-300), 0.0)
+    gains = np.zeros_like(sizes)
+    np.divide(price * amounts**2, sizes, out=gains, where=sizes > 1e-12 * G.max())
     gains = np.where(np.hstack([lasting, ending]), gains, -1.0)
     onset, end = np.unravel_index(np.argmax(gains), gains.shape)
     if gains[onset, end] < 0:
