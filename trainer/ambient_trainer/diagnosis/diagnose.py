@@ -144,6 +144,8 @@ def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progres
     bare, beside = bare_fit(model, own), anchors(model, own)
     selection = stepwise(bare, beside, limits, progress)
     found = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
+    if progress is not None:
+        progress("fit all effects at once", 0, 1)
     together = eliminated(bare)
     if together is None or score(together) > _most(selection, found, together) - _MUCH_BETTER:
         return found
