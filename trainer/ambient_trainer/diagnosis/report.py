@@ -230,7 +230,8 @@ def steps_table(diagnosis: Diagnosis) -> Table:
     """One row a step."""
     caption = (
         "Held-out: the simulation's RMSE over all sensors in degC, on blocks of time that it was not fitted to, "
-        "without and with the cause; the interval (95 %) is of their difference. p is corrected for the "
+        "without and with the cause, of causes that were found together beside all others; the interval (95 %) is of "
+        "their difference. p is corrected for the "
         f"{diagnosis.candidates_tried:,} candidates tried."
     )
     rows = [
