@@ -19,9 +19,9 @@ from ambient_trainer.diagnosis.greybox.windows import Columns
 ABOVE_FLOOR = 2.0
 _PAIRED, _LITTLE = 4, 0.7
 _OWN = 0.1
-"""Of the held-out error's logarithm: by how much two heaters, each at its own place, may do worse than one at both
-where they leave less in sample. In a short log they go up together; later only the first holds: in three measured sets
-of four it was so much worse at most, in the other by 0.6, and wrong."""
+"""Of the held-out error's logarithm: by how much two heaters, each at its own place, may do worse than one at both,
+where they leave less in sample. In a short log both go up together. In three measured sets of four they were worse by
+less, and held better later; in the fourth by 0.6, and did not."""
 
 Progress = Callable[[str, int, int], None]
 
