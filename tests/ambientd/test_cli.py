@@ -43,14 +43,3 @@ def test_help_is_there(ambientd, command):
 def test_a_reader_that_has_enough_leaves_no_traceback(model_file):
     command = f"{sys.executable} -m ambientd check --model {model_file} | true"
     assert ran("/bin/sh", "-c", command).stderr == ""
-
-
-def test_a_replay_imports_neither_sockets_nor_what_else_it_does_not_use(ambientd, model_file, trace_file, tmp_path):
-    code = (
-        "import sys; before = {*sys.modules}; from ambientd.cli import call; status = call(sys.argv[1:]);"
-        "print(*{*sys.modules} - before, file=sys.stderr); sys.exit(status)"
-    )
-    done = ambientd("replay", model_file, trace_file, "-o", tmp_path / "out.csv", by=("-c", code))
-    assert done.returncode == 0
-    unwanted = {"socket", "select", "signal", "ambientd.publish.socket", "ambientd.run", "ambientd.sources.zone"}
-    assert not unwanted & {*done.stderr.split()}

@@ -275,21 +275,6 @@ def test_without_a_daemon_it_tries_ever_more_rarely_and_never_hangs(path, clock,
     assert len(tried_s) == 2
 
 
-def test_the_newest_becomes_stale_by_the_clock_alone(server, path, clock):
-    with Follower(path, 5) as follower:
-        assert follower.age_s == math.inf
-        follower.wait(0)
-        with server.accept() as daemon:
-            threading.Timer(0.05, daemon.sendall, [line(1)]).start()
-            assert follower.wait(3).time_s == 1
-            clock[0] += 5
-            assert follower.age_s == 5
-            assert follower.newest().time_s == 1
-            clock[0] += 0.1
-            with pytest.raises(Stale, match=r"the newest is 5.1 s old$"):
-                follower.newest()
-
-
 def test_what_had_to_wait_for_its_consumer_is_as_old_as_it_is(server, path, clock):
     """The daemon's buffer for a consumer that slept holds the eldest lines, not the newest."""
     with Follower(path, 5) as follower:

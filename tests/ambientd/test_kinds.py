@@ -118,15 +118,3 @@ def test_a_helper_or_a_stranger_is_no_kind(kind):
 
     with pytest.raises(ValueError, match=r"known are file, file-in-place, prometheus, socket, status, stdout$"):
         parse(f"{kind}:path")
-
-
-def test_only_what_a_configuration_uses_is_imported(ambientd, configure):
-    code = (
-        "import sys; from ambientd.cli import call; status = call(sys.argv[1:]); assert status == 0;"
-        "print(*(name for name in sys.modules if name.startswith('ambientd.publish.') or name == 'pkgutil'),"
-        "*(name for name in sys.modules if name in ('ambientd.sources.hwmon', 'ambientd.sources.power_supply')))"
-    )
-    done = ambientd("check", "--config", configure(publish=["status:s"]), by=("-c", code))
-    loaded = {name.rpartition(".")[2] for name in done.stdout.splitlines()[-1].split()}
-    assert "status" in loaded, done.stderr
-    assert not loaded & {"socket", "prometheus", "stdout", "file_in_place", "hwmon", "power_supply"}

@@ -3,51 +3,17 @@
 import os
 import signal
 import sys
-import typing
 from pathlib import Path
 
 import pytest
 
 from ambient_model.faults import Fault, Refused
-from ambientd import lean
 from ambientd.handover import Child
 from ambientd.publish.spec import Spec
 
 ROOT = Path(__file__).parents[2]
 HEAVY = {"argparse", "collections", "contextlib", "enum", "functools", "json", "re", "signal", "socket", "typing"}
 HEAVY |= {"ambient_model.codec", "ambientd.cli", "ambientd.config", "yaml"}
-
-
-class Real(typing.NamedTuple):
-    a: int
-    b: "str | None" = None
-
-    @property
-    def both(self):
-        return f"{self.a}{self.b}"
-
-
-class StandIn(lean._Typing.NamedTuple):
-    a: int
-    b: "str | None" = None
-
-    both = Real.both
-
-
-@pytest.mark.parametrize("Record", [Real, StandIn])
-def test_a_named_tuple_behaves_as_that_of_typing(Record):
-    one = Record(1)
-    assert (one, one.a, one.b, one._fields) == ((1, None), 1, None, ("a", "b"))
-    assert one._replace(b="x") == Record(a=1, b="x")
-    assert type(one._replace(a=2)) is Record
-    assert one._asdict() == {"a": 1, "b": None}
-    assert repr(one) == f"{Record.__name__}(a=1, b=None)"
-    assert Record(1, b="x").both == "1x"
-    assert hash(one) == hash((1, None))
-    with pytest.raises(TypeError):
-        Record()
-    with pytest.raises(AttributeError):
-        one.a = 2
 
 
 def test_a_daemon_that_publishes_a_file_imports_nothing_else(ambientd):

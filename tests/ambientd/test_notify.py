@@ -93,15 +93,6 @@ def test_without_a_watchdog_of_its_own_no_tick_is_told(manager, environment):
     notifier.close()
 
 
-def test_without_a_manager_nothing_is_told_nor_imported(ambientd):
-    code = (
-        "import sys; from ambientd.notify import Notifier; n = Notifier({}, print); n.ready('up'); n.ticked(0.0);"
-        " n.reloading(); n.stopping(); n.close(); print('socket' in sys.modules)"
-    )
-    done = ambientd(by=("-c", code))
-    assert (done.stdout, done.stderr) == ("False\n", "")
-
-
 def test_what_a_full_socket_does_not_take_is_owed_with_its_newest_value(tmp_path):
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     listener.bind(str(tmp_path / "n"))

@@ -37,7 +37,7 @@ def test_zones_are_found_by_type_in_the_order_of_their_numbers(sysfs):
 def test_where_there_is_no_such_class_nothing_is_found(tmp_path):
     root = str(tmp_path)
     assert find_zones(root) == find_hwmon(root) == {}
-    for location in (Hwmon("nvme", "Composite"), Iio("hts221", "in_temp")):
+    for location in (Hwmon("nvme", "Composite"), Iio("hts221", "in_temp"), PowerSupply("bms", "temp")):
         assert location.find(on(root)) == []
         assert "none" in location.hint(on(root))
 
@@ -164,18 +164,3 @@ def test_a_vendor_that_counts_the_other_way(make_supply, content, current_A):
     root = make_supply("battery", current_now=content)
     found = value_of(PowerSupply("battery", "current_now", -1), root)
     assert (found, math.copysign(1.0, found)) == (current_A, 1.0), "no current is no negative zero"
-
-
-def test_what_supply_is_not_here_is_said_with_what_is(make_supply):
-    make_supply("usb", voltage_now="5000000\n")
-    make_supply("bms", current_now="1\n", voltage_now="1\n")
-    root = make_supply("ac", online="1\n")
-    location = PowerSupply("battery", "voltage_now")
-    assert location.find(on(root)) == []
-    assert location.absent == "no property 'voltage_now' of a power supply 'battery'"
-    assert location.hint(on(root)) == "supplies here with it are bms, usb: name one of them under 'sensors'"
-    bare, nowhere = PowerSupply("battery", "temp"), on("/nowhere")
-    assert (bare.find(nowhere), bare.hint(nowhere)) == (
-        [],
-        "supplies here with it are none: name one of them under 'sensors'",
-    )

@@ -32,27 +32,6 @@ WATCHED_S = 10.0
 """Longer than a PollingDelay."""
 
 
-@pytest.fixture
-def sensors():
-    return {each["Name"]: each for each in json.loads(SNIPPET.read_text())["Sensors"]}
-
-
-def test_it_reads_what_android_publishes_and_a_fault_throttles_but_shuts_nothing_down(sensors):
-    published = json.loads((DEPLOY / "android" / "ambientd.json").read_text())["publish"][0]
-    estimate, virtual = sensors["spare_therm"], sensors["VIRTUAL-SKIN-AMBIENT"]
-    assert (estimate["TempPath"], estimate["Multiplier"]) == (published["path"], 0.001)
-    assert virtual["Combination"] == list(OF_THE_DEVICE)
-    poison_degC = published["poison_millidegC"] / 1000
-    shares = [float(each) for each in virtual["Coefficient"]]
-    assert sum(shares) == pytest.approx(1)
-    for sensor, value in ((estimate, poison_degC), (virtual, shares[0] * 35 + shares[1] * poison_degC)):
-        none, light, moderate, severe, critical, emergency, shutdown = sensor["HotThreshold"]
-        assert (none, emergency, shutdown) == ("NAN",) * 3, "an estimate alone shuts no phone down"
-        assert light < moderate < severe < critical
-        assert value >= moderate, "what a fault leaves throttles"
-    assert published["at_exit"] == "poison"
-
-
 @pytest.fixture(scope="module")
 def parser(program, tmp_path_factory):
     """The HAL's parser and the beginning of its start, with kernel zones: gives exit status and what it says."""
