@@ -96,15 +96,12 @@ def test_an_input_that_comes_and_goes_leaves_the_voice_where_it_is(tracker):
     assert {(each.status, each.used) for each in said} == {("degraded", (None, 25.0))}
 
 
-def test_used_values_stand_at_the_places_of_the_models_inputs(tracker):
-    feed(tracker, [REST] * 10)
-    assert feed(tracker, [(None, 25.5)], start=10)[0].used == (None, 25.5)
-    assert feed(tracker, [(30.5, None)], start=11)[0].used == (30.5, None)
-
-
-def test_after_a_pause_it_starts_anew_and_bridges_nothing(tracker):
-    feed(tracker, [REST] * 200)
-    assert feed(tracker, [(None, 25.0)], start=4000)[0].ambient_degC == pytest.approx(20.0)
+def test_after_a_pause_all_starts_anew_and_bridges_nothing(make_model):
+    model = make_model(fallbacks=True, guarded=True)
+    for row in ((None, 25.0), REST):
+        tracker = FallbackTracker(model, 1.0)
+        feed(tracker, [REST] * 200 + [(38.0, 25.0)] * 5)
+        assert feed(tracker, [row], start=4000) == feed(FallbackTracker(model, 1.0), [row])
 
 
 @pytest.mark.parametrize("count", [1, 2, 127, 128, 129, 300])

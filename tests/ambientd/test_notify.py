@@ -24,10 +24,6 @@ def manager(request, tmp_path):
     listener.close()
 
 
-def refuse_notes(text):
-    raise AssertionError(text)
-
-
 def heard(listener):
     return listener.recv(4096).decode().split("\n")
 
@@ -48,7 +44,7 @@ def silent(listener):
 
 def test_each_word_of_the_protocol(manager):
     listener, name = manager
-    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, refuse_notes)
+    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, pytest.fail)
     notifier.ready("up")
     assert heard(listener) == ["READY=1", "STATUS=up"]
     notifier.status("up")
@@ -67,7 +63,7 @@ def test_each_word_of_the_protocol(manager):
 
 def test_the_watchdog_hears_of_ticks_four_times_an_interval(manager):
     listener, name = manager
-    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, refuse_notes)
+    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, pytest.fail)
     assert notifier.watchdog_s == 4.0
     told = []
     listener.setblocking(False)
@@ -85,7 +81,7 @@ def test_the_watchdog_hears_of_ticks_four_times_an_interval(manager):
 )
 def test_without_a_watchdog_of_its_own_no_tick_is_told(manager, environment):
     listener, name = manager
-    notifier = Notifier({"NOTIFY_SOCKET": name, **environment}, refuse_notes)
+    notifier = Notifier({"NOTIFY_SOCKET": name, **environment}, pytest.fail)
     notifier.ticked(0.0)
     notifier.expect(100.0)
     assert notifier.watchdog_s is None
@@ -112,29 +108,27 @@ def test_what_a_full_socket_does_not_take_is_owed_with_its_newest_value(tmp_path
     listener.close()
 
 
-def test_a_manager_that_is_not_there_is_noted_once(tmp_path):
+@pytest.mark.parametrize(
+    ("address", "note"),
+    [
+        ("{}/n", "{}/n: the service manager cannot be notified (No such file or directory)"),
+        ("vsock:2:1", "NOTIFY_SOCKET is 'vsock:2:1', no path and no abstract name: the manager is not notified"),
+    ],
+)
+def test_a_manager_that_cannot_be_told_is_noted_once(tmp_path, address, note):
     notes = []
-    notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n")}, notes.append)
+    notifier = Notifier({"NOTIFY_SOCKET": address.format(tmp_path)}, notes.append)
     notifier.ready("up")
     notifier.stopping()
     notifier.close()
-    assert notes == [f"{tmp_path}/n: the service manager cannot be notified (No such file or directory)"]
-
-
-def test_an_address_of_another_kind_is_noted():
-    notes = []
-    notifier = Notifier({"NOTIFY_SOCKET": "vsock:2:1", "WATCHDOG_USEC": "1000000"}, notes.append)
-    notifier.ready("up")
-    assert notes == ["NOTIFY_SOCKET is 'vsock:2:1', no path and no abstract name: the manager is not notified"]
-    assert notifier.watchdog_s is None
+    assert notes == [note.format(tmp_path)]
 
 
 def test_a_watchdog_too_short_for_the_ticks_is_noted(tmp_path):
     notes = []
     notifier = Notifier({"NOTIFY_SOCKET": str(tmp_path / "n"), "WATCHDOG_USEC": "5000000"}, notes.append)
-    notifier.expect(2.0)
-    assert notes == []
-    notifier.expect(10.0)
+    for ticks_s in (2.0, 10.0):
+        notifier.expect(ticks_s)
     assert notes == ["the watchdog of 5 s is too short for ticks 10 s apart; set WatchdogSec= to 20 s or more"]
     notifier.close()
 

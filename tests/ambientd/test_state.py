@@ -35,18 +35,37 @@ def fed(tracker, samples):
         ({}, ({}, 0.5), "it has another period or shape"),
         ({"guarded": True}, ({}, 1.0), "it has other estimators"),
         ({}, ({"guarded": True}, 1.0), "it has other estimators"),
-        ({"guarded": True}, ({"guarded": True}, 1.0), "it has another secondary estimator or error variance"),
     ],
 )
 def test_another_models_state_is_refused_and_changes_nothing(make_model, given, taker, reason):
-    """In the last case of the same model, with a background of another moment."""
     tracker, other = FallbackTracker(make_model(**given), 1.0), FallbackTracker(make_model(**taker[0]), taker[1])
     fed(tracker, rows(10))
     fed(other, rows(11))
-    state, before = tracker.snapshot(), other.snapshot()
+    before = other.snapshot()
     with pytest.raises(ValueError, match=reason):
-        other.restore(state if "secondary" not in reason else state._replace(background=before.background))
+        other.restore(tracker.snapshot())
     assert other.snapshot() == before
+
+
+@pytest.mark.parametrize(
+    ("part", "wrong"),
+    [
+        ("secondary", None),
+        *[("secondary", each) for each in ({"step": 8}, {"start_s": 0.5}, {"period_s": 0.1}, {"x": (1.0, 2.0)})],
+        ("variance", None),
+        *[("variance", each) for each in ({"means_degC": (1.0,)}, {"squares_degC2": (1.0, 2.0)})],
+        ("variance", {"squares_degC2": (1.0, -2.0, 3.0)}),
+    ],
+)
+def test_a_background_of_another_model_or_moment_is_refused(make_model, part, wrong):
+    model = make_model(guarded=True)
+    tracker, other = FallbackTracker(model, 1.0), FallbackTracker(model, 1.0)
+    fed(tracker, rows(10))
+    state = tracker.snapshot()
+    changed = None if wrong is None else getattr(state.background, part)._replace(**wrong)
+    with pytest.raises(ValueError, match="it has another secondary estimator or error variance"):
+        other.restore(state._replace(background=state.background._replace(**{part: changed})))
+    assert other.snapshot().snapshots == (None,)
 
 
 @pytest.mark.parametrize("without", [None, "secondary", "error_variance"])
