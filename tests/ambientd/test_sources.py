@@ -159,8 +159,6 @@ def test_each_property_of_a_supply_in_its_unit(make_supply):
         assert (value_of(location, root), location.unit) == (number, unit)
 
 
-@pytest.mark.parametrize(("content", "current_A"), [("-1500000\n", 1.5), ("0\n", 0.0)])
-def test_a_vendor_that_counts_the_other_way(make_supply, content, current_A):
-    root = make_supply("battery", current_now=content)
-    found = value_of(PowerSupply("battery", "current_now", -1), root)
-    assert (found, math.copysign(1.0, found)) == (current_A, 1.0), "no current is no negative zero"
+def test_for_a_vendor_that_counts_the_other_way_no_current_is_no_negative_zero(make_supply):
+    root = make_supply("battery", current_now="0\n")
+    assert math.copysign(1.0, value_of(PowerSupply("battery", "current_now", -1), root)) == 1.0

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ambient_model.model import Input
-from ambientd.sources.supervision import BackOff, Rules, Supervision, outside
+from ambientd.sources.supervision import BackOff, Rules, Supervision
 
 USB = Input("usb", "degC", "usb-therm", -20.0, 90.0)
 BATTERY = Input("battery", "degC", "battery", -20.0, 70.0)
@@ -42,20 +42,6 @@ def test_what_was_well_for_long_is_tried_at_once_again():
     assert not back_off.due(7.9)
     assert back_off.due(8.0 + 64.0)
     assert back_off.due(72.5)
-
-
-@pytest.mark.parametrize(
-    ("value", "reason"),
-    [
-        (-20.0, ""),
-        (90.0, ""),
-        (90.001, "90.001 degC is outside -20 to 90"),
-        (-21.0, "-21 degC is outside -20 to 90"),
-        (float("nan"), "nan degC is outside -20 to 90"),
-    ],
-)
-def test_a_reading_outside_its_range_is_told(value, reason):
-    assert outside(USB, value) == reason
 
 
 JUMPS = Rules(jump_K_per_s=5.0)

@@ -23,7 +23,7 @@ RUN_IN = {
     "systemctl reload": ("deploy/test_under_systemd.py", '"systemctl", "reload", "ambientd"'),
     "ambientd watch": ("ambientd/test_watch.py", '"watch"'),
     "python3 deploy/build_zipapp.py": ("deploy/conftest.py", '"build_zipapp.py", "-o"'),
-    "python3 -I -S ambientd.pyz check": ("deploy/test_zipapp.py", 'deployed("check", "--model"'),
+    "python3 -I -S ambientd.pyz check": ("deploy/test_zipapp.py", 'str(path), "check", "--model"'),
     "build_zipapp.py --compiled": ("deploy/test_zipapp.py", '"--compiled"'),
     "python3 deploy/build_deb.py": ("deploy/test_deb.py", '"build_deb.py"'),
     "apt install": ("deploy/test_deb.py", '"dpkg", "-i"'),
