@@ -42,39 +42,6 @@ def silent(listener):
     return True
 
 
-def test_each_word_of_the_protocol(manager):
-    listener, name = manager
-    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, pytest.fail)
-    notifier.ready("up")
-    assert heard(listener) == ["READY=1", "STATUS=up"]
-    notifier.status("up")
-    notifier.status("two\nlines")
-    assert heard(listener) == ["STATUS=two lines"]
-    before = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
-    notifier.reloading()
-    said = heard(listener)
-    assert said[0] == "RELOADING=1"
-    assert said[1].startswith("MONOTONIC_USEC=")
-    assert before <= int(said[1].partition("=")[2]) <= time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
-    notifier.stopping()
-    assert heard(listener) == ["STOPPING=1", "STATUS=stopping"]
-    notifier.close()
-
-
-def test_the_watchdog_hears_of_ticks_four_times_an_interval(manager):
-    listener, name = manager
-    notifier = Notifier({"NOTIFY_SOCKET": name, "WATCHDOG_USEC": "4000000"}, pytest.fail)
-    assert notifier.watchdog_s == 4.0
-    told = []
-    listener.setblocking(False)
-    for tenth in range(100):
-        notifier.ticked(tenth / 10)
-        with contextlib.suppress(BlockingIOError):
-            told.append((tenth / 10, listener.recv(100)))
-    assert told == [(float(k), b"WATCHDOG=1") for k in range(10)]
-    notifier.close()
-
-
 @pytest.mark.parametrize(
     "environment",
     [{}, {"WATCHDOG_USEC": "0"}, {"WATCHDOG_USEC": "soon"}, {"WATCHDOG_USEC": "4000000", "WATCHDOG_PID": "1"}],

@@ -26,9 +26,11 @@ def make_sensors(phone, notes):
     """The two zones of the phone."""
     opened = []
 
-    def make(inputs=(USB, BATTERY)):
+    def make():
         settings = settings_for_model("m")._replace(sysfs_root=str(phone.root), zones_by_name="/nowhere")
-        opened.append(Sensors([Sensor(each, Zone(each.zone), settings) for each in inputs], Rules(), notes.append))
+        opened.append(
+            Sensors([Sensor(each, Zone(each.zone), settings) for each in (USB, BATTERY)], Rules(), notes.append)
+        )
         return opened[-1]
 
     yield make
@@ -56,12 +58,6 @@ def test_one_that_is_wrong_and_returns_is_told_once_each_and_leaves_the_other_al
     temp(phone, number).write_text(right)
     assert sensors.read(3.0) == [30.0, 25.0]
     assert notes == [note, f"{note.split(': ')[0]}: is back"]
-
-
-def test_doubles_are_noted_and_the_lowest_number_is_taken(phone, make_sensors, notes):
-    phone.zone(11, "usb-therm", "99000\n")
-    assert make_sensors(inputs=[USB]).read(0.0) == [30.0]
-    assert notes == [f"sensor usb: 2 have this name, reading {temp(phone, 10)}"]
 
 
 def test_a_pipe_in_the_place_of_a_sensor_holds_up_nothing(phone, make_sensors, notes):

@@ -157,10 +157,3 @@ def test_the_wheel_holds_the_packages_and_asks_the_device_for_nothing(wheel):
     assert tops == {"ambient_model", "ambientd", "ambient_trainer", "ambient_studies"}
     needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist:") and "extra ==" not in line]
     assert needed == []
-
-
-@pytest.mark.slow
-def test_the_wheel_in_a_fresh_environment_says_the_same(wheel, case, reference, tmp_path):
-    ran(sys.executable, "-m", "venv", "--without-pip", tmp_path / "venv")
-    pip("--python", tmp_path / "venv" / "bin" / "python", "install", "--no-deps", "--no-index", wheel)
-    assert outputs([str(tmp_path / "venv" / "bin" / "ambientd")], case, case / "wheel.csv") == reference

@@ -148,13 +148,6 @@ def test_the_events_follow_the_daemon_and_none_comes_of_a_fault_or_a_death(hal, 
     assert (hal.values(), len(hal.events(0))) == (reported, 1)
 
 
-def test_a_daemon_that_starts_later_or_again_is_found(hal, daemon, meanwhile, until):
-    hal.call("activate 1", until)
-    assert "not connected" in hal.state(until)
-    daemon(21.0)
-    meanwhile(21.0, lambda: hal.values() == [21.0])
-
-
 def test_a_flush_is_answered_and_what_it_has_not_is_refused(hal, until):
     assert hal.call("flush", until) == BAD_VALUE, "it is not active"
     assert hal.call("activate 1 2", until) == BAD_VALUE
