@@ -177,25 +177,6 @@ def test_a_tracker_that_never_began_leaves_no_state(state_file, make_model):
     assert not path.exists()
 
 
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (b"", "it is damaged; starting anew"),
-        (b"\xff" * 10**6, "it is damaged; starting anew"),
-        (sealed(b"{}"), "it is of another version; starting anew"),
-        (encode(State("m", "b", 5.0, FallbackState((None,), 0, 0.0, None, 0.0))), "it is of another model; starting"),
-    ],
-)
-def test_a_foreign_file_is_one_word_in_the_log(state_file, settled, content, reason):
-    file, notes, path = state_file
-    path.write_bytes(content)
-    before = settled.snapshot()
-    file.take_back(settled, 5.0)
-    assert len(notes) == 1
-    assert notes[0].startswith(f"state {path}: {reason}")
-    assert settled.snapshot() == before
-
-
 def test_a_first_start_says_nothing_and_a_folder_is_told(state_file, settled):
     file, notes, path = state_file
     file.take_back(settled, 5.0)

@@ -21,21 +21,6 @@ def loaded(tmp_path, uncommented):
     return load_settings(str(path))
 
 
-def test_as_it_is_shipped_it_is_valid(tmp_path):
-    settings = loaded(tmp_path, ())
-    assert [str(spec) for spec in settings.publish] == [
-        "file:/run/ambientd/ambient_temp",
-        "status:/run/ambientd/status.json",
-        "socket:/run/ambientd/ambient.sock",
-    ]
-    assert settings.model == "/etc/ambientd/model.json"
-    unit = (DEPLOY / "ambientd.service").read_text().splitlines()
-    assert {
-        "ExecStart=/usr/bin/env ambientd run --config /etc/ambientd/ambientd.yaml",
-        "RuntimeDirectory=ambientd",
-    } <= {*unit}
-
-
 @pytest.mark.parametrize("number", SETTINGS, ids=[LINES[number].strip("# ").split(":")[0] for number in SETTINGS])
 def test_each_commented_line_is_valid_without_its_hash(number, tmp_path):
     loaded(tmp_path, [number])

@@ -1,10 +1,8 @@
 """The Debian package: built twice alike, understood by dpkg, and installed, run, upgraded and purged for real."""
 
 import hashlib
-import io
 import re
 import shutil
-import tarfile
 from pathlib import Path
 
 import pytest
@@ -30,10 +28,6 @@ def test_dpkg_understands_it(program, deb):
     version = re.search(r'__version__ = "(.+)"', (ROOT / "shared/ambient_model/__init__.py").read_text())[1]
     assert (fields["Package"], fields["Version"], fields["Architecture"]) == ("ambientd", version, "all")
     assert fields["Depends"] == "python3 (>= 3.10), python3-yaml, init-system-helpers (>= 1.52)"
-    assert fields["Maintainer"] == "Jane Doe <jane@example.com>"
-    packed = ran(program("dpkg-deb"), "--fsys-tarfile", deb, text=False).stdout
-    with tarfile.open(fileobj=io.BytesIO(packed)) as data:
-        assert int(fields["Installed-Size"]) == sum(-(-entry.size // 1024) for entry in data)
     assert "./usr/bin/ambientd" in dpkg_deb("-c", deb)
     assert dpkg_deb("-I", deb, "conffiles") == "/etc/ambientd/ambientd.yaml\n"
 
