@@ -126,16 +126,6 @@ def test_a_faulty_file_is_refused_with_its_place(tmp_path, case: str) -> None:
     assert fault.hint
 
 
-def test_good_rows_come_before_the_fault(tmp_path) -> None:
-    path = tmp_path / "trace.csv"
-    path.write_bytes(HEAD + b"0,20\n1,21\n2,x\n")
-    with TraceReader(str(path)) as reader:
-        rows = iter(reader)
-        assert [next(rows), next(rows)] == [Row(0.0, (20.0,)), Row(1.0, (21.0,))]
-        with pytest.raises(Refused, match="line 4, column usb_degC"):
-            next(rows)
-
-
 def assert_rows_or_refused(path: str) -> None:
     """Rows that keep every promise of the reader, or a refusal; any other exception fails the test."""
     before = float("-inf")

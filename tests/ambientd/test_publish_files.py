@@ -85,16 +85,6 @@ def test_what_is_not_trusted_is_removed_or_poisoned_from_the_first_tick(kind, pa
         assert os.listdir(path.parent) == []
 
 
-def test_in_place_continues_a_file_that_is_there(path):
-    path.write_text("-1234567890\n")
-    with open(path, "rb", buffering=0) as reader:
-        publisher = InPlaceFile(poisoned(path, poison_millidegC=-40000))
-        publisher.publish(report(7.0))
-        assert os.pread(reader.fileno(), 15, 0) == b"7000\n"
-        publisher.close()
-        assert os.pread(reader.fileno(), 15, 0) == b"-40000\n"  # a reader that keeps it open has no last value
-
-
 def test_status_is_one_json_object(path):
     publisher = status.publisher(Spec("status", str(path)), None)
     publisher.publish(report(23.4))

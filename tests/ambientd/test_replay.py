@@ -1,7 +1,6 @@
 """A replay says what the daemon would have said, and leaves the output alone where it cannot."""
 
 import csv
-import gzip
 import math
 import random
 from itertools import pairwise
@@ -50,16 +49,6 @@ def test_a_missing_value_is_coasted_over_and_a_long_gap_is_an_empty_cell(ambient
     assert [row["status"] for row in said[50:90]] == ["coasting"] * 30 + ["faulted"] * 10
     assert (said[85]["ambient_degC"], said[85]["low_degC"], said[85]["high_degC"]) == ("", "", "")
     assert float(said[79]["ambient_degC"]) == pytest.approx(23.0)
-
-
-def test_compressed_traces_are_read_and_written(ambientd, model_file, trace_file, tmp_path):
-    packed = tmp_path / "t.csv.gz"
-    with open(trace_file, "rb") as stream, gzip.open(packed, "wb") as out:
-        out.write(stream.read())
-    ambientd("replay", model_file, trace_file, "-o", tmp_path / "plain.csv")
-    assert ambientd("replay", model_file, packed, "-o", tmp_path / "o.csv.gz").returncode == 0
-    with gzip.open(tmp_path / "o.csv.gz") as stream:
-        assert stream.read() == (tmp_path / "plain.csv").read_bytes()
 
 
 def test_a_slow_trace_with_jitter_keeps_its_time(ambientd, model_file, write_trace, tmp_path):
