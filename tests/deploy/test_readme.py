@@ -62,3 +62,5 @@ def test_the_installation_as_it_is_written(tmp_path):
         if done and done.returncode:
             pytest.skip(f"no package index here: {done.stderr[-200:]}")
     assert ran(tmp_path / "bin" / "ambientd", "--version").stdout.strip()
+    shown = ran(tmp_path / "opt/ambientd/bin/pip", "show", "ambientd").stdout.splitlines()
+    assert "Requires:" in map(str.strip, shown), "the device is asked for nothing beside"

@@ -1,14 +1,12 @@
 """The same replay is the same bytes: by whichever Python, as whoever, from wherever, in whatever environment."""
 
 import glob
-import importlib.util
 import json
 import math
 import os
 import shutil
 import sys
 import tempfile
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -126,34 +124,3 @@ def test_every_environment_says_the_same(name, case, reference):
     done = ran(*words, "check", "--model", case / "model.json", env=env, text=False)
     assert b"Tastentelefon" in done.stdout
     assert b"Traceback" not in done.stderr
-
-
-def pip(*arguments, **options):
-    words = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q", *arguments]
-    return ran(*words, timeout=300, **options)
-
-
-@pytest.fixture(scope="module")
-def wheel(tmp_path_factory):
-    """The wheel, as it would be released."""
-    folder = tmp_path_factory.mktemp("wheel")
-    backend = []
-    if importlib.util.find_spec("hatchling") is None:
-        done = pip("install", "--target", folder / "backend", "hatchling", status=None)
-        if done.returncode != 0:
-            pytest.skip(f"hatchling, which builds the wheel, cannot be had: {done.stderr.strip()[-200:]}")
-        backend = [str(folder / "backend")]
-    env = {**os.environ, "PYTHONPATH": os.pathsep.join(backend)}
-    pip("wheel", "--no-deps", "--no-build-isolation", "-w", folder, ROOT, env=env)
-    [path] = folder.glob("*.whl")
-    return path
-
-
-def test_the_wheel_holds_the_packages_and_asks_the_device_for_nothing(wheel):
-    with zipfile.ZipFile(wheel) as archive:
-        names = archive.namelist()
-        [metadata] = [archive.read(name).decode() for name in names if name.endswith(".dist-info/METADATA")]
-    tops = {name.split("/")[0] for name in names if ".dist-info/" not in name}
-    assert tops == {"ambient_model", "ambientd", "ambient_trainer", "ambient_studies"}
-    needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist:") and "extra ==" not in line]
-    assert needed == []
