@@ -1,6 +1,8 @@
 """Small circuits with known parameters, data made of them by integration, and problems solved the slow way."""
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from ambient_trainer.circuits.assemble import assemble
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.circuits.schema import load_circuit, parse_circuit
+from ambient_trainer.data.plugins import plugin_names
 from ambient_trainer.lti.discretise import discretised
 from ambient_trainer.lti.statespace import StateSpace
 
@@ -36,6 +39,21 @@ def measured_folder() -> Path:
 def described() -> Path:
     """Maps and circuits of the measured files; the data themselves are never copied."""
     return REPOSITORY / "tests" / "data" / "measured"
+
+
+@pytest.fixture
+def plugged(tmp_path, monkeypatch) -> Iterator[Callable[[ModuleType, str, str], None]]:
+    """Puts a module beside those of a package: a plug-in that is one file."""
+
+    def put(package: ModuleType, name: str, text: str) -> None:
+        folder = tmp_path / "plug-ins"
+        folder.mkdir()
+        (folder / f"{name}.py").write_text(text)
+        monkeypatch.setattr(package, "__path__", [*package.__path__, str(folder)])
+        plugin_names.cache_clear()
+
+    yield put
+    plugin_names.cache_clear()
 
 
 @pytest.fixture

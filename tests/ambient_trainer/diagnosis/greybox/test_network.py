@@ -1,10 +1,5 @@
 """Networks against scipy's integrator, mechanisms through a file, and a mechanism as a file of its own."""
 
-import json
-import os
-import subprocess
-import sys
-import textwrap
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +8,10 @@ from scipy.integrate import solve_ivp
 
 from ambient_model.faults import Refused
 from ambient_trainer.circuits.circuit import Addition
-from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.schema import load_circuit, parse_circuit
 from ambient_trainer.circuits.write import write_circuit
-from ambient_trainer.data.trace import save_trace
+from ambient_trainer.diagnosis.diagnose import diagnose
+from ambient_trainer.diagnosis.greybox import mechanisms
 from ambient_trainer.diagnosis.greybox.expression import Expression
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of, kinds
 from ambient_trainer.diagnosis.greybox.mechanisms.contact import Contact
@@ -169,35 +165,12 @@ def candidates(scene):
     for node in scene.nodes:
         yield Arc((node,), (Number(f"arc_{node}", "W", 0.0, scale=scene.conductance(node), low=0.0),), driver)
 """
-RUN = """
-import json, sys
-from ambient_trainer.circuits.schema import load_circuit
-from ambient_trainer.data.trace import load_trace
-from ambient_trainer.diagnosis.diagnose import diagnose
-from ambient_trainer.diagnosis.greybox.file import kinds
-from ambient_trainer.diagnosis.report import noun
-from ambient_trainer.diagnosis.result import Cause
-found = diagnose(load_circuit(sys.argv[1]), [load_trace(sys.argv[2])], period_s=120.0)
-said = [each.cause.name for each in found.ranking]
-print(json.dumps([list(kinds()), said, noun(Cause("arc", "chip"))]))
-"""
 
 
-def test_a_mechanism_is_one_file(boxed, tmp_path):
-    trace = tmp_path / "box.csv"
-    save_trace(str(trace), boxed("current_squared", 2))
-    (tmp_path / "arc.py").write_text(textwrap.dedent(MECHANISM))
-    described = tmp_path / "arc-1.dist-info"
-    described.mkdir()
-    (described / "METADATA").write_text("Metadata-Version: 2.1\nName: arc\nVersion: 1\n")
-    (described / "entry_points.txt").write_text("[ambient_trainer.diagnosis.greybox.mechanisms]\narc = arc\n")
-    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
-        [sys.executable, "-c", RUN, str(BOX), str(trace)],
-        capture_output=True, text=True, timeout=120, env={**os.environ, "PYTHONPATH": path},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    kinds, tried, noun = json.loads(done.stdout)
-    assert "Arc" in kinds
-    assert "arc" in tried
-    assert noun.endswith(", at chip")
+def test_a_mechanism_is_one_file(boxed, plugged):
+    plugged(mechanisms, "arc", MECHANISM)
+    kinds.cache_clear()
+    found = diagnose(load_circuit(str(BOX)), [boxed("current_squared", 2)], period_s=120.0)
+    assert "Arc" in kinds()
+    assert "arc" in [each.cause.name for each in found.ranking]
+    kinds.cache_clear()

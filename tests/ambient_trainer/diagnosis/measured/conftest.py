@@ -4,44 +4,31 @@ import json
 import sys
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
 from ambient_trainer.cli.main import main
 
-
-class _Source(NamedTuple):
-    """``map`` is None where the file is a trace."""
-
-    file: str
-    map: str | None
-    format: str = "csv"
-
-
 SOURCES = {
-    "O5": _Source("twinhouse/validationdataO5Exp1.txt", "twinhouse"),
-    "N2": _Source("twinhouse/validationdataN2Exp1.txt", "twinhouse"),
-    "naked": _Source("rpi3-case-fan/pistress_0000000011.csv", "rpi3-case-fan"),
-    "closed": _Source("rpi3-case-fan/pistress_1111100011.csv", "rpi3-case-fan"),
-    "closed_but_for_a_side": _Source("rpi3-case-fan/pistress_1110100011.csv", "rpi3-case-fan"),
-    "holed": _Source("rpi3-case-fan/pistress_1101010011.csv", "rpi3-case-fan"),
-    "fan_in": _Source("rpi3-case-fan/pistress_1111001011.csv", "rpi3-case-fan"),
-    "fan_out": _Source("rpi3-case-fan/pistress_1111000111.csv", "rpi3-case-fan"),
-    "cell_2C": _Source("lg-m50-cell/Cell796_2C_25degC.csv", "lg-m50-cell-2C"),
-    "cell_0": _Source("lg-m50-cell/Cell787_0p5C_0degC.csv", "lg-m50-cell-0degC"),
-    "cell_10": _Source("lg-m50-cell/Cell787_0p5C_10degC.csv", "lg-m50-cell-10degC"),
-    "cell_25": _Source("lg-m50-cell/Cell787_0p5C_25degC.csv", "lg-m50-cell-25degC"),
-    "chamber": _Source("thermal-shock-chamber/dat00002.csv", "thermal-shock-chamber", "benchlink"),
-    "s25": _Source("s25plus-zones/s25_zones_tidy.csv", "s25plus-zones"),
-    "pv": _Source("pv-togo/togo_clean.csv", "pv-togo"),
-    "li18650": _Source("li18650-r1/R1.csv", "li18650-r1"),
-    "boiler": _Source("house-boiler/house.csv", None),
-    "sandbox": _Source("trt-sandbox/sandbox.csv", None),
-    "ice": _Source("ice-tank/charging.csv", None),
-    "30q": _Source("samsung30q-hppc/hppc_10pct.csv", None),
+    "O5": ("twinhouse/validationdataO5Exp1.txt", "twinhouse"),
+    "N2": ("twinhouse/validationdataN2Exp1.txt", "twinhouse"),
+    "naked": ("rpi3-case-fan/pistress_0000000011.csv", "rpi3-case-fan"),
+    "closed": ("rpi3-case-fan/pistress_1111100011.csv", "rpi3-case-fan"),
+    "closed_but_for_a_side": ("rpi3-case-fan/pistress_1110100011.csv", "rpi3-case-fan"),
+    "holed": ("rpi3-case-fan/pistress_1101010011.csv", "rpi3-case-fan"),
+    "fan_in": ("rpi3-case-fan/pistress_1111001011.csv", "rpi3-case-fan"),
+    "fan_out": ("rpi3-case-fan/pistress_1111000111.csv", "rpi3-case-fan"),
+    "cell_2C": ("lg-m50-cell/Cell796_2C_25degC.csv", "lg-m50-cell-2C"),
+    "cell_0": ("lg-m50-cell/Cell787_0p5C_0degC.csv", "lg-m50-cell-0degC"),
+    "cell_10": ("lg-m50-cell/Cell787_0p5C_10degC.csv", "lg-m50-cell-10degC"),
+    "cell_25": ("lg-m50-cell/Cell787_0p5C_25degC.csv", "lg-m50-cell-25degC"),
+    "s25": ("s25plus-zones/s25_zones_tidy.csv", "s25plus-zones"),
+    "li18650": ("li18650-r1/R1.csv", "li18650-r1"),
+    "boiler": ("house-boiler/house.csv", None),
+    "30q": ("samsung30q-hppc/hppc_10pct.csv", None),
 }
-"""By the name that a test asks for: the file, its map, and how it is read."""
+"""By the name that a test asks for: the file, and its map, or None where it is a trace."""
 
 
 @pytest.fixture(scope="session")
@@ -50,21 +37,13 @@ def measured(measured_folder, described, tmp_path_factory) -> Callable[[str], st
     folder = tmp_path_factory.mktemp("measured")
 
     def imported(name: str) -> str:
-        source = SOURCES[name]
-        if source.map is None:
-            return str(measured_folder / source.file)
+        file, mapped = SOURCES[name]
+        if mapped is None:
+            return str(measured_folder / file)
         trace = folder / f"{name}.csv"
         if not trace.exists():
-            _run(
-                "import",
-                measured_folder / source.file,
-                "--format",
-                source.format,
-                "--map",
-                described / f"{source.map}.map.yaml",
-                "-o",
-                trace,
-            )
+            layout = described / f"{mapped}.map.yaml"
+            _run("import", measured_folder / file, "--format", "csv", "--map", layout, "-o", trace)
         return str(trace)
 
     return imported

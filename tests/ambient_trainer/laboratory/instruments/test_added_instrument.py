@@ -55,14 +55,8 @@ class Simulated(SimulatedInstrument):
 
 
 @pytest.fixture
-def meter(tmp_path, monkeypatch):
-    folder = tmp_path / "plug-ins"
-    folder.mkdir()
-    (folder / "kelvin_meter.py").write_text(METER)
-    monkeypatch.setattr(instruments, "__path__", [*instruments.__path__, str(folder)])
-    plugin_names.cache_clear()
-    yield
-    plugin_names.cache_clear()
+def meter(plugged):
+    plugged(instruments, "kelvin_meter", METER)
 
 
 def test_one_file_adds_an_instrument(meter, night):
