@@ -1,14 +1,11 @@
-"""The filter's objective against sums written out, and the search's bounds."""
+"""The search for a filter keeps to the bounds of the recipe."""
 
 import numpy as np
-import pytest
 
 from ambient_trainer.data.grid import Segment
 from ambient_trainer.estimation.search import search
 from ambient_trainer.estimators.blended.recipe import FilterRules
 from ambient_trainer.estimators.library.recipes import recipe_filter
-from ambient_trainer.lti.response import noise_gain, response_degC
-from ambient_trainer.lti.statespace import dc_gain
 
 RULES = FilterRules.model_validate(
     {
@@ -23,20 +20,6 @@ RULES = FilterRules.model_validate(
 def run(seed: int) -> Segment:
     u = 20 + np.cumsum(np.random.default_rng(seed).standard_normal((3, 2000)), axis=1)
     return Segment(1.0, u, u.mean(axis=0)[None] - 1)
-
-
-def test_the_objective_is_the_sum_of_its_parts():
-    runs = {"idle": [run(5), run(6)], "residual": [run(7)], "unweighed": [run(8)]}
-    structure = recipe_filter(runs, {"idle": 2.0, "residual": 0.5, "unweighed": 0.0}, RULES, 1.0)
-    best = search(structure, 1, 0).best
-    system = structure.system(best.theta, best.beta)
-    direct = 1e-3 * noise_gain(system, 1.0) ** 2 + 100 * (dc_gain(system).sum() - 1) ** 2
-    for each, count, absolute in (*((each, 1.0, True) for each in runs["idle"]), (runs["residual"][0], 0.5, False)):
-        estimate = response_degC(system, "first-order", each.inputs, 1.0)
-        error = each.outputs[0] - estimate + (not absolute) * system.offset
-        direct += count * np.mean(error[::11] ** 2)
-    # the impulse response ends after 300 samples
-    assert best.sum_of_squares == pytest.approx(direct, rel=1e-3)
 
 
 def test_the_search_keeps_to_the_bounds_of_the_recipe():

@@ -3,20 +3,11 @@
 import numpy as np
 import pytest
 
-from ambient_trainer.estimators.blended.forward import Forward, factor
-from ambient_trainer.estimators.blended.recipe import Loss, find_recipe
+from ambient_trainer.estimators.blended.forward import Forward
+from ambient_trainer.estimators.blended.recipe import find_recipe
 from ambient_trainer.estimators.library.recipes import record_of
 
 from .conftest import TRUTH
-
-LAW = Loss(rho=0.5, exponent=0.25, at_rise_K=5, at_degC=20)
-
-
-def test_the_law_is_one_where_it_is_normalised():
-    # sqrt(25 - 0.25): where the smoothed rise is 5 K
-    assert factor(np.sqrt(24.75), np.array(20.0), 0.3, LAW) == pytest.approx(1.0)
-    assert factor(np.array(80.0), np.array(20.0), 1.0, LAW) == pytest.approx(1.0), "radiation alone knows no rise"
-    assert factor(np.sqrt(99.75), np.array(-20.0), 0.0, LAW) == pytest.approx(2**0.25), "convection alone no mean"
 
 
 @pytest.fixture
