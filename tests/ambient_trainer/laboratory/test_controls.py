@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ambient_trainer.laboratory.campaign import Action, load_campaign
 from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments import voetsch_vt4004 as voetsch
-from ambient_trainer.laboratory.messages import Clock, Crash, Failure, LoadState, NoResponse, Reading, Sample
+from ambient_trainer.laboratory.messages import Clock, Failure, LoadState, Reading
 from ambient_trainer.laboratory.shell import connection_to
 from ambient_trainer.laboratory.workers import ChamberControl, LoadControl, Sampler, Target
 from ambient_trainer.simulator.scenario import scenario_path
@@ -156,8 +156,7 @@ def test_commands_of_the_shipped_laboratory_are_shell(kept, phone):
 class StillClock:
     """Time that passes by waiting and by asking, and else not at all."""
 
-    def __init__(self, time_s):
-        self.time_s = time_s
+    time_s = 0.0
 
     def now_s(self):
         return self.time_s
@@ -170,8 +169,8 @@ class StillClock:
 class Slow:
     """An instrument that takes so long for each of its readings, and then has done its last one."""
 
-    def __init__(self, clock, durations_s, errors):
-        self.clock, self.left, self.errors = clock, list(durations_s), errors
+    def __init__(self, clock, durations_s):
+        self.clock, self.left = clock, list(durations_s)
         self.closed = False
 
     def read(self):
@@ -179,18 +178,16 @@ class Slow:
         self.clock.time_s += self.left.pop(0)
         if not self.left:
             self.sampler.finish()
-        if len(self.left) in self.errors:
-            raise self.errors[len(self.left)]
         return Reading(asked_s, self.clock.now_s(), {})
 
     def close(self):
         self.closed = True
 
 
-def sampled(durations_s, period_s, begin_s=0.0, errors=()):
+def sampled(durations_s, period_s):
     """What a sampler of a slow instrument posts."""
-    clock, posted = StillClock(begin_s), []
-    instrument = Slow(clock, durations_s, errors)
+    clock, posted = StillClock(), []
+    instrument = Slow(clock, durations_s)
     instrument.sampler = Sampler("x", instrument, period_s, clock, posted.append)
     instrument.sampler.run()
     assert instrument.closed
@@ -203,15 +200,3 @@ def test_every_sample_is_asked_for_at_a_multiple_of_its_own(durations_s, period_
     places = [each / period_s for each in asked]
     assert all(math.isclose(place, round(place), rel_tol=1e-9, abs_tol=1e-6) for place in places)
     assert len({round(place) for place in places}) == len(places)
-
-
-def test_trouble_is_told_and_gone_on_from_and_a_mistake_of_the_program_ends_the_thread():
-    error = NoResponse("multiplexer", "/dev/x", "4 readings", "nothing in 5 s")
-    first, trouble, last = sampled([0.1, 0.1, 0.1], 1.0, errors={1: error})
-    assert isinstance(first, Sample)
-    assert trouble._replace(at_s=round(trouble.at_s, 6)) == Failure("x", 2.1, str(error))
-    assert last.asked_s == 3.0
-    error = KeyError("mistake")
-    first, crash = sampled([0.1, 0.1, 0.1], 1.0, errors={1: error})
-    assert isinstance(first, Sample)
-    assert crash == Crash("x", error)

@@ -16,6 +16,12 @@ from ...conftest import one_node
 PERIOD_S, SAMPLES = 30.0, 1200
 
 
+@pytest.fixture
+def seed() -> int:
+    """Another one each time; a test that fails says which."""
+    return int(np.random.default_rng().integers(1 << 30))
+
+
 @pytest.fixture(scope="session")
 def circuit():
     return forward(one_node("board", 50, 5))

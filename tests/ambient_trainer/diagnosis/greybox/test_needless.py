@@ -45,9 +45,8 @@ def test_it_is_not_sure_though_it_gained_much_when_it_was_taken(fits):
     assert panel.confidence < 0.5 < sun.confidence
 
 
-def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated):
+def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, seed):
     """Two levels always do better than one on a random walk."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     walk = np.cumsum(np.random.default_rng(seed).standard_normal(1200))
     heat_W = 0.3 * walk / np.std(walk)
     trace = simulated(seed, heat_W=lambda now, degC: np.interp(now["time_s"], 30.0 * np.arange(1200), heat_W))

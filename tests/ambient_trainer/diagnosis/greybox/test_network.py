@@ -75,29 +75,6 @@ def test_a_circuit_written_and_read_again_simulates_the_same(circuit, simulated,
     assert np.abs(one.simulate(start) - bare.network(given, bare.z()[None]).simulate(start[:, :1])).max() > 0.01
 
 
-def test_loss_that_varies_and_bends_agrees_with_an_integrator(circuit, simulated, recorded):
-    (record,) = recorded(simulated(2))
-    wind = Coupling(PLACE, (number(0.4),), WIND)
-    bent = Exponent(PLACE, (number(0.25),), typical_degC=(5.0,))
-    heat = Heat(PLACE, (number(2.0),), SQUARED)
-    model = GreyBox.of(circuit).with_mechanism(heat).with_mechanism(wind).with_mechanism(bent)
-    read = model.network(record, model.z()[None]).simulate(np.array([[21.0]]))[0, 0]
-
-    rows = {name: record.signals[name] for name in ("ambient_degC", "wind_m_s", "current_A")}
-    squared = record.signals["current_A"] ** 2
-
-    def slope(now_s, degC):
-        air, speed, _ = (np.interp(now_s, record.time_s, row) for row in rows.values())
-        away = air - degC
-        loss = 0.2 * (0.4 * speed + np.maximum(np.abs(away) / 5.0, 0.02) ** 0.25)
-        return (loss * away + 2.0 * np.interp(now_s, record.time_s, squared)) / 50.0
-
-    span = record.time_s[0], record.time_s[-1]
-    solved = solve_ivp(slope, span, [21.0], t_eval=record.time_s, max_step=5.0, rtol=1e-8, atol=1e-8)
-    # straight lines between samples of the whole heat, not of its factors: second order in the period
-    assert np.sqrt(np.mean((read - solved.y[0]) ** 2)) < 0.01
-
-
 def test_a_body_that_is_put_there_agrees_with_an_integrator(circuit, simulated, recorded):
     (record,) = recorded(simulated(4))
     onset_s = 12_000.0

@@ -22,8 +22,7 @@ UNITS_S = {"s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 @pytest.mark.slow
-def test_a_step_of_the_driver_is_proposed(circuit, simulated, recorded):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_a_step_of_the_driver_is_proposed(circuit, simulated, recorded, seed):
     records = recorded(simulated(seed, heat_W=lambda now, degC: 0.8 * now["current_A"] ** 2))
     model = GreyBox.of(circuit)
     selection = stepwise(bare_fit(model, records), anchors(model, records), offered=lasting_candidates)

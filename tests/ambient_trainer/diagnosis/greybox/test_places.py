@@ -54,9 +54,8 @@ def behind(air, between_W_K, body_J_K):
     return lsim((A, inputs, np.array([[1.0, 0.0]]), np.zeros((1, 1))), air, TIME_S, [air[0]] * 2)[1]
 
 
-def test_each_body_of_a_group_begins_where_it_is_best_by_itself(pair):
+def test_each_body_of_a_group_begins_where_it_is_best_by_itself(pair, seed):
     """One of 25 s behind a good conductor and one of three hours: no start for both is near both."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     draw = np.random.default_rng(seed)
     air = air_degC(draw)
     columns = {"fast_degC": behind(air, 6.0, 150.0), "slow_degC": behind(air, 0.3, 3200.0), "ambient_degC": air}
@@ -69,9 +68,8 @@ def test_each_body_of_a_group_begins_where_it_is_best_by_itself(pair):
     assert min(each.fitted.rmse_degC for each in both) < 0.05, seed
 
 
-def test_offsets_of_all_sensors_are_not_surely_heat(pair):
+def test_offsets_of_all_sensors_are_not_surely_heat(pair, seed):
     """Two thermometers side by side that are 0.8 and -0.6 degC off."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     draw = np.random.default_rng(seed)
     air, noise = air_degC(draw), draw.normal(0, 0.03, (2, len(TIME_S)))
     follows = lsim(([-1 / 300], [1 / 300], [1], [0]), air, TIME_S, air[0])[1]

@@ -52,8 +52,7 @@ NAMED = {
     "hidden",
     ["current squared", "nothing", *(pytest.param(each, marks=pytest.mark.slow) for each in ("sun", "wind", "mass"))],
 )
-def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_what_is_hidden_is_named(circuit, simulated, recorded, hidden, seed):
     records = recorded(simulated(seed, **HIDDEN[hidden]))
     model = GreyBox.of(circuit)
     selection = stepwise(bare_fit(model, records), anchors(model, records))
@@ -77,8 +76,7 @@ def test_what_runs_away_is_left_out_without_a_warning(circuit, simulated, record
 
 
 @pytest.mark.slow
-def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_what_a_circuit_holds_already_is_not_found_again(circuit, simulated, seed):
     trace = simulated(seed, conductance_W_K=HIDDEN["wind"]["conductance_W_K"])
     change = {"change": {"unit": "1 per m/s", "value": 0.2}}
     given = replace(circuit, mechanisms=(Addition("Coupling", ("board",), "wind_m_s", None, None, change, {}),))
@@ -102,8 +100,7 @@ def held(now, degC, body_degC=28.0):
     return 0.5 * (body_degC - degC) if 10800 < now["time_s"] < 21600 else 0.0
 
 
-def test_a_body_that_warms_and_cools_by_turns_is_a_contact(circuit, simulated):
-    seed = int(np.random.default_rng().integers(1 << 30))
+def test_a_body_that_warms_and_cools_by_turns_is_a_contact(circuit, simulated, seed):
     found = diagnose(circuit, [simulated(seed, heat_W=held)], [simulated(seed + 1)])
     step = found.steps[0]
     assert step.cause == Cause("contact", "board"), seed
@@ -112,9 +109,8 @@ def test_a_body_that_warms_and_cools_by_turns_is_a_contact(circuit, simulated):
     assert step.magnitude.ci95[0] - 1 < 28.0 < step.magnitude.ci95[1] + 1, seed
 
 
-def test_a_clock_is_named_where_noise_is_most_of_what_is_left(circuit, simulated):
+def test_a_clock_is_named_where_noise_is_most_of_what_is_left(circuit, simulated, seed):
     """Two logs: in one alone a shorter time constant may make up for a third of the offset."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     logged = []
     for trace in (simulated(seed, noise_degC=0.8), simulated(seed + 2, noise_degC=0.8)):
         late = np.interp(trace.time_s - 600.0, trace.time_s, trace.columns["ambient_degC"])
@@ -124,9 +120,8 @@ def test_a_clock_is_named_where_noise_is_most_of_what_is_left(circuit, simulated
     assert found.verdict.magnitude.value == pytest.approx(600.0, abs=200.0), seed
 
 
-def test_a_lag_of_minutes_is_no_thermal_mass(circuit, simulated):
+def test_a_lag_of_minutes_is_no_thermal_mass(circuit, simulated, seed):
     """From 3:00 on the reading follows by a low-pass filter of twice the board's time constant."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     trace = simulated(seed)
     read, a = trace.columns["board_degC"].copy(), -np.expm1(-30.0 / 600.0)
     for k in range(361, len(read)):
@@ -139,9 +134,8 @@ def test_a_lag_of_minutes_is_no_thermal_mass(circuit, simulated):
 @pytest.mark.parametrize(
     ("ramp_s", "switched", "named"), [(0.0, False, True), (900.0, False, False), (0.0, True, False)]
 )
-def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s, switched, named):
+def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s, switched, named, seed):
     """By 1.5 degC for an hour, between jumps of what is logged: at once or within a quarter of it, or with a pump."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     trace = simulated(seed)
     off = np.interp(trace.time_s, [11010, 11011 + ramp_s, 14580 - ramp_s, 14581], [0, 1.5, 1.5, 0])
     logged = {"pump_on": np.sign(off)} if switched else {}
@@ -151,9 +145,8 @@ def test_only_readings_that_jump_are_off_for_a_while(circuit, simulated, ramp_s,
 
 
 @pytest.mark.parametrize("fault", ["sensor_stuck", pytest.param("sensor_drift", marks=pytest.mark.slow)])
-def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulated, fault):
+def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulated, fault, seed):
     """It stands still from 4:00 to 5:00, or drifts by 0.5 K/h from 5:00 on."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     trace = simulated(seed)
     read = trace.columns["board_degC"].copy()
     if fault == "sensor_stuck":
@@ -165,9 +158,8 @@ def test_a_sensor_at_fault_is_named_where_nothing_is_known_good(circuit, simulat
     assert step.onset_s == pytest.approx(14400 if fault == "sensor_stuck" else 18000, abs=600), seed
 
 
-def test_heat_that_creeps_is_not_surely_a_drift(circuit, simulated):
+def test_heat_that_creeps_is_not_surely_a_drift(circuit, simulated, seed):
     """Contents that warm a box ever more: one sensor in it cannot tell that from its own drift."""
-    seed = int(np.random.default_rng().integers(1 << 30))
     found = diagnose(circuit, [simulated(seed, heat_W=lambda now, degC: 0.08 * now["time_s"] / 3600.0)])
     for step in found.steps:
         if step.cause.name == "sensor_drift":
@@ -323,9 +315,8 @@ def flame(time_s):
     return (np.asarray(time_s) % 5000 < 1800) * (1.0 + 0.6 * (np.asarray(time_s) % 11000 < 5000))
 
 
-def test_a_flame_and_the_water_that_takes_its_heat_are_both_named(circuit, simulated):
+def test_a_flame_and_the_water_that_takes_its_heat_are_both_named(circuit, simulated, seed):
     """The gas meter reads 1.2 V where nothing burns; water flows before the flame is lit, and for longer."""
-    seed = int(np.random.default_rng().integers(1 << 30))
 
     def flow(time_s):
         return 40.0 * (np.asarray(time_s) % 5000 < 2500) * (1.0 + 0.5 * np.sin(np.asarray(time_s) / 7000))
@@ -350,10 +341,9 @@ def opened(now, degC):
     return 20.0 if now["time_s"] % 7000 < 900 else 0.4
 
 
-def test_a_logged_heater_is_named_whatever_is_left(circuit, simulated, monkeypatch):
+def test_a_logged_heater_is_named_whatever_is_left(circuit, simulated, monkeypatch, seed):
     """Also where a black box would do much better."""
     monkeypatch.setitem(diagnose.__globals__, "black_box_rmse_degC", lambda *given: 0.3)
-    seed = int(np.random.default_rng().integers(1 << 30))
     trace = simulated(seed, heat_W=lambda now, degC: 12.0 * heater_on(now["time_s"]), conductance_W_K=opened)
     found = diagnose(circuit, [replace(trace, columns={**trace.columns, "heater_on": heater_on(trace.time_s)})])
     assert found.verdict_cause == Cause("heat_source", "board", "heater_on"), seed

@@ -94,7 +94,9 @@ def test_every_key_of_the_contract_is_there(done, folder):
     assert data["residuals"]["sensors"].keys() == {"board", "shell"}
     for sensor in data["residuals"]["sensors"].values():
         assert sensor.keys() == {"rmse_degC", "std_degC", "memory_s"}
-    for test in data["residuals"]["tests"]:
+    tests = data["residuals"]["tests"]
+    assert any("radio_on" in test["subject"] and test["significant"] for test in tests)
+    for test in tests:
         assert test.keys() == {"name", "subject", "statistic", "threshold", "significant", "sentence"}
     assert isinstance(data["next_experiment"], str)
     later = data["later"]
