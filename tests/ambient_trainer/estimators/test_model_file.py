@@ -9,32 +9,13 @@ import pytest
 from ambient_model.codec import decode, encode
 from ambient_model.conformance import TOLERANCE_DEGC, worst_difference_degC
 from ambient_model.faults import Refused
-from ambient_trainer.circuits.schema import parse_circuit
+from ambient_trainer.circuits.schema import load_circuit
 from ambient_trainer.data.trace import Trace, load_trace, save_trace
 from ambient_trainer.estimators.base import Effort, error_quantiles
 from ambient_trainer.estimators.model_file import model_of, training_of
 from ambient_trainer.estimators.registry import CircuitEstimator
 
-CIRCUIT = """
-format: ambient-circuit
-version: 1
-name: driven
-about: A board beside a chip, heated by a charger
-form: rise
-nodes:
-  board: {capacitance: 12, sensor: board}
-  chip: {sensor: chip}
-edges:
-  - {between: [chip, board], resistance: R_chip_board}
-  - {between: [board, ambient], resistance: R_board}
-sources: [{into: board, signal: cpu_power_W, share: 0.8}]
-outputs:
-  ambient: {states: {board: -1}, inputs: {board_degC: 1}, offset: bias}
-parameters:
-  R_chip_board: {unit: K/W, initial: 4}
-  R_board: {unit: K/W, initial: 15}
-  bias: {unit: degC, initial: 0}
-"""
+from ..conftest import CIRCUITS
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +31,7 @@ def trace():
 
 @pytest.fixture(scope="module")
 def fit(trace):
-    return CircuitEstimator(parse_circuit(CIRCUIT, "driven.yaml")).fit([trace], Effort(starts=2, seed=7))
+    return CircuitEstimator(load_circuit(str(CIRCUITS / "driven.yaml"))).fit([trace], Effort(starts=2, seed=7))
 
 
 @pytest.fixture(scope="module")

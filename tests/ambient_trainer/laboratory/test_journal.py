@@ -1,6 +1,5 @@
 """Whatever cuts a journal, what was written before is there, and nothing else."""
 
-import errno
 import json
 import os
 import string
@@ -68,27 +67,6 @@ def test_a_cut_anywhere_leaves_a_beginning_that_can_be_gone_on_with(tmp_path):
         journal.close()
         assert read_journal(str(path)).entries == (*kept, Note(9.0, "resumed"))
         path.unlink()
-
-
-def test_a_full_disk_is_noticed_and_nothing_is_written_after_it(tmp_path, monkeypatch):
-    path = str(tmp_path / "t.part")
-    journal = Journal(path, HEAD)
-    write = os.write
-    monkeypatch.setattr(os, "write", lambda file, data: _full(write, file, data))
-    journal.add(Note(1.0, "cut in the middle"))
-    journal.flush()
-    monkeypatch.setattr(os, "write", write)
-    assert journal.failure is not None
-    assert journal.failure.errno == errno.ENOSPC
-    journal.add(Note(2.0, "never there"))
-    journal.close()
-    assert read_journal(path).entries == ()
-
-
-def _full(write, file, data):
-    if b"middle" in data and len(data) > 10:
-        return write(file, data[:10])
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 @pytest.mark.parametrize(

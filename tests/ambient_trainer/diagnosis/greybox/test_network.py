@@ -95,16 +95,6 @@ def test_a_body_that_is_put_there_agrees_with_an_integrator(circuit, simulated, 
     assert np.sqrt(np.mean((read - solved.y[0]) ** 2)) < 0.03
 
 
-def test_lanes_are_simulated_each_for_itself(circuit, simulated, recorded):
-    (record,) = recorded(simulated(3))
-    model = GreyBox.of(circuit).with_mechanism(Coupling(PLACE, (number(0.4),), WIND))
-    z = model.z() + np.array([[0.0, 0.0, 0.0], [0.3, -0.2, 0.1], [-0.5, 0.4, 0.3]])
-    start = np.array([[21.0], [19.0], [25.0]])
-    together = model.network(record, z).simulate(start)
-    alone = [model.network(record, z[lane : lane + 1]).simulate(start[lane : lane + 1])[0] for lane in range(3)]
-    assert np.abs(together - np.array(alone)).max() < 1e-12
-
-
 ONE = {"n": {"unit": "1", "value": 0.1}}
 
 

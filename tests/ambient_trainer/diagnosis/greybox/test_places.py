@@ -17,24 +17,9 @@ from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 from ambient_trainer.diagnosis.greybox.trials import compared
 from ambient_trainer.diagnosis.record import records
 
-PAIR = """
-format: ambient-circuit
-version: 1
-name: pair
-about: Two bodies in the same air that exchange no heat.
-form: temperature
-nodes:
-  fast: {capacitance: 100, sensor: fast}
-  slow: {capacitance: 100, sensor: slow}
-  ambient: {sensor: ambient}
-edges:
-  - {between: [fast, ambient], resistance: R_fast}
-  - {between: [slow, ambient], resistance: R_slow}
-outputs: sensors
-parameters:
-  R_fast: {unit: K/W, initial: 3}
-  R_slow: {unit: K/W, initial: 3}
-"""
+from ...conftest import CIRCUITS
+
+PAIR = (CIRCUITS / "pair.yaml").read_text()
 TIME_S = 30.0 * np.arange(1500)
 
 

@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -11,7 +10,9 @@ import pytest
 from ambient_model.codec import load_model
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.simulator.simulate import simulate
+from processes import ran
 
+TRAINER = (sys.executable, "-m", "ambient_trainer")
 LID = Path(__file__).parents[3] / "data" / "circuits" / "lid.yaml"
 CAUSE = {"cause", "location", "signal"}
 EFFECT = CAUSE | {"onset_s", "end_s", "magnitude", "gain"}
@@ -20,14 +21,6 @@ WHOLE = {"trace", "circuit", "baselines", "steps", "verdict", "ranking", "residu
          "candidates_tried", "notes"}  # fmt: skip
 LATER_S = "9000"
 GAIN = {"rmse_before_degC", "rmse_after_degC", "ci95_degC", "p_value", "held_out"}
-
-
-def called(*arguments, folder=None):
-    """Status, standard output, standard error."""
-    command = [sys.executable, "-m", "ambient_trainer", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, cwd=folder)
-    assert "Traceback" not in done.stderr
-    return done.returncode, done.stdout, done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -43,14 +36,14 @@ def folder(boxed, tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(folder):
     """The whole command, once: what it printed."""
-    status, printed, errors = called(
-        *("diagnose", "day.csv", "--circuit", "lid.yaml", "--baseline", "good.csv"),
+    done = ran(
+        *(*TRAINER, "diagnose", "day.csv", "--circuit", "lid.yaml", "--baseline", "good.csv"),
         *("--json", "out.json", "--report", "page", "--extended", "lid_extended.yaml", "--later", LATER_S),
-        folder=folder,
+        cwd=folder,
+        timeout=120,
     )
-    assert status == 0, errors
-    assert errors == ""  # a bar is for terminals
-    return printed
+    assert done.stderr == ""  # a bar is for terminals
+    return done.stdout
 
 
 def test_the_terminal_names_the_cause(done):
@@ -106,10 +99,8 @@ def test_every_key_of_the_contract_is_there(done, folder):
 
 
 def test_the_extended_circuit_fits_with_the_step(done, folder):
-    status, _, errors = called(
-        *("fit", "day.csv", "--circuit", "lid_extended.yaml", "-o", "lid.json", "--starts", "1"), folder=folder
-    )
-    assert status == 0, errors
+    fit = ("fit", "day.csv", "--circuit", "lid_extended.yaml", "-o", "lid.json", "--starts", "1")
+    ran(*TRAINER, *fit, cwd=folder, timeout=120)
     inputs = [each.name for each in load_model(str(folder / "lid.json")).main.inputs]
     assert sorted(inputs) == ["board", "chip", "radio", "shell"]
 
