@@ -29,7 +29,6 @@ while True:
         pass
 """
 FOR_S = 12.0
-PERIOD_S = 0.1
 
 
 def listens(path):
@@ -65,9 +64,3 @@ def test_ten_readers_miss_no_tick_and_newcomers_get_in(flood, public, model_file
     # a busy machine costs both of them single ones
     assert report["missed_ticks"] <= beside + 1
     assert all(each[:count] == everyone[0][:count] for each in everyone), "someone lost a line"
-    late_s = sorted((time_s - heard[0][0]) % PERIOD_S for time_s in heard[0])
-    # from the earliest of the grid, which wraps where a tick was a moment before the first
-    late_s = sorted((each - late_s[0] + PERIOD_S / 2) % PERIOD_S - PERIOD_S / 2 for each in late_s)
-    print(f"{flood}: {report['missed_ticks']} ticks missed, {beside} beside it;", end=" ")
-    print(f"{len(late_s)} ticks, late by {1e3 * late_s[len(late_s) // 2]:.1f} ms (median),", end=" ")
-    print(f"{1e3 * late_s[int(0.99 * len(late_s))]:.1f} ms (99th percentile)")

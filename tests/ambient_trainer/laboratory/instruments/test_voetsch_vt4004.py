@@ -8,7 +8,6 @@ from ambient_model.faults import Refused
 from ambient_trainer.laboratory.instruments import ChamberLimits, settings
 from ambient_trainer.laboratory.instruments.voetsch_vt4004 import Driver, Simulated
 from ambient_trainer.laboratory.messages import Clock, Disconnected, NoResponse
-from breaking import mute
 
 
 def chamber(low_degC: float = -20.0, high_degC: float = 60.0) -> Driver:
@@ -35,20 +34,6 @@ def test_a_set_point_that_would_round_to_outside_the_limits_is_refused():
 def test_gradients_that_the_protocol_has_not_are_refused(rate_K_min):
     with pytest.raises(Refused, match=r"gradient.*0\.1 to 99\.9"):
         chamber().gradient(rate_K_min)
-
-
-def test_a_set_point_is_sent_to_a_chamber_that_does_not_answer(bench, until):
-    bench = bench("chamber")
-    bench.driver.set_point(50.0)
-    mute(bench.simulated)
-    with pytest.raises(NoResponse):
-        bench.driver.read()
-    with pytest.raises(NoResponse):
-        bench.driver.set_point(20.0)
-    until(lambda: bench.simulated.held_degC == 20.0)
-    with pytest.raises(NoResponse):
-        bench.driver.stop()
-    until(lambda: bench.simulated.held_degC is None)
 
 
 def test_a_later_controller_is_asked_once_in_five_seconds(driver_at, closed):
