@@ -79,7 +79,7 @@ def collect(job: Job, supervision: Supervision) -> Collected:
         journal.add(Identity(*identity))
     for text in slow:
         journal.add(Note(0.0, text))
-        supervision.event(0.0, text)
+        supervision.show(0.0, text)
     return _run(job, equipment, journal, clock, Program(job.loaded.campaign.program, 0.0), supervision)
 
 

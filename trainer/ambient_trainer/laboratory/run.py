@@ -137,6 +137,11 @@ class Supervision(NamedTuple):
     stopping: Callable[[], str | None]
     giving_up: Callable[[], bool]
 
+    def show(self, at_s: float, text: str) -> None:
+        """Hand an event on; that a terminal was closed is no reason to leave the chamber alone."""
+        with contextlib.suppress(Exception):
+            self.event(at_s, text)
+
 
 @dataclass(eq=False)
 class Run:
@@ -187,7 +192,7 @@ class Run:
             self.journal.add(messages.End(self.clock.now_s(), why))
             safe = self._make_safe()
             if ending is Ending.FINISHED:
-                self._show(self.clock.now_s(), "the program is over")
+                self._supervision.show(self.clock.now_s(), "the program is over")
             else:
                 self._note(why)
             for worker in self._workers:
@@ -272,7 +277,7 @@ class Run:
             if message.text not in texts:  # the same, every second of a night, would be the log
                 texts.add(message.text)
                 self.journal.add(message)
-                self._show(message.at_s, message.text)
+                self._supervision.show(message.at_s, message.text)
         elif isinstance(message, messages.Recovered):
             self._recovered(*message)
         elif isinstance(message, messages.LoadState):
@@ -353,12 +358,7 @@ class Run:
     def _note(self, text: str) -> None:
         now_s = self.clock.now_s()
         self.journal.add(messages.Note(now_s, text))
-        self._show(now_s, text)
-
-    def _show(self, at_s: float, text: str) -> None:
-        # a terminal that was closed is no reason to leave the chamber alone
-        with contextlib.suppress(Exception):
-            self._supervision.event(at_s, text)
+        self._supervision.show(now_s, text)
 
     def _update_monitor(self) -> None:
         with contextlib.suppress(Exception):
