@@ -27,17 +27,38 @@ class Timed(Engine):
         return super().run(job._replace(task=timed), numbers)
 
 
+class Started(Engine):
+    """Another engine; ``start_s`` is how long that takes to start."""
+
+    start_s = 0.0
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def __enter__(self) -> Engine:
+        since = time.perf_counter()
+        self._engine.__enter__()
+        self.start_s = time.perf_counter() - since
+        return self
+
+    def __exit__(self, *given: object) -> None:
+        self._engine.__exit__(*given)
+
+    def run(self, job, numbers):
+        return self._engine.run(job, numbers)
+
+
 def main() -> None:
     path, name, workers = sys.argv[1:]
-    begun = time.perf_counter()
     engine = Timed() if name == "serial" else engine_of(name, int(workers))
-    with engine, tempfile.TemporaryDirectory() as folder:
-        ready = time.perf_counter()
-        fit_fleet(Question(path, "free-2", effort=Effort(starts=4)), folder, engine)
+    started = Started(engine)
+    with tempfile.TemporaryDirectory() as folder:
+        begun = time.perf_counter()
+        fit_fleet(Question(path, "free-2", effort=Effort(starts=4)), folder, started)
         done = time.perf_counter()
     found = {
-        "start_s": ready - begun,
-        "run_s": done - ready,
+        "start_s": started.start_s,
+        "run_s": done - begun - started.start_s,
         "task_s": getattr(engine, "task_s", None),
         "peak_MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         "load": os.getloadavg()[0],

@@ -12,7 +12,7 @@ from ambient_model.codec import load_model
 from ambient_model.faults import Refused
 from ambient_trainer.data.trace import save_trace
 from ambient_trainer.evaluation import evaluate_trace
-from ambient_trainer.fleet import run
+from ambient_trainer.fleet import engine, run
 
 EFFORT = at.Effort(starts=2)
 
@@ -107,6 +107,28 @@ def test_a_unit_that_cannot_be_fitted_is_a_row_with_the_reason(broken, trainer, 
     assert trainer(*asked, "-o", tmp_path / "two", "--strict")[0] == 1
     status, _, error = trainer(*asked, "-o", tmp_path / "three", "--diagnose", "nophone")
     assert (status, error.startswith("ambient-trainer: --diagnose: none is called 'nophone'")) == (1, True)
+
+
+@pytest.mark.parametrize("form", ["file", "folder", "broken", "unlike"])
+def test_fewer_than_two_units_are_refused_before_the_engine_starts(form, fleet_units, trainer, tmp_path, monkeypatch):
+    """A single trace, a folder of one, one beside an unreadable file; of two without a common column a worker tells."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    trace = fleet_units[0].trace
+    save_trace(f"{logs}/one.csv", trace)
+    if form == "broken":
+        (logs / "two.parquet").write_bytes(b"no parquet")
+    if form == "unlike":
+        save_trace(f"{logs}/two.csv", _with(trace, drop="ambient_degC"))
+    else:
+        monkeypatch.setattr(engine.Dask, "__enter__", lambda _: pytest.fail("the engine was started"))
+    asked = logs / "one.csv" if form == "file" else logs
+    how = ("--engine", "serial") if form == "unlike" else ()
+    status, _, error = trainer("fleet", asked, "--circuit", "free-1", "-o", tmp_path / "out", *how)
+    assert status == 1
+    assert f"{asked}: a fleet has 2 units at least, and 1 of {1 + (form in ('broken', 'unlike'))} here" in error
+    assert {"broken": "two: cannot be read", "unlike": "two: "}.get(form, "name a folder of traces") in error
+    assert form == "unlike" or not (tmp_path / "out").exists()
 
 
 def test_an_interrupted_run_goes_on_and_another_is_refused(logs, tmp_path, monkeypatch):

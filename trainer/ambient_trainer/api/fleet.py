@@ -124,13 +124,10 @@ def fit_fleet(
     errors go together.
     """
     place = os.fspath(folder)
-    os.makedirs(place, exist_ok=True)
     path = _written(logs, by, place) if isinstance(logs, pd.DataFrame) else os.fspath(logs)
     question = Question(path, circuit, by, tuple(within or ()), sensor_columns(sensors), effort or Effort(), diagnose)
-    with engine_of(engine, jobs or os.cpu_count() or 1) as running:
-        if announce and running.address:
-            announce(running.address)
-        return FleetResult(fit_every_unit(question, place, running, resume, progress or (lambda *_: None)))
+    running, silent = engine_of(engine, jobs or os.cpu_count() or 1), lambda *_: None
+    return FleetResult(fit_every_unit(question, place, running, resume, progress or silent, announce or silent))
 
 
 def _written(frame: pd.DataFrame, by: str, folder: str) -> str:
@@ -140,6 +137,7 @@ def _written(frame: pd.DataFrame, by: str, folder: str) -> str:
 
     if by not in frame.columns:
         raise refuse("DataFrame", "", f"no column {by!r}", "name the column that holds the unit: by=...")
+    os.makedirs(folder, exist_ok=True)
     path = str(Path(folder, _LOGS))
     whole = frame.reset_index() if frame.index.name == "time_s" else frame
     schema = pa.Schema.from_pandas(whole, preserve_index=False)

@@ -31,6 +31,9 @@ _LARGEST_BYTES = 2**30
 """Of one unit's log as it is read: a year at 1 Hz takes a quarter of it a column."""
 _BYTES_A_ROW = 50
 """Of a CSV trace, about: how long a log is decides only which units the population is begun with."""
+FEWEST = 2
+"""Units of a population."""
+_REASONS = 3
 
 
 class Piece(NamedTuple):
@@ -106,6 +109,21 @@ def entries(path: str, source: Source) -> list[Entry]:
             path, "", "holds no trace", "put .csv, .csv.gz or .parquet files there, one a unit or with a column"
         )
     return [found[name] for name in sorted(found)]
+
+
+def too_few(path: str, units: Iterable[tuple[str, str | None]]) -> Refused:
+    """The refusal of a dataset without two units that can be fitted, given each unit with what is wrong with it."""
+    found = list(units)
+    lost = [f"{unit}: {reason}" for unit, reason in found if reason is not None]
+    good = len(found) - len(lost)
+    problem = f"a fleet has {FEWEST} units at least, and {good or 'none'} of {len(found)} here can be fitted"
+    if lost:
+        more = f"; and {len(lost) - _REASONS} more" * (len(lost) > _REASONS)
+        return refuse(path, "", f"{problem} ({'; '.join(lost[:_REASONS])}{more})", "mend these logs, or add others")
+    hint = (
+        "name a folder of traces, one a unit, or a Parquet file whose --by column tells units apart; fit one by `fit`"
+    )
+    return refuse(path, "", problem, hint)
 
 
 def _files(path: str) -> Iterable[str]:

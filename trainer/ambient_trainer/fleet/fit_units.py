@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ambient_model.codec import encode
-from ambient_model.faults import Refused, refuse
+from ambient_model.faults import Refused
 from ambient_model.model import SCORES, Model
 from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.estimators.base import Effort, Fit
 from ambient_trainer.estimators.model_file import model_of
 from ambient_trainer.estimators.registry import estimator
-from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
+from ambient_trainer.fleet.dataset import FEWEST, Entry, Log, Source, logs, reason_of, too_few
 from ambient_trainer.fleet.pooling import Normal, Population, Posterior, deviance
 from ambient_trainer.fleet.space import MAIN, SECONDARY, Space, assembled, members, space_of
 
@@ -77,7 +77,13 @@ class Fitted:
 
 
 def begin(
-    effort: Effort, wanted: Sequence[Entry], source: Source, circuit: str, sensors: Sequence[str], enough: int
+    effort: Effort,
+    path: str,
+    wanted: Sequence[Entry],
+    source: Source,
+    circuit: str,
+    sensors: Sequence[str],
+    enough: int,
 ) -> Start:
     """Fit the estimator to the first ``enough`` of ``wanted`` that can be read, on one coarse grid.
 
@@ -85,12 +91,12 @@ def begin(
     """
     with threadpool_limits(1):
         method = estimator(circuit, sensors)
-        read, reasons = [], []
+        read: list[Trace] = []
+        reasons: dict[str, str | None] = {}
         for entry in wanted:
             (log,) = logs([entry], source)
-            if log.trace is None:
-                reasons.append(f"{log.unit}: {log.reason}")
-            else:
+            reasons[log.unit] = log.reason
+            if log.trace is not None:
                 read.append(replace(log.trace, path=log.unit))
             if len(read) == enough:
                 break
@@ -104,12 +110,9 @@ def begin(
                 method.training([trace], columns or None, None, 1)
                 traces.append(trace)
             except Refused as refused:
-                reasons.append(f"{trace.path}: {reason_of(refused)}")
-        if len(traces) < 2:
-            why = f"; {reasons[0]}" if reasons else ""
-            raise refuse(
-                "fleet", "", f"fewer than two units can be begun with{why}", "see what the others have in common"
-            )
+                reasons[trace.path] = reason_of(refused)
+        if len(traces) < FEWEST:
+            raise too_few(path, reasons.items())
         total_s = sum(float(trace.time_s[-1] - trace.time_s[0]) for trace in traces)
         own_s = max(float(np.median(np.diff(trace.time_s))) for trace in traces)
         period_s = max(own_s, float(np.ceil(total_s / _GRID_SAMPLES)))

@@ -8,7 +8,7 @@ result does not depend on who did what when.
 import hashlib
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -23,7 +23,7 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.data.trace import sha256_of
 from ambient_trainer.estimators.base import USUAL, Effort
 from ambient_trainer.estimators.registry import estimator, thermal_circuit
-from ambient_trainer.fleet.dataset import Entry, Source, entries
+from ambient_trainer.fleet.dataset import FEWEST, Entry, Source, entries, too_few
 from ambient_trainer.fleet.engine import Engine, Job
 from ambient_trainer.fleet.fit_units import FAILED, Learnt, Looked, Start, begin, failed, fit_chunk, look, unseen_model
 from ambient_trainer.fleet.outliers import (
@@ -93,15 +93,29 @@ class FleetFit:
 
 
 def fit_fleet(
-    question: Question, folder: str, engine: Engine, resume: bool = False, progress: Progress = lambda *_: None
+    question: Question,
+    folder: str,
+    engine: Engine,
+    resume: bool = False,
+    progress: Progress = lambda *_: None,
+    announce: Callable[[str], None] = lambda _: None,
 ) -> FleetFit:
     """Fit every unit, and write ``fleet.parquet``, ``models/UNIT.json`` and ``population.json`` into ``folder``.
 
-    Raises :class:`Refused` for a dataset without two units that can be read, an estimator that does not give the
-    ambient, and ``resume`` of another question.
+    ``engine`` is started once the question and the dataset have been looked at. Raises :class:`Refused` for a dataset
+    without two units that can be read, an estimator that does not give the ambient, and ``resume`` of another question.
     """
-    if question.sensors and not estimator(question.circuit, question.sensors).reads_any:
-        raise refuse("--sensors", "", f"{question.circuit} names its own", "leave them out")
+    listed = _listed(question, progress)
+    parts = Parts(folder, _identity(question, listed), resume, engine, progress)
+    with engine:
+        if engine.address:
+            announce(engine.address)
+        return _fitted(question, listed, folder, parts)
+
+
+def _listed(question: Question, progress: Progress) -> list[Entry]:
+    """The units of the dataset, once all that is asked is known to exist."""
+    estimator(question.circuit, question.sensors)
     if question.forward is not None:
         try:
             thermal_circuit(question.forward)
@@ -109,7 +123,12 @@ def fit_fleet(
             raise Refused(refused.source.replace("--circuit", "--diagnose"), list(refused.faults)) from refused
     progress("listing units", 0, 1)
     listed = entries(question.path, question.source)
-    parts = Parts(folder, _identity(question, listed), resume, engine, progress)
+    if sum(each.fault is None for each in listed) < FEWEST:
+        raise too_few(question.path, [(each.unit, each.fault) for each in listed])
+    return listed
+
+
+def _fitted(question: Question, listed: Sequence[Entry], folder: str, parts: Parts) -> FleetFit:
     start: Start = parts.kept("start", lambda: _begun(parts, question, listed))
     columns = dict.fromkeys([*start.fit.inputs, *(each for space in start.spaces.values() for each in space.inputs)])
     source = replace(question.source, columns=(*columns, REFERENCE))
@@ -117,7 +136,7 @@ def fit_fleet(
     unread = "its worker died whenever it was read: too large for its memory, or damaged"
     looking = Job(look, chunks.__getitem__, (source, start), lambda entry: Looked(entry.unit, (), unread))
     parts.fill("look", "looking at units", len(chunks), looking)
-    learnt: Learnt = parts.kept("population", lambda: _learnt(parts, len(chunks), start, question.within))
+    learnt: Learnt = parts.kept("population", lambda: _learnt(parts, len(chunks), start, question))
 
     rest = start, learnt, parts.created
     died = partial(failed, within=question.within, reason="its worker died")
@@ -152,7 +171,8 @@ def _begun(parts: Parts, question: Question, listed: Sequence[Entry]) -> Start:
 
     longest = sorted(listed, key=lambda each: (each.fault is not None, -each.rows, each.unit))
     shares = _shares(question)
-    rest = (longest[: _TRIED * _BEGUN_WITH], question.source, question.circuit, question.sensors, _BEGUN_WITH)
+    wanted = longest[: _TRIED * _BEGUN_WITH]
+    rest = (question.path, wanted, question.source, question.circuit, question.sensors, _BEGUN_WITH)
     what = "beginning with the longest logs"
     parts.fill("begin", what, len(shares), Job(_begin_task, lambda number: [shares[number]], rest, died))
     ends: list[Start] = list(parts.each("begin", len(shares)))
@@ -179,21 +199,19 @@ def _begin_task(shares: Sequence[Effort], *rest: Any) -> list[Start]:
     return [begin(each, *rest) for each in shares]
 
 
-def _learnt(parts: Parts, chunks: int, start: Start, within: tuple[str, ...]) -> Learnt:
+def _learnt(parts: Parts, chunks: int, start: Start, question: Question) -> Learnt:
     """The population of each member, from units at equal distances and the longest logs."""
     brief = pd.DataFrame(
         (
-            (number, index, each.group, each.seconds, each.memory_s)
+            (number, index, each.unit, each.reason, each.group, each.seconds, each.memory_s)
             for number in range(chunks)
             for index, each in enumerate(parts.load("look", number))
-            if each.reason is None
         ),
-        columns=["chunk", "index", "group", "seconds", "memory_s"],
+        columns=["chunk", "index", "unit", "reason", "group", "seconds", "memory_s"],
     )
-    if len(brief) < 2:
-        raise refuse(
-            "fleet", "", f"{len(brief)} units can be fitted", "a population has two at least: see fleet.parquet"
-        )
+    if brief["reason"].isna().sum() < FEWEST:
+        raise too_few(question.path, zip(brief["unit"], brief["reason"]))
+    brief = brief[brief["reason"].isna()]
     by_memory = brief.sort_values("memory_s", kind="stable")
     share = by_memory["seconds"].cumsum().to_numpy() / brief["seconds"].sum()
     # a short log shows less memory than there is: the least is that of an error that decays as the device does, whose
@@ -212,7 +230,7 @@ def _learnt(parts: Parts, chunks: int, start: Start, within: tuple[str, ...]) ->
     numbers = np.array([groups.index(each.group) for each in looked])
     members = zip(*(each.members for each in looked))
     populations = {name: pooled(Normal.stacked(units), numbers, memory_s) for name, units in zip(start.spaces, members)}
-    return Learnt(populations, groups, within)
+    return Learnt(populations, groups, question.within)
 
 
 def _written(parts: Parts, chunks: int, folder: str, question: Question, start: Start, learnt: Learnt) -> FleetFit:
