@@ -99,8 +99,8 @@ def fit_fleet(
     resume : bool
         Whether to go on where the same call was interrupted.
     diagnose : str, optional
-        A circuit that is simulated forward (``phone``): the units that fit least are diagnosed with it, typical ones
-        being known as good.
+        A circuit that is simulated forward (``phone``): with it the cause of each unit that fits least is named, beside
+        typical ones.
     effort : Effort, optional
         Starts and seed of the search that begins the population.
     progress, announce : callable, optional

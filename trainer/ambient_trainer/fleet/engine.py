@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import pickle
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
@@ -26,6 +27,8 @@ _DEATHS = 6
 _SETTINGS = {
     "distributed.scheduler.allowed-failures": _DEATHS,
     "distributed.worker.daemon": True,
+    # what the tasks need is imported while the cluster starts, by all workers at once
+    "distributed.worker.preload": ["ambient_trainer.fleet.fit_units"],
     # Dask has the allocator give back all above 64 KiB: each array of a task would be mapped and zeroed anew
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 1 << 27,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 1 << 25,
@@ -41,14 +44,25 @@ _PATIENCE_S = 60.0
 class Job(NamedTuple):
     """Numbered tasks of one kind: ``task(items(number), *rest)`` gives a result an item.
 
-    ``items`` is asked when a task is about to be sent; ``lost`` is the result of an item whose worker dies whenever it
-    is tried.
+    ``items`` is asked when a task is about to be sent, and may give what another task gave, packed; ``lost`` is the
+    result of an item whose worker dies whenever it is tried.
     """
 
     task: Callable[..., Sequence[Any]]
-    items: Callable[[int], Sequence[Any]]
+    items: Callable[[int], Sequence[Any] | bytes]
     rest: tuple[Any, ...]
     lost: Callable[[Any], Any]
+
+
+def packed(task: Callable[..., Sequence[Any]], items: Sequence[Any] | bytes, *rest: Any) -> bytes:
+    """The results of a task as they are kept and sent: only who works on them unpacks them."""
+    return pickle.dumps(list(task(unpacked(items), *rest)), protocol=5)
+
+
+def unpacked(items: Sequence[Any] | bytes) -> Sequence[Any]:
+    """Items as a task works on them."""
+    found: Sequence[Any] = pickle.loads(items) if isinstance(items, bytes) else items
+    return found
 
 
 class Engine:
@@ -64,10 +78,10 @@ class Engine:
     def __exit__(self, *_: object) -> None:
         return None
 
-    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, list[Any]]]:
-        """The number and the results of each task as it is done."""
+    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
+        """The number and the packed results of each task as it is done."""
         for number in numbers:
-            yield number, list(job.task(job.items(number), *job.rest))
+            yield number, packed(job.task, job.items(number), *job.rest)
 
 
 class Dask(Engine):
@@ -120,7 +134,7 @@ class Dask(Engine):
                 time.sleep(1.0)
         self.workers = max(1, sum(self._client.nthreads().values()))
 
-    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, list[Any]]]:
+    def run(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         """The tasks as they are done, a few ahead of the workers."""
         left = list(numbers)
         for attempt in range(_CONNECTIONS):
@@ -134,7 +148,7 @@ class Dask(Engine):
                     raise
                 self._connect()
 
-    def _connected(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, list[Any]]]:
+    def _connected(self, job: Job, numbers: Sequence[int]) -> Iterator[tuple[int, bytes]]:
         from distributed import KilledWorker, as_completed
 
         underway: dict[Any, int] = {}
@@ -153,23 +167,23 @@ class Dask(Engine):
             future = next(done)
             number = underway.pop(future)
             try:
-                found = list(future.result())
+                found: bytes = future.result()
             except KilledWorker:
-                found = [self._alone(job, item) for item in job.items(number)]
+                found = packed(lambda items: [self._alone(job, item) for item in items], job.items(number))
             future.release()
             for following in itertools.islice(waiting, 1):
                 send(following)
             yield number, found
 
-    def _submitted(self, job: Job, items: Sequence[Any]) -> Any:
-        return self._client.submit(job.task, items, *job.rest, pure=False, retries=_RETRIES)
+    def _submitted(self, job: Job, items: Sequence[Any] | bytes) -> Any:
+        return self._client.submit(packed, job.task, items, *job.rest, pure=False, retries=_RETRIES)
 
     def _alone(self, job: Job, item: Any) -> Any:
         """The result of an item in a task of its own."""
         from distributed import KilledWorker
 
         try:
-            return self._submitted(job, [item]).result()[0]
+            return unpacked(self._submitted(job, [item]).result())[0]
         except KilledWorker:
             return job.lost(item)
 

@@ -1,4 +1,4 @@
-"""What is odd about the units that fit the population least: each is diagnosed, typical ones being known as good."""
+"""The units that fit the population least, and what is odd about each beside typical ones."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,24 +9,23 @@ from joblib import parallel_config
 
 from ambient_model.faults import Refused
 from ambient_trainer.data.spikes import without_spikes
-from ambient_trainer.diagnosis import NONE, KnownGood, diagnose_changed, learn_known_good
 from ambient_trainer.estimators.registry import thermal_circuit
+from ambient_trainer.fleet.causes import Typical, learn, name_cause
 from ambient_trainer.fleet.dataset import Entry, Log, Source, logs, reason_of
 from ambient_trainer.fleet.fit_units import OK
 from ambient_trainer.fleet.pooling import improbability
 
 _LISTED = 15
-_KNOWN_GOOD = 4
-"""Typical units train the forward circuit: what they leave of each other counts as the sensors' noise."""
+_TYPICAL = 40
+"""As many as a circuit has numbers: their spread is the prior of a unit that differs."""
 _DIAGNOSED_FROM = 4.0
-"""Six of a thousand simulated units are as improbable without a planted cause; a diagnosis takes a minute or two."""
+"""Six of a thousand simulated units are as improbable without a planted cause."""
 
 
 class Outlier(NamedTuple):
     """A unit that does not fit the population: minus the decimal logarithm of how probable it is, and the cause.
 
-    ``confidence`` is the probability that a diagnosis gives its cause; ``rivals`` are those that explain its
-    data as well.
+    ``confidence`` is the cause's probability; ``rivals`` are those that are a tenth as probable at least.
     """
 
     unit: str
@@ -62,39 +61,35 @@ def to_diagnose(outliers: Sequence[Outlier]) -> list[str]:
 
 def typical(table: pd.DataFrame) -> list[str]:
     """The units in the middle of the population: neither odd nor oddly quiet."""
-    good = table[table["improbability"].notna()]
+    good = table[table["improbability"] < _DIAGNOSED_FROM]
     apart = (good["improbability"] - good["improbability"].median()).abs()
-    return good["unit"].iloc[np.lexsort((good["unit"], apart))[:_KNOWN_GOOD]].tolist()
+    return good["unit"].iloc[np.lexsort((good["unit"], apart))[:_TYPICAL]].tolist()
 
 
-def learn_typical(wanted: Sequence[Sequence[Entry]], source: Source, circuit: str) -> list[KnownGood | str]:
+def learn_typical(wanted: Sequence[Sequence[Entry]], source: Source, circuit: str) -> list[Typical | str]:
     """A forward circuit as the one set of typical units has it, or why it cannot be learnt."""
     (units,) = wanted
     good = [without_spikes(log.trace)[0] for log in logs(units, source) if log.trace is not None]
     try:
-        with parallel_config(n_jobs=1):
-            return [learn_known_good(thermal_circuit(circuit), good)]
+        return [learn(thermal_circuit(circuit), good)]
     except Refused as refused:
         return [reason_of(refused)]
 
 
-def diagnose_units(wanted: Sequence[Entry], source: Source, known: KnownGood | str, circuit: str) -> list[Outlier]:
-    """What a diagnosis says of each of some units, beside what was learnt of typical ones."""
-    return [_named(log, known, circuit) for log in logs(wanted, source)]
+def diagnose_units(wanted: Sequence[Entry], source: Source, typical: Typical | str) -> list[Outlier]:
+    """What is odd about each of some units, beside what was learnt of typical ones."""
+    return [_named(log, typical) for log in logs(wanted, source)]
 
 
-def _named(log: Log, known: KnownGood | str, circuit: str) -> Outlier:
-    if isinstance(known, str) or log.trace is None:
-        return undiagnosed(log.unit, log.reason or str(known))
+def _named(log: Log, typical: Typical | str) -> Outlier:
+    if isinstance(typical, str) or log.trace is None:
+        return undiagnosed(log.unit, log.reason or str(typical))
     try:
         with parallel_config(n_jobs=1):
-            verdict = diagnose_changed(known, thermal_circuit(circuit), [without_spikes(log.trace)[0]], ()).verdict
+            found = name_cause(typical, without_spikes(log.trace)[0])
     except Refused as refused:
         return undiagnosed(log.unit, reason_of(refused))
-    if verdict is None:
-        return Outlier(log.unit, np.nan, NONE)
-    cause, rivals = verdict.cause, "; ".join(map(str, verdict.indistinguishable_from)) or None
-    return Outlier(log.unit, np.nan, cause.name, cause.place, verdict.confidence, rivals)
+    return Outlier(log.unit, np.nan, found.cause, found.location, found.confidence, "; ".join(found.rivals) or None)
 
 
 def undiagnosed(unit: str, reason: str) -> Outlier:

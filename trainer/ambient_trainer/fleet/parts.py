@@ -51,9 +51,14 @@ class Parts:
         done = count - len(missing)
         self.progress(what, done, count)
         for number, found in self._engine.run(job, missing):
-            write_whole(self._path(stage, number), pickle.dumps(found, protocol=5))
+            write_whole(self._path(stage, number), found)
             done += 1
             self.progress(what, done, count)
+
+    def packed(self, stage: str, number: int) -> bytes:
+        """The results of a task as they were sent."""
+        with open(self._path(stage, number), "rb") as stream:
+            return stream.read()
 
     def load(self, stage: str, number: int) -> list[Any]:
         """The results of a task."""

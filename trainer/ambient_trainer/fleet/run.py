@@ -140,7 +140,7 @@ def _fitted(question: Question, listed: Sequence[Entry], folder: str, parts: Par
 
     rest = start, learnt, parts.created
     died = partial(failed, within=question.within, reason="its worker died")
-    parts.fill("fit", "fitting units", len(chunks), Job(fit_chunk, partial(parts.load, "look"), rest, died))
+    parts.fill("fit", "fitting units", len(chunks), Job(fit_chunk, partial(parts.packed, "look"), rest, died))
     found = _written(parts, len(chunks), folder, question, start, learnt)
     if question.forward is not None:
         found = replace(found, outliers=_diagnosed(parts, found, question, listed))
@@ -265,7 +265,7 @@ def _diagnosed(parts: Parts, found: FleetFit, question: Question, listed: Sequen
     job = Job(
         diagnose_units,
         lambda number: [places[worst[number]]],
-        (question.source, known, question.forward),
+        (question.source, known),
         lambda entry: undiagnosed(entry.unit, "its worker died"),
     )
     parts.fill("diagnosis", "diagnosing outliers", len(worst), job)

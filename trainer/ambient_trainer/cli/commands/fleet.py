@@ -27,7 +27,7 @@ BROKEN = 1
 @click.option(
     "--diagnose",
     metavar="NAME|FILE",
-    help="Diagnose the units that fit least, with this circuit, as `diagnose` does; typical units are the baseline.",
+    help="Name what is odd about the units that fit least, with this circuit, beside typical ones.",
 )
 @click.option("--resume", is_flag=True, help="Go on where this command was interrupted.")
 @click.option("--strict", is_flag=True, help="End with status 1 where a unit failed.")

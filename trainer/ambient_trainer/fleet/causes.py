@@ -1,0 +1,189 @@
+"""What is odd about a unit: the Bayes factor of each cause, under the spread that the population's circuits have.
+
+Typical units teach what units of one make differ by: each has its own numbers of a forward circuit, and its own offset
+and gain of every sensor, about a common mean (a nonlinear mixed-effects model, estimated by expectation-maximisation
+with a Laplace approximation: Lindstrom and Bates, Biometrics 46(3), 1990). A unit that differs is fitted under that
+prior with each cause in turn. What the evidence for one loses to the best is its Bayes factor (Kass and Raftery, J. Am.
+Stat. Assoc. 90, 1995). So a conductance that scatters from unit to unit is no cause, and neither is what a sensor of
+this make may be off by.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+from threadpoolctl import threadpool_limits
+
+from ambient_trainer.circuits.circuit import Circuit
+from ambient_trainer.data.trace import Array, Trace
+from ambient_trainer.diagnosis import NONE, UNKNOWN, KnownGood, forward
+from ambient_trainer.diagnosis.findings import cause_of
+from ambient_trainer.diagnosis.greybox.file import greybox_of
+from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Gain
+from ambient_trainer.diagnosis.greybox.model import FREE_SD, GreyBox, Mechanism, Number
+from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
+from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.screening import changed_candidates, ends_within, screen, shortlist
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
+from ambient_trainer.diagnosis.greybox.trials import Trial, compared
+from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
+from ambient_trainer.estimation.uncertainty import residual_memory
+
+_COARSER = 2
+"""Times the period of a diagnosis of its own: what lasts needs no finer one, and it halves the time."""
+_BEGUN_WITH, _ROUNDS, _STEPS = 6, 6, 4
+_PART_SD, _SENSOR_SD = 0.3, 1.0
+"""Between units, before they are known: of a circuit's number, and of an offset in degC or a gain in hundredths."""
+_COUNTS_AS = 2.0
+_AMOUNT_SD, _LOG_SD = 5.0, 1.5
+"""Of what a cause may amount to: 5 K at its place, or a factor of four and a half."""
+_SETTLED_S = 600.0
+"""A fit begins at the first readings, which a faulty sensor has wrong: what it leaves till then counts for no cause."""
+_LOGGED = 3.0
+"""An offset is so many times as probable beforehand as a heat that has always been there and that nothing logs."""
+_MUCH, _MOSTLY = 4.0, 0.1
+"""What the best cause leaves is not described where it is so many times what typical units leave, and such a share of
+what was left without."""
+_RIVAL, _SUREST = 0.1, 0.98
+
+
+class Typical(NamedTuple):
+    """The circuit as typical units have it, its prior their spread, and the autocorrelation time of what they leave."""
+
+    known: KnownGood
+    memory_s: float
+
+
+class Named(NamedTuple):
+    """The most probable cause, its place and its probability; and the causes that are a tenth as probable at least."""
+
+    cause: str
+    location: str | None = None
+    confidence: float | None = None
+    rivals: tuple[str, ...] = ()
+
+
+def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
+    """The forward circuit of typical units; raises :class:`Refused` where it cannot be simulated on them."""
+    with threadpool_limits(1):
+        plain, period_s = forward(circuit), _COARSER * diagnosis_period_s(traces)
+        records = [max(records_of(plain, trace, period_s), key=lambda each: each.samples) for trace in traces]
+        begun = bare_fit(greybox_of(plain), records[:_BEGUN_WITH]).model
+        model = _with_sensors(begun)
+        before = np.full(len(model.numbers), _SENSOR_SD**2)
+        before[: len(begun.numbers)] = _PART_SD**2
+        units, mean, between = [model] * len(records), model.z(), np.diag(before)
+        for _ in range(_ROUNDS):
+            prior = Prior(mean, np.linalg.inv(between))
+            fits = [fit(unit, [record], most=_STEPS, prior=prior) for unit, record in zip(units, records)]
+            units = [unit if found is None else found.model for unit, found in zip(units, fits)]
+            known = [each for each in fits if each is not None]
+            noise = np.median([np.sqrt(np.nanmean(each.residual_degC(0) ** 2, axis=1)) for each in known], axis=0)
+            weight = np.sqrt(np.mean(noise**2)) / noise
+            records = [replace(each, weight=weight) for each in records]
+            mean, between = _spread(known, np.diag(before))
+        rmse_degC = float(np.sqrt(np.mean(noise**2)))
+        memory_s = period_s * float(np.median([_memory(each) for each in known]))
+        prior = Prior(mean, np.linalg.inv(between))
+        return Typical(KnownGood(model.at(mean), prior, period_s, noise, rmse_degC), memory_s)
+
+
+def _with_sensors(model: GreyBox) -> GreyBox:
+    """The model with an offset and a gain of each sensor, which units differ by."""
+    for each in (output.name for output in model.circuit.outputs):
+        model = model.with_mechanism(Bias((each,), (Number(f"bias_{each}", "degC", 0.0),)))
+        model = model.with_mechanism(Gain((each,), (Number(f"gain_{each}", "1", 0.0, scale=0.01),)))
+    return model
+
+
+def _spread(fits: Sequence[Fitted], before: Array) -> tuple[Array, Array]:
+    """Mean (p,) and covariance (p, p) of the units' numbers, each with what is not known of it."""
+    Z = np.array([each.model.z() for each in fits])
+    apart = Z - Z.mean(axis=0)
+    square = apart.T @ apart + _COUNTS_AS * before
+    for each in fits:
+        noise = float(np.mean(each.residual**2)) * _memory(each)
+        square += np.linalg.inv(each.slopes.T @ each.slopes / noise + each.prior.precision)
+    return Z.mean(axis=0), square / (len(fits) + _COUNTS_AS)
+
+
+def _memory(fitted: Fitted) -> float:
+    """The autocorrelation time of what is left at the median sensor, in samples."""
+    left = fitted.residual_degC(0)
+    return float(np.median([residual_memory(row[np.isfinite(row)]) for row in left if np.isfinite(row).any()]))
+
+
+def name_cause(typical: Typical, trace: Trace) -> Named:
+    """What is odd about the unit of a trace."""
+    with threadpool_limits(1):
+        bare = typical.known.bare_fit(typical.known.records([trace]))
+        screened = [each for each in screen(Scene(bare), changed_candidates) if _of_one_part(each.mechanism)]
+        trials = [each for each in compared(bare, shortlist(screened), lambda *_: None) if not each.at_bounds]
+    return _most_probable(bare, trials, typical)
+
+
+def _of_one_part(mechanism: Mechanism) -> bool:
+    """Whether it is one thing that may have happened, at a place or to all that meets the ambient."""
+    return len(mechanism.places) < 2 or mechanism.cause == "ambient_coupling"
+
+
+def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> Named:
+    """The cause with the greatest posterior probability, each place counting as much as any other beforehand.
+
+    Where even the best leaves more than typical units do, evidence counts the less: what is left is no noise.
+    """
+    without, much = _evidence(bare, typical)
+    found = [(_evidence(each.fitted, typical), each.mechanism) for each in trials]
+    least = min([misfit for (_, misfit), _ in found], default=much)
+    samples = bare.records[0].samples * typical.known.period_s / typical.memory_s
+    expected = len(bare.records[0].sensors) * samples / 2
+    scores: dict[tuple[str, str | None], float] = {}
+    for (evidence, _), mechanism in found:
+        cause = cause_of(mechanism, bare.model.circuit)
+        score = (evidence - without) / max(1.0, least / expected)
+        score -= sum(ends_within(mechanism)) * np.log(max(samples, 2.0)) + _unlikely(mechanism)
+        key = cause.name, cause.place
+        scores[key] = max(score, scores.get(key, -np.inf))
+    scores[NONE, None] = float(np.log(max(len(scores), 1)))
+    keys, values = list(scores), np.array(list(scores.values()))
+    share = np.exp(values - values.max())
+    share /= share.sum()
+    order = np.argsort(-share, kind="stable")
+    best = keys[order[0]]
+    if best[0] == NONE:
+        return Named(NONE)
+    if least > _MUCH * expected and least > _MOSTLY * much:
+        return Named(UNKNOWN)
+    rivals = tuple(" at ".join(filter(None, keys[k])) for k in order[1:] if share[k] > _RIVAL * share[order[0]])
+    return Named(*best, min(float(share[order[0]]), _SUREST), rivals)
+
+
+def _unlikely(mechanism: Mechanism) -> float:
+    """The logarithm of how much less probable than others it is beforehand."""
+    return float(np.log(_LOGGED)) if mechanism.cause == "heat_source" and mechanism.driver is None else 0.0
+
+
+def _evidence(fitted: Fitted, typical: Typical) -> tuple[float, float]:
+    """The logarithm of a fit's marginal likelihood by Laplace's approximation, and its misfit: half of chi-square."""
+    settled = np.concatenate([_settled(record) for record in fitted.records])
+    J, r = fitted.slopes[settled], fitted.residual[settled]
+    noise = typical.known.rmse_degC**2 * typical.memory_s / typical.known.period_s
+    own = len(fitted.prior.z)
+    added = fitted.model.numbers[own:]
+    sd = np.array([_LOG_SD if each.log else min(each.prior_sd, _AMOUNT_SD) for each in added])
+    amount = np.array([0.0 if each.log or each.prior_sd < FREE_SD else each.z for each in added])
+    apart = np.concatenate([fitted.model.z()[:own] - fitted.prior.z, amount])
+    precision = block_diag(fitted.prior.precision, np.diag(sd**-2.0))
+    misfit = float(r @ r) / noise / 2
+    widths = np.linalg.slogdet(J.T @ J / noise + precision)[1] - np.linalg.slogdet(precision)[1]
+    return -misfit - float(apart @ precision @ apart + widths) / 2, misfit
+
+
+def _settled(record: Record) -> NDArray[np.bool_]:
+    """Which of a record's readings count."""
+    after_s = min(_SETTLED_S, (record.time_s[-1] - record.time_s[0]) / 10)
+    late = record.time_s >= record.time_s[0] + after_s
+    return np.asarray(np.broadcast_to(late, record.sensors.shape)[np.isfinite(record.sensors)])
