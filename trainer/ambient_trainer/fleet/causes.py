@@ -17,27 +17,30 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from threadpoolctl import threadpool_limits
 
+from ambient_model.faults import refuse
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Array, Trace
 from ambient_trainer.diagnosis import NONE, UNKNOWN, KnownGood, forward
+from ambient_trainer.diagnosis.diagnose import FEWEST_SAMPLES
 from ambient_trainer.diagnosis.findings import cause_of
 from ambient_trainer.diagnosis.greybox.file import greybox_of
 from ambient_trainer.diagnosis.greybox.mechanisms.sensor import Bias, Gain
 from ambient_trainer.diagnosis.greybox.model import FREE_SD, GreyBox, Mechanism, Number
 from ambient_trainer.diagnosis.greybox.regression import Fitted, Prior, fit
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.screening import changed_candidates, ends_within, screen, shortlist
+from ambient_trainer.diagnosis.greybox.screening import Screened, changed_candidates, ends_within, screen
 from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 from ambient_trainer.diagnosis.greybox.trials import Trial, compared
 from ambient_trainer.diagnosis.record import Record, diagnosis_period_s, records_of
 from ambient_trainer.estimation.uncertainty import residual_memory
+from ambient_trainer.fleet.dataset import require_values
 
 _COARSER = 2
 """Times the period of a diagnosis of its own: what lasts needs no finer one, and it halves the time."""
 _BEGUN_WITH, _ROUNDS, _STEPS = 6, 6, 4
 _PART_SD, _SENSOR_SD = 0.3, 1.0
 """Between units, before they are known: of a circuit's number, and of an offset in degC or a gain in hundredths."""
-_COUNTS_AS = 2.0
+_COUNTS_AS, _FINEST_DEGC = 2.0, 1e-3
 _AMOUNT_SD, _LOG_SD = 5.0, 1.5
 """Of what a cause may amount to: 5 K at its place, or a factor of four and a half."""
 _SETTLED_S = 600.0
@@ -47,6 +50,10 @@ _LOGGED = 3.0
 _MUCH, _MOSTLY = 4.0, 0.1
 """What the best cause leaves is not described where it is so many times what typical units leave, and such a share of
 what was left without."""
+_PASSING = 20
+"""Causes that begin or end within the log are fitted at so many places."""
+_LAWS = ("convection_law", "latent_heat")
+"""What holds for all units of a make, if for one."""
 _RIVAL, _SUREST = 0.1, 0.98
 
 
@@ -69,8 +76,10 @@ class Named(NamedTuple):
 def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
     """The forward circuit of typical units; raises :class:`Refused` where it cannot be simulated on them."""
     with threadpool_limits(1):
-        plain, period_s = forward(circuit), _COARSER * diagnosis_period_s(traces)
-        records = [max(records_of(plain, trace, period_s), key=lambda each: each.samples) for trace in traces]
+        plain = forward(circuit)
+        usable = [_checked(plain, trace) for trace in traces]
+        period_s = _COARSER * diagnosis_period_s(usable)
+        records = [max(records_of(plain, trace, period_s), key=lambda each: each.samples) for trace in usable]
         begun = bare_fit(greybox_of(plain), records[:_BEGUN_WITH]).model
         model = _with_sensors(begun)
         before = np.full(len(model.numbers), _SENSOR_SD**2)
@@ -81,7 +90,8 @@ def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
             fits = [fit(unit, [record], most=_STEPS, prior=prior) for unit, record in zip(units, records)]
             units = [unit if found is None else found.model for unit, found in zip(units, fits)]
             known = [each for each in fits if each is not None]
-            noise = np.median([np.sqrt(np.nanmean(each.residual_degC(0) ** 2, axis=1)) for each in known], axis=0)
+            left = [np.sqrt(np.nanmean(each.residual_degC(0) ** 2, axis=1)) for each in known]
+            noise = np.maximum(np.median(left, axis=0), _FINEST_DEGC)
             weight = np.sqrt(np.mean(noise**2)) / noise
             records = [replace(each, weight=weight) for each in records]
             mean, between = _spread(known, np.diag(before))
@@ -89,6 +99,14 @@ def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
         memory_s = period_s * float(np.median([_memory(each) for each in known]))
         prior = Prior(mean, np.linalg.inv(between))
         return Typical(KnownGood(model.at(mean), prior, period_s, noise, rmse_degC), memory_s)
+
+
+def _checked(plain: Circuit, trace: Trace) -> Trace:
+    """A trace with all that a forward circuit needs; raises :class:`Refused` for another one."""
+    if (samples := len(trace.time_s)) < FEWEST_SAMPLES:
+        hint = f"at least {FEWEST_SAMPLES} are needed: log longer"
+        raise refuse(trace.path, "", f"{samples} samples are too few for a diagnosis", hint)
+    return require_values(trace, [*plain.inputs, *(output.column for output in plain.outputs)])
 
 
 def _with_sensors(model: GreyBox) -> GreyBox:
@@ -119,15 +137,27 @@ def _memory(fitted: Fitted) -> float:
 def name_cause(typical: Typical, trace: Trace) -> Named:
     """What is odd about the unit of a trace."""
     with threadpool_limits(1):
-        bare = typical.known.bare_fit(typical.known.records([trace]))
-        screened = [each for each in screen(Scene(bare), changed_candidates) if _of_one_part(each.mechanism)]
-        trials = [each for each in compared(bare, shortlist(screened), lambda *_: None) if not each.at_bounds]
+        known = typical.known
+        bare = known.bare_fit(known.records([_checked(known.model.circuit, trace)]))
+        screened = [each for each in screen(Scene(bare), changed_candidates) if _of_one_unit(each.mechanism)]
+        trials = [each for each in compared(bare, _forms(screened), lambda *_: None) if not each.at_bounds]
     return _most_probable(bare, trials, typical)
 
 
-def _of_one_part(mechanism: Mechanism) -> bool:
-    """Whether it is one thing that may have happened, at a place or to all that meets the ambient."""
-    return len(mechanism.places) < 2 or mechanism.cause == "ambient_coupling"
+def _of_one_unit(mechanism: Mechanism) -> bool:
+    """Whether it may have happened to one unit: one thing, at a place or to all that meets the ambient, and no law."""
+    alone = len(mechanism.places) < 2 or mechanism.cause == "ambient_coupling"
+    return alone and mechanism.cause not in _LAWS
+
+
+def _forms(screened: Sequence[Screened]) -> list[Screened]:
+    """Of candidates, best first, that of each cause at each place which lasts, and the first that do not."""
+    best: dict[object, Screened] = {}
+    for each in screened:
+        mechanism = each.mechanism
+        best.setdefault((mechanism.cause, mechanism.places, mechanism.lasts), each)
+    passing = [each for each in best.values() if not each.mechanism.lasts]
+    return [*(each for each in best.values() if each.mechanism.lasts), *passing[:_PASSING]]
 
 
 def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> Named:

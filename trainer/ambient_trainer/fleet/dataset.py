@@ -215,7 +215,12 @@ def _trace(entry: Entry, source: Source, rows: Callable[[Piece], pd.DataFrame], 
     else:
         trace = load_trace(entry.pieces[0].path)
         labels.update({name: trace.notes[name] for name in source.within if name in trace.notes})
-    for name in source.columns or ():
+    return require_values(trace, source.columns or ())
+
+
+def require_values(trace: Trace, columns: Iterable[str]) -> Trace:
+    """The trace; raises :class:`Refused` where one of ``columns`` is missing or holds no value."""
+    for name in columns:
         if not np.isfinite(trace.column(name)).any():
             raise refuse(trace.path, f"column {name}", "holds no value at all", "leave the unit out, or log it again")
     return trace
