@@ -172,23 +172,23 @@ def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> N
     expected = len(bare.records[0].sensors) * samples / 2
     scores: dict[tuple[str, str | None], float] = {}
     for (evidence, _), mechanism in found:
-        cause = cause_of(mechanism, bare.model.circuit)
         score = (evidence - without) / max(1.0, least / expected)
         score -= sum(ends_within(mechanism)) * np.log(max(samples, 2.0)) + _unlikely(mechanism)
-        key = cause.name, cause.place
+        named = cause_of(mechanism, bare.model.circuit)
+        key = named.name, named.place
         scores[key] = max(score, scores.get(key, -np.inf))
     scores[NONE, None] = float(np.log(max(len(scores), 1)))
     keys, values = list(scores), np.array(list(scores.values()))
     share = np.exp(values - values.max())
     share /= share.sum()
     order = np.argsort(-share, kind="stable")
-    best = keys[order[0]]
-    if best[0] == NONE:
+    cause, place = keys[order[0]]
+    if cause == NONE:
         return Named(NONE)
     if least > _MUCH * expected and least > _MOSTLY * much:
         return Named(UNKNOWN)
     rivals = tuple(" at ".join(filter(None, keys[k])) for k in order[1:] if share[k] > _RIVAL * share[order[0]])
-    return Named(*best, min(float(share[order[0]]), _SUREST), rivals)
+    return Named(cause, place, min(float(share[order[0]]), _SUREST), rivals)
 
 
 def _unlikely(mechanism: Mechanism) -> float:
