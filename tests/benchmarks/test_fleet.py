@@ -11,9 +11,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from joblib import parallel_config
 
 import ambient_trainer as at
 from ambient_model.codec import load_model
+from ambient_trainer.circuits import load_circuit
+from ambient_trainer.fleet.causes import learn, name_cause
 from ambient_trainer.fleet.dataset import write_dataset
 from ambient_trainer.lti.response import states
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
@@ -71,6 +74,43 @@ def test_the_driver_s_memory(many_hours, benchmark, noted):
     found = benchmark.pedantic(took, (many_hours, "local", 2), rounds=1, iterations=1)
     task = f"fleet, {UNITS * COPIES:,} units of 1 h at 1 Hz"
     noted(task, "local, 2 workers", found["run_s"], f"driver {found['peak_MB']:.0f} MB; load {found['load']:.0f}")
+
+
+PLANTED = (
+    "sensor_bias:usb:4K:from=0:to=end",
+    "sensor_bias:display:-4K:from=0:to=end",
+    "sensor_bias:battery:4K:from=0:to=end",
+    "sensor_gain:display:10%",
+    "sensor_drift:usb:6K/h",
+    "ambient_coupling:all:-40%:from=0:to=end",
+    "ambient_coupling:back:-60%:from=0:to=end",
+    "heat_source:board2:2W:from=0:to=end",
+    "contact:back:0.2W/K:body=hand:from=0:to=end",
+    "path:flash-usb:0.2W/K:from=0:to=end",
+)
+
+
+@pytest.mark.timeout(3600)
+@pytest.mark.benchmark(group="causes")
+@pytest.mark.parametrize("seed", [41, 42, 43])
+def test_causes_named(seed, benchmark, noted):
+    """Ten planted units and five others beside forty typical ones."""
+    plan = FleetPlan("5", 55, seed=seed, period_s=10.0, minutes=180.0, cased=0.0, hide=PLANTED)
+    units = list(fleet(plan))
+    odd = [each for each in units if each.truth["hidden"]]
+    plain = [each for each in units if not each.truth["hidden"]]
+    learnt = learn(load_circuit("phone"), [each.trace for each in plain[5:]])
+
+    def named(each):
+        with parallel_config(n_jobs=1):
+            return name_cause(learnt, each.trace)
+
+    found = benchmark.pedantic(lambda: [named(each) for each in odd], rounds=1, iterations=1)
+    for each, one in zip(odd, found):
+        noted(f"causes, seed {seed}", each.truth["hidden"][0]["text"], 0.0, str(tuple(one)))
+    right = sum(one.cause == each.truth["hidden"][0]["cause"] for each, one in zip(odd, found))
+    others = "; ".join(f"{one.cause} {one.confidence}" for one in map(named, plain[:5]))
+    noted(f"causes, seed {seed}", "right", benchmark.stats.stats.min, f"{right} of {len(odd)}; no cause: {others}")
 
 
 PERIOD_S, LONG, COUNT = 5.0, 20, 220
