@@ -41,10 +41,14 @@ _BEGUN_WITH, _ROUNDS, _STEPS = 6, 6, 4
 _PART_SD, _SENSOR_SD = 0.3, 1.0
 """Between units, before they are known: of a circuit's number, and of an offset in degC or a gain in hundredths."""
 _COUNTS_AS, _FINEST_DEGC = 2.0, 1e-3
-_AMOUNT_SD, _LOG_SD = 5.0, 1.5
-"""Of what a cause may amount to: 5 K at its place, or a factor of four and a half."""
+_AMOUNT_SD, _LOG_SD = {"sensor_gain": 20.0}, 1.5
+"""Of what a cause may amount to: 5 K at its place, a fifth of what a sensor reads, or a factor of four and a half."""
 _SETTLED_S = 600.0
 """A fit begins at the first readings, which a faulty sensor has wrong: what it leaves till then counts for no cause."""
+_DOUBTED = 2.0
+"""Evidence counts half: what a circuit leaves is no noise of one autocorrelation time. A gain that was wrong for 23
+minutes was a bias with 0.94 where it counted whole.
+"""
 _LOGGED = 3.0
 """An offset is so many times as probable beforehand as a heat that has always been there and that nothing logs."""
 _MUCH, _MOSTLY = 4.0, 0.1
@@ -172,7 +176,7 @@ def _most_probable(bare: Fitted, trials: Sequence[Trial], typical: Typical) -> N
     expected = len(bare.records[0].sensors) * samples / 2
     scores: dict[tuple[str, str | None], float] = {}
     for (evidence, _), mechanism in found:
-        score = (evidence - without) / max(1.0, least / expected)
+        score = (evidence - without) / (_DOUBTED * max(1.0, least / expected))
         score -= sum(ends_within(mechanism)) * np.log(max(samples, 2.0)) + _unlikely(mechanism)
         named = cause_of(mechanism, bare.model.circuit)
         key = named.name, named.place
@@ -203,7 +207,8 @@ def _evidence(fitted: Fitted, typical: Typical) -> tuple[float, float]:
     noise = typical.known.rmse_degC**2 * typical.memory_s / typical.known.period_s
     own = len(fitted.prior.z)
     added = fitted.model.numbers[own:]
-    sd = np.array([_LOG_SD if each.log else min(each.prior_sd, _AMOUNT_SD) for each in added])
+    most = [_AMOUNT_SD.get(each.cause, 5.0) for each in fitted.model.mechanisms for _ in each.numbers][-len(added) :]
+    sd = np.array([_LOG_SD if each.log else min(each.prior_sd, size) for each, size in zip(added, most)])
     amount = np.array([0.0 if each.log or each.prior_sd < FREE_SD else each.z for each in added])
     apart = np.concatenate([fitted.model.z()[:own] - fitted.prior.z, amount])
     precision = block_diag(fitted.prior.precision, np.diag(sd**-2.0))
