@@ -50,9 +50,9 @@ def test_nine_of_ten_planted_outliers_are_among_the_first_fifteen_of_a_thousand(
 
 
 NAMED = {
-    "sensor_bias:display:-4K:from=0.0": ("sensor_bias", "display"),
-    "contact:back:0.2W/K:body=hand:from=0.0": ("contact", "case"),
-    "path:flash-usb:0.2W/K:from=0.0": ("path", "flash-usb"),
+    "sensor_bias:display:-4K:from=0.0:to=end": ("sensor_bias", "display"),
+    "contact:back:0.2W/K:body=hand:from=0.0:to=end": ("contact", "case"),
+    "path:flash-usb:0.2W/K:from=0.0:to=end": ("path", "flash-usb"),
 }
 
 

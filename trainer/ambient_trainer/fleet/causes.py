@@ -1,6 +1,6 @@
-"""What is odd about a unit: the Bayes factor of each cause, under the spread that the population's circuits have.
+"""What is odd about a unit: the Bayes factor of each cause, under the scatter that the population's circuits have.
 
-Typical units teach what units of one make differ by: each has its own numbers of a forward circuit, and its own offset
+Typical units show what units of one make differ by: each has its own numbers of a forward circuit, and its own offset
 and gain of every sensor, about a common mean (a nonlinear mixed-effects model, estimated by expectation-maximisation
 with a Laplace approximation: Lindstrom and Bates, Biometrics 46(3), 1990). A unit that differs is fitted under that
 prior with each cause in turn. What the evidence for one loses to the best is its Bayes factor (Kass and Raftery, J. Am.
@@ -62,7 +62,7 @@ _RIVAL, _SUREST = 0.1, 0.98
 
 
 class Typical(NamedTuple):
-    """The circuit as typical units have it, its prior their spread, and the autocorrelation time of what they leave."""
+    """The circuit of typical units, their scatter as its prior, and the autocorrelation time of what they leave."""
 
     known: KnownGood
     memory_s: float
@@ -98,7 +98,7 @@ def learn(circuit: Circuit, traces: Sequence[Trace]) -> Typical:
             noise = np.maximum(np.median(left, axis=0), _FINEST_DEGC)
             weight = np.sqrt(np.mean(noise**2)) / noise
             records = [replace(each, weight=weight) for each in records]
-            mean, between = _spread(known, np.diag(before))
+            mean, between = _scatter(known, np.diag(before))
         rmse_degC = float(np.sqrt(np.mean(noise**2)))
         memory_s = period_s * float(np.median([_memory(each) for each in known]))
         prior = Prior(mean, np.linalg.inv(between))
@@ -121,7 +121,7 @@ def _with_sensors(model: GreyBox) -> GreyBox:
     return model
 
 
-def _spread(fits: Sequence[Fitted], before: Array) -> tuple[Array, Array]:
+def _scatter(fits: Sequence[Fitted], before: Array) -> tuple[Array, Array]:
     """Mean (p,) and covariance (p, p) of the units' numbers, each with what is not known of it."""
     Z = np.array([each.model.z() for each in fits])
     apart = Z - Z.mean(axis=0)

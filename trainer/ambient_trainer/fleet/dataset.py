@@ -119,10 +119,8 @@ def too_few(path: str, units: Iterable[tuple[str, str | None]]) -> Refused:
     problem = f"a fleet has {FEWEST} units at least, and {good or 'none'} of {len(found)} here can be fitted"
     if lost:
         more = f"; and {len(lost) - _REASONS} more" * (len(lost) > _REASONS)
-        return refuse(path, "", f"{problem} ({'; '.join(lost[:_REASONS])}{more})", "mend these logs, or add others")
-    hint = (
-        "name a folder of traces, one a unit, or a Parquet file whose --by column tells units apart; fit one by `fit`"
-    )
+        return refuse(path, "", f"{problem} ({'; '.join(lost[:_REASONS])}{more})", "correct these logs, or add others")
+    hint = "name a folder of traces, one a unit, or a Parquet file whose --by column names each unit; fit one by `fit`"
     return refuse(path, "", problem, hint)
 
 

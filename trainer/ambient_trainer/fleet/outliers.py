@@ -17,7 +17,7 @@ from ambient_trainer.fleet.pooling import improbability
 
 _LISTED = 15
 _TYPICAL = 40
-"""As many as a circuit has numbers: their spread is the prior of a unit that differs."""
+"""As many as a circuit has numbers: their scatter is the prior of a unit that differs."""
 _DIAGNOSED_FROM = 4.0
 """Six of a thousand simulated units are as improbable without a planted cause."""
 
