@@ -20,6 +20,7 @@ from ambient_trainer.fleet.causes import learn, name_cause
 from ambient_trainer.fleet.dataset import write_dataset
 from ambient_trainer.lti.response import states
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
+from odd_units import PLANTED
 
 SCRIPT = Path(__file__).with_name("fleet_run.py")
 UNITS, COPIES = 2000, 5
@@ -74,20 +75,6 @@ def test_the_driver_s_memory(many_hours, benchmark, noted):
     found = benchmark.pedantic(took, (many_hours, "local", 2), rounds=1, iterations=1)
     task = f"fleet, {UNITS * COPIES:,} units of 1 h at 1 Hz"
     noted(task, "local, 2 workers", found["run_s"], f"driver {found['peak_MB']:.0f} MB; load {found['load']:.0f}")
-
-
-PLANTED = (
-    "sensor_bias:usb:4K:from=0:to=end",
-    "sensor_bias:display:-4K:from=0:to=end",
-    "sensor_bias:battery:4K:from=0:to=end",
-    "sensor_gain:display:10%",
-    "sensor_drift:usb:6K/h",
-    "ambient_coupling:all:-40%:from=0:to=end",
-    "ambient_coupling:back:-60%:from=0:to=end",
-    "heat_source:board2:2W:from=0:to=end",
-    "contact:back:0.2W/K:body=hand:from=0:to=end",
-    "path:flash-usb:0.2W/K:from=0:to=end",
-)
 
 
 @pytest.mark.timeout(3600)

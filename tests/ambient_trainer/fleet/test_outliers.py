@@ -12,19 +12,7 @@ from ambient_trainer.evaluation import evaluate_trace
 from ambient_trainer.fleet.dataset import Source, entries, write_dataset
 from ambient_trainer.fleet.outliers import diagnose_units, learn_typical, least_probable, to_diagnose, typical
 from ambient_trainer.simulator.fleet import FleetPlan, fleet
-
-PLANTED = (
-    "sensor_bias:usb:4K:from=0:to=end",
-    "sensor_bias:display:-4K:from=0:to=end",
-    "sensor_bias:battery:4K:from=0:to=end",
-    "sensor_gain:display:10%",
-    "sensor_drift:usb:6K/h",
-    "ambient_coupling:all:-40%:from=0:to=end",
-    "ambient_coupling:back:-60%:from=0:to=end",
-    "heat_source:board2:2W:from=0:to=end",
-    "contact:back:0.2W/K:body=hand:from=0:to=end",
-    "path:flash-usb:0.2W/K:from=0:to=end",
-)
+from odd_units import PLANTED
 
 
 def test_the_least_probable_come_first_and_typical_ones_from_the_middle():
