@@ -12,13 +12,16 @@ from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Step
 from ambient_trainer.diagnosis.greybox.mechanisms import heat, mass, path
 from ambient_trainer.diagnosis.greybox.model import GreyBox, Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted, fit
-from ambient_trainer.diagnosis.greybox.scene import Scene
+from ambient_trainer.diagnosis.greybox.scene import WARMING, Scene
 from ambient_trainer.diagnosis.greybox.trials import PENALTY, Trial, begins_apart, complexity, identified
 
-_HEATING = ("_W", "_kW", "_W_m2", "_kW_m2", "_frac", "_on", "_lux", "_A^2")
+_HEATING = (*WARMING, "_frac", "_on", "_lux", "_A^2")
 _MOST_NUMBERS, _SAMPLES_PER_NUMBER = 30, 20
-_STARTED, _TRIED, _LAGS = 0.3, 4, (1, 3)
-_MANY, _FEW = 60, 20
+"""With more numbers, or fewer samples to each, a fit of everything says nothing, and takes long."""
+_STARTED, _LAGS = 0.3, (1, 3)
+"""Of a candidate's first amount; and which of the bodies' time constants."""
+_TRIED, _MANY, _FEW = 4, 60, 20
+"""Amounts that are tried without, the least sure ones; steps of the first fit, and of those with less."""
 
 
 def score(fitted: Fitted) -> float:

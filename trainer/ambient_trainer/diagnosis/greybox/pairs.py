@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from ambient_model.trace import split_column
 from ambient_trainer.diagnosis.greybox.choice import LEAST_GAIN, Limits, Step, gains, twins
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import fit
@@ -153,11 +154,9 @@ def _heaters(place: str, mechanism: Mechanism, scene: Scene, columns_of: Columns
 
 
 def _by_a_column(mechanism: Mechanism) -> bool:
-    driver = mechanism.driver
-    return (
-        mechanism.cause == "heat_source" and mechanism.lasts and driver is not None and driver.columns == (driver.text,)
-    )
+    heats = mechanism.cause == "heat_source" and mechanism.lasts
+    return heats and mechanism.driver is not None and mechanism.driver.columns == (mechanism.driver.text,)
 
 
 def _unit(mechanism: Mechanism) -> str:
-    return mechanism.key[2].rpartition("_")[2]
+    return split_column(mechanism.key[2])[1]

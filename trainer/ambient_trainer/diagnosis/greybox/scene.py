@@ -27,7 +27,7 @@ _AGAIN = 0.5
 _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600.0
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 _POWERS = ("_W", "_kW")
-_WARMING = ("_W", "_kW", "_W_m2", "_kW_m2")
+WARMING = (*_POWERS, "_W_m2", "_kW_m2")
 _RATES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")
@@ -123,7 +123,7 @@ class Scene:
         """Simplest first: columns, squares of currents, voltages, speeds, rates, then products with known drivers."""
         plain = [each for each in self.columns if not each.endswith(("_degC", *_ANGLES))][:_MOST_COLUMNS]
         found = [*plain, *(f"{each}^2" for each in plain if each.endswith((*_SQUARED, "_V")))]
-        metered = [each for each in plain if not each.endswith((*_WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]
+        metered = [each for each in plain if not each.endswith((*WARMING, *_SQUARED, *_CHARGES, *_SHARES, *_RATES))]
         found += [f"{each} - {rest:.4g}" for each in metered if (rest := _rest(self._logged[each])) is not None]
         heats = [each for each in self.known_heat if each.endswith("_frac")]
         found += [f"d({each})/dt" for each in plain if each.endswith(_RATES) or each in heats]
@@ -147,7 +147,7 @@ class Scene:
             found += [f"{late}({each}, {delay_s:.4g})" for late in LATE for delay_s in sooner_s]
         for each in plain:
             row = self._logged[each]
-            if not each.endswith((*_WARMING, "_A")) and len(np.unique(row)) > _LEVELS:
+            if not each.endswith((*WARMING, "_A")) and len(np.unique(row)) > _LEVELS:
                 found += [f"{each} > {level:.3g}" for level in np.quantile(row, (0.2, 0.4, 0.6, 0.8))]
         return self._usable(found)
 
@@ -197,7 +197,7 @@ class Scene:
     def warms(self, driver: Expression) -> bool:
         """Whether physics forbids that it cools: powers, irradiances and squared currents."""
         text = driver.columns[0] if driver.level is not None else driver.text
-        return "*" not in text and not text.startswith("d(") and text.endswith((*_WARMING, "_A^2", "_V^2"))
+        return "*" not in text and not text.startswith("d(") and text.endswith((*WARMING, "_A^2", "_V^2"))
 
     @cached_property
     def ambient_zones(self) -> list[Expression]:
