@@ -94,7 +94,7 @@ def _verdict(diagnosis: Diagnosis) -> str:
     if step.magnitude is not None:
         what += [magnitude_text(step.magnitude), *filter(None, [step.magnitude.qualifier])]
     others = len(diagnosis.steps) - 1
-    more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found after it."
+    more = "" if not others else f" {others} more effect{'s' if others > 1 else ''} found."
     return (
         f"{', '.join(what)}: with it, the error on held-out data falls from {_degrees(gain.rmse_before_degC)} to "
         f"{_degrees(gain.rmse_after_degC)} degC (gain {_degrees(low)} to {_degrees(high)} degC, "
