@@ -162,7 +162,7 @@ def test_a_connection_that_is_cut_is_made_anew(many, expected, tmp_path):
 @pytest.mark.slow
 def test_ctrl_c_and_resume(many, expected, interrupted, trainer, tmp_path):
     asked = ("fleet", many, "--circuit", "free-1", "--starts", 1, "--jobs", 2, "-o", tmp_path / "fitted")
-    status, _, shown = interrupted("2/6", *asked)
+    status, _, shown = interrupted("fitting units", *asked)  # a stage: the bar may miss a count
     assert status == 1
     assert "Traceback" not in shown
     kept = list((tmp_path / "fitted" / ".parts").glob("look-*"))
