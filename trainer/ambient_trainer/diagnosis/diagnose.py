@@ -16,14 +16,14 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.findings import left_degC, ranking_of, steps_of, unknown_step
+from ambient_trainer.diagnosis.findings import held_at_the_end, left_degC, ranking_of, steps_of, unknown_step
 from ambient_trainer.diagnosis.forward import forward
-from ambient_trainer.diagnosis.greybox.backward import eliminated, score
+from ambient_trainer.diagnosis.greybox.backward import eliminated, score, steps_to
 from ambient_trainer.diagnosis.greybox.choice import ANSWERS, Limits
 from ambient_trainer.diagnosis.greybox.file import extended_circuit, greybox_of
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import FOLDS, Fitted
-from ambient_trainer.diagnosis.greybox.screening import changed_candidates
+from ambient_trainer.diagnosis.greybox.screening import bent_candidates, changed_candidates
 from ambient_trainer.diagnosis.greybox.stepwise import Progress, Selection, anchors, bare_fit, continued, stepwise
 from ambient_trainer.diagnosis.known_good import KnownGood, train_on_baselines
 from ambient_trainer.diagnosis.misfit import misfit_of
@@ -143,6 +143,8 @@ def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progres
     model, limits = greybox_of(plain), Limits(_floor_degC(own), _LEAST_DEGC)
     bare, beside = bare_fit(model, own), anchors(model, own)
     selection = stepwise(bare, beside, limits, progress)
+    if _confounded(selection):
+        selection = _otherwise(selection, limits, progress)
     found = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
     if progress is not None:
         progress("fit all effects at once", 0, 1)
@@ -152,6 +154,21 @@ def _lacking(circuit: Circuit, traces: Sequence[Trace], period_s: float, progres
     selection = continued(selection, together, beside, limits, progress)
     again = _diagnosis(circuit, traces, selection, limits.floor_degC, ())
     return found if again.verdict_cause.name == UNKNOWN else again
+
+
+def _otherwise(confounded: Selection, limits: Limits, progress: Progress | None) -> Selection:
+    """The steps to the same model with heat by a log first, where that is missed; else what gains without what a warmer
+    ambient does as well, where it is physics."""
+    steps = steps_to(confounded.bare, confounded.final, confounded.compared.tried)
+    logged = [each for each in steps if each.chosen is not None and each.chosen.mechanism.driver is not None]
+    if any(score(each.before) - score(confounded.final) > _MUCH_BETTER for each in logged):
+        return replace(confounded, steps=(*logged, *(each for each in steps if each not in logged)))
+    found = stepwise(confounded.bare, (), limits, progress, bent_candidates)
+    first = found.steps[0]
+    if first.chosen is None or first.chosen.mechanism.instrument:
+        return confounded
+    rivals = replace(first, trials=confounded.compared.trials)
+    return replace(found, steps=(rivals, *found.steps[1:]), compared=confounded.compared)
 
 
 def _most(selection: Selection, found: Diagnosis, together: Fitted) -> float:
@@ -281,14 +298,15 @@ def _halved_by_a_log(steps: Sequence[Step]) -> bool:
 def _confounded(selection: Selection) -> bool:
     """Whether the first step is heat that nothing logged drives, or a body slower than the record, beside a reference
     that never moves: a warmer ambient does the same, within reason."""
-    added, final = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :], selection.final
-    if not added or any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
+    final = selection.final
+    first = next((each for step in selection.steps for each in held_at_the_end(step, selection)), None)
+    if first is None or any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
         return False
     longest_s = max(record.samples * record.period_s for record in final.records)
-    if added[0].cause == "thermal_mass":
-        return _settles_in_s(added[0], final) > _SLOW * longest_s
-    constant = added[0].cause == "heat_source" and added[0].driver is None
-    return constant and _rise_degC(added[0], final) < _NO_ROOM_DEGC
+    if first.cause == "thermal_mass":
+        return _settles_in_s(first, final) > _SLOW * longest_s
+    constant = first.cause == "heat_source" and first.driver is None
+    return constant and _rise_degC(first, final) < _NO_ROOM_DEGC
 
 
 def _rise_degC(heat: Mechanism, fitted: Fitted) -> float:

@@ -22,7 +22,7 @@ from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
 from ambient_trainer.diagnosis.greybox.model import Mechanism
 from ambient_trainer.diagnosis.greybox.regression import Fitted
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside, carries
+from ambient_trainer.diagnosis.greybox.stepwise import Selection, beside
 from ambient_trainer.diagnosis.greybox.trials import Trial, penalised
 from ambient_trainer.diagnosis.record import Record
 from ambient_trainer.diagnosis.result import UNKNOWN, Cause, Gain, Magnitude, Ranked, Step
@@ -33,6 +33,8 @@ _ALIKE = 0.04
 _EVIDENT, _RESAMPLED = 0.95, 400
 _EVERYWHERE = ("ambient_coupling", "convection_law")
 """Without a location they are those of all nodes."""
+_CURVES = ("thermal_mass", "convection_law")
+"""What bends a node's way to a temperature that stays."""
 _CENTRE, _SLOPE = 0.05, 8.0
 """Of the margin over the closest other cause, in the logarithm of the held-out error: 57 verdicts of ``discover``."""
 _EITHER = 0.6
@@ -77,6 +79,12 @@ def steps_of(selection: Selection, longest: int) -> tuple[Step, ...]:
         residual_degC = chosen.fitted.residual_degC(longest)
         result.append(Step(cause, *when, magnitude, confidence, gain, alike, sentence, parameters, residual_degC))
     return tuple(result)
+
+
+def held_at_the_end(step: Chosen, selection: Selection) -> list[Mechanism]:
+    """The mechanisms of the final model that a step has chosen."""
+    added = selection.final.model.mechanisms[len(selection.bare.model.mechanisms) :]
+    return [] if step.chosen is None else [each for each in added if _is(each, step.chosen.mechanism)]
 
 
 def left_degC(fitted: Fitted) -> Array:
@@ -180,8 +188,11 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), needed)
-    # what was found together with others was compared with no other cause
-    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_physics(chosen) or not step.trials
+    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_physics(chosen)
+    # what was found together with others was compared with no other cause; and of a device of which no known-good
+    # record is there, something that nothing logged shows and that begins or ends describes more than it names
+    begins = chosen.mechanism.driver is None and not chosen.mechanism.lasts and final.records[0].weight is None
+    either = either or begins or not step.trials
     sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
@@ -189,7 +200,7 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
 
 def _needed(final: Fitted, index: int) -> float:
     """By how much the logarithm of the held-out error grows where one mechanism of a model is left out."""
-    if len(final.model.mechanisms) == 1 or carries(final.model, index):
+    if len(final.model.mechanisms) == 1 or final.model.carries(index):
         return math.inf
     without = beside(final, final.model.without(index))
     if without is None:
@@ -203,8 +214,11 @@ def _needed(final: Fitted, index: int) -> float:
 def _or_physics(trial: Trial) -> tuple[Cause, ...]:
     """What reads the same as one sensor's drift or lag: heat that grows with time, where its node exchanges heat with
     no other sensor's, and a body of the heater's own, where something logged heats the node. As a clock that is off
-    where the ambient repeats itself: heat by day that nothing logged shows."""
+    where the ambient repeats itself: heat by day that nothing logged shows. As a body, where nothing logged moves: a
+    loss that bends, and the other way round."""
     cause, fitted = trial.mechanism.cause, trial.fitted
+    if cause in _CURVES and trial.mechanism.driver is None and not any(map(_moves, fitted.records)):
+        return tuple(Cause(each, trial.mechanism.places[0], None) for each in _CURVES if each != cause)
     if cause == "clock_offset":
         return (Cause("heat_source", None, None),) if math.isfinite(Scene(fitted).repeats_s(REFERENCE)) else ()
     if cause not in ("sensor_drift", "sensor_lag"):
@@ -217,6 +231,12 @@ def _or_physics(trial: Trial) -> tuple[Cause, ...]:
         return (Cause("thermal_mass", node, None),) if any(node in each.places for each in heats) else ()
     others = [int(each) for each in network.reads if each != index]
     return () if network.between[0, index, others].any() else (Cause("heat_source", node, "time_s"),)
+
+
+def _moves(record: Record) -> bool:
+    """Whether the ambient changes, or anything else that is logged and no temperature."""
+    inputs = (row for name, row in record.signals.items() if name == REFERENCE or not name.endswith("_degC"))
+    return any(np.ptp(row) > 0 for row in inputs)
 
 
 def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> bool:

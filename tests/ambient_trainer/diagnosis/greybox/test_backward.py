@@ -9,7 +9,7 @@ from ambient_trainer.diagnosis.greybox.backward import eliminated
 from ambient_trainer.diagnosis.greybox.mechanisms import mass, path
 from ambient_trainer.diagnosis.greybox.model import GreyBox
 from ambient_trainer.diagnosis.greybox.scene import Scene
-from ambient_trainer.diagnosis.greybox.stepwise import bare_fit, carries
+from ambient_trainer.diagnosis.greybox.stepwise import bare_fit
 
 from .conftest import heat
 
@@ -50,7 +50,7 @@ def test_only_a_body_carries_what_acts_on_it(circuit, simulated, recorded):
     panel = {**trace.columns, "panel_degC": trace.columns["ambient_degC"] + 5}
     scene = Scene(bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=panel))))
     beside = scene.fitted.model.with_mechanism(heat("sun_W_m2", 0.1)).with_mechanism(next(path.candidates(scene)))
-    assert not carries(beside, 0)
+    assert not beside.carries(0)
     behind = scene.fitted.model.with_mechanism(next(mass.candidates(scene)))
     second = replace(heat("sun_W_m2", 0.1), places=("board_mass",))
-    assert carries(behind.with_mechanism(second), 0)
+    assert behind.with_mechanism(second).carries(0)

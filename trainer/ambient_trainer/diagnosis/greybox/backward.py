@@ -5,6 +5,7 @@ held-out error does not miss is left out, one amount after the other.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,12 +50,15 @@ def eliminated(bare: Fitted) -> Fitted | None:
 def steps_to(bare: Fitted, fitted: Fitted, tried: int) -> list[Step]:
     """The steps to a model whose mechanisms were found together, each beside all others; what is missed most first."""
     steps = []
-    for index in range(len(bare.model.mechanisms), len(fitted.model.mechanisms)):
-        without = fitted.model.without(index)
-        before = _fit(without, fitted, _FEW) or bare
-        after = _fit(without.with_mechanism(fitted.model.mechanisms[index]), fitted, _FEW) or fitted
-        before, after = before.refitted(), after.refitted()
-        steps.append(Step(before, Trial.of(before, after), (), tried))
+    for index, mechanism in list(enumerate(fitted.model.mechanisms))[len(bare.model.mechanisms) :]:
+        before, after = bare, fitted
+        if not fitted.model.carries(index):
+            without = fitted.model.without(index)
+            before = _fit(without, fitted, _FEW) or bare
+            after = _fit(without.with_mechanism(mechanism), fitted, _FEW) or fitted
+        before = before.refitted()
+        trial = replace(Trial.of(before, after.refitted()), mechanism=mechanism)
+        steps.append(Step(before, trial, (), tried))
     return sorted(steps, key=lambda each: -each.before.held_out_rmse_degC)
 
 

@@ -252,6 +252,14 @@ class GreyBox:
         """The model without one of its mechanisms."""
         return replace(self, mechanisms=self.mechanisms[:index] + self.mechanisms[index + 1 :])
 
+    def carries(self, index: int) -> bool:
+        """Whether one of its mechanisms made a body on which another one acts."""
+        acted_on = {place for each in self.mechanisms for place in each.places}
+        acted_on -= {node.name for node in self.circuit.states}
+        mechanism = self.mechanisms[index]
+        bodies = tuple(f"{place}_mass" for place in mechanism.places)
+        return mechanism.adds_nodes and any(each.startswith(bodies) for each in acted_on)
+
     def replaced(self, index: int, mechanism: Mechanism) -> GreyBox:
         """The model with another mechanism in the place of one."""
         return replace(self, mechanisms=(*self.mechanisms[:index], mechanism, *self.mechanisms[index + 1 :]))

@@ -48,6 +48,13 @@ def every_candidate(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
     yield from _placed(scene, columns_of, _offered(scene, "alone"))
 
 
+def bent_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
+    """Those of :func:`lasting_candidates` that no other ambient replaces: neither constant heat nor a slow body."""
+    for each in lasting_candidates(scene, columns_of):
+        if not each.adds_nodes and (each.cause != "heat_source" or each.driver is not None):
+            yield each
+
+
 def changed_candidates(scene: Scene, columns_of: Columns) -> Iterator[Mechanism]:
     """Those, and what may have changed for good or begun on a device that known-good records hold."""
     windowed = _placed(scene, columns_of, _offered(scene, "windowed"))

@@ -172,7 +172,7 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
     for index, mechanism in list(enumerate(model.mechanisms))[given:]:
         # what acts for a while was gained on short stretches, and is judged by its folds: it has to be quite needless
         assumed = complexity(mechanism) if mechanism.lasts else 0.0
-        less = [] if carries(model, index) or index == last else [(model.without(index), assumed)]
+        less = [] if model.carries(index) or index == last else [(model.without(index), assumed)]
         if mechanism.cause == "heat_source":
             fewer = _without_a_place(mechanism)
             less += [(model.replaced(index, each), assumed - complexity(each)) for each in fewer]
@@ -183,15 +183,6 @@ def pruned(fitted: Fitted, given: int) -> Fitted:
                 _log.info("dropped %s, or a place of it", mechanism)
                 return pruned(without, given)
     return fitted
-
-
-def carries(model: GreyBox, index: int) -> bool:
-    """Whether a mechanism made a body on which another one acts."""
-    acted_on = {place for each in model.mechanisms for place in each.places}
-    acted_on -= {node.name for node in model.circuit.states}
-    mechanism = model.mechanisms[index]
-    bodies = tuple(f"{place}_mass" for place in mechanism.places)
-    return mechanism.adds_nodes and any(each.startswith(bodies) for each in acted_on)
 
 
 def beside(fitted: Fitted, model: GreyBox, most_degC: float = np.inf) -> Fitted | None:

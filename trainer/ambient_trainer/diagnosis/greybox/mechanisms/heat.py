@@ -41,6 +41,12 @@ class Heat(Mechanism):
     def structural(self) -> bool:
         return self.tuned
 
+    @property
+    def doubtful(self) -> bool:
+        # a heater's rate stands for heat that comes late, or for a body of its own
+        rate = self.driver is not None and self.driver.text.startswith("d(")
+        return rate and self.driver.columns[0].endswith("_frac")
+
     def apply(self, network: Network, values: Array, record: Record) -> None:
         weight = self.weight(record)
         for place, column in zip(self.places, values.T):
