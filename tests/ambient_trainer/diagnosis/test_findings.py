@@ -96,6 +96,29 @@ def test_a_window_is_no_rival_of_the_logged_heater_that_acts_then(onset_s, told)
     assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
 
 
+@pytest.mark.parametrize(("onset_s", "told"), [(58.0, True), (90.0, False), (30.0, False)])
+def test_a_window_that_opens_soon_after_the_only_switch_is_no_rival_of_what_was_switched(onset_s, told):
+    """A long step: the window is over when the heater is still on."""
+    time_s = np.arange(400.0)
+    chosen = tried(heat("heater_V", board=(1, 1)), logged(heater_V=5.0 + 5.0 * (time_s > 50)))
+    window = replace(heat(None, board=(1, 1)), onset_s=onset_s, end_s=onset_s + 40.0)
+    assert (sure(chosen, replace(chosen, mechanism=window, rmse_degC=0.3)) > 0.9) == told
+
+
+def doubted() -> list[Mechanism]:
+    """What something quite different may stand for, in a record whose ambient rests."""
+    body = HiddenMass(
+        ("board",), (Number("G_board_mass", "W/K", 1.0, log=True), Number("lag_board_mass", "s", 9.0, log=True))
+    )
+    return [heat(None, board=(1, 1)), heat("d(heater_frac)/dt", board=(1, 1)), body]
+
+
+@pytest.mark.parametrize("mechanism", doubted(), ids=str)
+def test_what_may_be_something_quite_different_is_half_sure(mechanism):
+    records = logged(ambient_degC=np.full(200, 21.0), heater_frac=np.ones(200))
+    assert 0.5 < sure(tried(mechanism, records, 0.2)) < 0.61
+
+
 def test_constant_heat_is_not_told_from_an_offset_of_its_sensor():
     chosen, offset = tried(heat(None, lid=(1, 1))), tried(Bias(("lid",), (Number("bias_lid", "degC", 1.0),)))
     assert sure(chosen) > 0.9

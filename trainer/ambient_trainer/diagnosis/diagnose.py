@@ -16,7 +16,14 @@ from ambient_model.trace import REFERENCE
 from ambient_trainer.circuits.addition import with_values
 from ambient_trainer.circuits.circuit import Circuit
 from ambient_trainer.data.trace import Trace
-from ambient_trainer.diagnosis.findings import held_at_the_end, left_degC, ranking_of, steps_of, unknown_step
+from ambient_trainer.diagnosis.findings import (
+    ambient_rests,
+    held_at_the_end,
+    left_degC,
+    ranking_of,
+    steps_of,
+    unknown_step,
+)
 from ambient_trainer.diagnosis.forward import forward
 from ambient_trainer.diagnosis.greybox.backward import eliminated, score, steps_to
 from ambient_trainer.diagnosis.greybox.choice import ANSWERS, Limits
@@ -300,7 +307,7 @@ def _confounded(selection: Selection) -> bool:
     that never moves: a warmer ambient does the same, within reason."""
     final = selection.final
     first = next((each for step in selection.steps for each in held_at_the_end(step, selection)), None)
-    if first is None or any(np.ptp(record.signals.get(REFERENCE, np.zeros(1))) > 0 for record in final.records):
+    if first is None or not ambient_rests(final.records):
         return False
     longest_s = max(record.samples * record.period_s for record in final.records)
     if first.cause == "thermal_mass":

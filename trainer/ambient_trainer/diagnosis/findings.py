@@ -16,6 +16,7 @@ from ambient_trainer.diagnosis.greybox.choice import (
     WANDERS,
     correlation,
     left_by_window,
+    opens_with,
     twins,
 )
 from ambient_trainer.diagnosis.greybox.choice import Step as Chosen
@@ -188,14 +189,26 @@ def _confidence(step: Chosen, chosen: Trial, final: Fitted, needed: float = math
     ]
     margin = min((penalised(each) + _handicap(each, chosen) - penalised(chosen) for each in others), default=1.0)
     total = min(math.log(step.before.held_out_rmse_degC / chosen.rmse_degC), needed)
-    either = chosen.mechanism.sudden or chosen.mechanism.doubtful or _or_physics(chosen)
-    # what was found together with others was compared with no other cause; and of a device of which no known-good
-    # record is there, something that nothing logged shows and that begins or ends describes more than it names
-    begins = chosen.mechanism.driver is None and not chosen.mechanism.lasts and final.records[0].weight is None
-    either = either or begins or not step.trials
-    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if either else 1.0)
+    sure = float(norm.cdf(2.0 * total / 0.35 - 0.5)) * (_EITHER if _doubtful(step, chosen, final.records) else 1.0)
     sure *= max(1.0 - (left_by_window(step.before, chosen) / WANDERS) ** 2, 0.0)
     return min(0.98, sure / (1.0 + math.exp(-_SLOPE * (min(margin, total) - _CENTRE))))
+
+
+def _doubtful(step: Chosen, chosen: Trial, records: Sequence[Record]) -> bool:
+    """Whether something quite different reads the same, or nothing else was tried beside what was found with it."""
+    mechanism = chosen.mechanism
+    if mechanism.sudden or mechanism.doubtful or _or_physics(chosen) or not step.trials:
+        return True
+    if mechanism.driver is not None:
+        return False
+    # without known-good records, what nothing logged shows and that begins or ends describes more than it names
+    begins = not mechanism.lasts and records[0].weight is None
+    return begins or (mechanism.cause == "heat_source" and ambient_rests(records))
+
+
+def ambient_rests(records: Sequence[Record]) -> bool:
+    """Whether the ambient never moves: constant heat, or a body that is slow, may be that of another room."""
+    return bool(records) and not any(np.ptp(each.signals.get(REFERENCE, np.zeros(1))) > 0 for each in records)
 
 
 def _needed(final: Fitted, index: int) -> float:
@@ -249,8 +262,7 @@ def _says_the_same(one: Mechanism, other: Mechanism, records: Sequence[Record]) 
     if one.driver is None and other.driver is None:
         return one.lasts == other.lasts and (one.lasts or correlation(one, other, records) > COINCIDE)
     if one.driver is None and not one.lasts:
-        # a window that is open when a logged driver acts
-        return correlation(one, other, records) > COINCIDE
+        return opens_with(one, other, records)
     columns = [() if each.driver is None else each.driver.columns for each in (one, other)]
     return columns[0] == columns[1] or _twins(one, other, records)
 

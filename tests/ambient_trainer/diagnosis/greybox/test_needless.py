@@ -51,4 +51,4 @@ def test_heat_that_wanders_is_surely_no_heat_for_a_while(circuit, simulated, see
     heat_W = 0.3 * walk / np.std(walk)
     trace = simulated(seed, heat_W=lambda now, degC: np.interp(now["time_s"], 30.0 * np.arange(1200), heat_W))
     windows = [each for each in diagnose(circuit, [trace]).steps if (each.onset_s, each.end_s) != (None, None)]
-    assert all(each.confidence < 0.8 for each in windows if each.cause.signal is None), seed
+    assert all(each.confidence < 0.61 for each in windows if each.cause.signal is None), seed

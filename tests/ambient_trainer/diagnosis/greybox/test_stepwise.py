@@ -270,12 +270,15 @@ def test_a_search_ends_where_nothing_is_left(circuit, recorded):
     assert [each.chosen for each in stepwise(bare, offered=lambda *given: iter(())).steps] == [None]
 
 
-def test_what_moves_air_heats_nothing(circuit, simulated, recorded):
-    """Heat that nothing logs, and that comes and goes with the wind."""
-    bare = bare_fit(GreyBox.of(circuit), recorded(simulated(3, heat_W=lambda now, degC: 0.5 * now["wind_m_s"])))
+@pytest.mark.parametrize("column", ["wind_m_s", "case_fan_frac"])
+def test_what_moves_air_heats_nothing(circuit, simulated, recorded, column):
+    """Heat that nothing logs, and that comes and goes with the wind or a fan."""
+    trace = simulated(3, heat_W=lambda now, degC: 0.5 * now["wind_m_s"])
+    moved = {**trace.columns, column: trace.columns["wind_m_s"]}
+    bare = bare_fit(GreyBox.of(circuit), recorded(replace(trace, columns=moved)))
     drivers = [(each.mechanism.cause, each.mechanism.key[2]) for each in screen(Scene(bare), lasting_candidates)]
-    assert ("ambient_coupling", "wind_m_s") in drivers
-    assert not [each for each in drivers if each[0] == "heat_source" and "wind" in each[1]]
+    assert ("ambient_coupling", column) in drivers
+    assert not [each for each in drivers if each[0] == "heat_source" and column in each[1]]
 
 
 @pytest.mark.parametrize(("began_degC", "apart"), [(26.0, False), (65.0, True)])

@@ -27,7 +27,7 @@ _BESIDE, _NEAR = 3, 8
 """Samples on each side of a jump, and how far it may be from the end of a window, which a grid has placed."""
 _SWITCHES, _AT_ONCE, _CHANCE = 0.3, 3, 0.05
 """Of a column's range, what it jumps by where something is switched; within how many samples of the end of a window;
-and how probable it may be that the ends are near such jumps by chance."""
+and how probable it may be that the ends are near such jumps, or a beginning so soon after one, by chance."""
 
 
 @dataclass(frozen=True)
@@ -112,16 +112,31 @@ def _lasting(first: Trial, ordered: Sequence[Trial], driven: Sequence[Trial]) ->
     if first.lasting:
         return first
     error = float(np.sqrt(first.fitted.combed.sum()))
-    logged = (each for each in driven if _coincide(first, each))
+    logged = (each for each in driven if _answers_to(first, each))
     alike = (each for each in ordered if each.lasting and np.sqrt(each.fitted.combed.sum()) < _LASTING * error)
     return next(logged, next(alike, first))
 
 
-def _coincide(window: Trial, logged: Trial) -> bool:
-    """Whether a window in which nothing logged acts is about when a logged driver of the same cause acted."""
+def _answers_to(window: Trial, logged: Trial) -> bool:
+    """Whether a window in which nothing logged acts is open when a logged driver of the same cause acts."""
     if (window.mechanism.cause, window.mechanism.places) != (logged.mechanism.cause, logged.mechanism.places):
         return False
-    return correlation(window.mechanism, logged.mechanism, window.fitted.records) > COINCIDE
+    return opens_with(window.mechanism, logged.mechanism, window.fitted.records)
+
+
+def opens_with(window: Mechanism, logged: Mechanism, records: Sequence[Record]) -> bool:
+    """Whether a window is about when a logged driver acts, or begins soon after that is switched on: there are too few
+    switches for chance."""
+    return correlation(window, logged, records) > COINCIDE or any(_soon_after(window, logged, each) for each in records)
+
+
+def _soon_after(window: Mechanism, logged: Mechanism, record: Record) -> bool:
+    weight, onset_s = logged.weight(record), window.onset_s
+    switched_s = record.time_s[:-1][np.diff(weight) > max(_SWITCHES * float(np.ptp(weight)), 1e-300)]
+    if onset_s is None or not len(switched_s) or onset_s < switched_s[0]:
+        return False
+    since_s = onset_s - switched_s[switched_s <= onset_s][-1]
+    return bool(len(switched_s) * since_s < _CHANCE * record.samples * record.period_s)
 
 
 def correlation(one: Mechanism, other: Mechanism, records: Sequence[Record]) -> float:
