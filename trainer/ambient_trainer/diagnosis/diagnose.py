@@ -209,7 +209,7 @@ def _diagnosis(
     # an instrument's fault fits whatever physics leaves, and rows in any order have drivers, too
     blamed = any(each.instrument for each in final.model.mechanisms[len(bare.model.mechanisms) :])
     unsure = much_left and (blamed or _noise_degC(final) > _JUMPY * final.rmse_degC)
-    nameless = (undescribed or unsure) and not _halved_by_a_log(steps)
+    nameless = (undescribed or unsure) and not _halved_by_heat(steps)
     if nothing or not described or nameless or _confounded(selection):
         steps, share = (unknown_step(bare, longest),), None
     elif much_left and share is not None:
@@ -296,9 +296,9 @@ def _left(fitted: Fitted) -> tuple[float, float]:
     return float(worst), float(np.sqrt(square.mean() / max(variance.mean(), _SMALL_DEGC**2)))
 
 
-def _halved_by_a_log(steps: Sequence[Step]) -> bool:
-    """Whether heat by a logged driver, named first, takes more than half of the error: that holds whatever is left."""
-    heat = bool(steps) and steps[0].cause.name == "heat_source" and steps[0].cause.signal is not None
+def _halved_by_heat(steps: Sequence[Step]) -> bool:
+    """Whether heat, named first, takes more than half of the error: that holds whatever is left."""
+    heat = bool(steps) and steps[0].cause.name == "heat_source"
     return heat and steps[0].gain.rmse_after_degC < _HALF * steps[0].gain.rmse_before_degC
 
 

@@ -281,6 +281,15 @@ def test_what_moves_air_heats_nothing(circuit, simulated, recorded, column):
     assert not [each for each in drivers if each[0] == "heat_source" and column in each[1]]
 
 
+def test_a_cooler_takes_heat_away_by_the_power_that_it_uses(circuit, simulated, seed):
+    """A measured car's air conditioner was left out, as any other power only warms."""
+    trace = simulated(seed, heat_W=lambda now, degC: -3.0 * now["current_A"])
+    columns = {name: row for name, row in trace.columns.items() if name != "current_A"}
+    found = diagnose(circuit, [replace(trace, columns={**columns, "aircon_kW": 0.002 * trace.columns["current_A"]})])
+    assert (found.verdict_cause.name, found.verdict_cause.signal) == ("heat_source", "aircon_kW"), seed
+    assert found.verdict.magnitude.value < 0, seed
+
+
 @pytest.mark.parametrize(("began_degC", "apart"), [(26.0, False), (65.0, True)])
 def test_a_body_does_not_begin_hotter_than_all_that_is_known(circuit, recorded, began_degC, apart):
     """A body of 2,000 J/K behind a board that begins in the air's temperature: what else heats it is not its own."""

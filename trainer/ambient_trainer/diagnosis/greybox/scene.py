@@ -28,6 +28,8 @@ _LEVELS, _SHORTEST_DELAY, _LONGEST_DELAY, _LONGEST_DELAY_S = 10, 6.0, 0.08, 3600
 """Samples, of the record, and what a pipe or a duct may take: a day's cycle delayed by hours is a mass."""
 _POWERS = ("_W", "_kW")
 WARMING = (*_POWERS, "_W_m2", "_kW_m2")
+_COOLERS = {"aircon", "ac", "chiller", "compressor", "cooler", "cooling", "fridge", "peltier", "tec"}
+"""Words in the name of what takes heat away by the power that it uses."""
 _RATES = ("_hPa", "_Pa", "_bar")
 """What is compressed warms by its rate; of others only the rate of a share that heats a slow body heats a fast one."""
 _SQUARED = ("_A", "_m_s", "_rpm")
@@ -195,8 +197,10 @@ class Scene:
         return float(row.min()), float(row.max())
 
     def warms(self, driver: Expression) -> bool:
-        """Whether physics forbids that it cools: powers, irradiances and squared currents."""
+        """Whether physics forbids that it cools: powers, irradiances and squared currents, but those of a cooler."""
         text = driver.columns[0] if driver.level is not None else driver.text
+        if not _COOLERS.isdisjoint(text.split("_")):
+            return False
         return "*" not in text and not text.startswith("d(") and text.endswith((*WARMING, "_A^2", "_V^2"))
 
     @cached_property
