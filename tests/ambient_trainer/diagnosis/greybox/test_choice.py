@@ -1,8 +1,10 @@
 """Which of several trials is taken."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from ambient_trainer.diagnosis.greybox.choice import choose
 from ambient_trainer.diagnosis.greybox.mechanisms.heat import Heat
@@ -40,3 +42,16 @@ def test_one_sensor_is_blamed_where_offsets_of_all_gain_more_but_explain_little_
     every, one = trial(Bias, SENSORS, 1.1, 5.5, 0.4), trial(Bias, ("skin",), 1.3, 6.0, 0.4)
     heat = trial(Heat, ("skin",), 3.8, 6.0, 3.8)
     assert choose(before, [every, one, heat], 0.0) is one
+
+
+@pytest.mark.parametrize("step_degC", [0.1, 1.0])
+def test_a_step_of_the_resolution_is_no_window_of_heat(step_degC):
+    """A measured battery that reads whole degrees went from 1 to 2: heat for six seconds seemed to do that."""
+    read = np.round(np.linspace(1.0, 4.0, 300) / step_degC) * step_degC
+    record = SimpleNamespace(sensors=np.array([read, np.linspace(0.0, 9.0, 300)]), weight=np.ones(2))
+    before, window = fitted(1.0, 1.0, 1.0), trial(Heat, ("board",), 0.2, 0.2, 0.2)
+    for each in (before, window.fitted):
+        each.records = (record,)
+    window.mechanism, window.lasting = replace(window.mechanism, onset_s=100.0), False
+    window.fitted.combed = window.fitted.held_out
+    assert (choose(before, [window], 0.0) is window) == (step_degC < 1.0)

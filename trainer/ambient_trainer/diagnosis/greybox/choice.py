@@ -23,6 +23,8 @@ _SHAKEN = 1.5
 WANDERS, _STRETCHES = 0.38, 60
 """Of what was left of stretches of the record: the best step leaves 0.58 of a random walk, less than this of one in
 twenty. Of sixteen windows found in measured logs those that left less were mostly right, others not."""
+_LEVELS = 6
+"""That readings take at least where a window is to be seen in them."""
 _BESIDE, _NEAR = 3, 8
 """Samples on each side of a jump, and how far it may be from the end of a window, which a grid has placed."""
 _SWITCHES, _AT_ONCE, _CHANCE = 0.3, 3, 0.05
@@ -211,11 +213,19 @@ def gains(before: Fitted, after: Trial, least_degC: float) -> bool:
     # of a window that is left out whole nothing is known, but the rest has to stand as it did
     if not after.lasting and after.fitted.held_out_rmse_degC > _SHAKEN * before.held_out_rmse_degC:
         return False
-    if left_by_window(before, after) > WANDERS:
+    if left_by_window(before, after) > WANDERS or _steps_by_resolution(after):
         return False
     by_comb = _beyond_chance(before.combed - after.fitted.combed)
     # what acts all the time may have shown itself in one fold only
     return by_comb or (after.lasting and _beyond_chance(before.held_out - after.fitted.held_out))
+
+
+def _steps_by_resolution(trial: Trial) -> bool:
+    """Whether a window may be what is coarse: few levels are all that sensors read."""
+    if trial.lasting or trial.mechanism.driver is not None:
+        return False
+    read = np.concatenate([record.sensors for record in trial.fitted.records], axis=1)
+    return min(len(np.unique(row[np.isfinite(row)])) for row in read) < _LEVELS
 
 
 def left_by_window(before: Fitted, after: Trial) -> float:
